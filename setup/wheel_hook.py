@@ -39,7 +39,7 @@ class CompiledHook(BuildHookInterface[BuilderConfig]):
 
         packaged = core.PACKAGED.relative_to(Path(self.root) / "src")
         library = Path(self.root) / "build" / "core" / "wheel.so"
-        core.compile_to(library, *core.PORTABLE)
+        core.compile_to(library, core.PORTABLE)
         build_data["force_include"][str(library)] = packaged.as_posix()
         page = page_build.PACKAGED.relative_to(Path(self.root) / "src")
         build_data["force_include"][str(page_build.built(self.app.display_info))] = page.as_posix()

@@ -6,6 +6,7 @@
 // Callers check the sizes of arrays. Not for several threads at once.
 
 #include "collision_limiter.hpp"
+#include "lock.hpp"
 
 using namespace collision;
 
@@ -99,7 +100,10 @@ Limiter* collisions_new(const Model* model, const double* limits, const std::int
 void collisions_delete(Limiter* limiter) { delete limiter; }
 
 // Keep these margins from now on (parts, parts) [m]; -inf between those that may touch.
-void collisions_permit(Limiter* limiter, const double* margins) { limiter->permit(margins); }
+void collisions_permit(Limiter* limiter, const double* margins) {
+    const core::Guard guard(core::lock);
+    limiter->permit(margins);
+}
 
 bool collisions_is_slow(const Limiter* limiter, const Motion* motion) {
     Braking braking[JOINTS];
@@ -137,6 +141,7 @@ std::int64_t collisions_segments(Limiter* limiter, const Motion* motion, bool co
 
 bool collisions_is_clear(Limiter* limiter, std::int64_t arm, const Motion* motion, const Motion* last, const Motion* its,
                          double apart, std::int64_t budget, Decision* decision) {
+    const core::Guard guard(core::lock);
     *decision = {};
     decision->part = decision->other = -1;
     for (const Motion* each : {motion, last, its})

@@ -41,8 +41,11 @@ FLAGS = (
     "-pthread",
     "-ffp-contract=off",
 )  # for any processor of its kind, and the same on each
-PORTABLE = ("-static-libstdc++", "-static-libgcc")
-"""For a library that is copied to machines with another C++ library, as in a wheel."""
+STANDARD = ("-lstdc++",)
+"""Before Ruckig's library, which contains newer copies of the C++ library's functions than some machines have."""
+
+PORTABLE = ("-static-libgcc", "-static-libstdc++", "-l:libstdc++.a")
+"""In place of that, for a library that is copied to machines with another C++ library, as in a wheel."""
 
 
 STATE, COMMAND = Struct("2dq21dq"), Struct("14dq")
@@ -104,7 +107,7 @@ class LimitedParts(ctypes.Structure):
 
 
 class SessionValues(ctypes.Structure):
-    """What others read of an EGM conversation; as ``SessionHandle`` in ``session_handle.hpp``.
+    """What others read of an EGM conversation; as ``SessionValues`` in ``session_handle.hpp``.
 
     Attributes:
         state: of the conversation: none, begun, resumed, open, silent.
@@ -232,15 +235,15 @@ def compiled() -> Path:
     return library
 
 
-def compile_to(library: Path, *flags: str) -> None:
+def compile_to(library: Path, standard: Sequence[str] = STANDARD) -> None:
     """Compile and link the sources. Several processes may do so at once: each replaces a file by the same one, at once.
 
     Args:
         library: where the library goes.
-        flags: to link with.
+        standard: how the C++ library is linked, :data:`STANDARD` or :data:`PORTABLE`.
     """
-    objects = compile_units(UNITS)
-    _run([[*_compiler(), "-shared", "-pthread", *flags, *map(str, objects), str(_ruckig().archive)]], [library])
+    objects = map(str, compile_units(UNITS))
+    _run([[*_compiler(), "-shared", "-pthread", *objects, *standard, str(_ruckig().archive)]], [library])
 
 
 def compile_units(names: Sequence[str]) -> list[Path]:

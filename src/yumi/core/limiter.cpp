@@ -55,8 +55,7 @@ void limiter_pair(LimiterHandle* arm, LimiterHandle* other) {
 std::int64_t limiter_check(LimiterHandle* arm, const ArmState* state) {
     return arm->act([&]() -> std::int64_t {
         if (arm->is_answered()) return 0;
-        arm->exchange.state = *state;
-        if (!arm->check()) return 0;
+        if (!arm->check(*state)) return 0;
         return std::memcmp(state, &arm->exchange.state, sizeof *state) == 0 ? 1 : 2;
     });
 }
@@ -148,49 +147,73 @@ void arm_collisions_delete(CollisionsHandle* both) { delete both; }
 
 // Other margins are kept from now on.
 void arm_collisions_note_permission(CollisionsHandle* both) {
+    const Guard guard(lock);
     ++both->shared.permission;
     for (ArmCollisionLimiter& arm : both->arms) arm.forget_boundaries();
 }
 
 bool arm_collisions_begin_cycle(CollisionsHandle* both, std::int64_t arm, const ArmCommand* desired, const double* measured, double dt) {
+    const Guard guard(lock);
     return both->arms[arm].begin_cycle(desired, values_at(measured), dt);
 }
 
 bool arm_collisions_accepts(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent, const double* robot,
                   bool feeds_forward) {
+    const Guard guard(lock);
     return both->arms[arm].accepts(values_at(planned), *given(sent), given(robot), feeds_forward);
 }
 
 void arm_collisions_note_sent(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent, const double* robot) {
+    const Guard guard(lock);
     both->arms[arm].note_sent(values_at(planned), *given(sent), given(robot));
 }
 
-bool arm_collisions_steer(CollisionsHandle* both, std::int64_t arm, ArmCommand* desired) { return both->arms[arm].steer(*desired); }
+bool arm_collisions_steer(CollisionsHandle* both, std::int64_t arm, ArmCommand* desired) {
+    const Guard guard(lock);
+    return both->arms[arm].steer(*desired);
+}
 
-void arm_collisions_lose_connection(CollisionsHandle* both, std::int64_t arm) { both->arms[arm].lose_connection(); }
+void arm_collisions_lose_connection(CollisionsHandle* both, std::int64_t arm) {
+    const Guard guard(lock);
+    both->arms[arm].lose_connection();
+}
 
 void arm_collisions_note_measured(CollisionsHandle* both, std::int64_t arm, const double* position) {
+    const Guard guard(lock);
     both->arms[arm].note_measured(values_at(position));
 }
 
 // What limits an arm in this cycle; whether anything does.
 bool arm_collisions_limited(const CollisionsHandle* both, std::int64_t arm, Limited* limited) {
+    const Guard guard(lock);
     const std::optional<Limited>& found = both->arms[arm].limited;
     if (found) *limited = *found;
     return found.has_value();
 }
 
 // As many distances may be calculated for an arm in a cycle from now on.
-void arm_collisions_limit_distances(CollisionsHandle* both, std::int64_t most) { both->shared.distances = most; }
+void arm_collisions_limit_distances(CollisionsHandle* both, std::int64_t most) {
+    const Guard guard(lock);
+    both->shared.distances = most;
+}
 
 // Whether an arm is held since it came no nearer to where it is commanded.
-bool arm_collisions_is_held(const CollisionsHandle* both, std::int64_t arm) { return both->arms[arm].is_held(); }
+bool arm_collisions_is_held(const CollisionsHandle* both, std::int64_t arm) {
+    const Guard guard(lock);
+    return both->arms[arm].is_held();
+}
 
 // How often paths of an arm were compared, for tests.
-std::int64_t arm_collisions_decisions(const CollisionsHandle* both, std::int64_t arm) { return both->arms[arm].decisions; }
+std::int64_t arm_collisions_decisions(const CollisionsHandle* both, std::int64_t arm) {
+    const Guard guard(lock);
+    return both->arms[arm].decisions;
+}
 
 // How the command sent last moves an arm.
-const collision::Motion* arm_collisions_motion(const CollisionsHandle* both, std::int64_t arm) { return &both->arms[arm].motion; }
+const collision::Motion* arm_collisions_motion(const CollisionsHandle* both, std::int64_t arm) {
+    const Guard guard(lock);
+    return &both->arms[arm].motion;
+}
 
 // ---- what Python declares, too
 
@@ -198,8 +221,7 @@ const collision::Motion* arm_collisions_motion(const CollisionsHandle* both, std
 void core_sizes(std::int64_t* sizes) {
     for (std::size_t size : {sizeof(ArmState), sizeof(ArmCommand), sizeof(Limiter::Settings), sizeof(StateTable),
                              sizeof(LimiterExchange), sizeof(Limited), sizeof(collision::Motion), sizeof(Setpoint),
-                             sizeof(JointLimits), sizeof(JointReport), sizeof(Unreadable),
-                             offsetof(SessionHandle, egm)})
+                             sizeof(JointLimits), sizeof(JointReport), sizeof(Unreadable), sizeof(SessionValues)})
         *sizes++ = std::int64_t(size);
 }
 

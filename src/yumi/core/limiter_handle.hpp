@@ -31,9 +31,10 @@ struct LimiterHandle {
     // Whether the core has answered what Python is about to.
     bool is_answered() const { return session && session->owner != core::CycleOwner::PYTHON; }
 
-    // Check the state in the exchange; whether a reply is safe.
-    bool check() {
+    // Check a state, which is in the exchange then; whether a reply is safe.
+    bool check(const core::ArmState& reported) {
         if (owes_observation) observe();  // of the cycle before
+        exchange.state = reported;
         is_checked = limiter.check(exchange.state);
         if (session && !is_checked) session->owner = core::CycleOwner::NOBODY;
         return is_checked;

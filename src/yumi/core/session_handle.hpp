@@ -12,13 +12,15 @@ enum class CycleOwner { NOBODY, PYTHON, CORE };
 
 }  // namespace core
 
-// What others read of it comes first; as SessionValues in library.py.
-struct SessionHandle {
+// What Python reads of it; as SessionValues in library.py.
+struct SessionValues {
     std::int64_t state = core::Session::NONE, number = 0;
     core::SessionCounters counters;
     double jitter = 0.0, worst_jitter = 0.0, drift_ppm = 0.0, cycle_time = 0.0;
     core::ArmState arm;  // as it was reported last
+};
 
+struct SessionHandle : SessionValues {
     core::EgmArm egm;
     core::CycleOwner owner = core::CycleOwner::NOBODY;
     std::int64_t cycle = 0, pythons = 0;  // how many were to be answered, and the last of them that Python took

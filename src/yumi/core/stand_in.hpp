@@ -72,7 +72,8 @@ public:
     }
 
 private:
-    static constexpr long PATIENCE = 2'000'000;  // [ns]
+    static constexpr long PATIENCE = 2'000'000;  // [ns] of what Python has begun with
+    static constexpr int ARREARS = 1;            // [ms] of what arrives while Python is busy for longer
 
     struct Arm {
         LimiterHandle* limiter;
@@ -111,9 +112,10 @@ private:
         pollfd waits[2 + 2] = {{wake_, POLLIN, 0}, {timer_, POLLIN, 0}, {}, {}};
         bool is_in_charge = false;
         while (!is_over_) {
-            // In charge, what arrives is answered at once; else Python has its time first.
             for (int i = 0; i < count_; ++i) waits[2 + i] = {has_peer(arms_[i]) ? arms_[i].socket : -1, POLLIN, 0};
-            poll(waits, is_in_charge ? nfds_t(2 + count_) : 2, is_in_charge ? int(PATIENCE / 1'000'000) : -1);
+            poll(waits, is_in_charge ? nfds_t(2 + count_) : 2, is_in_charge ? ARREARS : -1);
+            // What has arrived Python may still take: it comes back at any moment.
+            if (is_in_charge && (waits[2].revents | waits[3].revents)) poll(waits, 1, ARREARS);
             std::uint64_t expirations;
             const bool has_expired = read(timer_, &expirations, sizeof expirations) == sizeof expirations;
             const core::Guard guard(core::lock);
@@ -157,10 +159,7 @@ private:
         LimiterHandle& limiter = *arm.limiter;
         limiter.act([&]() -> std::int64_t {
             const bool was_pythons = arm.session->owner == core::CycleOwner::PYTHON;
-            if (!(was_pythons && limiter.is_checked)) {
-                limiter.exchange.state = arm.session->arm;
-                if (!limiter.check()) return 0;
-            }
+            if (!(was_pythons && limiter.is_checked) && !limiter.check(arm.session->arm)) return 0;
             limiter.limit(nullptr, true);
             unsigned char datagram[core::LARGEST_REFERENCE];
             const std::size_t size = arm.session->egm.reply(limiter.exchange.command, datagram);

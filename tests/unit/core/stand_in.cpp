@@ -1,0 +1,168 @@
+// The thread that answers while the other one is busy: each datagram once, and in time.
+
+#include <arpa/inet.h>
+#include <poll.h>
+
+#include <random>
+
+#include "check.hpp"
+#include "robot.hpp"
+#include "stand_in.hpp"
+
+// No part of an arm is near anything.
+extern "C" bool collisions_is_slow(const collision::Limiter*, const collision::Motion*) { return false; }
+extern "C" bool collisions_is_clear(collision::Limiter*, std::int64_t, const collision::Motion*, const collision::Motion*,
+                                    const collision::Motion*, double, std::int64_t, collision::Decision*) {
+    return true;
+}
+
+namespace {
+
+core::StateTable table() {
+    core::StateTable all{};
+    for (auto& row : all.next) {
+        std::fill(row, row + core::EVENTS, std::int8_t(core::HOLDING));
+        row[core::SESSION_NEW] = core::BEGINNING, row[core::DESIRED] = core::FOLLOWING;
+    }
+    return all;
+}
+
+int bound_socket(sockaddr_in& own) {
+    const int descriptor = socket(AF_INET, SOCK_DGRAM, 0);
+    own = {};
+    own.sin_family = AF_INET, own.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof own;
+    CHECK(bind(descriptor, reinterpret_cast<sockaddr*>(&own), size) == 0);
+    CHECK(getsockname(descriptor, reinterpret_cast<sockaddr*>(&own), &size) == 0);
+    return descriptor;
+}
+
+// A robot and our end of its wire, which has the thread beside it.
+struct Wire {
+    sockaddr_in ours_at, robots_at;
+    int ours = bound_socket(ours_at), robots = bound_socket(robots_at);
+    SessionHandle session{0.5};
+    LimiterHandle limiter{{YUMI, YUMI.velocity, core::CYCLE, core::EGM_GAIN, 0.0}, table(), nullptr};
+    StandIn thread;
+    std::uint32_t seqno = 0;
+
+    Wire() {
+        CHECK(connect(ours, reinterpret_cast<sockaddr*>(&robots_at), sizeof robots_at) == 0);
+        CHECK(connect(robots, reinterpret_cast<sockaddr*>(&ours_at), sizeof ours_at) == 0);
+        thread.add(limiter, session, ours);
+        CHECK(thread.start());
+    }
+    ~Wire() { close(ours), close(robots); }
+
+    void robot_sends() {
+        using Bytes = std::vector<unsigned char>;
+        auto field = [](int number, const Bytes& inside) {
+            Bytes bytes = {static_cast<unsigned char>(number << 3 | 2), static_cast<unsigned char>(inside.size())};
+            bytes.insert(bytes.end(), inside.begin(), inside.end());
+            return bytes;
+        };
+        auto add = [](Bytes& bytes, const Bytes& more) { bytes.insert(bytes.end(), more.begin(), more.end()); };
+        Bytes axes;
+        for (int i = 0; i < 6; ++i) add(axes, {0x09, 0, 0, 0, 0, 0, 0, 0, 0});
+        auto varint = [](unsigned value) {
+            return Bytes{static_cast<unsigned char>(value | 0x80), static_cast<unsigned char>((value >> 7 & 0x7F) | 0x80),
+                         static_cast<unsigned char>(value >> 14 & 0x7F)};
+        };
+        Bytes clock = {0x08}, header = {0x08}, motion = field(1, axes);
+        add(clock, varint(1000)), add(clock, {0x10}), add(clock, varint(seqno * 4032 % 1'000'000));
+        add(header, varint(seqno)), add(header, {0x18, 2});
+        add(motion, field(3, {0x09, 0, 0, 0, 0, 0, 0, 0, 0})), add(motion, field(4, clock));
+        Bytes datagram = field(1, header);
+        for (int part : {2, 3}) add(datagram, field(part, motion));
+        add(datagram, field(4, {0x08, 1})), add(datagram, field(5, {0x08, 3})), add(datagram, field(8, {0x08, 2}));
+        CHECK(send(robots, datagram.data(), datagram.size(), 0) == ssize_t(datagram.size()));
+        ++seqno;
+    }
+
+    // Whether an answer comes within so many milliseconds.
+    bool is_answered(int patience) const {
+        pollfd waits = {robots, POLLIN, 0};
+        unsigned char datagram[256];
+        return poll(&waits, 1, patience) == 1 && recv(robots, datagram, sizeof datagram, 0) > 0;
+    }
+
+    // What Python does with a datagram: takes it, and answers it unless the thread has.
+    void take() {
+        unsigned char datagram[2048];
+        const ssize_t size = recv(ours, datagram, sizeof datagram, MSG_DONTWAIT);
+        if (size < 0) return;
+        const core::Guard guard(core::lock);
+        session.egm.session.begin_batch();
+        session.egm.accept(datagram, std::size_t(size), double(seqno) * core::CYCLE);
+        session.end_batch(double(seqno) * core::CYCLE, core::CycleOwner::PYTHON);
+    }
+    bool answer() {
+        const core::Guard guard(core::lock);
+        if (limiter.is_answered()) return false;
+        limiter.act([&]() -> std::int64_t {
+            if (!limiter.check(session.arm)) return 0;
+            limiter.limit(nullptr, false);
+            unsigned char datagram[core::LARGEST_REFERENCE];
+            const std::size_t size = session.egm.reply(limiter.exchange.command, datagram);
+            CHECK(send(ours, datagram, size, 0) == ssize_t(size));
+            limiter.observe();
+            return 0;
+        });
+        return true;
+    }
+    std::int64_t unanswered() {
+        const core::Guard guard(core::lock);
+        return limiter.exchange.counters.unanswered;
+    }
+};
+
+}  // namespace
+
+TEST(datagram_is_answered_while_the_other_thread_is_busy) {
+    Wire wire;
+    wire.robot_sends(), wire.take();
+    CHECK(wire.answer());
+    CHECK(wire.is_answered(1000));
+    wire.robot_sends(), wire.take();
+    wire.thread.note_busy();
+    CHECK(wire.is_answered(1000));  // what was taken
+    CHECK(!wire.answer());          // which comes too late
+    wire.robot_sends();
+    CHECK(wire.is_answered(1000));  // what was not
+    CHECK(wire.unanswered() == 2);
+    wire.thread.note_waiting();
+    wire.robot_sends();
+    CHECK(!wire.is_answered(20));  // now the other thread is asked
+    wire.take();
+    CHECK(wire.answer());
+    CHECK(wire.is_answered(1000));
+    CHECK(wire.unanswered() == 2);
+}
+
+TEST(what_is_left_without_an_answer_is_answered_when_the_other_thread_waits) {
+    Wire wire;
+    wire.thread.note_busy();
+    wire.robot_sends(), wire.take();
+    wire.thread.note_waiting();
+    CHECK(wire.is_answered(1000));
+    CHECK(wire.unanswered() == 1);
+}
+
+TEST(each_datagram_is_answered_once_however_both_threads_meet) {
+    Wire wire;
+    std::mt19937 random(5);
+    for (int round = 0; round < 400; ++round) {
+        wire.thread.note_busy();
+        wire.robot_sends();
+        if (random() % 3) wire.take();
+        const auto pause = timespec{0, long(random() % 4'000'000)};
+        nanosleep(&pause, nullptr);
+        wire.take();
+        wire.answer();
+        wire.thread.note_waiting();
+        CHECK(wire.is_answered(1000));
+    }
+    CHECK(!wire.is_answered(20));
+    const std::int64_t count = wire.unanswered();
+    CHECK(20 < count && count < 380);
+}
