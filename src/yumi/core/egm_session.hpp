@@ -135,9 +135,12 @@ public:
     // Time since the last datagram that counted.
     double silence(double now) const { return last_ ? now - last_->arrival : INFINITY; }
 
+    // Whether the robot has been silent for too long.
+    bool is_lost(double now) const { return silence(now) > silence_; }
+
     // Close the session when the robot has been silent for too long; whether it was closed now.
     bool close_if_silent(double now) {
-        if (state == NONE || state == SILENT || silence(now) <= silence_) return false;
+        if (state == NONE || state == SILENT || !is_lost(now)) return false;
         state = SILENT;
         return true;
     }

@@ -135,13 +135,13 @@ private:
         return getpeername(arm.socket, reinterpret_cast<sockaddr*>(&peer), &size) == 0;
     }
 
-    // Take what has arrived for an arm.
+    // Take what has arrived for an arm. After a silence that has ended the session Python has to know of that first.
     void receive(Arm& arm) {
-        if (!has_peer(arm)) return;
-        unsigned char datagram[2048];
         core::Session& session = arm.session->egm.session;
-        session.begin_batch();
         const double arrival = now();
+        if (!has_peer(arm) || session.is_lost(arrival)) return;
+        unsigned char datagram[2048];
+        session.begin_batch();
         bool has_any = false;
         for (int i = 0; i < MOST; ++i) {
             const ssize_t length = recv(arm.socket, datagram, sizeof datagram, MSG_DONTWAIT);
