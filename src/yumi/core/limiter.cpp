@@ -53,7 +53,7 @@ void limiter_pair(LimiterHandle* arm, LimiterHandle* other) {
 // Check a state: 0 where no reply is safe, or the core has replied, 1 where the state is as it was reported, 2 where
 // something in it was replaced.
 std::int64_t limiter_check(LimiterHandle* arm, const ArmState* state) {
-    return arm->act([&]() -> std::int64_t {
+    return arm->act_for_python([&]() -> std::int64_t {
         if (arm->is_answered()) return 0;
         if (!arm->check(*state)) return 0;
         return std::memcmp(state, &arm->exchange.state, sizeof *state) == 0 ? 1 : 2;
@@ -63,7 +63,7 @@ std::int64_t limiter_check(LimiterHandle* arm, const ArmState* state) {
 // Limit the command for the state that was checked; without a desired one hold. 1 where the position is the desired one,
 // 2 where the core has replied meanwhile.
 std::int64_t limiter_limit(LimiterHandle* arm, const ArmCommand* desired) {
-    return arm->act([&]() -> std::int64_t {
+    return arm->act_for_python([&]() -> std::int64_t {
         if (arm->is_answered()) return 2;
         arm->limit(desired, false);
         return desired && arm->exchange.command.position == desired->position;
@@ -80,7 +80,7 @@ std::int64_t limiter_repeat(LimiterHandle* arm) {
 
 // After the reply to a state; null: to the one that was checked.
 std::int64_t limiter_observe(LimiterHandle* arm, const ArmState* state) {
-    return arm->act([&]() -> std::int64_t {
+    return arm->act_for_python([&]() -> std::int64_t {
         if (arm->session && !arm->owes_observation) return 0;  // the core has done so
         if (state) arm->exchange.state = *state;
         arm->observe();

@@ -21,6 +21,7 @@ struct LimiterHandle {
     LimiterExchange exchange;
     core::Limiter limiter;
     SessionHandle* session = nullptr;  // of an arm for which the core answers where Python does not
+    double* sign = nullptr;            // of that arm: when Python was last seen to work for it
     bool is_checked = false;           // whether the state that is to be answered was
     bool owes_observation = false;     // whether the reply was sent, and not observed yet
 
@@ -49,6 +50,15 @@ struct LimiterHandle {
     void observe() {
         limiter.observe(exchange.state);
         owes_observation = false;
+    }
+
+    // Act for Python; what takes the core long is no fault of a controller.
+    template <typename Act>
+    std::int64_t act_for_python(Act action) {
+        const core::Guard guard(core::lock);
+        const std::int64_t result = act(action);
+        if (sign) *sign = core::monotonic_now();
+        return result;
     }
 
     // Act, and show what has become of the limiter; -1 where the table forbids that, and the result else.

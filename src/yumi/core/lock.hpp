@@ -1,10 +1,19 @@
-// What Python and the thread of the core both use belongs to one of them at a time.
+// What Python and the thread of the core both use belongs to one of them at a time; and the clock of both.
 
 #pragma once
+
+#include <time.h>
 
 #include <mutex>
 
 namespace core {
+
+// As Python's time.monotonic [s].
+inline double monotonic_now() {
+    timespec time;
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    return double(time.tv_sec) + 1e-9 * double(time.tv_nsec);
+}
 
 inline std::recursive_mutex lock;
 using Guard = std::lock_guard<std::recursive_mutex>;

@@ -1,8 +1,9 @@
 // The thread that answers for controllers that do not: no arm waits for Python.
 //
-// Python says when it waits for datagrams and when it is busy. Where it is busy for longer than PATIENCE, the thread takes
-// what is not answered, and whatever arrives until Python waits again: each arm brakes within its limits. An answer of
-// Python that comes later is dropped; the next one goes on from what was sent. The thread never takes Python's lock.
+// Python says when it waits for datagrams and when it is busy. Where it is busy, and does nothing for an arm for PATIENCE,
+// the thread takes what is not answered, and whatever arrives until Python goes on: each arm brakes within its limits. An
+// answer of Python that comes later is dropped; the next one goes on from what was sent. The thread never takes Python's
+// lock.
 
 #pragma once
 
@@ -12,7 +13,6 @@
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/timerfd.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -37,12 +37,12 @@ public:
             const std::uint64_t one = 1;
             if (write(wake_, &one, sizeof one) == sizeof one) thread_.join();
         }
-        for (int i = 0; i < count_; ++i) arms_[i].limiter->session = nullptr;
+        for (int i = 0; i < count_; ++i) arms_[i].limiter->session = nullptr, arms_[i].limiter->sign = nullptr;
         close_descriptors();
     }
 
     void add(LimiterHandle& limiter, SessionHandle& session, int socket) {
-        limiter.session = &session;
+        limiter.session = &session, limiter.sign = &sign_;
         arms_[count_++] = {&limiter, &session, socket};
     }
 
@@ -58,7 +58,7 @@ public:
     // Python has found something to do.
     void note_busy() {
         const core::Guard guard(core::lock);
-        is_busy_ = true;
+        is_busy_ = true, sign_ = core::monotonic_now();
         set_timer(PATIENCE);
     }
 
@@ -72,8 +72,8 @@ public:
     }
 
 private:
-    static constexpr long PATIENCE = 2'000'000;  // [ns] of what Python has begun with
-    static constexpr int ARREARS = 1;            // [ms] of what arrives while Python is busy for longer
+    static constexpr double PATIENCE = 0.002;  // [s] since Python was last seen to work for an arm
+    static constexpr int ARREARS = 1;          // [ms] with what arrives while Python is busy for longer
 
     struct Arm {
         LimiterHandle* limiter;
@@ -86,15 +86,9 @@ private:
         if (wake_ >= 0) close(wake_);
     }
 
-    void set_timer(long nanoseconds) {
-        const itimerspec once = {{0, 0}, {0, nanoseconds}};
+    void set_timer(double seconds) {
+        const itimerspec once = {{0, 0}, {0, long(seconds * 1e9)}};
         timerfd_settime(timer_, 0, &once, nullptr);  // of a descriptor and times that are sound, which cannot fail
-    }
-
-    static double now() {
-        timespec time;
-        clock_gettime(CLOCK_MONOTONIC, &time);
-        return double(time.tv_sec) + 1e-9 * double(time.tv_nsec);
     }
 
     // Before Python's thread, where both have a priority in real time: one that computes is in the way on its processor.
@@ -116,10 +110,10 @@ private:
             poll(waits, is_in_charge ? nfds_t(2 + count_) : 2, is_in_charge ? ARREARS : -1);
             // What has arrived Python may still take: it comes back at any moment.
             if (is_in_charge && (waits[2].revents | waits[3].revents)) poll(waits, 1, ARREARS);
-            std::uint64_t expirations;
-            const bool has_expired = read(timer_, &expirations, sizeof expirations) == sizeof expirations;
             const core::Guard guard(core::lock);
-            is_in_charge = is_busy_ && (is_in_charge || has_expired);
+            const double left = is_busy_ ? std::max(sign_ + PATIENCE - core::monotonic_now(), 0.0) : 0.0;
+            set_timer(left);  // which clears the timer, too
+            is_in_charge = is_busy_ && left == 0.0;
             if (!is_in_charge) continue;
             for (int i = 0; i < count_; ++i) {
                 if (arms_[i].session->owner == core::CycleOwner::PYTHON) answer(arms_[i]);
@@ -138,7 +132,7 @@ private:
     // Take what has arrived for an arm. After a silence that has ended the session Python has to know of that first.
     void receive(Arm& arm) {
         core::Session& session = arm.session->egm.session;
-        const double arrival = now();
+        const double arrival = core::monotonic_now();
         if (!has_peer(arm) || session.is_lost(arrival)) return;
         unsigned char datagram[2048];
         session.begin_batch();
@@ -178,6 +172,7 @@ private:
     Arm arms_[2];
     int count_ = 0;
     bool is_busy_ = false;
+    double sign_ = 0.0;  // when Python was last seen to work for an arm
     std::atomic<bool> is_over_{false};
     std::thread thread_;
 };

@@ -93,8 +93,9 @@ struct Wire {
         if (size < 0) return;
         const core::Guard guard(core::lock);
         session.egm.session.begin_batch();
-        session.egm.accept(datagram, std::size_t(size), double(seqno) * core::CYCLE);
-        session.end_batch(double(seqno) * core::CYCLE, core::CycleOwner::PYTHON);
+        const double now = core::monotonic_now();
+        session.egm.accept(datagram, std::size_t(size), now);
+        session.end_batch(now, core::CycleOwner::PYTHON);
     }
     bool answer() {
         const core::Guard guard(core::lock);
