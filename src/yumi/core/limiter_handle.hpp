@@ -26,7 +26,7 @@ struct LimiterHandle {
     bool owes_observation = false;     // whether the reply was sent, and not observed yet
 
     LimiterHandle(const core::Limiter::Settings& settings, const core::StateTable& table,
-               core::ArmCollisionLimiter* collisions)
+                  core::ArmCollisionLimiter* collisions)
         : limiter(settings, table, collisions) {}
 
     // Whether the core has answered what Python is about to.

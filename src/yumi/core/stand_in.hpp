@@ -157,9 +157,10 @@ private:
             limiter.limit(nullptr, true);
             unsigned char datagram[core::LARGEST_REFERENCE];
             const std::size_t size = arm.session->egm.reply(limiter.exchange.command, datagram);
-            const ssize_t sent = send(arm.socket, datagram, size, MSG_DONTWAIT | MSG_NOSIGNAL);
+            // A reply that cannot leave is lost, as on any network.
+            const ssize_t sent = size ? send(arm.socket, datagram, size, MSG_DONTWAIT | MSG_NOSIGNAL) : 0;
             limiter.observe();
-            return sent;  // a reply that cannot leave is lost, as on any network
+            return sent;
         });
         arm.session->owner = core::CycleOwner::NOBODY;
         arm.session->egm.session.settle();

@@ -412,7 +412,7 @@ class RobotMonitor:
             delay = self._follow(now) if self._is_following else self._connect(now)
         except YumiError:  # a controller that is starting refuses everything
             delay = RECONNECT
-            self._lose()
+            self._lose(since=now)
         self._report()
         self._answer_unexplained()
         stop, self._seen_stop = self._seen_stop, self._stops.stop
@@ -497,10 +497,12 @@ class RobotMonitor:
             if machine is not None
         )
 
-    def _lose(self) -> None:
+    def _lose(self, since: float = inf) -> None:
+        """Nothing is known any more, but what a request of ours has read ``since`` [s]: a step may fail long after."""
         self._is_following = False
         self._unsubscribe()
-        self._update(RobotState())
+        if self._read_at < since:
+            self._update(RobotState())
 
     def _unsubscribe(self) -> None:
         subscription, self._subscription = self._subscription, None
