@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from yumi.process.supervision import Command
 from yumi.recording.mcap import Recording, read_recording
 from yumi.recording.tables import rows
 from yumi.robot.joints import Side
-from yumi_evaluation.experiments import proportional, step, step_figures_of
+from yumi_evaluation.experiments import AXIS_6, proportional, step, step_figures_of
 from yumi_evaluation.networked import (
     NetworkedPlan,
     evaluation_node,
@@ -94,7 +95,12 @@ def session(driver: Command, robot: Robot, folder: Path) -> Session:
 def test_step_settles_and_round_trips_are_joined_with_the_recording(session: Session) -> None:
     trips = join_recorded(session.goals, session.states, session.file)
     assert session.error_deg < 0.1
-    assert len(trips) > COUNT
+    # How many of the goals a cycle took, and how many states were heard, is up to the machine.
+    frames = read_recording(session.file, before=inf, after=inf).frames[Side.RIGHT]
+    led_to = {frame.reference[AXIS_6] for frame in frames if frame.reference is not None}
+    taken = [goal for goal in session.goals if goal.value in led_to]
+    assert taken
+    assert len(taken) / 2 < len(trips) <= len(taken)
     assert all(trip.total > 0.008 for trip in trips)
     assert [len(times) for times in session.trips] == [COUNT, COUNT, COUNT]
 

@@ -254,14 +254,15 @@ def stream_both_arms(pipe: PipeEnd, ports: Mapping[Side, int]) -> None:
 
     for side in ports:
         poller.watch(links[side], partial(take, side))
-    begin, number = clock.now(), 0
+    number = 0
     while not pipe.has_value() or pipe.receive() is not None:
+        due = clock.now() + CYCLE  # a robot sends no two datagrams at once
         for side, here in positions.items():
             state = replace(MESSAGE, seqno=number, measured_time=1.0 + number * CYCLE, measured=here, planned=here)
             sent[side] = clock.now()
             links[side].send(codec.encode(state))
         number += 1
-        while (left := begin + number * CYCLE - clock.now()) > 0.0:
+        while (left := due - clock.now()) > 0.0:
             poller.wait(left)
     pipe.send(longest)
 

@@ -21,7 +21,7 @@ from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE,
 from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
 from yumi.driver.stops import Cause
-from yumi.errors import ControllerRefused
+from yumi.errors import ControllerRefused, RobotNotReady
 from yumi.recording.mcap import Recorder, read_recording
 from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
 from yumi.robot.joints import Side
@@ -110,6 +110,23 @@ def test_change_from_any_side_is_known_within_200_ms(
     monitored.system.faults.inject(fault)
     notice = 0.2 if fault is Fault.WARM_RESTART else 0.0  # the controller goes down so long after it was told to
     assert monitored.until(is_known) <= NOTICED + notice
+
+
+@pytest.mark.parametrize("is_read", [True, False])
+def test_what_a_request_reads_during_a_step_that_fails_after_it_stays_known(
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch, is_read: bool
+) -> None:
+    def fail(_: float) -> float:
+        monitored.system.wait(0.004)
+        if is_read:
+            monitored.monitor.read()
+        raise RobotNotReady(message("text", text="as any step may fail"))
+
+    monkeypatch.setattr(monitored.monitor, "_follow", fail)
+    monitored.step()
+    assert monitored.monitor.state().is_connected is is_read
+    monkeypatch.undo()
+    monitored.until(lambda state: state.is_connected)
 
 
 def test_program_that_ended_a_motion_by_itself_is_known_within_200_ms(monitored: Monitored) -> None:

@@ -353,10 +353,9 @@ def test_arm_stops_when_its_page_is_closed_and_when_another_one_takes_control(ch
     page = Page(chromium, held)
     page.wait("#verdict", "EGM holds both arms")
     page.take_control()
-    page.begin("joint 0 1")
-    page.wait("#verdict", "The right arm moves")
     with Watch() as watch:
-        watch.wait(lambda: watch.travel() > 0.02)
+        watch.wait(lambda: True)
+        page.jog(partial(page.begin, "joint 0 1"), page.tab.mouse.up, lambda: watch.travel() > 0.02)
         page.tab.close()
         watch.wait_for_rest()
     assert watch.travel() < JOGGED_ON
@@ -366,10 +365,9 @@ def test_arm_stops_when_its_page_is_closed_and_when_another_one_takes_control(ch
     first.take_control()
     second.wait("#control-note", "Another page has control")
     first.tab.bring_to_front()
-    first.begin("joint 0 -1")
-    first.wait("#verdict", "The right arm moves")
     with Watch() as watch:
-        watch.wait(lambda: watch.travel() > 0.02)
+        watch.wait(lambda: True)
+        first.jog(partial(first.begin, "joint 0 -1"), first.tab.mouse.up, lambda: watch.travel() > 0.02)
         second.tab.evaluate("document.querySelector('#take').click()")
         second.wait("#take", "Give control back")
         watch.wait_for_rest()
@@ -403,6 +401,7 @@ class Watch:
                     return
 
     def wait(self, condition: Callable[[], bool]) -> None:
+        """Until the arm was seen, and the condition holds."""
         for _ in range(1000):
             if self.seen and condition():
                 return

@@ -27,7 +27,6 @@ _COUNTERS = Struct("7q")
 _pack_state, _get_state = STATE.pack, STATE.unpack_from
 _pack_command, _get_command = COMMAND.pack, COMMAND.unpack_from
 _COMMAND_AT, _COUNTERS_AT = LimiterExchange.command.offset, LimiterExchange.counters.offset
-_UNANSWERED, _UNANSWERED_AT = Struct("q"), _COUNTERS_AT + 48  # the last of the counters, asked for in every cycle
 _TABLE = b"".join(
     [
         bytes([TRANSITIONS[state].get(event, 0xFF) for event in LimiterEvent])  # -1 for what is forbidden
@@ -40,7 +39,6 @@ if len(_TABLE) != TABLE.size:
     raise RuntimeError(f"the core's table has {TABLE.size} entries, and that of limiter_state.py {len(_TABLE)}")
 
 _AS_REPORTED, _REPLACED = 1, 2  # a state that was checked
-_AS_DESIRED, _LATE = 1, 2  # a command that was limited
 
 
 def _packed(state: ArmState) -> bytes:
@@ -116,11 +114,6 @@ class Limiter:
         return bool(self._exchange.is_at_rest)
 
     @property
-    def unanswered(self) -> int:
-        """Of the counters: what the core has answered in place of the controllers."""
-        return int(_UNANSWERED.unpack_from(self._exchange, _UNANSWERED_AT)[0])
-
-    @property
     def must_settle(self) -> bool:
         """Whether the arm is held until its command is back where the arm is, whatever is desired."""
         return bool(self._exchange.must_settle)
@@ -189,20 +182,19 @@ class Limiter:
         Raises:
             ForbiddenTransition: as of :meth:`check`.
         """
-        verdict = 0
+        is_late = 0
         if state is not self._checked and self.check(state) is None:
             # Repeat the last command; before the first one, where the robot is.
             self._done(self._library.limiter_repeat(self.handle))
         elif desired is None:
-            verdict = self._done(self._library.limiter_limit(self.handle, None))
+            is_late = self._done(self._library.limiter_limit(self.handle, None))
         else:
             position, velocity = desired
             packed = _pack_command(*position, *velocity, velocity is not ZERO)
-            verdict = self._done(self._library.limiter_limit(self.handle, packed))
-        self.was_late = verdict == _LATE
+            is_late = self._done(self._library.limiter_limit(self.handle, packed))
+        self.was_late = bool(is_late)
         *values, has_velocity = _get_command(self._exchange, _COMMAND_AT)
-        position = desired.position if verdict == _AS_DESIRED and desired is not None else fixed(values[:7])
-        return ArmCommand(position, fixed(values[7:]) if has_velocity else ZERO)
+        return ArmCommand(fixed(values[:7]), fixed(values[7:]) if has_velocity else ZERO)
 
     def observe(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""

@@ -59,6 +59,9 @@ LIMITED_SHOWN = 0.2
 STOOD_STILL = 0.040
 """A control process that looked at an arm last before so long did not run: it does so every 20 ms at the latest [s]."""
 
+LONGEST_UNANSWERED = 0.2
+"""Controllers for which the core has answered for longer are deactivated: a person decides what follows [s]."""
+
 AT_REST = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
 
@@ -111,6 +114,7 @@ class ArmLoop:
         self._unsettled: Cycle | None = None
         self._interruption = INTERRUPTION * period
         self._due = (0.75 * period, 1.5 * period)
+        self._most_unanswered = LONGEST_UNANSWERED / period
         self._session = 0
         self._problem = Problem.NONE
         self._implausible = 0
@@ -119,7 +123,8 @@ class ArmLoop:
         self._limited: Limited | None = None
         self._limited_at = self._limited_reported = -inf
         self._foreign = 0
-        self._unanswered, self._lateness_reported = 0, -inf
+        self._unanswered = 0  # by the controllers until the arm was looked at last
+        self._late_reported, self._lateness_reported = 0, -inf  # how many of them, and when
         self._cycles = 0
         self._interruptions = 0
         self._is_interrupted = False
@@ -211,6 +216,7 @@ class ArmLoop:
     def reply(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one; :meth:`settle` follows."""
         self._unsettled = None
+        self._note_late(now)
         # What waits in the socket says nothing about the time in which nothing was answered.
         self._end_if_lost(now)
         self._stages.begin(now)
@@ -265,12 +271,15 @@ class ArmLoop:
             self.publish(now)
 
     def _note_late(self, now: float) -> None:
-        """Report what the core has answered in place of the controllers."""
-        count = self._limiter.unanswered
-        if count == self._unanswered or now - self._lateness_reported < DOUBTS_REPORTED:
-            return
-        cycles, self._unanswered, self._lateness_reported = count - self._unanswered, count, now
-        self._events.append(ControllersLate(self._side, cycles, self.manager.commanding))
+        """Report what the core has answered in place of the controllers; deactivate those that hung."""
+        count, controllers = self._limiter.counters.unanswered, self.manager.commanding
+        is_hung = count - self._unanswered > self._most_unanswered
+        self._unanswered = count
+        deactivated = self.manager.deactivate_commanding() if is_hung else ()
+        is_due = count != self._late_reported and now - self._lateness_reported >= DOUBTS_REPORTED
+        if deactivated or is_due:
+            self._events.append(ControllersLate(self._side, count - self._late_reported, controllers, deactivated))
+            self._late_reported, self._lateness_reported = count, now
 
     def _end_if_lost(self, now: float) -> bool:
         """Whether the arm was not heard for too long, be it that the robot was silent or that we did not run."""
@@ -361,7 +370,7 @@ class ArmLoop:
 
     def publish(self, now: float) -> None:
         """Write the snapshot of the arm as it is at ``now``."""
-        last = self._last
+        last, counters = self._last, self._limiter.counters
         reference = self.manager.reference
         limited = (last and self._limited) or Limited("", "", 0.0)
         self._snapshots.write(
@@ -376,9 +385,9 @@ class ArmLoop:
                 velocity=last.state.velocity if last else ZERO,
                 sent=last.sent.position if last else self._position,
                 reference=reference,
-                cycles=self._cycles + self._limiter.unanswered,
+                cycles=self._cycles + counters.unanswered,
                 wire=self._arm.wire_counters(),
-                limiter=self._limiter.counters,
+                limiter=counters,
                 limited_part=limited.part,
                 limited_other=limited.other,
                 limited_distance=limited.distance,

@@ -200,11 +200,6 @@ class BrakingPath(NamedTuple):
     end: float
 
 
-def speed_to_come(acceleration: float, jerk: float) -> float:
-    """By how much a joint's speed still changes while its acceleration is taken back to zero [rad/s], at least 0."""
-    return acceleration * acceleration / (2.0 * jerk)
-
-
 def braking_path(velocity: float, acceleration: float, top: float, jerk: float) -> BrakingPath:
     """The quickest way to standstill from ``velocity`` [rad/s] and ``acceleration`` [rad/s²], at most ``top``.
 

@@ -646,15 +646,19 @@ class ControllersLate(Happened):
 
     Attributes:
         cycles: datagrams that the core answered since the last report.
-        controllers: that command the arm.
+        controllers: that command the arm, or did until then.
+        deactivated: those of them that were deactivated, since the core had to answer for too long in a row.
     """
 
     side: Side
     cycles: int
     controllers: tuple[str, ...]
+    deactivated: tuple[str, ...] = ()
 
     @property
     def said(self) -> Message:
+        if self.deactivated:
+            return message("controllers_hung", arm=self.side.word, cycles=self.cycles, controllers=self.deactivated)
         if not self.controllers:
             return message("loop_was_late", arm=self.side.word, cycles=self.cycles)
         return message("controllers_were_late", arm=self.side.word, cycles=self.cycles, controllers=self.controllers)
@@ -804,7 +808,7 @@ Event = (
 
 def is_fault(event: Event) -> bool:
     """Whether ``event`` is a fault: nothing had asked for it."""
-    if isinstance(event, SessionStarted | SessionLost | RobotStoppedFollowing):
+    if isinstance(event, SessionStarted | SessionLost | RobotStoppedFollowing | ControllersLate):
         return bool(event.deactivated)
     if isinstance(event, ImplausibleFeedback):
         return event.is_lost

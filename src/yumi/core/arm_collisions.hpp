@@ -119,7 +119,8 @@ public:
             next = last;
         }
         // Its first command is where it stands.
-        if (has_motion && !(is_clear(next, last, of_other) && coasts_clear(next, last, of_other, feeds_forward))) return false;
+        if (has_motion && !(is_clear(next, last, of_other) && coasts_clear(next, last, of_other, feeds_forward)))
+            return false;
         if (!is_same) set_motion(next);
         compared_ = comparison();
         if (!limited) limited = coasts_into_;
@@ -225,14 +226,17 @@ private:
         boundaries_.clear();
         for (int i = 0; i < decision_.boundary_count; ++i) {
             const collision::Boundary& found = decision_.boundaries[i];
-            boundaries_.push_back({found, std::max(dot(found, values_of(found.normal)), FLAT), limited_by(found.part, found.other, found.distance)});
+            boundaries_.push_back({found, std::max(dot(found, values_of(found.normal)), FLAT),
+                                   limited_by(found.part, found.other, found.distance)});
         }
         return is_clear;
     }
 
     // Whether nothing touches wherever both arms would coast without their links; arguments as above.
-    bool coasts_clear(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other, bool feeds_forward) {
-        if (!next.has_robot && !(of_other && of_other->has_robot)) return true;  // robots that are sent positions go nowhere else
+    bool coasts_clear(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other,
+                      bool feeds_forward) {
+        // Robots that are sent positions go nowhere else.
+        if (!next.has_robot && !(of_other && of_other->has_robot)) return true;
         const auto most = std::int64_t((feeds_forward ? SHARE_AHEAD : 1.0) * double(shared_.distances));
         const double apart = feeds_forward ? COASTING_AHEAD : COASTING;
         if (decide(next, last, of_other, std::min(distances_left_, most), apart)) return true;
@@ -241,7 +245,8 @@ private:
         return false;
     }
 
-    bool decide(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other, std::int64_t most, double apart) {
+    bool decide(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other,
+                std::int64_t most, double apart) {
         const bool is_clear = collisions_is_clear(shared_.limiter, arm_, &next, &last, of_other, apart, most, &decision_);
         distances_left_ -= decision_.distances;
         ++decisions;

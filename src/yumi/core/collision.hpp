@@ -48,8 +48,8 @@ bool collisions_is_slow(const collision::Limiter* limiter, const collision::Moti
 // `motion` says, after `last`, whichever arm is quicker; `its` is the other arm's motion, null where that is unknown. With
 // `apart` below infinity, whether they stay that far apart [m] wherever both arms would go without their links. As many
 // distances may be calculated as `budget` says.
-bool collisions_is_clear(collision::Limiter* limiter, std::int64_t arm, const collision::Motion* motion, const collision::Motion* last,
-                         const collision::Motion* its, double apart, std::int64_t budget,
+bool collisions_is_clear(collision::Limiter* limiter, std::int64_t arm, const collision::Motion* motion,
+                         const collision::Motion* last, const collision::Motion* its, double apart, std::int64_t budget,
                          collision::Decision* decision);
 
 }  // extern "C"

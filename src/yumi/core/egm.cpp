@@ -1,4 +1,4 @@
-// EGM as library.py declares it for egm/codec.py and egm/session.py: datagrams, conversations, and both together for the
+// EGM as library.py declares it for egm/codec.py and egm/session.py: datagrams, sessions, and both together for the
 // control loop. No exception leaves, and nothing is allocated after the start.
 
 #include "session_handle.hpp"
@@ -18,7 +18,7 @@ std::int64_t codec_encode(std::uint32_t seqno, const ArmCommand* command, unsign
     return std::int64_t(JointCodec::encode(seqno, *command, datagram));
 }
 
-// ---- conversations
+// ---- sessions
 
 SessionHandle* session_new(double silence) {
     try {
@@ -76,11 +76,12 @@ bool session_close_if_silent(SessionHandle* handle, double now) {
 
 // Take a datagram, the first and the last of those that wait together, or one between; whether any of them is to be
 // answered, which is in `arm` after the last.
-bool egm_arm_accept(SessionHandle* handle, const char* datagram, std::int64_t size, double now, bool is_first, bool is_last) {
+bool egm_arm_accept(SessionHandle* handle, const char* datagram, std::int64_t size, double now, bool is_first,
+                    bool is_last) {
     const Guard guard(lock);
     if (is_first) handle->egm.session.begin_batch();
     handle->egm.accept(datagram, std::size_t(size), now);
-    if (is_last) handle->end_batch(now, CycleOwner::PYTHON);
+    if (is_last) handle->end_batch(now, true);
     return handle->egm.session.is_accepted();
 }
 
@@ -89,7 +90,7 @@ bool egm_arm_accept(SessionHandle* handle, const char* datagram, std::int64_t si
 std::int64_t egm_arm_reply(SessionHandle* handle, const ArmCommand* command, unsigned char* datagram) {
     const Guard guard(lock);
     if (handle->cycle != handle->pythons) return -1;
-    handle->owner = CycleOwner::NOBODY;
+    handle->awaits_python = false;
     return std::int64_t(handle->egm.reply(*command, datagram));
 }
 

@@ -12,7 +12,7 @@ struct EgmArm {
 
     explicit EgmArm(double silence) : session(silence) {}
 
-    // Take a datagram into the conversation.
+    // Take a datagram into the session.
     void accept(const void* datagram, std::size_t size, double now) {
         JointReport report;
         Unreadable unreadable;

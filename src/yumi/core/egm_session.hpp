@@ -1,4 +1,4 @@
-// One robot's EGM conversation as we see it: which datagrams count, when a session begins, when the robot is silent.
+// One robot's EGM sessions as we see them: which datagrams count, when a session begins, when the robot is silent.
 //
 // The robot speaks first and counts its datagrams from 0 in each session; nothing in the protocol announces an end
 // (reference/egm.md §2.1, §4). A robot that comes back after a silence either has counted on all the while, then the session
@@ -14,6 +14,8 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
+
+#include "joints.hpp"
 
 namespace core {
 
@@ -151,7 +153,6 @@ private:
     static constexpr double LONG_SILENCE = 1.0;  // [s] after which a datagram begins a session whatever the robot's clock
                                                  // says: the controller was restarted
     static constexpr double CLOCK_TOLERANCE = 0.05;  // by so much the time for datagrams may differ from their number
-    static constexpr double CYCLE = 0.004032;        // [s] of the robot's motion control
     static constexpr std::uint32_t WINDOW = (2u << REORDERED) - 1;
 
     struct Heard {

@@ -107,10 +107,10 @@ class LimitedParts(ctypes.Structure):
 
 
 class SessionValues(ctypes.Structure):
-    """What others read of an EGM conversation; as ``SessionValues`` in ``session_handle.hpp``.
+    """What others read of an EGM session; as ``SessionValues`` in ``session_handle.hpp``.
 
     Attributes:
-        state: of the conversation: none, begun, resumed, open, silent.
+        state: of the session: none, begun, resumed, open, silent.
         number: of the session.
         counters: as :class:`yumi.egm.session.SessionCounters`.
         arrivals: as :class:`yumi.egm.session.Arrivals`.
@@ -206,12 +206,12 @@ def load() -> ctypes.PyDLL:
         ("session_close_if_silent", boolean, address, double),
         ("egm_arm_accept", boolean, address, packed, integer, double, boolean, boolean),
         ("egm_arm_reply", integer, address, packed, address),
-        ("stand_in_new", address),
-        ("stand_in_add", None, address, address, address, integer),
-        ("stand_in_start", boolean, address),
-        ("stand_in_delete", None, address),
-        ("stand_in_note_busy", None, address),
-        ("stand_in_note_waiting", None, address),
+        ("fallback_thread_new", address),
+        ("fallback_thread_add", None, address, address, address, integer),
+        ("fallback_thread_start", boolean, address),
+        ("fallback_thread_delete", None, address),
+        ("fallback_thread_note_busy", None, address),
+        ("fallback_thread_note_waiting", None, address),
         ("motion_step_towards", boolean, packed, packed, packed, double, packed, address),
         ("motion_step_to_rest", None, packed, packed, double, packed, address),
         ("motion_ramp_speed", None, double, double, double, double, double, double, double, address),

@@ -2,7 +2,7 @@
 // control/collisions.py and control/motion.py. No exception leaves, and nothing is allocated after the start.
 
 #include "limiter_handle.hpp"
-#include "stand_in.hpp"
+#include "fallback_thread.hpp"
 
 using namespace core;
 
@@ -32,7 +32,8 @@ extern "C" {
 
 // ---- the limiter of an arm
 
-LimiterHandle* limiter_new(const Limiter::Settings* settings, const StateTable* table, CollisionsHandle* both, std::int64_t arm) {
+LimiterHandle* limiter_new(const Limiter::Settings* settings, const StateTable* table, CollisionsHandle* both,
+                           std::int64_t arm) {
     try {
         return new LimiterHandle(*settings, *table, both ? &both->arms[arm] : nullptr);
     } catch (...) {  // no memory
@@ -60,13 +61,12 @@ std::int64_t limiter_check(LimiterHandle* arm, const ArmState* state) {
     });
 }
 
-// Limit the command for the state that was checked; without a desired one hold. 1 where the position is the desired one,
-// 2 where the core has replied meanwhile.
+// Limit the command for the state that was checked; without a desired one hold. 1 where the core has replied meanwhile.
 std::int64_t limiter_limit(LimiterHandle* arm, const ArmCommand* desired) {
     return arm->act_for_python([&]() -> std::int64_t {
-        if (arm->is_answered()) return 2;
+        if (arm->is_answered()) return 1;
         arm->limit(desired, false);
-        return desired && arm->exchange.command.position == desired->position;
+        return 0;
     });
 }
 
@@ -111,27 +111,27 @@ void limiter_scale_speed(LimiterHandle* arm, double scale) {
 
 // ---- the thread that answers while Python does not
 
-StandIn* stand_in_new() {
+FallbackThread* fallback_thread_new() {
     try {
-        return new StandIn();
+        return new FallbackThread();
     } catch (...) {  // no memory, no thread or no descriptor
         return nullptr;
     }
 }
 
 // Before the thread begins: an arm with the descriptor of its socket.
-void stand_in_add(StandIn* thread, LimiterHandle* arm, SessionHandle* session, std::int64_t socket) {
+void fallback_thread_add(FallbackThread* thread, LimiterHandle* arm, SessionHandle* session, std::int64_t socket) {
     thread->add(*arm, *session, int(socket));
 }
 
-bool stand_in_start(StandIn* thread) { return thread->start(); }
+bool fallback_thread_start(FallbackThread* thread) { return thread->start(); }
 
 // Ends the thread, and waits for its end.
-void stand_in_delete(StandIn* thread) { delete thread; }
+void fallback_thread_delete(FallbackThread* thread) { delete thread; }
 
-void stand_in_note_busy(StandIn* thread) { thread->note_busy(); }
+void fallback_thread_note_busy(FallbackThread* thread) { thread->note_busy(); }
 
-void stand_in_note_waiting(StandIn* thread) { thread->note_waiting(); }
+void fallback_thread_note_waiting(FallbackThread* thread) { thread->note_waiting(); }
 
 // ---- both arms
 
@@ -152,18 +152,20 @@ void arm_collisions_note_permission(CollisionsHandle* both) {
     for (ArmCollisionLimiter& arm : both->arms) arm.forget_boundaries();
 }
 
-bool arm_collisions_begin_cycle(CollisionsHandle* both, std::int64_t arm, const ArmCommand* desired, const double* measured, double dt) {
+bool arm_collisions_begin_cycle(CollisionsHandle* both, std::int64_t arm, const ArmCommand* desired,
+                                const double* measured, double dt) {
     const Guard guard(lock);
     return both->arms[arm].begin_cycle(desired, values_at(measured), dt);
 }
 
-bool arm_collisions_accepts(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent, const double* robot,
-                  bool feeds_forward) {
+bool arm_collisions_accepts(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent,
+                            const double* robot, bool feeds_forward) {
     const Guard guard(lock);
     return both->arms[arm].accepts(values_at(planned), *given(sent), given(robot), feeds_forward);
 }
 
-void arm_collisions_note_sent(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent, const double* robot) {
+void arm_collisions_note_sent(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent,
+                              const double* robot) {
     const Guard guard(lock);
     both->arms[arm].note_sent(values_at(planned), *given(sent), given(robot));
 }

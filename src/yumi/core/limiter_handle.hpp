@@ -21,7 +21,7 @@ struct LimiterHandle {
     LimiterExchange exchange;
     core::Limiter limiter;
     SessionHandle* session = nullptr;  // of an arm for which the core answers where Python does not
-    double* sign = nullptr;            // of that arm: when Python was last seen to work for it
+    double* last_call = nullptr;       // of that arm: when Python called the core last
     bool is_checked = false;           // whether the state that is to be answered was
     bool owes_observation = false;     // whether the reply was sent, and not observed yet
 
@@ -30,21 +30,21 @@ struct LimiterHandle {
         : limiter(settings, table, collisions) {}
 
     // Whether the core has answered what Python is about to.
-    bool is_answered() const { return session && session->owner != core::CycleOwner::PYTHON; }
+    bool is_answered() const { return session && !session->awaits_python; }
 
     // Check a state, which is in the exchange then; whether a reply is safe.
     bool check(const core::ArmState& reported) {
         if (owes_observation) observe();  // of the cycle before
         exchange.state = reported;
         is_checked = limiter.check(exchange.state);
-        if (session && !is_checked) session->owner = core::CycleOwner::NOBODY;
+        if (session && !is_checked) session->awaits_python = false;
         return is_checked;
     }
 
     void limit(const core::ArmCommand* desired, bool is_unanswered) {
         exchange.command = limiter.limit(exchange.state, desired, is_unanswered);
         is_checked = false, owes_observation = session != nullptr;
-        if (session) session->owner = core::CycleOwner::NOBODY;
+        if (session) session->awaits_python = false;
     }
 
     void observe() {
@@ -57,7 +57,7 @@ struct LimiterHandle {
     std::int64_t act_for_python(Act action) {
         const core::Guard guard(core::lock);
         const std::int64_t result = act(action);
-        if (sign) *sign = core::monotonic_now();
+        if (last_call) *last_call = core::monotonic_now();
         return result;
     }
 

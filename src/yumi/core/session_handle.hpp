@@ -1,16 +1,9 @@
-// A conversation of an arm as Python holds it, and who is to answer the datagram that was accepted last.
+// The session of an arm as Python holds it, and whether the datagram that was accepted last waits for Python's answer.
 
 #pragma once
 
 #include "egm_arm.hpp"
 #include "lock.hpp"
-
-namespace core {
-
-// Who is to answer: nobody where it is answered, or no reply is safe.
-enum class CycleOwner { NOBODY, PYTHON, CORE };
-
-}  // namespace core
 
 // What Python reads of it; as SessionValues in library.py.
 struct SessionValues {
@@ -22,16 +15,16 @@ struct SessionValues {
 
 struct SessionHandle : SessionValues {
     core::EgmArm egm;
-    core::CycleOwner owner = core::CycleOwner::NOBODY;
+    bool awaits_python = false;
     std::int64_t cycle = 0, pythons = 0;  // how many were to be answered, and the last of them that Python took
 
     explicit SessionHandle(double silence) : egm(silence) {}
 
-    // The last of the datagrams that waited together was taken: what is to be answered, and by whom.
-    void end_batch(double now, core::CycleOwner by) {
+    // The last of the datagrams that waited together was taken: what is to be answered, and whether by Python.
+    void end_batch(double now, bool is_pythons) {
         if (egm.session.is_accepted()) {
-            arm = egm.state(now), owner = by, ++cycle;
-            if (by == core::CycleOwner::PYTHON) pythons = cycle;
+            arm = egm.state(now), awaits_python = is_pythons, ++cycle;
+            if (is_pythons) pythons = cycle;
         }
         show();
     }

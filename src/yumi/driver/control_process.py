@@ -43,7 +43,7 @@ from yumi.control.shared_state import (
     read_snapshot,
     shared_numbers,
 )
-from yumi.driver.stand_in import StandIn
+from yumi.driver.fallback_thread import FallbackThread
 from yumi.egm.udp import HasFileno, Poller
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.realtime import AwakeProcessors, prepare_process
@@ -136,12 +136,12 @@ class ConnectedArm(NamedTuple):
     Attributes:
         loop: its cycles.
         socket: what becomes readable when its robot sends.
-        stand_in: what answers while this process does not, the same for both arms; None where nothing does.
+        fallback: what answers while this process does not, the same for both arms; None where nothing does.
     """
 
     loop: ArmLoop
     socket: HasFileno
-    stand_in: StandIn | None = None
+    fallback: FallbackThread | None = None
 
 
 Build = Callable[[Mapping[Side, ArmBuffers]], Mapping[Side, ConnectedArm]]
@@ -234,8 +234,8 @@ class ControlServer:
         self._replied: list[tuple[Side, float]] = []
         self._failures: dict[str, float] = {}
         self._dropped = 0
-        self._stand_in = next((arm.stand_in for arm in arms.values() if arm.stand_in is not None), None)
-        self._poller = Poller(self._stand_in.note_busy if self._stand_in is not None else None)
+        self._fallback = next((arm.fallback for arm in arms.values() if arm.fallback is not None), None)
+        self._poller = Poller(self._fallback.note_busy if self._fallback is not None else None)
         for side, arm in arms.items():
             self._poller.watch(arm.socket, partial(self._reply, side))
         self._poller.watch(pipe, self._note_command)
@@ -243,14 +243,14 @@ class ControlServer:
     def run(self) -> None:
         """Serve datagrams and commands until asked to stop, and until the arms stand."""
         arms = tuple(self._arms.values())
-        if self._stand_in is not None:
-            self._stand_in.start()
+        if self._fallback is not None:
+            self._fallback.start()
         while self._stop_at is None or (self._clock.now() <= self._stop_at and not all(arm.is_still for arm in arms)):
             self._keep_awake(is_needed=any(arm.state is not None for arm in arms))
             self._flush()
             looked = self._clock.now()  # what comes later may wait in a socket while we do something else
-            if self._stand_in is not None:
-                self._stand_in.note_waiting()
+            if self._fallback is not None:
+                self._fallback.note_waiting()
             self._poller.wait(POLL_PERIOD)  # answers every datagram that waits
             self._settle()
             if self._has_command and not any(arm.is_datagram_due(self._clock.now()) for arm in arms):
@@ -268,8 +268,8 @@ class ControlServer:
                     except Exception as error:  # a controller's report that cannot be pickled
                         self._note_failure(event.side, error)
         self._keep_awake(is_needed=False)
-        if self._stand_in is not None:
-            self._stand_in.close()
+        if self._fallback is not None:
+            self._fallback.close()
         self._poller.close()
 
     def _keep_awake(self, *, is_needed: bool) -> None:

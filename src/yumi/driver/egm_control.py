@@ -24,6 +24,7 @@ from yumi.clock import Clock, wait_until
 from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import (
     PROBLEMS,
+    ControllersLate,
     Event,
     ImplausibleFeedback,
     Problem,
@@ -148,8 +149,15 @@ class EgmControl:
         return all(self._control.snapshot(side).is_running for side in arms) and not self._problems(arms)
 
     def note(self, event: Event) -> None:
-        """Remember which controllers EGM's end has deactivated."""
-        ends = SessionLost | SessionStarted | RobotStoppedFollowing | ReferencesIgnored | ImplausibleFeedback
+        """Remember which controllers were deactivated without being asked for."""
+        ends = (
+            SessionLost
+            | SessionStarted
+            | RobotStoppedFollowing
+            | ReferencesIgnored
+            | ImplausibleFeedback
+            | ControllersLate
+        )
         if isinstance(event, ends) and event.deactivated:
             self._deactivated[event.side] = event.deactivated
 
@@ -234,7 +242,7 @@ class EgmControl:
         wait_until(self._clock, has_ended, EGM_END_TIMEOUT, message("egm_does_not_end"))
 
     def _activate(self, side: Side) -> None:
-        """Activate what commanded the arm before EGM ended by itself, if it still can, or the default."""
+        """Activate what commanded the arm before it was deactivated unasked, if it still can, or the default."""
         default = (self._default,)
         names = self._deactivated.get(side, default)
         self._bringup.step(f"activate {', '.join(names)} on the {side.word} arm")

@@ -394,7 +394,7 @@ class EgmArm:
 
     Args:
         link: where its datagrams come from.
-        session: its conversation.
+        session: its sessions.
         stages: what notes where a cycle's time goes.
         keep: given the datagram of each cycle after it was answered, for who wants to know what else is in it.
     """

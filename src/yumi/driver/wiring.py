@@ -53,10 +53,10 @@ from yumi.control.tool_path import ToolLimits
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.egm_server import EgmArm
+from yumi.driver.fallback_thread import FallbackThread
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
-from yumi.driver.stand_in import StandIn
 from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.egm.session import ArmSession
@@ -293,8 +293,8 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         answered.append((limiter, session, socket))
     for (limiter, *_), (other, *_) in pairwise(answered):
         limiter.pair(other)
-    stand_in = StandIn(answered)
-    return {side: arm._replace(stand_in=stand_in) for side, arm in arms.items()}
+    fallback = FallbackThread(answered)
+    return {side: arm._replace(fallback=fallback) for side, arm in arms.items()}
 
 
 Halves = dict[str, dict[Side, DualArmTrajectoryController]]

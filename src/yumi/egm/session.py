@@ -1,7 +1,7 @@
-"""One robot's EGM conversation as we see it: which datagrams count, when a session begins, when the robot is silent.
+"""One robot's EGM sessions as we see them: which datagrams count, when a session begins, when the robot is silent.
 
-The conversation itself is compiled: ``core/egm_session.hpp``. :class:`SensorSession` puts messages of any codec into
-it, :class:`ArmSession` the datagrams of a seven-axis arm, which the core reads itself.
+Both are decided in ``core/egm_session.hpp``. :class:`SensorSession` gives the core messages of any codec,
+:class:`ArmSession` the datagrams of a seven-axis arm, which the core reads itself.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints
 SILENCE = 0.020
 """A robot that says nothing for five cycles is lost [s]."""
 
-_NONE, _BEGUN, _RESUMED, _OPEN, _SILENT = range(5)  # states of the conversation, as in the core
+_NONE, _BEGUN, _RESUMED, _OPEN, _SILENT = range(5)  # states of a session, as in the core
 
 
 class Counted(Protocol):
@@ -91,7 +91,7 @@ class Arrivals(NamedTuple):
 
 
 class Session:
-    """What the conversations of all robots have.
+    """What the sessions of all robots have.
 
     Args:
         silence: a robot that says nothing for longer is lost [s].
@@ -200,7 +200,7 @@ class SensorSession(Session, Generic[Message]):
 
 
 class ArmSession(Session):
-    """The conversation of a seven-axis arm in the control loop; the core reads its datagrams and writes the answers.
+    """The sessions of a seven-axis arm in the control loop; the core reads its datagrams and writes the answers.
 
     Args:
         silence: a robot that says nothing for longer is lost [s].

@@ -107,13 +107,6 @@ def change_rate(new: Joints, old: Joints, dt: float) -> Joints:
     )
 
 
-def moved(old: Joints, rate: Joints, dt: float) -> Joints:
-    """Where the joints are that were at ``old`` and change by ``rate`` for ``dt`` [s]; written out, too."""
-    a, b, c, d, e, f, g = old
-    ra, rb, rc, rd, re, rf, rg = rate
-    return (a + ra * dt, b + rb * dt, c + rc * dt, d + rd * dt, e + re * dt, f + rf * dt, g + rg * dt)
-
-
 def chain_from_abb(robax: Sequence[float], eax_a: float) -> Joints:
     """Chain order from RAPID's split: ``robax`` holds axes 1-6, ``eax_a`` axis 7; units are kept."""
     a1, a2, a3, a4, a5, a6 = robax

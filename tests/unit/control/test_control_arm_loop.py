@@ -12,6 +12,7 @@ from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands
 from yumi.control.shared_state import (
     ControllerFailed,
+    ControllersLate,
     Limited,
     RobotFollows,
     RobotStoppedFollowing,
@@ -19,9 +20,10 @@ from yumi.control.shared_state import (
     SessionResumed,
     SessionStarted,
     Snapshot,
+    is_fault,
     read_snapshot,
 )
-from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 
 
 class ScriptedArm:
@@ -285,3 +287,31 @@ def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     arm.lost = 0.1
     loop.watch_silence(20.4)
     assert read_snapshot(snapshots).limited_part == ""
+
+
+@pytest.mark.parametrize(("cycles", "is_hung"), [(49, False), (50, True)])
+def test_controllers_are_deactivated_before_they_are_asked_again_when_the_core_has_answered_for_long(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints, monkeypatch: pytest.MonkeyPatch, cycles: int, is_hung: bool
+) -> None:
+    feed(loop, arm, middle, now=20.0)
+    loop.manager.switch(["pusher"], [], loop.state)
+    loop.take_events()
+    counters = loop._limiter.counters
+    monkeypatch.setattr(Limiter, "counters", counters._replace(unanswered=counters.unanswered + cycles))
+    feed(loop, arm, middle, now=20.0 + cycles * CYCLE)
+    late = ControllersLate(Side.LEFT, cycles, ("pusher",), ("pusher",) if is_hung else ())
+    assert loop.take_events() == [late]
+    assert is_fault(late) == is_hung
+    assert bool(loop.activation) != is_hung
+    assert (arm.told[-1].position == middle) == is_hung
+
+
+def test_short_times_without_an_answer_deactivate_nothing_however_many(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    feed(loop, arm, middle, now=20.0)
+    loop.manager.switch(["pusher"], [], loop.state)
+    for number in range(1, 10):
+        monkeypatch.setattr(Limiter, "counters", loop._limiter.counters._replace(unanswered=number * 40))
+        feed(loop, arm, middle, now=20.0 + number * 0.16)
+    assert loop.activation

@@ -71,7 +71,7 @@ TEST(message_with_anything_changed_is_read_with_possible_joints_or_refused) {
                 case 0: *at = static_cast<unsigned char>(below(256)); break;
                 case 1: *at ^= static_cast<unsigned char>(1 << below(8)); break;
                 case 2: bytes.insert(at, static_cast<unsigned char>(below(256))); break;
-                default: bytes.erase(at, bytes.begin() + std::min<std::ptrdiff_t>(at - bytes.begin() + 5, std::ptrdiff_t(bytes.size())));
+                default: bytes.erase(at, at + std::min<std::ptrdiff_t>(5, bytes.end() - at));
             }
             if (bytes.empty()) bytes.push_back(0);
         }

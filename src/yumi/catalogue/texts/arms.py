@@ -45,6 +45,10 @@ ARMS: Mapping[str, Text] = {
         "{arm} arm: {controllers} did not answer {cycles} datagrams within 2 ms; the arm braked and went on",
         "find out what keeps the controller, or the machine, busy",
     ),
+    "controllers_hung": Text(
+        "{arm} arm: {controllers} did not answer {cycles} datagrams and were deactivated; the arm braked and holds",
+        "find out what keeps the controller, or the machine, busy, then {recover}",
+    ),
     "loop_was_late": Text(
         "{arm} arm: the control loop did not answer {cycles} datagrams within 2 ms; the arm held meanwhile",
         "find out what keeps the machine busy",

@@ -12,13 +12,13 @@ from yumi.egm.udp import HasFileno
 from yumi.errors import MissingPrerequisite
 
 
-class StandIn:
-    """Answers what this process has not answered 2 ms after it found something to do, until it waits again.
+class FallbackThread:
+    """Answers what arrives while this process has something to do and has not called the core for 2 ms.
 
     Each arm brakes within its limits meanwhile. A later answer is dropped; the next one goes on from what was sent.
 
     Args:
-        arms: of each arm its limiter, its conversation, and its socket.
+        arms: of each arm its limiter, its session, and its socket.
 
     Raises:
         MissingPrerequisite: the operating system has no descriptors left.
@@ -27,11 +27,11 @@ class StandIn:
     def __init__(self, arms: Iterable[tuple[Limiter, ArmSession, HasFileno]]) -> None:
         self._library = load()
         self._arms = tuple(arms)  # kept: the thread uses them
-        self._handle: int | None = self._library.stand_in_new()
+        self._handle: int | None = self._library.fallback_thread_new()
         if self._handle is None:
             raise MissingPrerequisite(message("no_thread_for_core"))
         for limiter, session, socket in self._arms:
-            self._library.stand_in_add(self._handle, limiter.handle, session.handle, socket.fileno())
+            self._library.fallback_thread_add(self._handle, limiter.handle, session.handle, socket.fileno())
 
     def start(self) -> None:
         """Begin; the thread gets the priority of the caller's.
@@ -39,20 +39,20 @@ class StandIn:
         Raises:
             MissingPrerequisite: the operating system does not let it begin.
         """
-        if not self._library.stand_in_start(self._handle):
+        if not self._library.fallback_thread_start(self._handle):
             self.close()
             raise MissingPrerequisite(message("no_thread_for_core"))
 
     def note_busy(self) -> None:
         """This process has found something to do."""
-        self._library.stand_in_note_busy(self._handle)
+        self._library.fallback_thread_note_busy(self._handle)
 
     def note_waiting(self) -> None:
         """This process waits for datagrams; what it has left without an answer, since something failed, is answered."""
-        self._library.stand_in_note_waiting(self._handle)
+        self._library.fallback_thread_note_waiting(self._handle)
 
     def close(self) -> None:
         """End the thread; nothing may be noted any more."""
         handle, self._handle = self._handle, None
         if handle is not None:
-            self._library.stand_in_delete(handle)
+            self._library.fallback_thread_delete(handle)

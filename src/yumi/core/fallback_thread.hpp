@@ -1,9 +1,9 @@
 // The thread that answers for controllers that do not: no arm waits for Python.
 //
-// Python says when it waits for datagrams and when it is busy. Where it is busy, and does nothing for an arm for PATIENCE,
-// the thread takes what is not answered, and whatever arrives until Python goes on: each arm brakes within its limits. An
-// answer of Python that comes later is dropped; the next one goes on from what was sent. The thread never takes Python's
-// lock.
+// Python says when it waits for datagrams and when it is busy. Where it is busy, and does not call the core for DEADLINE,
+// the thread takes what is not answered, and whatever arrives until Python goes on: each arm brakes within its limits.
+// An answer of Python that comes later is dropped; the next one goes on from what was sent. Where that takes
+// long, control/loop.py deactivates the controllers afterwards. The thread never takes Python's lock.
 
 #pragma once
 
@@ -22,27 +22,27 @@
 
 #include "limiter_handle.hpp"
 
-class StandIn {
+class FallbackThread {
 public:
-    StandIn() : timer_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)), wake_(eventfd(0, EFD_CLOEXEC)) {
+    FallbackThread() : timer_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)), wake_(eventfd(0, EFD_CLOEXEC)) {
         if (timer_ < 0 || wake_ < 0) {
             close_descriptors();
             throw std::system_error(errno, std::generic_category());
         }
     }
-    StandIn(const StandIn&) = delete;
-    ~StandIn() {
+    FallbackThread(const FallbackThread&) = delete;
+    ~FallbackThread() {
         if (thread_.joinable()) {
             is_over_ = true;
             const std::uint64_t one = 1;
             if (write(wake_, &one, sizeof one) == sizeof one) thread_.join();
         }
-        for (int i = 0; i < count_; ++i) arms_[i].limiter->session = nullptr, arms_[i].limiter->sign = nullptr;
+        for (int i = 0; i < count_; ++i) arms_[i].limiter->session = nullptr, arms_[i].limiter->last_call = nullptr;
         close_descriptors();
     }
 
     void add(LimiterHandle& limiter, SessionHandle& session, int socket) {
-        limiter.session = &session, limiter.sign = &sign_;
+        limiter.session = &session, limiter.last_call = &last_call_;
         arms_[count_++] = {&limiter, &session, socket};
     }
 
@@ -58,8 +58,8 @@ public:
     // Python has found something to do.
     void note_busy() {
         const core::Guard guard(core::lock);
-        is_busy_ = true, sign_ = core::monotonic_now();
-        set_timer(PATIENCE);
+        is_busy_ = true, last_call_ = core::monotonic_now();
+        set_timer(DEADLINE);
     }
 
     // Python waits for datagrams again. What it has left without an answer, since something failed, is answered now.
@@ -68,12 +68,12 @@ public:
         is_busy_ = false;
         set_timer(0);
         for (int i = 0; i < count_; ++i)
-            if (arms_[i].session->owner == core::CycleOwner::PYTHON) answer(arms_[i]);
+            if (arms_[i].session->awaits_python) answer(arms_[i]);
     }
 
 private:
-    static constexpr double PATIENCE = 0.002;  // [s] since Python was last seen to work for an arm
-    static constexpr int ARREARS = 1;          // [ms] with what arrives while Python is busy for longer
+    static constexpr double DEADLINE = 0.002;  // [s] for Python to call the core again
+    static constexpr int GRACE = 1;             // [ms] with what arrives while Python is busy for longer
 
     struct Arm {
         LimiterHandle* limiter;
@@ -107,16 +107,16 @@ private:
         bool is_in_charge = false;
         while (!is_over_) {
             for (int i = 0; i < count_; ++i) waits[2 + i] = {has_peer(arms_[i]) ? arms_[i].socket : -1, POLLIN, 0};
-            poll(waits, is_in_charge ? nfds_t(2 + count_) : 2, is_in_charge ? ARREARS : -1);
+            poll(waits, is_in_charge ? nfds_t(2 + count_) : 2, is_in_charge ? GRACE : -1);
             // What has arrived Python may still take: it comes back at any moment.
-            if (is_in_charge && (waits[2].revents | waits[3].revents)) poll(waits, 1, ARREARS);
+            if (is_in_charge && (waits[2].revents | waits[3].revents)) poll(waits, 1, GRACE);
             const core::Guard guard(core::lock);
-            const double left = is_busy_ ? std::max(sign_ + PATIENCE - core::monotonic_now(), 0.0) : 0.0;
+            const double left = is_busy_ ? std::max(last_call_ + DEADLINE - core::monotonic_now(), 0.0) : 0.0;
             set_timer(left);  // which clears the timer, too
             is_in_charge = is_busy_ && left == 0.0;
             if (!is_in_charge) continue;
             for (int i = 0; i < count_; ++i) {
-                if (arms_[i].session->owner == core::CycleOwner::PYTHON) answer(arms_[i]);
+                if (arms_[i].session->awaits_python) answer(arms_[i]);
                 receive(arms_[i]);
             }
         }
@@ -144,7 +144,7 @@ private:
             has_any = true;
         }
         if (!has_any) return;
-        arm.session->end_batch(arrival, core::CycleOwner::CORE);
+        arm.session->end_batch(arrival, false);
         if (session.is_accepted()) answer(arm);
     }
 
@@ -152,7 +152,7 @@ private:
     void answer(Arm& arm) {
         LimiterHandle& limiter = *arm.limiter;
         limiter.act([&]() -> std::int64_t {
-            const bool was_pythons = arm.session->owner == core::CycleOwner::PYTHON;
+            const bool was_pythons = arm.session->awaits_python;
             if (!(was_pythons && limiter.is_checked) && !limiter.check(arm.session->arm)) return 0;
             limiter.limit(nullptr, true);
             unsigned char datagram[core::LARGEST_REFERENCE];
@@ -162,7 +162,7 @@ private:
             limiter.observe();
             return sent;
         });
-        arm.session->owner = core::CycleOwner::NOBODY;
+        arm.session->awaits_python = false;
         arm.session->egm.session.settle();
         arm.session->show();
     }
@@ -173,7 +173,7 @@ private:
     Arm arms_[2];
     int count_ = 0;
     bool is_busy_ = false;
-    double sign_ = 0.0;  // when Python was last seen to work for an arm
+    double last_call_ = 0.0;  // when Python called the core last, or got busy [s]
     std::atomic<bool> is_over_{false};
     std::thread thread_;
 };
