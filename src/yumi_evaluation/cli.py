@@ -470,6 +470,11 @@ def _compare_progress(console: Console, total: int, check: Callable[[], None]) -
 )
 @click.option("--only", multiple=True, metavar="NAME", help="Only this contender; may be repeated.")
 @click.option("--wake", multiple=True, metavar="MODE", help="Only this egm.wake; may be repeated.")
+@click.option(
+    "--server",
+    metavar="COMMAND",
+    help="One more server of yours, called with port, gain and goal, e.g. with a build of ABB's own C++ library.",
+)
 @click.option("--seed", default=1, show_default=True, help="Of the order within the rounds.")
 @click.option("--soak", "minutes", type=click.FloatRange(0.5, 1440.0), help="Instead: both arms for so many minutes.")
 @json_option
@@ -480,6 +485,7 @@ def bench(
     quick: bool,
     only: tuple[str, ...],
     wake: tuple[str, ...],
+    server: str | None,
     seed: int,
     minutes: float | None,
     json_output: JsonOutput,
@@ -499,14 +505,22 @@ def bench(
     """
     _demand_extra()
     from yumi_evaluation.bench import report as tables  # noqa: PLC0415 - a quick --help
-    from yumi_evaluation.bench.contenders import WAKE_MODES, Runtime, cases_of, contenders, schedule  # noqa: PLC0415
+    from yumi_evaluation.bench.contenders import (  # noqa: PLC0415
+        WAKE_MODES,
+        Runtime,
+        cases_of,
+        contenders,
+        other_server,
+        schedule,
+    )
     from yumi_evaluation.bench.figures import Figures  # noqa: PLC0415
     from yumi_evaluation.bench.run import PERIOD_US, WARM_UP, Workshop  # noqa: PLC0415
 
     for mode in wake:
         if mode not in WAKE_MODES:
             raise SettingsError(message("wake_mode_unknown", mode=mode, known=tuple(WAKE_MODES)))
-    chosen = _chosen(contenders(wake or (WAKE_MODES[:1] if quick else WAKE_MODES)), only)
+    everything = contenders(wake or (WAKE_MODES[:1] if quick else WAKE_MODES))
+    chosen = _chosen((*everything, other_server(server)) if server else everything, only)
     workshop = Workshop(Path("build/bench"))
     console = Console(highlight=False, stderr=json_output.is_printed)
     console.width = max(console.width, _BENCH_WIDTH)
@@ -526,7 +540,7 @@ def bench(
         console.print(f"Peers from PyPI: into {workshop.peers}, if they are not there yet")
         workshop.install_peers()
     rounds, cycles = _QUICK if quick else (rounds, cycles)
-    cases = [case for case in cases_of(chosen) if not quick or (case.is_paced and case.arms == 1)]
+    cases = [case for case in cases_of(chosen) if not quick or case.name.endswith("/paced/1")]
     plan = schedule(cases, rounds, seed)
     paced = sum(case.is_paced for _, case in plan)
     seconds = paced * (cycles + WARM_UP) * PERIOD_US / 1e6 + len(plan) * _START
@@ -536,7 +550,8 @@ def bench(
         console.print("No run was completed: there is nothing to report.")
         sys.exit(_INCOMPLETE)
     figures = Figures(tuple(runs))
-    console.print(tables.latency_table(figures), tables.ratio_table(figures), tables.target_table(figures))
+    console.print(tables.latency_table(figures), tables.ratio_table(figures), tables.part_table(figures))
+    console.print(tables.target_table(figures))
     picture = picture or workshop.products / "histograms.png"
     tables.draw_histograms(figures, picture)
     console.print(f"Histograms: {picture}")

@@ -6,6 +6,7 @@ import random
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 
 WAKE_MODES = ("blocking", "auto")
 """The settings of ``egm.wake`` that are measured; each adds our contenders once more."""
@@ -23,6 +24,7 @@ class Runtime(Enum):
     COMPILED = "compiled"
     OURS = "our Python"
     PEERS = "the peers' Python"
+    OTHER = "given by the user"
 
 
 class Mode(Enum):
@@ -46,6 +48,7 @@ class Contender:
         modes: how the load generator sends.
         gain: by which its replies are checked.
         is_peer: whether it is one of the packages that ours is compared with.
+        on_busy_machine: whether it is measured on a busy machine, too, one arm, paced.
     """
 
     name: str
@@ -57,6 +60,7 @@ class Contender:
     modes: tuple[Mode, ...] = (Mode.PACED, Mode.PING_PONG)
     gain: float = GAIN
     is_peer: bool = False
+    on_busy_machine: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,18 +71,20 @@ class Case:
         contender: what answers.
         mode: when the next datagram comes.
         arms: how many.
+        is_machine_busy: whether busy loops of other programs run beside.
         lead_in: within this time it must answer as it should [s].
     """
 
     contender: Contender
     mode: Mode
     arms: int
+    is_machine_busy: bool = False
     lead_in: float = 20.0
 
     @property
     def name(self) -> str:
-        """E.g. ``c_echo/paced/1``, as in the figures."""
-        return f"{self.contender.name}/{self.mode.value}/{self.arms}"
+        """E.g. ``c_echo/paced/1`` or ``c_echo/paced/1/busy``, as in the figures."""
+        return f"{self.contender.name}/{self.mode.value}/{self.arms}{'/busy' if self.is_machine_busy else ''}"
 
     @property
     def is_paced(self) -> bool:
@@ -101,13 +107,20 @@ def control_loop(wake: str) -> Contender:
 def ros_graph(wake: str) -> Contender:
     """Our control loop under the whole ROS 2 graph with a subscriber on each topic."""
     name, title, options = f"ros_graph_{wake}", f"ROS graph, {wake}", ("--wake", wake)
-    return Contender(name, title, "ros_graph.py", Runtime.OURS, options, arms=(1, 2), modes=(Mode.PACED,))
+    return Contender(
+        name, title, "ros_graph.py", Runtime.OURS, options, arms=(1, 2), modes=(Mode.PACED,), on_busy_machine=False
+    )
 
 
 def busy_ros_graph(wake: str) -> Contender:
     """The same with a callback in the ROS process that computes 10 ms in every 33 ms."""
     name, title, options = f"ros_graph_busy_{wake}", f"busy ROS graph, {wake}", ("--wake", wake, "--busy")
-    return Contender(name, title, "ros_graph.py", Runtime.OURS, options, modes=(Mode.PACED,))
+    return Contender(name, title, "ros_graph.py", Runtime.OURS, options, modes=(Mode.PACED,), on_busy_machine=False)
+
+
+def other_server(command: str) -> Contender:
+    """A program of the user, e.g. one with a build of ABB's own C++ library; it gets port, gain and goal."""
+    return Contender("other_server", Path(command).name, command, Runtime.OTHER)
 
 
 def contenders(wake_modes: Iterable[str] = WAKE_MODES) -> tuple[Contender, ...]:
@@ -118,7 +131,8 @@ def contenders(wake_modes: Iterable[str] = WAKE_MODES) -> tuple[Contender, ...]:
 
 def cases_of(chosen: Iterable[Contender]) -> list[Case]:
     """Every run of one round."""
-    return [Case(each, mode, arms) for each in chosen for mode in each.modes for arms in each.arms]
+    cases = [Case(each, mode, arms) for each in chosen for mode in each.modes for arms in each.arms]
+    return cases + [Case(each, Mode.PACED, 1, is_machine_busy=True) for each in chosen if each.on_busy_machine]
 
 
 def schedule(cases: Sequence[Case], rounds: int, seed: int) -> list[tuple[int, Case]]:

@@ -17,11 +17,17 @@ COUNTERS = ("missed", "stale", "bad", "recovering", "unparsed", "duplicates")
 """What is counted of each arm."""
 
 BOUNDS_TO_PEERS = {
-    "control_loop_blocking": {"p50_us": 0.85, "p99_us": 1.0},
-    "control_loop_auto": {"p50_us": 0.5, "p99_us": 0.8},
-    "ros_graph_auto": {"p50_us": 0.6, "p99_us": 1.0},
+    "control_loop_blocking": {"p50_us": 0.75, "p99_us": 0.85},
+    "control_loop_auto": {"p50_us": 0.40, "p99_us": 0.60},
+    "ros_graph_auto": {"p50_us": 0.55, "p99_us": 0.85},
 }
 """Highest ratios to the better PyPI peer running alone, paced, one arm."""
+
+BOUNDS_TO_ECHO = {"control_loop_blocking": {"p50_us": 1.5, "p99_us": 1.5}}
+"""Highest ratios to the C echo, paced, one arm."""
+
+LATER_TO_ECHO = 1.3
+"""The later reply of two arms, 99.9 % of the cycles, against the C echo's."""
 
 LATER_REPLY_US = 2000.0
 """Half a period: the later reply of two arms, 99.9 % of the cycles [µs]."""
@@ -32,7 +38,7 @@ BUSY_CALLBACK = 1.2
 OVER_ECHO_US = 1000.0
 """The latest reply against the C echo's latest [µs]."""
 
-MISSED_OVER_ECHO = 5
+MISSED_OVER_ECHO = 1
 """In a soak: cycles that we miss more than the C echo."""
 
 CPU_PER_ARM_PERCENT = 15.0
@@ -113,6 +119,7 @@ class Run:
         generator_late_max_us: how late the load generator itself was at worst [µs].
         arms: one or two.
         heard: messages that the subscriber process received, by topic; empty without ROS.
+        stages: medians of the control loop's last ten seconds, by the name of the stage [µs]; empty for others.
         latencies: of each arm and cycle [ns], 0 without a reply; shape (arms, cycles).
     """
 
@@ -125,6 +132,7 @@ class Run:
     generator_late_max_us: float
     arms: tuple[ArmRun, ...]
     heard: dict[str, int]
+    stages: dict[str, float] = field(default_factory=dict)
     latencies: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 0), np.int64), compare=False, repr=False)
 
     @property
@@ -156,9 +164,9 @@ class Figures:
     def cases(self) -> list[Case]:
         """The cases that were run, ours after those they are compared with."""
 
-        def place(case: Case) -> tuple[str, int, bool, str]:
+        def place(case: Case) -> tuple[bool, str, int, bool, str]:
             is_reference = case.contender.gain == 0.0 or case.contender.is_peer
-            return case.mode.value, case.arms, not is_reference, case.contender.name
+            return case.is_machine_busy, case.mode.value, case.arms, not is_reference, case.contender.name
 
         return sorted({run.case for run in self.runs}, key=place)
 
@@ -171,19 +179,22 @@ class Figures:
         return spread_of(value(run) for run in self.of(case.name))
 
     def ratio_to_peers(self, case: Case, figure: str) -> Spread | None:
-        """A latency figure by that of the better PyPI peer with one arm in the same round and mode."""
+        """A latency figure by that of the better PyPI peer with one arm of the same round, mode and load."""
 
         def better_peer(number: int) -> float:
-            runs = [run for run in self.runs if run.round == number and run.case.mode is case.mode]
+            conditions = number, case.mode, case.is_machine_busy
+            runs = [run for run in self.runs if (run.round, run.case.mode, run.case.is_machine_busy) == conditions]
             return min((run.latency(figure) for run in runs if run.case.contender.is_peer), default=nan)
 
         return spread_of(ratio(run.latency(figure), better_peer(run.round)) for run in self.of(case.name))
 
     def ratio_to_case(self, name: str, reference: str, figure: str) -> Spread | None:
         """A latency figure of the case ``name`` by that of the case ``reference`` in the same round."""
-        return spread_of(
-            ratio(run.latency(figure), other.latency(figure)) for run, other in self._pairs(name, reference)
-        )
+        return self.ratio_of(name, reference, lambda run: run.latency(figure))
+
+    def ratio_of(self, name: str, reference: str, value: Callable[[Run], float]) -> Spread | None:
+        """A value of the case ``name`` by that of the case ``reference`` in the same round."""
+        return spread_of(ratio(value(run), value(other)) for run, other in self._pairs(name, reference))
 
     def excess_over(self, name: str, reference: str, figure: str) -> Spread | None:
         """A latency figure of the case ``name`` less that of the case ``reference`` in the same round [µs]."""
@@ -216,11 +227,13 @@ def _measured(figures: Figures) -> Iterator[tuple[str, float, Spread | None]]:
     yield "bad_replies", 0.0, spread_of([float(sum(run.count("bad") + run.count("unparsed") for run in figures.runs))])
     for case in figures.cases:
         name = case.contender.name
-        if case.mode is not Mode.PACED:
+        if case.mode is not Mode.PACED or case.is_machine_busy:
             continue
         if case.arms == 1:
             for figure, bound in BOUNDS_TO_PEERS.get(name, {}).items():
                 yield f"{name}/{figure}_to_peer", bound, figures.ratio_to_peers(case, figure)
+            for figure, bound in BOUNDS_TO_ECHO.get(name, {}).items():
+                yield f"{name}/{figure}_to_echo", bound, figures.ratio_to_case(case.name, "c_echo/paced/1", figure)
         if name.startswith("control_loop_"):
             if case.arms == 1:
                 yield (
@@ -231,6 +244,8 @@ def _measured(figures: Figures) -> Iterator[tuple[str, float, Spread | None]]:
             else:
                 later = figures.spread(case, lambda run: run.later_reply_p999_us)
                 yield f"{name}/later_reply_p999_us_of_{case.arms}", LATER_REPLY_US, later
+                later = figures.ratio_of(case.name, "c_echo/paced/2", lambda run: run.later_reply_p999_us)
+                yield f"{name}/later_reply_p999_us_of_{case.arms}_to_echo", LATER_TO_ECHO, later
             if name.endswith("_auto"):
                 used = spread_of(run.cpu_percent / case.arms for run in figures.of(case.name))
                 yield f"{name}/cpu_percent_per_arm_of_{case.arms}", CPU_PER_ARM_PERCENT, used

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
-from math import log10
+from math import log10, nan
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,20 @@ from yumi_evaluation.bench.figures import COUNTERS, LATENCIES, Figures, Run, Spr
 from yumi_evaluation.results import finite
 
 FORMAT = "yumi-bench/1"
+CORE_STAGES = ("decode", "limit", "encode")
+"""What of a reply is compiled code, but for the calls of it."""
+
 LATENCY_TITLES = ("p50", "p99", "p99.9", "max")
 BINS_PER_DECADE = 40
 LOWEST_US, HIGHEST_US = 1.0, 100_000.0
 
 _ECHO, _PEER, _OURS = "#8b949e", "#d98200", "#2f81f7"
-_PANELS = {(Mode.PACED, 1): "one arm, 250 Hz", (Mode.PACED, 2): "two arms, 250 Hz", (Mode.PING_PONG, 1): "ping-pong"}
+_PANELS = {
+    (Mode.PACED, 1, False): "one arm, 250 Hz",
+    (Mode.PACED, 2, False): "two arms, 250 Hz",
+    (Mode.PING_PONG, 1, False): "ping-pong",
+    (Mode.PACED, 1, True): "one arm, busy machine",
+}
 
 
 def document(
@@ -52,6 +60,7 @@ def document(
                 "generator_late_max_us": run.generator_late_max_us,
                 "arms": [asdict(arm.latency) | {each: getattr(arm, each) for each in COUNTERS} for arm in run.arms],
                 "heard": run.heard,
+                "stages_us": run.stages,
             }
             for run in figures.runs
         ],
@@ -80,6 +89,24 @@ def ratio_table(figures: Figures) -> Table:
             _median(figures.spread(case, lambda run: run.cycles_per_second), ".0f"),
             _median(figures.spread(case, lambda run: run.cpu_percent), ".1f"),
         )
+    return table
+
+
+def part_table(figures: Figures) -> Table:
+    """One line a paced case of ours with one arm: what of a reply's time is whose.
+
+    The C echo's reply is all kernel and wake-up. What the stages leave is wake-ups of colder code, and Python between.
+    """
+    table = _table("parts of a reply [µs], medians", "kernel and wake-up", "core", "controller", "all else", "reply")
+    echo = next((each for each in figures.cases if each.name == "c_echo/paced/1"), None)
+    floor = figures.spread(echo, _latency("p50_us")) if echo else None
+    for case in figures.cases:
+        parts = [figures.spread(case, _stages(*names)) for names in (CORE_STAGES, ("update",))]
+        whole = figures.spread(case, _latency("p50_us"))
+        if not case.is_paced or case.is_machine_busy or case.arms != 1 or None in parts or not whole or not floor:
+            continue
+        known = [floor.median, *(part.median for part in parts if part)]
+        table.add_row(case.name, *(f"{each:.0f}" for each in (*known, whole.median - sum(known), whole.median)))
     return table
 
 
@@ -140,8 +167,8 @@ def histogram(latencies_us: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.
     return edges, counts / latencies.size
 
 
-def _key(run: Run) -> tuple[Mode, int]:
-    return run.case.mode, run.case.arms
+def _key(run: Run) -> tuple[Mode, int, bool]:
+    return run.case.mode, run.case.arms, run.case.is_machine_busy
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -167,6 +194,11 @@ def _summary(figures: Figures, case: Case) -> dict[str, Any]:
 
 def _latency(figure: str) -> Callable[[Run], float]:
     return lambda run: run.latency(figure)
+
+
+def _stages(*names: str) -> Callable[[Run], float]:
+    """The time of some stages together [µs]; nan for a server that reports none."""
+    return lambda run: sum(run.stages.get(name, nan) for name in names)
 
 
 def _median(spread: Spread | None, form: str) -> str:

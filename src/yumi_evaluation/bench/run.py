@@ -3,19 +3,22 @@
 ``sources`` has their programs: the load generator and the echo in C, compiled when they are older than their source,
 and Python for ours and for the PyPI peers, which get a virtual environment of their own.
 
-The soak: both arms of one control loop paced for minutes, in chunks, and the C echo in between for comparison.
+The soak: both arms of one control loop paced for minutes, in chunks, and the C echo in between for comparison; the
+second half beside busy loops of other programs.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
+from itertools import product
 from math import nan
 from pathlib import Path
 from threading import Timer
@@ -38,6 +41,9 @@ WARM_UP = 250
 
 CHUNK = 30.0
 """How long one of the two of a soak is under load before the other is [s]."""
+
+BUSY_LOOPS = 2
+"""Programs beside what is measured on a busy machine."""
 
 SOURCES = Path(__file__).with_name("sources")
 ARMS = 2
@@ -69,6 +75,8 @@ class Workshop:
 
     def command(self, contender: Contender) -> list[str]:
         """The command of ``contender``, without its arguments."""
+        if contender.runtime is Runtime.OTHER:
+            return shlex.split(contender.program)
         if contender.runtime is Runtime.COMPILED:
             return [str(self.products.absolute() / Path(contender.program).stem)]
         python = sys.executable if contender.runtime is Runtime.OURS else str(self.peers / "bin" / "python")
@@ -137,13 +145,14 @@ class Server:
     def __init__(self, workshop: Workshop, contender: Contender, arms: int, log: Path) -> None:
         self.ports = [free_port() for _ in range(ARMS)]
         self.pids: list[int] = []
-        self.heard: dict[str, int] = {}
+        self.reported: dict[str, dict[str, Any]] = {"heard": {}, "stages": {}}
         self._contender = contender
         self._log = log
         used = [str(port) for port in self.ports[:arms]]
         arguments = {
             Runtime.COMPILED: used,
             Runtime.PEERS: [used[0], f"{contender.gain:g}", _goal()],
+            Runtime.OTHER: [used[0], f"{contender.gain:g}", _goal()],
             Runtime.OURS: [
                 *("--ports", *map(str, self.ports)), "--gain", f"{contender.gain:g}", f"--goal={_goal()}",
                 *contender.options,
@@ -189,7 +198,7 @@ class Server:
         self.stop()
 
     def stop(self) -> None:
-        """End it; ours ends by itself when its standard input does, and reports what its subscriber heard."""
+        """End it; ours ends by itself when its standard input does, and reports what is known of the run."""
         if self._contender.runtime is not Runtime.OURS:
             self._process.terminate()
         try:
@@ -198,8 +207,9 @@ class Server:
             self._process.kill()
             words, _ = self._process.communicate()
         for line in words.splitlines():
-            if line.startswith("heard "):
-                self.heard = json.loads(line.removeprefix("heard "))
+            what, _, values = line.partition(" ")
+            if what in self.reported:
+                self.reported[what] = json.loads(values)
 
     def cpu_seconds(self) -> tuple[float, float]:
         """CPU time of the processes that answer, and of all that belong to the server [s]."""
@@ -283,7 +293,8 @@ def run_case(workshop: Workshop, case: Case, number: int, cycles: int) -> Run:
         RobotNotReady: it did not start, did not answer as it should, or stopped answering.
     """
     log = workshop.products / f"{case.name.replace('/', '-')}.log"
-    with Server(workshop, case.contender, case.arms, log) as server:
+    busy = busy_loops() if case.is_machine_busy else nullcontext()
+    with Server(workshop, case.contender, case.arms, log) as server, busy:
         load = put_load(workshop, server, case, cycles)
     return Run(
         round=number,
@@ -294,9 +305,25 @@ def run_case(workshop: Workshop, case: Case, number: int, cycles: int) -> Run:
         cpu_all_percent=cpu_percent(load.cpu[1], load.wall),
         generator_late_max_us=load.summary["generator_late_max_us"],
         arms=load.arms,
-        heard=server.heard,
+        heard=server.reported["heard"],
+        stages=server.reported["stages"],
         latencies=load.latencies,
     )
+
+
+@contextmanager
+def busy_loops() -> Iterator[None]:
+    """Other programs that compute all the time meanwhile, without a priority of their own."""
+    loops = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"], start_new_session=True) for _ in range(BUSY_LOOPS)
+    ]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+        for loop in loops:
+            loop.wait()
 
 
 def cpu_percent(used: float, wall: float) -> float:
@@ -329,6 +356,8 @@ def chunks_of(minutes: float) -> int:
 def soak(workshop: Workshop, contender: Contender, minutes: float, on_chunk: Callable[[], None]) -> dict[str, Endured]:
     """Load ``contender`` and the C echo in turn, each for ``minutes``; Ctrl-C ends it with what there is.
 
+    The second half is beside busy loops.
+
     Raises:
         RobotNotReady: one of them did not start, did not answer as it should, or stopped answering.
     """
@@ -339,15 +368,16 @@ def soak(workshop: Workshop, contender: Contender, minutes: float, on_chunk: Cal
             for each in (contender, ECHO)
         }
         with suppress(KeyboardInterrupt):  # the report is made of the chunks that are there
-            for _ in range(chunks_of(minutes)):
-                for each, server in servers.items():
+            count = chunks_of(minutes)
+            for number, (each, server) in product(range(count), servers.items()):
+                with busy_loops() if 2 * number >= count else nullcontext():
                     load = put_load(workshop, server, Case(each, Mode.PACED, ARMS), round(CHUNK / PERIOD_US * 1e6))
-                    found = endured[each.name]
-                    found.chunks.append(load.arms)
-                    found.cycles += load.summary["cycles"]
-                    found.resident_kib.append(server.resident_kib())
-                    found.cpu_percent.append(100.0 * load.cpu[0] / load.wall)
-                    on_chunk()
+                found = endured[each.name]
+                found.chunks.append(load.arms)
+                found.cycles += load.summary["cycles"]
+                found.resident_kib.append(server.resident_kib())
+                found.cpu_percent.append(100.0 * load.cpu[0] / load.wall)
+                on_chunk()
     return {name: each for name, each in endured.items() if each.chunks}
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from refusals import refused
 from yumi.errors import MissingPrerequisite
-from yumi_evaluation.bench.contenders import contenders
+from yumi_evaluation.bench.contenders import contenders, other_server
 from yumi_evaluation.bench.run import Workshop
 
 
@@ -23,6 +23,10 @@ def test_programs_of_all_contenders_exist(tmp_path: Path) -> None:
     workshop = Workshop(tmp_path)
     assert [each.program for each in contenders() if not (workshop.sources / each.program).is_file()] == []
     assert (workshop.sources / "requirements.txt").is_file()
+
+
+def test_server_of_the_user_is_called_as_given(workshop: Workshop) -> None:
+    assert workshop.command(other_server("/opt/libegm/loop --quiet")) == ["/opt/libegm/loop", "--quiet"]
 
 
 def test_program_is_compiled_again_when_its_source_is_newer(workshop: Workshop) -> None:

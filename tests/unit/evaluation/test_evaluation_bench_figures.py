@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from bench_runs import LOOP, figures, run
 from hypothesis import given
@@ -26,6 +28,16 @@ def test_ratio_to_peers_does_not_mix_paced_and_ping_pong() -> None:
     assert mixed.ratio_to_peers(Case(LOOP, Mode.PACED, 1), "p50_us") is None
 
 
+def test_ratio_to_peers_does_not_mix_a_busy_machine_and_a_quiet_one() -> None:
+    busy = Case(LOOP, Mode.PACED, 1, is_machine_busy=True)
+    runs = [replace(run(1, contender, 40.0), case=replace(busy, contender=contender)) for contender in (LOOP, PEERS[0])]
+    mixed = Figures((run(1, PEERS[0], 400.0), *runs))
+    ratio = mixed.ratio_to_peers(busy, "p50_us")
+    assert ratio is not None
+    assert ratio.median == 1.0
+    assert [each.name for each in targets(mixed)] == ["bad_replies"]  # they are for a quiet machine
+
+
 def test_two_arms_count_by_the_slower_one() -> None:
     spread = figures().ratio_to_case("control_loop_blocking/paced/2", "control_loop_blocking/paced/1", "p50_us")
     assert spread == Spread(median=pytest.approx(1.1), lowest=1.0, highest=pytest.approx(1.2), rounds=2)
@@ -42,6 +54,8 @@ def test_targets_are_met_or_missed_by_the_median() -> None:
         "bad_replies": True,
         "control_loop_blocking/p50_us_to_peer": True,
         "control_loop_blocking/p99_us_to_peer": True,
+        "control_loop_blocking/p50_us_to_echo": False,
+        "control_loop_blocking/p99_us_to_echo": False,
         "control_loop_blocking/max_us_over_echo": True,
         "ros_graph_busy_blocking/p99_us_to_calm": False,
     }

@@ -22,6 +22,7 @@ from yumi_evaluation.bench.report import (
     draw_histograms,
     histogram,
     latency_table,
+    part_table,
     ratio_table,
     target_table,
 )
@@ -51,10 +52,18 @@ def test_document_keeps_its_names() -> None:
     assert set(content["targets"]["bad_replies"]) == {"bound", "holds"} | SPREAD
 
 
+def test_parts_of_a_reply_are_those_of_the_echo_of_core_and_controller_and_what_is_left() -> None:
+    stages = {"receive": 6.0, "decode": 2.0, "update": 8.0, "limit": 4.0, "encode": 1.0, "send": 5.0}
+    measured = Figures((run(1, ECHO, 50.0), replace(run(1, LOOP, 80.0), stages=stages)))
+    (line,) = [line for line in shown(part_table(measured)).splitlines() if "control_loop_blocking/paced/1" in line]
+    assert line.split()[1:] == ["50", "7", "8", "15", "80"]
+    assert "paced" not in shown(part_table(figures()))  # no stages are known
+
+
 def test_document_keeps_the_names_of_a_run() -> None:
     (content,) = document(Figures((run(1, LOOP, 80.0),)), {}, {}, is_complete=False)["runs"]
     own = {"round", "contender", "mode", "cycles", "cycles_per_second", "cpu_percent", "cpu_all_percent"}
-    assert set(content) == own | {"generator_late_max_us", "arms", "heard"}
+    assert set(content) == own | {"generator_late_max_us", "arms", "heard", "stages_us"}
     assert set(content["arms"][0]) == LATENCIES | COUNTERS
 
 

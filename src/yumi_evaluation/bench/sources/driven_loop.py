@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import sys
 from argparse import ArgumentParser, Namespace
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from functools import partial
 from math import radians
+from statistics import median
 from threading import Event as Flag
 from threading import Thread
 
 from parent import say_ready
 
-from yumi.control.controller import write_goal
+from yumi.control.controller import StageTimes, write_goal
+from yumi.control.flight_recorder import Frame
 from yumi.control.loop import Commands
 from yumi.control.shared_state import Event, read_snapshot
 from yumi.driver.control_process import ControlProcess, WakeMode
@@ -76,7 +80,9 @@ class DrivenLoop:
         while not is_over.wait(POLL_PERIOD):
             for side in Side:
                 self._drive(side)
+        stages = stage_medians(self.control.recorders[Side.RIGHT].frames())
         self.control.stop()
+        print("stages", json.dumps(stages), flush=True)
 
     def _drive(self, side: Side) -> None:
         snapshot = read_snapshot(self.control.buffers[side].snapshots)
@@ -91,6 +97,12 @@ class DrivenLoop:
 
     def _report(self, event: Event) -> None:
         print(event, file=sys.stderr, flush=True)
+
+
+def stage_medians(frames: Sequence[Frame]) -> dict[str, float]:
+    """The median of each stage of a reply, by its name [µs]; nothing without frames."""
+    names = [each.name for each in fields(StageTimes)] if frames else []
+    return {name: 1e6 * median(getattr(frame.stages, name) for frame in frames) for name in names}
 
 
 def _wait_for_end_of_input(is_over: Flag) -> None:
