@@ -90,7 +90,7 @@ def measure(goals: Goals, cycles: int) -> dict[str, list[float]]:
         for robot in robots.values():
             send_state(robot, cycle)
         for side, loop in arms.items():
-            if cycle == 1:
+            if cycle and not loop.activation:  # of a machine that stood still the session has ended
                 loop.manager.switch((POSITION,), (), loop.state)
             goal = goals(side, cycle)
             if cycle > 1 and goal is not None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from yumi.control.controller import Buffer, Controller, MemoryBuffer, StageClock, write_goal, write_speeds
 from yumi.control.controller_manager import ControllerManager
@@ -90,6 +91,49 @@ class PerfectArm:
 
     def wire_counters(self) -> WireCounters:
         return WireCounters(session=1)
+
+
+class ArmHardware(Protocol):
+    """What a test has in the place of a robot behind its limiter."""
+
+    def read(self, now: float) -> ArmState | None:
+        """The newest state that has not been read yet, or None."""
+
+    def write(self, command: ArmCommand) -> None:
+        """Answer the state read last."""
+
+    def silence(self, now: float) -> float:
+        """Time since the newest state [s]."""
+
+    def lost_after(self, now: float) -> float | None:
+        """How long the robot has been silent [s], once, when it has become too long."""
+
+    def wire_counters(self) -> WireCounters:
+        """What the connection has seen so far."""
+
+
+class LimitedArm:
+    """An arm of the control loop that is made of states, without datagrams."""
+
+    def __init__(self, hardware: ArmHardware, limiter: Limiter) -> None:
+        self._hardware, self._limiter = hardware, limiter
+        self._state: ArmState | None = None
+        self.silence, self.lost_after = hardware.silence, hardware.lost_after
+        self.wire_counters = hardware.wire_counters
+
+    def receive(self, now: float) -> ArmState | None:
+        reported = self._hardware.read(now)
+        self._state = None if reported is None else self._limiter.check(reported)
+        return self._state
+
+    def reply(self, desired: ArmCommand | None) -> ArmCommand | None:
+        assert self._state is not None
+        sent = self._limiter.limit(self._state, desired)
+        self._hardware.write(sent)
+        return sent
+
+    def settle(self, state: ArmState) -> None:
+        self._limiter.observe(state)
 
 
 @dataclass(frozen=True)
@@ -180,7 +224,7 @@ class PerfectArmUnderTest(ArmUnderTest):
         self._manager = ControllerManager(joint_names(SIDE))
         self._manager.load(NAME, self._controller)
         self._manager.configure(NAME, case.values)
-        self._arm, self._limiter, self._now = PerfectArm(home(SIDE)), Limiter(YUMI_LIMITS), 0.0
+        self._arm, self._now = LimitedArm(PerfectArm(home(SIDE)), Limiter(YUMI_LIMITS)), 0.0
         self.cycle()
         self.activate()
 
@@ -194,7 +238,7 @@ class PerfectArmUnderTest(ArmUnderTest):
 
     def cycle(self) -> Joints:
         self._now += CYCLE
-        cycle = run_cycle(self._arm, self._manager, self._limiter, self._now, StageClock())
+        cycle = run_cycle(self._arm, self._manager, self._now, StageClock())
         assert cycle is not None
         self._state = cycle.state
         return cycle.state.position

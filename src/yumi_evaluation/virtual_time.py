@@ -25,9 +25,9 @@ from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import Event, Snapshot, read_snapshot
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
-from yumi.driver.egm_server import EgmArm
+from yumi.driver.egm_arm import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.egm.session import SILENCE, ArmSession
+from yumi.egm.session import SILENCE, Session
 from yumi.egm.udp import memory_links
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Side, joint_names, joints
 from yumi.settings import Parameter, Values
@@ -126,8 +126,9 @@ class VirtualArmRig:
             self.manager.load(name, controller)
             self.manager.configure(name)
         self._near, self._far = memory_links()
-        arm = EgmArm(self._near, ArmSession(silence=silence))
-        self.line = ArmLoop(side, arm, self.manager, limiter or Limiter(YUMI_LIMITS), self._snapshots, speed=speed)
+        limiter = limiter or Limiter(YUMI_LIMITS)
+        arm = EgmArm(self._near, Session(silence), limiter)
+        self.line = ArmLoop(side, arm, self.manager, limiter, self._snapshots, speed=speed)
 
     @property
     def snapshot(self) -> Snapshot:

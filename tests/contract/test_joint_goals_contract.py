@@ -11,7 +11,7 @@ from math import radians
 import numpy as np
 import pytest
 
-from controller_arms import PerfectArm
+from controller_arms import LimitedArm, PerfectArm
 from egm_loop import CONTROLLER, EgmLoop
 from trajectories import sent_beside_speeds
 from yumi.catalogue import message
@@ -74,12 +74,12 @@ class PerfectArmUnderGoals(ArmUnderGoals):
         manager.load(NAME, JointGoalController(MemoryBuffer()))
         manager.configure(NAME, FULL)
         super().__init__(manager)
-        self._arm, self._limiter, self._stages = PerfectArm(start), Limiter(YUMI_LIMITS), StageClock()
+        self._arm, self._stages = LimitedArm(PerfectArm(start), Limiter(YUMI_LIMITS)), StageClock()
         self.cycle()
         manager.switch([NAME], [], self.cycles[-1].state)
 
     def next_cycle(self) -> Cycle | None:
-        return run_cycle(self._arm, self.manager, self._limiter, len(self.cycles) * CYCLE, self._stages)
+        return run_cycle(self._arm, self.manager, len(self.cycles) * CYCLE, self._stages)
 
     def next_notices(self) -> list[object]:
         return [notice for _, notice in self.manager.take_reports()]

@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 from trajectory_arms import NAME, SIDE, Loop
 
-from controller_arms import PerfectArm
+from controller_arms import LimitedArm, PerfectArm
 from refusals import refused
 from trajectories import moved, swing
 from yumi.clock import ManualClock
@@ -45,7 +45,8 @@ class PerfectLoop:
             self.manager.load(name, each)
             self.manager.configure(name)
         self.arm = PerfectArm(HOME)
-        self.line = ArmLoop(SIDE, self.arm, self.manager, Limiter(YUMI_LIMITS, gain=0.0), MemoryBuffer())
+        limiter = Limiter(YUMI_LIMITS, gain=0.0)
+        self.line = ArmLoop(SIDE, LimitedArm(self.arm, limiter), self.manager, limiter, MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []
 

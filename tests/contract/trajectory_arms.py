@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from controller_arms import PerfectArm
+from controller_arms import LimitedArm, PerfectArm
 from yumi.clock import ManualClock
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
@@ -50,7 +50,7 @@ class PerfectLoop:
         self.manager.configure(NAME)
         self.arm = PerfectArm(home(SIDE))
         limiter = Limiter(YUMI_LIMITS, gain=0.0)  # it has no position loop
-        self.line = ArmLoop(SIDE, self.arm, self.manager, limiter, MemoryBuffer())
+        self.line = ArmLoop(SIDE, LimitedArm(self.arm, limiter), self.manager, limiter, MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []
 

@@ -28,7 +28,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client
 from std_msgs.msg import String
 
-from controller_arms import PerfectArm
+from controller_arms import LimitedArm, PerfectArm
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.controller import Controller, ControllerInfo, MemoryBuffer, State
@@ -108,8 +108,8 @@ class MemoryLine:
         self.may_answer = Event()
         self.may_answer.set()
         manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
-        arm, limiter = PerfectArm(home(Side.RIGHT)), Limiter(YUMI_LIMITS)
-        loop = ArmLoop(Side.RIGHT, arm, manager, limiter, MemoryBuffer())
+        limiter = Limiter(YUMI_LIMITS)
+        loop = ArmLoop(Side.RIGHT, LimitedArm(PerfectArm(home(Side.RIGHT)), limiter), manager, limiter, MemoryBuffer())
         self._commands = Commands({Side.RIGHT: loop}, lambda: 0.0)
 
     def _make(self, _: str) -> Watcher:

@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client
 from std_msgs.msg import String
 
-from controller_arms import PerfectArm
+from controller_arms import LimitedArm, PerfectArm
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.controller import MemoryBuffer
@@ -50,10 +50,9 @@ class RightArm:
             )
 
         manager = ControllerManager(joint_names(Side.RIGHT), {kind: factory(kind) for kind in CONTROLLER_KINDS})
-        arm = PerfectArm(home(Side.RIGHT))
-        self._commands = Commands(
-            {Side.RIGHT: ArmLoop(Side.RIGHT, arm, manager, Limiter(YUMI_LIMITS), MemoryBuffer())}, lambda: 0.0
-        )
+        limiter = Limiter(YUMI_LIMITS)
+        arm = LimitedArm(PerfectArm(home(Side.RIGHT)), limiter)
+        self._commands = Commands({Side.RIGHT: ArmLoop(Side.RIGHT, arm, manager, limiter, MemoryBuffer())}, lambda: 0.0)
 
     def call(self, command: Callable[Concatenate[Commands, P], T], /, *args: P.args, **kwargs: P.kwargs) -> T:
         return serve(self._commands, command, *args, **kwargs)

@@ -16,11 +16,11 @@ from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.control.shared_state import Event, Snapshot, read_snapshot
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.bringup import Bringup
-from yumi.driver.egm_server import EgmArm
+from yumi.driver.egm_arm import EgmArm
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
-from yumi.egm.session import ArmSession
+from yumi.egm.session import Session
 from yumi.egm.udp import MemoryLink, memory_links
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
@@ -48,14 +48,14 @@ class DriverArm:
         speed = SpeedScale(self.speed_scale)
         manager.load(CONTROLLER, JointPositionController(self.goals, speed=speed))
         manager.configure(CONTROLLER)
-        session = ArmSession()
+        limiter = Limiter(YUMI_LIMITS)
         self.recorder = FlightRecorder(flight_memory())
         stages = StageClock()
         self.line = ArmLoop(
             side,
-            EgmArm(link, session, stages),
+            EgmArm(link, Session(), limiter),
             manager,
-            Limiter(YUMI_LIMITS),
+            limiter,
             self.snapshots,
             self.recorder,
             stages,

@@ -412,10 +412,10 @@ class GoalInbox:
         newest = self._buffer.read()
         if newest is None or newest[0] == self._number:
             return None
-        self._number, goal = read_goal(self._buffer, session)
-        if goal is None or not isnan(goal.time):
-            return goal
-        return goal._replace(time=now)
+        self._number, goal = newest
+        if goal.session != session:
+            return None
+        return Goal(goal.position, goal.velocity, now if isnan(goal.time) else goal.time)
 
 
 def check_position(name: str, index: int, position: float) -> None:

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from yumi.control.controller import DECODE, LIMIT, UPDATE, StageClock
+from yumi.control.controller import UPDATE, StageClock
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.counters import WireCounters
-from yumi.control.limiter import Limiter
 from yumi.control.motion import largest_difference
 from yumi.robot.joints import ArmCommand, ArmState
 
@@ -18,15 +17,25 @@ from yumi.robot.joints import ArmCommand, ArmState
 class ArmPort(Protocol):
     """One arm that reports a state and takes one command for it."""
 
-    def read(self, now: float) -> ArmState | None:
-        """The newest state that has not been read yet, or None; never waits.
+    def receive(self, now: float) -> ArmState | None:
+        """The newest state to be answered, as far as it is plausible, or None; never waits.
 
         Args:
             now: time on the machine's monotonic clock [s].
         """
 
-    def write(self, command: ArmCommand) -> None:
-        """Answer the state read last; to be called once after each state."""
+    def reply(self, desired: ArmCommand | None) -> ArmCommand | None:
+        """Answer the state received last; to be called once after each state.
+
+        Args:
+            desired: by the controllers; None holds.
+
+        Returns:
+            The command that was sent, within the limits; None where the state was answered meanwhile.
+        """
+
+    def settle(self, state: ArmState) -> None:
+        """After the reply to ``state``: what the next one depends on."""
 
     def silence(self, now: float) -> float:
         """Time since the newest state [s]."""
@@ -57,17 +66,11 @@ class Cycle(NamedTuple):
         return largest_difference(self.desired.position, self.sent.position) if self.desired is not None else 0.0
 
 
-def run_cycle(
-    arm: ArmPort, manager: ControllerManager, limiter: Limiter, now: float, timing: StageClock
-) -> Cycle | None:
+def run_cycle(arm: ArmPort, manager: ControllerManager, now: float, timing: StageClock) -> Cycle | None:
     """Reply to the newest state of ``arm``; None when there is no new one that can be replied to."""
-    reported = timing.timed(DECODE, arm.read(now))
-    state = None if reported is None else limiter.check(reported)
+    state = arm.receive(now)
     if state is None:
         return None
     desired = timing.timed(UPDATE, manager.update(state))
-    sent = timing.timed(LIMIT, limiter.limit(state, desired))
-    if limiter.was_late:  # the core has answered
-        return None
-    arm.write(sent)
-    return Cycle(state, desired, sent)
+    sent = arm.reply(desired)
+    return None if sent is None else Cycle(state, desired, sent)

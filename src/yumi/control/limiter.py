@@ -23,10 +23,11 @@ from yumi.control.shared_state import Limited, Problem
 from yumi.core.library import COMMAND, SETTINGS, STATE, TABLE, LimiterExchange, load
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
 
-_COUNTERS = Struct("7q")
+_COUNTERS, _NUMBER = Struct("7q"), Struct("q")
 _pack_state, _get_state = STATE.pack, STATE.unpack_from
 _pack_command, _get_command = COMMAND.pack, COMMAND.unpack_from
 _COMMAND_AT, _COUNTERS_AT = LimiterExchange.command.offset, LimiterExchange.counters.offset
+_UNANSWERED_AT = _COUNTERS_AT + LimiterCounters._fields.index("unanswered") * _NUMBER.size
 _TABLE = b"".join(
     [
         bytes([TRANSITIONS[state].get(event, 0xFF) for event in LimiterEvent])  # -1 for what is forbidden
@@ -41,6 +42,12 @@ if len(_TABLE) != TABLE.size:
 _AS_REPORTED, _REPLACED = 1, 2  # a state that was checked
 
 
+def pack_command(command: ArmCommand) -> bytes:
+    """As the core takes it."""
+    position, velocity = command
+    return _pack_command(*position, *velocity, velocity is not ZERO)
+
+
 def _packed(state: ArmState) -> bytes:
     time, dt, session, position, velocity, planned, is_running = state
     return _pack_state(time, dt, session, *position, *velocity, *planned, is_running)
@@ -53,7 +60,7 @@ class Limiter:
 
     Attributes:
         handle: what the core calls it.
-        was_late: whether the core had replied when the newest command was to be limited.
+        session: of the arm's datagrams, which the core uses with it; None where states come from elsewhere.
 
     Args:
         limits: of the joints; speeds, accelerations and jerks bound how the position sent moves, and how the robot
@@ -82,7 +89,7 @@ class Limiter:
         if not handle:
             raise MemoryError("no memory for the limiter of an arm")
         self.handle = handle
-        self.was_late = False
+        self.session: object | None = None  # kept: the core uses it
         finalize(self, self._library.limiter_delete, handle).atexit = False  # threads may still use it
         self._exchange = LimiterExchange.from_address(self._library.limiter_exchange(handle))
         self._other: Limiter | None = None  # kept, since the core reads what it has measured
@@ -102,6 +109,11 @@ class Limiter:
     def counters(self) -> LimiterCounters:
         """What was changed so far."""
         return LimiterCounters._make(_COUNTERS.unpack_from(self._exchange, _COUNTERS_AT))
+
+    @property
+    def unanswered(self) -> int:
+        """The last of the counters, which each cycle reads."""
+        return _NUMBER.unpack_from(self._exchange, _UNANSWERED_AT)[0]  # type: ignore[no-any-return]
 
     @property
     def is_waiting(self) -> bool:
@@ -142,11 +154,11 @@ class Limiter:
 
     def note_interruption(self) -> None:
         """No datagram of the arm arrives: the other arm keeps clear of where this one may go."""
-        self._done(self._library.limiter_lose(self.handle, LimiterEvent.INTERRUPTION))
+        self.done(self._library.limiter_lose(self.handle, LimiterEvent.INTERRUPTION))
 
     def note_connection_lost(self) -> None:
         """No datagram has arrived for so long that the arm's controllers are deactivated; see above."""
-        self._done(self._library.limiter_lose(self.handle, LimiterEvent.CONNECTION_LOST))
+        self.done(self._library.limiter_lose(self.handle, LimiterEvent.CONNECTION_LOST))
 
     def note_position(self, position: Joints) -> None:
         """The arm, whose datagrams do not arrive, was read from the controller to be at ``position`` [rad], (7,)."""
@@ -169,8 +181,8 @@ class Limiter:
         Raises:
             ForbiddenTransition: the program is wrong. The cycle gets no reply, so that the robot keeps its reference.
         """
-        verdict = self._done(self._library.limiter_check(self.handle, _packed(state)))
-        self._checked = state if verdict == _AS_REPORTED else self._get() if verdict == _REPLACED else None
+        verdict = self.done(self._library.limiter_check(self.handle, _packed(state)))
+        self._checked = state if verdict == _AS_REPORTED else self.checked() if verdict == _REPLACED else None
         return self._checked
 
     def limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
@@ -182,35 +194,37 @@ class Limiter:
         Raises:
             ForbiddenTransition: as of :meth:`check`.
         """
-        is_late = 0
         if state is not self._checked and self.check(state) is None:
             # Repeat the last command; before the first one, where the robot is.
-            self._done(self._library.limiter_repeat(self.handle))
+            self.done(self._library.limiter_repeat(self.handle))
         elif desired is None:
-            is_late = self._done(self._library.limiter_limit(self.handle, None))
+            self.done(self._library.limiter_limit(self.handle, None))
         else:
-            position, velocity = desired
-            packed = _pack_command(*position, *velocity, velocity is not ZERO)
-            is_late = self._done(self._library.limiter_limit(self.handle, packed))
-        self.was_late = bool(is_late)
-        *values, has_velocity = _get_command(self._exchange, _COMMAND_AT)
-        return ArmCommand(fixed(values[:7]), fixed(values[7:]) if has_velocity else ZERO)
+            self.done(self._library.limiter_limit(self.handle, pack_command(desired)))
+        return self.sent()
 
     def observe(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
         packed = None if state is self._checked else _packed(state)
-        self._done(self._library.limiter_observe(self.handle, packed))
+        self.done(self._library.limiter_observe(self.handle, packed))
 
-    def _get(self) -> ArmState:
-        time, dt, session, *values, is_running = _get_state(self._exchange)
-        position, velocity, planned = fixed(values[:7]), fixed(values[7:14]), fixed(values[14:])
-        return ArmState(time, dt, session, position, velocity, planned, bool(is_running))
+    def checked(self) -> ArmState:
+        """The state that was checked last, as far as it is plausible."""
+        values = _get_state(self._exchange)
+        time, dt, session, is_running = *values[:3], values[24] != 0
+        return ArmState(time, dt, session, values[3:10], values[10:17], values[17:24], is_running)
+
+    def sent(self) -> ArmCommand:
+        """The command that was limited last."""
+        values = _get_command(self._exchange, _COMMAND_AT)
+        return ArmCommand(values[:7], values[7:14] if values[14] else ZERO)
 
     def _go(self, event: LimiterEvent) -> None:
         """To the state that follows on an event."""
-        self._done(self._library.limiter_go(self.handle, event))
+        self.done(self._library.limiter_go(self.handle, event))
 
-    def _done(self, result: int) -> int:
+    def done(self, result: int) -> int:
+        """What the core returned; raises ForbiddenTransition where it refused."""
         if result < 0 and self._exchange.forbidden < 0:
             raise RuntimeError("the core's limiter has failed")
         if result < 0:

@@ -220,7 +220,7 @@ class ArmLoop:
         # What waits in the socket says nothing about the time in which nothing was answered.
         self._end_if_lost(now)
         self._stages.begin(now)
-        self._unsettled = run_cycle(self._arm, self.manager, self._limiter, now, self._stages)
+        self._unsettled = run_cycle(self._arm, self.manager, now, self._stages)
         return self._unsettled
 
     def settle(self, now: float) -> bool:
@@ -238,7 +238,7 @@ class ArmLoop:
             self._is_interrupted = False
             if self._speed.advance(cycle.state.dt):
                 self._limiter.scale_speed(self._speed.value)
-            self._limiter.observe(cycle.state)
+            self._arm.settle(cycle.state)
             self.manager.watch(cycle.state)
             self.manager.note_times(cycle.state, self._stages.marks)
             self._note_changes(before.state if before else None, cycle.state)
@@ -272,7 +272,10 @@ class ArmLoop:
 
     def _note_late(self, now: float) -> None:
         """Report what the core has answered in place of the controllers; deactivate those that hung."""
-        count, controllers = self._limiter.counters.unanswered, self.manager.commanding
+        count = self._limiter.unanswered
+        if count == self._late_reported:
+            return
+        controllers = self.manager.commanding
         is_hung = count - self._unanswered > self._most_unanswered
         self._unanswered = count
         deactivated = self.manager.deactivate_commanding() if is_hung else ()
@@ -284,6 +287,8 @@ class ArmLoop:
     def _end_if_lost(self, now: float) -> bool:
         """Whether the arm was not heard for too long, be it that the robot was silent or that we did not run."""
         looked, self._looked = self._looked, max(now, self._looked)
+        if self._last is not None and now - self._last.state.time < self._due[1]:
+            return False  # it is on time
         silence = self._arm.lost_after(now)
         if silence is None:
             return False

@@ -20,7 +20,7 @@ from enum import IntEnum
 from itertools import chain
 from math import isnan, nan
 from multiprocessing.sharedctypes import RawArray
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from struct import Struct
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar, get_type_hints
 
@@ -262,11 +262,16 @@ class _Layout:
         self._struct = Struct("".join(formats) + f"{len(vectors) * JOINT_COUNT}d")
         self._scalars = _getter(scalars)
         self._vectors = _getter(vectors)
-        self._enums = [(scalars.index(name), enum) for name, enum in enums.items()]
-        self._optional = [index for index, name in enumerate(vectors) if hints[name] != Joints]
-        self._scalar_count, self._vector_count = len(scalars), len(vectors)
-        order = {name: index for index, name in enumerate([*scalars, *vectors])}
-        self._order = [order[name] for name in hints]
+        first = len(scalars)
+        begins = {name: first + JOINT_COUNT * index for index, name in enumerate(vectors)}
+        taken = [
+            slice(begins[name], begins[name] + JOINT_COUNT) if name in begins else scalars.index(name) for name in hints
+        ]
+        self._take = itemgetter(*taken) if len(taken) > 1 else lambda numbers: (numbers[taken[0]],)
+        places = {name: index for index, name in enumerate(hints)}
+        self._made = [(places[name], enum) for name, enum in enums.items()]
+        self._made += [(places[name], _text) for name in hints if hints[name] is str]
+        self._made += [(places[name], _known) for name in vectors if hints[name] != Joints]
         self.size = self._struct.size
 
     def pack(self, memory: memoryview, value: Any) -> None:
@@ -277,22 +282,22 @@ class _Layout:
         self._struct.pack_into(memory, _COUNTERS.size, *scalars, *chain.from_iterable(vectors))
 
     def unpack(self, memory: memoryview) -> Any:
-        numbers = self._struct.unpack_from(memory, _COUNTERS.size)
-        values: list[Any] = list(numbers[: self._scalar_count])
-        for index, enum in self._enums:
-            values[index] = enum(values[index])
-        for index in self._texts:
-            values[index] = values[index].rstrip(b"\0").decode(errors="ignore")  # a character may have been cut in two
-        rest = numbers[self._scalar_count :]
-        vectors: list[Any] = [rest[begin : begin + JOINT_COUNT] for begin in range(0, len(rest), JOINT_COUNT)]
-        for index in self._optional:
-            if isnan(vectors[index][0]):
-                vectors[index] = None
-        values += vectors
-        fields = [values[index] for index in self._order]
-        for number, count, kind in self._parts:
-            fields[number : number + count] = [kind(*fields[number : number + count])]
+        fields = self._take(self._struct.unpack_from(memory, _COUNTERS.size))
+        if self._made or self._parts:
+            fields = list(fields)
+            for index, make in self._made:
+                fields[index] = make(fields[index])
+            for number, count, kind in self._parts:
+                fields[number : number + count] = [kind(*fields[number : number + count])]
         return self._kind(*fields)
+
+
+def _text(raw: bytes) -> str:
+    return raw.rstrip(b"\0").decode(errors="ignore")  # a character may have been cut in two
+
+
+def _known(values: Joints) -> Joints | None:
+    return None if isnan(values[0]) else values
 
 
 def _fields(kind: Any) -> list[tuple[str, Any]]:

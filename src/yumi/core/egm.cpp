@@ -1,5 +1,5 @@
-// EGM as library.py declares it for egm/codec.py and egm/session.py: datagrams, sessions, and both together for the
-// control loop. No exception leaves, and nothing is allocated after the start.
+// EGM as library.py declares it for egm/codec.py and egm/session.py: datagrams and sessions. No exception leaves, and
+// nothing is allocated after the start.
 
 #include "session_handle.hpp"
 
@@ -70,28 +70,6 @@ bool session_close_if_silent(SessionHandle* handle, double now) {
     const bool is_closed = handle->egm.session.close_if_silent(now);
     handle->show();
     return is_closed;
-}
-
-// ---- an arm of the control loop
-
-// Take a datagram, the first and the last of those that wait together, or one between; whether any of them is to be
-// answered, which is in `arm` after the last.
-bool egm_arm_accept(SessionHandle* handle, const char* datagram, std::int64_t size, double now, bool is_first,
-                    bool is_last) {
-    const Guard guard(lock);
-    if (is_first) handle->egm.session.begin_batch();
-    handle->egm.accept(datagram, std::size_t(size), now);
-    if (is_last) handle->end_batch(now, true);
-    return handle->egm.session.is_accepted();
-}
-
-// Python's answer to what it accepted last; its size, 0 where a value is not finite, and -1 where the core has answered
-// something newer meanwhile.
-std::int64_t egm_arm_reply(SessionHandle* handle, const ArmCommand* command, unsigned char* datagram) {
-    const Guard guard(lock);
-    if (handle->cycle != handle->pythons) return -1;
-    handle->awaits_python = false;
-    return std::int64_t(handle->egm.reply(*command, datagram));
 }
 
 }  // extern "C"

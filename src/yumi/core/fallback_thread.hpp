@@ -11,7 +11,6 @@
 #include <pthread.h>
 #include <sched.h>
 #include <sys/eventfd.h>
-#include <sys/socket.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
 
@@ -20,7 +19,7 @@
 #include <system_error>
 #include <thread>
 
-#include "limiter_handle.hpp"
+#include "arm_handle.hpp"
 
 class FallbackThread {
 public:
@@ -37,13 +36,13 @@ public:
             const std::uint64_t one = 1;
             if (write(wake_, &one, sizeof one) == sizeof one) thread_.join();
         }
-        for (int i = 0; i < count_; ++i) arms_[i].limiter->session = nullptr, arms_[i].limiter->last_call = nullptr;
+        for (int i = 0; i < count_; ++i) arms_[i]->limiter.last_call = nullptr;
         close_descriptors();
     }
 
-    void add(LimiterHandle& limiter, SessionHandle& session, int socket) {
-        limiter.session = &session, limiter.last_call = &last_call_;
-        arms_[count_++] = {&limiter, &session, socket};
+    void add(ArmHandle& arm) {
+        arm.limiter.last_call = &last_call_;
+        arms_[count_++] = &arm;
     }
 
     bool start() {
@@ -68,18 +67,12 @@ public:
         is_busy_ = false;
         set_timer(0);
         for (int i = 0; i < count_; ++i)
-            if (arms_[i].session->awaits_python) answer(arms_[i]);
+            if (arms_[i]->session.awaits_python) arms_[i]->brake();
     }
 
 private:
     static constexpr double DEADLINE = 0.002;  // [s] for Python to call the core again
     static constexpr int GRACE = 1;             // [ms] with what arrives while Python is busy for longer
-
-    struct Arm {
-        LimiterHandle* limiter;
-        SessionHandle* session;
-        int socket;
-    };
 
     void close_descriptors() {
         if (timer_ >= 0) close(timer_);
@@ -106,7 +99,7 @@ private:
         pollfd waits[2 + 2] = {{wake_, POLLIN, 0}, {timer_, POLLIN, 0}, {}, {}};
         bool is_in_charge = false;
         while (!is_over_) {
-            for (int i = 0; i < count_; ++i) waits[2 + i] = {has_peer(arms_[i]) ? arms_[i].socket : -1, POLLIN, 0};
+            for (int i = 0; i < count_; ++i) waits[2 + i] = {arms_[i]->peer() ? arms_[i]->socket : -1, POLLIN, 0};
             poll(waits, is_in_charge ? nfds_t(2 + count_) : 2, is_in_charge ? GRACE : -1);
             // What has arrived Python may still take: it comes back at any moment.
             if (is_in_charge && (waits[2].revents | waits[3].revents)) poll(waits, 1, GRACE);
@@ -116,61 +109,14 @@ private:
             is_in_charge = is_busy_ && left == 0.0;
             if (!is_in_charge) continue;
             for (int i = 0; i < count_; ++i) {
-                if (arms_[i].session->awaits_python) answer(arms_[i]);
-                receive(arms_[i]);
+                if (arms_[i]->session.awaits_python) arms_[i]->brake();
+                arms_[i]->receive_and_brake();
             }
         }
     }
 
-    // Whether an arm's robot is known: the socket is connected to it then. Anybody else is for Python to judge.
-    static bool has_peer(const Arm& arm) {
-        sockaddr_storage peer;
-        socklen_t size = sizeof peer;
-        return getpeername(arm.socket, reinterpret_cast<sockaddr*>(&peer), &size) == 0;
-    }
-
-    // Take what has arrived for an arm. After a silence that has ended the session Python has to know of that first.
-    void receive(Arm& arm) {
-        core::Session& session = arm.session->egm.session;
-        const double arrival = core::monotonic_now();
-        if (!has_peer(arm) || session.is_lost(arrival)) return;
-        unsigned char datagram[2048];
-        session.begin_batch();
-        bool has_any = false;
-        for (int i = 0; i < MOST; ++i) {
-            const ssize_t length = recv(arm.socket, datagram, sizeof datagram, MSG_DONTWAIT);
-            if (length < 0) break;
-            arm.session->egm.accept(datagram, std::size_t(length), arrival);
-            has_any = true;
-        }
-        if (!has_any) return;
-        arm.session->end_batch(arrival, false);
-        if (session.is_accepted()) answer(arm);
-    }
-
-    // Brake an arm within its limits.
-    void answer(Arm& arm) {
-        LimiterHandle& limiter = *arm.limiter;
-        limiter.act([&]() -> std::int64_t {
-            const bool was_pythons = arm.session->awaits_python;
-            if (!(was_pythons && limiter.is_checked) && !limiter.check(arm.session->arm)) return 0;
-            limiter.limit(nullptr, true);
-            unsigned char datagram[core::LARGEST_REFERENCE];
-            const std::size_t size = arm.session->egm.reply(limiter.exchange.command, datagram);
-            // A reply that cannot leave is lost, as on any network.
-            const ssize_t sent = size ? send(arm.socket, datagram, size, MSG_DONTWAIT | MSG_NOSIGNAL) : 0;
-            limiter.observe();
-            return sent;
-        });
-        arm.session->awaits_python = false;
-        arm.session->egm.session.settle();
-        arm.session->show();
-    }
-
-    static constexpr int MOST = 256;  // datagrams read at once
-
     int timer_, wake_;
-    Arm arms_[2];
+    ArmHandle* arms_[2] = {};
     int count_ = 0;
     bool is_busy_ = false;
     double last_call_ = 0.0;  // when Python called the core last, or got busy [s]

@@ -40,6 +40,8 @@ FLAGS = (
     "-fPIC",
     "-pthread",
     "-ffp-contract=off",
+    "-fno-semantic-interposition",
+    "-fvisibility-inlines-hidden",
 )  # for any processor of its kind, and the same on each
 STANDARD = ("-lstdc++",)
 """Before Ruckig's library, which contains newer copies of the C++ library's functions than some machines have."""
@@ -84,7 +86,7 @@ class LimiterExchange(ctypes.Structure):
         ("must_settle", ctypes.c_int64),
         ("is_other_arm", ctypes.c_int64),
         ("implausible_position", ctypes.c_double * 7),
-        ("counters", ctypes.c_char * 56),
+        ("counters", ctypes.c_int64 * 7),
     )
 
 
@@ -126,6 +128,34 @@ class SessionValues(ctypes.Structure):
     )
 
 
+class ArmExchange(ctypes.Structure):
+    """What Python reads of a cycle; as ``ArmExchange`` in ``arm_handle.hpp``.
+
+    Attributes:
+        received, checked, limited, encoded, sent: when each stage was done, as :func:`time.monotonic` [s].
+        send_error: errno of the answer, 0 where the answer has left.
+        answer_size: of the answer, 0 where a value of the command is not finite.
+        datagram_size: of the robot's newest.
+        foreign: datagrams of other senders that waited when the robot began.
+        answer: to the robot.
+        datagram: the robot's newest.
+    """
+
+    _fields_ = (
+        ("received", ctypes.c_double),
+        ("checked", ctypes.c_double),
+        ("limited", ctypes.c_double),
+        ("encoded", ctypes.c_double),
+        ("sent", ctypes.c_double),
+        ("send_error", ctypes.c_int64),
+        ("answer_size", ctypes.c_int64),
+        ("datagram_size", ctypes.c_int64),
+        ("foreign", ctypes.c_int64),
+        ("answer", ctypes.c_char * 160),
+        ("datagram", ctypes.c_char * 2048),
+    )
+
+
 SIZES = (
     STATE.size,
     COMMAND.size,
@@ -139,6 +169,7 @@ SIZES = (
     REPORT.size,
     UNREADABLE.size,
     ctypes.sizeof(SessionValues),
+    ctypes.sizeof(ArmExchange),
 )
 """Of what crosses, in the order of ``core_sizes`` in ``limiter.cpp``."""
 
@@ -204,10 +235,14 @@ def load() -> ctypes.PyDLL:
         ("session_settle", None, address),
         ("session_silence", double, address, double),
         ("session_close_if_silent", boolean, address, double),
-        ("egm_arm_accept", boolean, address, packed, integer, double, boolean, boolean),
-        ("egm_arm_reply", integer, address, packed, address),
+        ("arm_new", address, address, address, integer),
+        ("arm_delete", None, address),
+        ("arm_receive", integer, address, double),
+        ("arm_accept", integer, address, packed, integer, double, boolean, boolean),
+        ("arm_reply", integer, address, packed, boolean),
+        ("arm_settle", integer, address),
         ("fallback_thread_new", address),
-        ("fallback_thread_add", None, address, address, address, integer),
+        ("fallback_thread_add", None, address, address),
         ("fallback_thread_start", boolean, address),
         ("fallback_thread_delete", None, address),
         ("fallback_thread_note_busy", None, address),

@@ -51,20 +51,18 @@ void limiter_pair(LimiterHandle* arm, LimiterHandle* other) {
     other->limiter.pair(arm->limiter);
 }
 
-// Check a state: 0 where no reply is safe, or the core has replied, 1 where the state is as it was reported, 2 where
+// Check a state: 0 where no reply is safe, 1 where the state is as it was reported, 2 where
 // something in it was replaced.
 std::int64_t limiter_check(LimiterHandle* arm, const ArmState* state) {
-    return arm->act_for_python([&]() -> std::int64_t {
-        if (arm->is_answered()) return 0;
+    return arm->act([&]() -> std::int64_t {
         if (!arm->check(*state)) return 0;
         return std::memcmp(state, &arm->exchange.state, sizeof *state) == 0 ? 1 : 2;
     });
 }
 
-// Limit the command for the state that was checked; without a desired one hold. 1 where the core has replied meanwhile.
+// Limit the command for the state that was checked; without a desired one hold.
 std::int64_t limiter_limit(LimiterHandle* arm, const ArmCommand* desired) {
-    return arm->act_for_python([&]() -> std::int64_t {
-        if (arm->is_answered()) return 1;
+    return arm->act([&]() -> std::int64_t {
         arm->limit(desired, false);
         return 0;
     });
@@ -80,8 +78,7 @@ std::int64_t limiter_repeat(LimiterHandle* arm) {
 
 // After the reply to a state; null: to the one that was checked.
 std::int64_t limiter_observe(LimiterHandle* arm, const ArmState* state) {
-    return arm->act_for_python([&]() -> std::int64_t {
-        if (arm->session && !arm->owes_observation) return 0;  // the core has done so
+    return arm->act([&]() -> std::int64_t {
         if (state) arm->exchange.state = *state;
         arm->observe();
         return 0;
@@ -109,6 +106,40 @@ void limiter_scale_speed(LimiterHandle* arm, double scale) {
     arm->limiter.scale_speed(scale);
 }
 
+// ---- an arm of the control loop
+
+// With the descriptor of its socket, -1 where Python reads and sends.
+ArmHandle* arm_new(LimiterHandle* limiter, SessionHandle* session, std::int64_t socket) {
+    try {
+        return new ArmHandle(*limiter, *session, int(socket));
+    } catch (...) {  // no memory
+        return nullptr;
+    }
+}
+
+void arm_delete(ArmHandle* arm) { delete arm; }
+
+std::int64_t arm_receive(ArmHandle* arm, double now) {
+    return arm->limiter.act_for_python([&] { return arm->receive(now); });
+}
+
+std::int64_t arm_accept(ArmHandle* arm, const char* datagram, std::int64_t size, double now, bool is_first, bool is_last) {
+    return arm->limiter.act_for_python(
+        [&] { return arm->accept(datagram, std::size_t(size), now, is_first, is_last); });
+}
+
+// 0 where the fallback thread has answered.
+std::int64_t arm_reply(ArmHandle* arm, const ArmCommand* desired, bool sends) {
+    return arm->limiter.act_for_python([&]() -> std::int64_t { return arm->reply(desired, sends); });
+}
+
+std::int64_t arm_settle(ArmHandle* arm) {
+    return arm->limiter.act_for_python([&]() -> std::int64_t {
+        arm->settle();
+        return 0;
+    });
+}
+
 // ---- the thread that answers while Python does not
 
 FallbackThread* fallback_thread_new() {
@@ -119,10 +150,8 @@ FallbackThread* fallback_thread_new() {
     }
 }
 
-// Before the thread begins: an arm with the descriptor of its socket.
-void fallback_thread_add(FallbackThread* thread, LimiterHandle* arm, SessionHandle* session, std::int64_t socket) {
-    thread->add(*arm, *session, int(socket));
-}
+// Before the thread begins.
+void fallback_thread_add(FallbackThread* thread, ArmHandle* arm) { thread->add(*arm); }
 
 bool fallback_thread_start(FallbackThread* thread) { return thread->start(); }
 
@@ -223,7 +252,8 @@ const collision::Motion* arm_collisions_motion(const CollisionsHandle* both, std
 void core_sizes(std::int64_t* sizes) {
     for (std::size_t size : {sizeof(ArmState), sizeof(ArmCommand), sizeof(Limiter::Settings), sizeof(StateTable),
                              sizeof(LimiterExchange), sizeof(Limited), sizeof(collision::Motion), sizeof(Setpoint),
-                             sizeof(JointLimits), sizeof(JointReport), sizeof(Unreadable), sizeof(SessionValues)})
+                             sizeof(JointLimits), sizeof(JointReport), sizeof(Unreadable), sizeof(SessionValues),
+                             sizeof(ArmExchange)})
         *sizes++ = std::int64_t(size);
 }
 

@@ -16,16 +16,12 @@ struct SessionValues {
 struct SessionHandle : SessionValues {
     core::EgmArm egm;
     bool awaits_python = false;
-    std::int64_t cycle = 0, pythons = 0;  // how many were to be answered, and the last of them that Python took
 
     explicit SessionHandle(double silence) : egm(silence) {}
 
     // The last of the datagrams that waited together was taken: what is to be answered, and whether by Python.
     void end_batch(double now, bool is_pythons) {
-        if (egm.session.is_accepted()) {
-            arm = egm.state(now), awaits_python = is_pythons, ++cycle;
-            if (is_pythons) pythons = cycle;
-        }
+        if (egm.session.is_accepted()) arm = egm.state(now), awaits_python = is_pythons;
         show();
     }
 

@@ -43,7 +43,7 @@ from yumi.control.shared_state import (
     read_snapshot,
     shared_numbers,
 )
-from yumi.driver.fallback_thread import FallbackThread
+from yumi.driver.egm_arm import FallbackThread
 from yumi.egm.udp import HasFileno, Poller
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.realtime import AwakeProcessors, prepare_process

@@ -1,7 +1,6 @@
 """The sensor's end of EGM: datagrams of a link become states of a robot, references become its replies.
 
-:class:`EgmServer` guides any ABB robot that has EGM from a plain Python loop, without ROS; :class:`EgmArm` is an arm of
-a YuMi in the control process.
+:class:`EgmServer` guides any ABB robot that has EGM from a plain Python loop, without ROS.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from typing import Protocol, TypeVar, cast
 
 from yumi.catalogue import message
 from yumi.clock import Clock, SystemClock
-from yumi.control.controller import ENCODE, RECEIVE, SEND, StageClock
 from yumi.control.counters import WireCounters
 from yumi.egm.codec import (
     MOST_NUMBERS,
@@ -28,10 +26,10 @@ from yumi.egm.codec import (
     SensorMessage,
     Twist,
 )
-from yumi.egm.session import SILENCE, ArmSession, Counted, SensorSession, Session
+from yumi.egm.session import SILENCE, Counted, SensorSession, Session
 from yumi.egm.udp import Poller, UdpServer, address_towards
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
-from yumi.robot.joints import CYCLE, ArmCommand, ArmState, Pose, Quaternion, Vector
+from yumi.robot.joints import CYCLE, Pose, Quaternion, Vector
 
 POLL_PERIOD = 0.050
 """How often a wait checks whether it is to end [s]."""
@@ -41,9 +39,6 @@ UNREADABLE = 25
 
 LONGEST_PERIOD = 0.100
 """The robot's clock is not believed beyond this [s]."""
-
-PUNCTUAL = 0.5 * CYCLE, 1.25 * CYCLE
-"""Times between two datagrams at which nothing else can wait behind the second [s]."""
 
 _NORM_TOLERANCE = 1e-3  # by how much the norm of a quaternion may differ from 1
 _OLDEST_MEASUREMENT = 1e6  # [s]
@@ -389,67 +384,6 @@ def _vector(name: str, values: Sequence[float]) -> Vector:
     return (x, y, z)
 
 
-class EgmArm:
-    """One seven-axis arm guided by EGM.
-
-    Args:
-        link: where its datagrams come from.
-        session: its sessions.
-        stages: what notes where a cycle's time goes.
-        keep: given the datagram of each cycle after it was answered, for who wants to know what else is in it.
-    """
-
-    def __init__(
-        self,
-        link: DatagramLink,
-        session: ArmSession,
-        stages: StageClock | None = None,
-        keep: Callable[[bytes], None] = lambda datagram: None,
-    ) -> None:
-        self._keep = keep
-        self._datagram = b""
-        self._link = link
-        self._session = session
-        self._stages = stages or StageClock()
-
-    def read(self, now: float) -> ArmState | None:
-        datagrams = self._stages.timed(RECEIVE, self._datagrams(now))
-        if not datagrams:
-            return None
-        state = accept_from(self._link, self._session.accept_state, datagrams, now)
-        if state is not None:
-            self._datagram = datagrams[-1]
-        return state
-
-    def _datagrams(self, now: float) -> Sequence[bytes]:
-        """Everything that waits; of a robot that is on time only one can, and another look would cost time."""
-        earliest, latest = PUNCTUAL
-        if not earliest < self._session.silence(now) < latest or not self._link.is_pinned:
-            return self._link.receive()
-        datagram = self._link.receive_next()
-        return () if datagram is None else (datagram,)
-
-    def write(self, command: ArmCommand) -> None:
-        datagram = self._stages.timed(ENCODE, self._session.answer(command))
-        if datagram is not None:
-            self._link.send(datagram)
-        self._stages.note(SEND)
-        self._session.settle()
-        self._keep(self._datagram)
-
-    def silence(self, now: float) -> float:
-        return self._session.silence(now)
-
-    def lost_after(self, now: float) -> float | None:
-        if not self._session.close_if_silent(now):
-            return None
-        self._link.release()
-        return self._session.silence(now)
-
-    def wire_counters(self) -> WireCounters:
-        return wire_counters(self._session, self._link.foreign)
-
-
 class DatagramLink(Protocol):
     """A socket that talks to one robot, or anything that behaves like one."""
 
@@ -461,14 +395,14 @@ class DatagramLink(Protocol):
     def is_pinned(self) -> bool:
         """Whether only one sender is heard."""
 
+    def fileno(self) -> int:
+        """Of the socket; -1 where the link is none."""
+
     def pin(self) -> None:
         """From now on hear only the sender of what was handed out last."""
 
     def release(self) -> None:
         """From now on hear every sender again."""
-
-    def receive_next(self) -> bytes | None:
-        """The oldest datagram that waits, if any; never waits."""
 
     def receive(self) -> Sequence[bytes]:
         """All datagrams of one sender that wait, oldest first; never waits."""

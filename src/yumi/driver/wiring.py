@@ -52,14 +52,13 @@ from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.control.tool_path import ToolLimits
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
-from yumi.driver.egm_server import EgmArm
-from yumi.driver.fallback_thread import FallbackThread
+from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
 from yumi.driver.stops import StopLog
-from yumi.egm.session import ArmSession
+from yumi.egm.session import Session
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
 from yumi.process.supervision import SingleInstance
@@ -259,7 +258,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     set_prefix(plan.prefix)
     halves: Halves = {}
     arms: dict[Side, ConnectedArm] = {}
-    answered: list[tuple[Limiter, ArmSession, UdpServer]] = []
+    answered: list[tuple[Limiter, EgmArm]] = []
     collisions = None
     if plan.collision.enabled:
         collisions = CollisionLimiter(
@@ -271,10 +270,9 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
         manager = _manager_of(side, own, halves, plan.limits, plan.period, speed, plan.tool_limits)
         start_controllers(manager, plan.controllers[side])
-        session = ArmSession(silence=plan.silence)
-        arm = EgmArm(socket, session, stages, own.datagram.write)
         apart = collisions.arm(side) if collisions else None
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, apart, plan.bandwidth)
+        arm = EgmArm(socket, Session(plan.silence), limiter, stages, own.datagram.write)
         recorder = FlightRecorder(own.flight)
         loop = ArmLoop(
             side,
@@ -290,10 +288,10 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
             own.read_joints,
         )
         arms[side] = ConnectedArm(loop, socket)
-        answered.append((limiter, session, socket))
-    for (limiter, *_), (other, *_) in pairwise(answered):
+        answered.append((limiter, arm))
+    for (limiter, _), (other, _) in pairwise(answered):
         limiter.pair(other)
-    fallback = FallbackThread(answered)
+    fallback = FallbackThread(arm for _, arm in answered)
     return {side: arm._replace(fallback=fallback) for side, arm in arms.items()}
 
 

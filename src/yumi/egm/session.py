@@ -1,20 +1,18 @@
 """One robot's EGM sessions as we see them: which datagrams count, when a session begins, when the robot is silent.
 
-Both are decided in ``core/egm_session.hpp``. :class:`SensorSession` gives the core messages of any codec,
-:class:`ArmSession` the datagrams of a seven-axis arm, which the core reads itself.
+Both are decided in ``core/egm_session.hpp``. :class:`SensorSession` gives the core messages of any codec; of an arm of
+the control loop the core reads the datagrams itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import create_string_buffer
 from typing import Generic, NamedTuple, Protocol, TypeVar
 from weakref import finalize
 
-from yumi.core.library import COMMAND, STATE, SessionValues, load
-from yumi.egm.codec import LARGEST_REFERENCE, not_finite
+from yumi.core.library import SessionValues, load
 from yumi.errors import ProtocolError
-from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints
+from yumi.robot.joints import Joints
 
 SILENCE = 0.020
 """A robot that says nothing for five cycles is lost [s]."""
@@ -197,45 +195,3 @@ class SensorSession(Session, Generic[Message]):
     def next_seqno(self) -> int:
         """The number of our next datagram in this session."""
         return int(self._library.session_next_seqno(self.handle))
-
-
-class ArmSession(Session):
-    """The sessions of a seven-axis arm in the control loop; the core reads its datagrams and writes the answers.
-
-    Args:
-        silence: a robot that says nothing for longer is lost [s].
-    """
-
-    def __init__(self, silence: float = SILENCE) -> None:
-        super().__init__(silence)
-        self._answer = create_string_buffer(LARGEST_REFERENCE)
-
-    def accept_state(self, datagrams: Sequence[bytes], now: float) -> ArmState | None:
-        """Take what has arrived, oldest first; the newest that counts, as the state of the arm, or None.
-
-        Args:
-            datagrams: everything that waits in the socket; usually one.
-            now: arrival time [s].
-        """
-        handle, accept, last = self.handle, self._library.egm_arm_accept, len(datagrams) - 1
-        is_accepted = False
-        for index, datagram in enumerate(datagrams):
-            is_accepted = accept(handle, datagram, len(datagram), now, index == 0, index == last)
-        if not is_accepted:
-            return None
-        time, dt, session, *values, is_running = STATE.unpack_from(self._values, SessionValues.arm.offset)
-        position, velocity, planned = tuple(values[:7]), tuple(values[7:14]), tuple(values[14:])
-        return ArmState(time, dt, session, position, velocity, planned, is_running != 0)
-
-    def answer(self, command: ArmCommand) -> bytes | None:
-        """The answer to the datagram accepted last; None where the core has answered a newer one.
-
-        Raises:
-            ValueError: a value is not finite.
-        """
-        position, velocity = command
-        packed = COMMAND.pack(*position, *velocity, velocity is not ZERO)
-        size = self._library.egm_arm_reply(self.handle, packed, self._answer)
-        if not size:
-            raise not_finite(position, velocity)
-        return self._answer.raw[:size] if size > 0 else None

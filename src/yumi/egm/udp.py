@@ -90,17 +90,6 @@ class UdpServer:
     def fileno(self) -> int:
         return self._socket.fileno()
 
-    def receive_next(self) -> bytes | None:
-        """The oldest datagram that waits; None when there is none, or what waits counts for nothing."""
-        try:
-            datagram, peer = self._receive(_BUFFER_SIZE)
-        except OSError:  # nothing waits, or an ICMP error of an earlier send
-            return None
-        if peer != self._peer and not self._is_taken(peer):
-            return None
-        self._peer = peer
-        return datagram
-
     def receive(self) -> list[bytes]:
         """The datagrams of one sender that wait, oldest first; of the pinned one, if there is one."""
         datagrams: list[bytes] = []
@@ -359,6 +348,10 @@ class MemoryLink:
         self._inbox = inbox
         self._outbox = outbox
 
+    def fileno(self) -> int:
+        """No socket."""
+        return -1
+
     def send(self, datagram: bytes) -> None:
         self._outbox.append(datagram)
 
@@ -371,10 +364,6 @@ class MemoryLink:
     @property
     def has_datagram(self) -> bool:
         return bool(self._inbox)
-
-    def receive_next(self) -> bytes | None:
-        """The oldest datagram that waits."""
-        return self._inbox.popleft() if self._inbox else None
 
     def receive(self) -> list[bytes]:
         """All datagrams that wait, oldest first."""

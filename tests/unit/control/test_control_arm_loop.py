@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from controller_arms import LimitedArm
 from egm_loop import EgmLoop
 from refusals import assert_says
 from yumi.catalogue import message
@@ -86,7 +87,8 @@ def loop(arm: ScriptedArm, snapshots: MemoryBuffer) -> ArmLoop:
     manager = ControllerManager(joint_names(Side.LEFT))
     manager.load("pusher", Pusher())
     manager.configure("pusher")
-    return ArmLoop(Side.LEFT, arm, manager, Limiter(YUMI_LIMITS), snapshots)
+    limiter = Limiter(YUMI_LIMITS)
+    return ArmLoop(Side.LEFT, LimitedArm(arm, limiter), manager, limiter, snapshots)
 
 
 def feed(
@@ -296,8 +298,7 @@ def test_controllers_are_deactivated_before_they_are_asked_again_when_the_core_h
     feed(loop, arm, middle, now=20.0)
     loop.manager.switch(["pusher"], [], loop.state)
     loop.take_events()
-    counters = loop._limiter.counters
-    monkeypatch.setattr(Limiter, "counters", counters._replace(unanswered=counters.unanswered + cycles))
+    monkeypatch.setattr(Limiter, "unanswered", cycles)
     feed(loop, arm, middle, now=20.0 + cycles * CYCLE)
     late = ControllersLate(Side.LEFT, cycles, ("pusher",), ("pusher",) if is_hung else ())
     assert loop.take_events() == [late]
@@ -312,6 +313,6 @@ def test_short_times_without_an_answer_deactivate_nothing_however_many(
     feed(loop, arm, middle, now=20.0)
     loop.manager.switch(["pusher"], [], loop.state)
     for number in range(1, 10):
-        monkeypatch.setattr(Limiter, "counters", loop._limiter.counters._replace(unanswered=number * 40))
+        monkeypatch.setattr(Limiter, "unanswered", number * 40)
         feed(loop, arm, middle, now=20.0 + number * 0.16)
     assert loop.activation

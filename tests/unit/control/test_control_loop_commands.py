@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from controller_arms import PerfectArm
+from controller_arms import LimitedArm, PerfectArm
 from unit.control.controller_doubles import RUNNING, Double
 from yumi.catalogue import Message, in_words, message
 from yumi.control.controller import MemoryBuffer, State
@@ -34,7 +34,8 @@ class Arms:
         manager.load("double", self.doubles[side])
         manager.configure("double")
         manager.switch(["double"], [], RUNNING)
-        return ArmLoop(side, PerfectArm(ZERO), manager, Limiter(YUMI_LIMITS), self.buffers[side])
+        limiter = Limiter(YUMI_LIMITS)
+        return ArmLoop(side, LimitedArm(PerfectArm(ZERO), limiter), manager, limiter, self.buffers[side])
 
     def call(self, command: Any, *args: Any) -> Any:
         return serve(self.commands, command, *args)

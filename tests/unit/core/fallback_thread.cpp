@@ -43,13 +43,14 @@ struct Wire {
     int ours = bound_socket(ours_at), robots = bound_socket(robots_at);
     SessionHandle session{0.5};
     LimiterHandle limiter{{YUMI, YUMI.velocity, core::CYCLE, core::EGM_GAIN, 0.0}, table(), nullptr};
+    ArmHandle arm{limiter, session, ours};
     FallbackThread thread;
     std::uint32_t seqno = 0;
 
     Wire() {
         CHECK(connect(ours, reinterpret_cast<sockaddr*>(&robots_at), sizeof robots_at) == 0);
         CHECK(connect(robots, reinterpret_cast<sockaddr*>(&ours_at), sizeof ours_at) == 0);
-        thread.add(limiter, session, ours);
+        thread.add(arm);
         CHECK(thread.start());
     }
     ~Wire() { close(ours), close(robots); }
@@ -88,28 +89,15 @@ struct Wire {
 
     // What Python does with a datagram: takes it, and answers it unless the thread has.
     void take() {
-        unsigned char datagram[2048];
-        const ssize_t size = recv(ours, datagram, sizeof datagram, MSG_DONTWAIT);
-        if (size < 0) return;
-        const core::Guard guard(core::lock);
-        session.egm.session.begin_batch();
-        const double now = core::monotonic_now();
-        session.egm.accept(datagram, std::size_t(size), now);
-        session.end_batch(now, true);
+        limiter.act_for_python([&] { return arm.receive(core::monotonic_now()); });
     }
     bool answer() {
         const core::Guard guard(core::lock);
-        if (limiter.is_answered()) return false;
-        limiter.act([&]() -> std::int64_t {
-            if (!limiter.check(session.arm)) return 0;
-            limiter.limit(nullptr, false);
-            unsigned char datagram[core::LARGEST_REFERENCE];
-            const std::size_t size = session.egm.reply(limiter.exchange.command, datagram);
-            CHECK(send(ours, datagram, size, 0) == ssize_t(size));
-            limiter.observe();
-            return 0;
+        return limiter.act_for_python([&]() -> std::int64_t {
+            if (!arm.reply(nullptr, true)) return 0;
+            arm.settle();
+            return 1;
         });
-        return true;
     }
     std::int64_t unanswered() {
         const core::Guard guard(core::lock);

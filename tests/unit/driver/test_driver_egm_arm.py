@@ -7,13 +7,14 @@ from dataclasses import replace
 import pytest
 
 from yumi.catalogue import clause, message
+from yumi.control.limiter import Limiter
 from yumi.control.shared_state import Limited, Snapshot
-from yumi.driver.egm_server import EgmArm
+from yumi.driver.egm_arm import EgmArm
 from yumi.driver.endpoint import arm_report
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
-from yumi.egm.session import ArmSession
+from yumi.egm.session import Session
 from yumi.egm.udp import MemoryLink, UdpClient, UdpServer, memory_links
-from yumi.robot.joints import CYCLE, ZERO, ArmCommand, Joints, Side
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints, Side
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
 MESSAGE = RobotMessage(
@@ -39,18 +40,18 @@ class Robot:
 @pytest.fixture
 def wire() -> tuple[EgmArm, Robot]:
     ours, theirs = memory_links()
-    return EgmArm(ours, ArmSession()), Robot(theirs)
+    return EgmArm(ours, Session(), Limiter(YUMI_LIMITS)), Robot(theirs)
 
 
 def test_arm_has_no_state_before_the_robot_speaks(wire: tuple[EgmArm, Robot]) -> None:
     arm, _ = wire
-    assert arm.read(0.0) is None
+    assert arm.receive(0.0) is None
 
 
 def test_arm_reports_position_and_zero_velocity_at_first(wire: tuple[EgmArm, Robot]) -> None:
     arm, robot = wire
     robot.say(MESSAGE)
-    state = arm.read(5.0)
+    state = arm.receive(5.0)
     assert state is not None
     assert state.position == pytest.approx(HOME, abs=1e-6)
     assert (state.time, state.dt, state.session, state.velocity) == (5.0, 0.0, 1, ZERO)
@@ -59,9 +60,9 @@ def test_arm_reports_position_and_zero_velocity_at_first(wire: tuple[EgmArm, Rob
 def test_arm_derives_velocity_by_the_robots_own_clock(wire: tuple[EgmArm, Robot]) -> None:
     arm, robot = wire
     robot.say(MESSAGE)
-    arm.read(0.0)
+    arm.receive(0.0)
     robot.say(replace(MESSAGE, seqno=1, measured=(0.01, *HOME[1:]), measured_time=1.0 + CYCLE))
-    state = arm.read(0.01)
+    state = arm.receive(0.01)
     assert state is not None
     assert state.dt == pytest.approx(CYCLE, abs=1e-6)
     assert state.velocity[0] == pytest.approx(0.01 / CYCLE, rel=1e-3)
@@ -71,9 +72,9 @@ def test_arm_derives_velocity_by_the_robots_own_clock(wire: tuple[EgmArm, Robot]
 def test_arm_does_not_believe_a_clock_that_stands_or_jumps(wire: tuple[EgmArm, Robot], time: float) -> None:
     arm, robot = wire
     robot.say(MESSAGE)
-    arm.read(0.0)
+    arm.receive(0.0)
     robot.say(replace(MESSAGE, seqno=1, measured_time=time))
-    state = arm.read(0.004)
+    state = arm.receive(0.004)
     assert state is not None
     assert state.dt == CYCLE
 
@@ -93,8 +94,9 @@ def test_arm_runs_only_with_motors_and_rapid_and_egm(
     wire: tuple[EgmArm, Robot], change: dict[str, object], is_running: bool
 ) -> None:
     arm, robot = wire
-    robot.say(replace(MESSAGE, **change))  # type: ignore[arg-type]
-    state = arm.read(0.0)
+    for seqno in range(2):  # the first of a robot that does not follow is not answered
+        robot.say(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE, **change))  # type: ignore[arg-type]
+        state = arm.receive(seqno * CYCLE)
     assert state is not None
     assert state.is_running is is_running
 
@@ -102,8 +104,8 @@ def test_arm_runs_only_with_motors_and_rapid_and_egm(
 def test_arm_answers_on_the_wire(wire: tuple[EgmArm, Robot]) -> None:
     arm, robot = wire
     robot.say(MESSAGE)
-    arm.read(0.0)
-    arm.write(ArmCommand(HOME))
+    arm.receive(0.0)
+    arm.reply(ArmCommand(HOME))
     assert robot.hear() == pytest.approx(HOME)
 
 
@@ -111,8 +113,9 @@ def test_arm_tells_what_its_wire_has_seen(wire: tuple[EgmArm, Robot]) -> None:
     arm, robot = wire
     for seqno, arrival in ((0, 5.0), (1, 5.004), (3, 5.013), (3, 5.014)):
         robot.say(replace(MESSAGE, seqno=seqno, measured_time=1.0 + 0.004 * seqno))
-        if arm.read(arrival) is not None:
-            arm.write(ArmCommand(HOME))
+        if (state := arm.receive(arrival)) is not None:
+            arm.reply(ArmCommand(HOME))
+            arm.settle(state)
     wire_counters = arm.wire_counters()
     assert (wire_counters.session, wire_counters.missed, wire_counters.lost, wire_counters.repeated) == (1, 1, 1, 1)
     assert wire_counters.cycle_time == pytest.approx(0.013 / 3)
@@ -122,7 +125,7 @@ def test_arm_tells_what_its_wire_has_seen(wire: tuple[EgmArm, Robot]) -> None:
 def test_arm_is_lost_once_when_the_robot_is_silent(wire: tuple[EgmArm, Robot]) -> None:
     arm, robot = wire
     robot.say(MESSAGE)
-    arm.read(1.0)
+    arm.receive(1.0)
     assert arm.lost_after(1.019) is None
     assert arm.lost_after(1.021) == pytest.approx(0.021)
     assert arm.lost_after(1.03) is None
@@ -130,14 +133,15 @@ def test_arm_is_lost_once_when_the_robot_is_silent(wire: tuple[EgmArm, Robot]) -
 
 @pytest.mark.parametrize(("pause", "left"), [(CYCLE, 1), (0.1 * CYCLE, 0), (2.0 * CYCLE, 0)])
 def test_arm_looks_for_a_newer_datagram_unless_the_robot_is_on_time(pause: float, left: int) -> None:
-    ours, theirs = memory_links()
-    arm, robot = EgmArm(ours, ArmSession()), Robot(theirs)
-    robot.say(MESSAGE)
-    arm.read(0.0)
-    for seqno in (1, 2):
-        robot.say(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE))
-    arm.read(pause)
-    assert len(ours.receive()) == left
+    with UdpServer("127.0.0.1", 0) as server:
+        robot, arm = Sender(server), EgmArm(server, Session(), Limiter(YUMI_LIMITS))
+        robot.send(0)
+        arm.receive(0.0)
+        for seqno in (1, 2):
+            robot.send(seqno)
+        arm.receive(pause)
+        assert len(server.receive()) == left
+        robot.close()
 
 
 class Sender:
@@ -165,16 +169,16 @@ def test_arm_answers_the_robot_and_never_another_port_of_its_address() -> None:
     """Loopback delivers before ``send`` returns, so nothing has to be waited for."""
     with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
         robot, forger = Sender(server), Sender(server)
-        arm = EgmArm(server, ArmSession())
+        arm = EgmArm(server, Session(), Limiter(YUMI_LIMITS))
         answered = 0
         for seqno in range(50):
             now = seqno * CYCLE
             robot.send(seqno)
             forger.send(seqno + 1000, measured=(1.0, *HOME[1:]))
             forger.send_junk()
-            while (state := arm.read(now)) is not None:
+            while (state := arm.receive(now)) is not None:
                 assert state.position == pytest.approx(HOME, abs=1e-6)
-                arm.write(ArmCommand(HOME))
+                arm.reply(ArmCommand(HOME))
                 answered += 1
         assert (answered, robot.answers(), forger.answers()) == (50, 50, 0)
         assert arm.wire_counters().foreign == 2  # those that waited when the robot's first had come
@@ -196,9 +200,9 @@ for count in range(10**9):
 
 def test_arm_answers_each_datagram_of_the_robot_beside_a_flood_from_another_address() -> None:
     with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
-        robot, arm = Sender(server), EgmArm(server, ArmSession())
+        robot, arm = Sender(server), EgmArm(server, Session(), Limiter(YUMI_LIMITS))
         robot.send(0)
-        assert arm.read(0.0) is not None
+        assert arm.receive(0.0) is not None
         command = (sys.executable, "-c", FLOOD, str(server.port))
         with subprocess.Popen(command, stdout=subprocess.PIPE) as flooder:
             try:
@@ -206,8 +210,8 @@ def test_arm_answers_each_datagram_of_the_robot_beside_a_flood_from_another_addr
                 assert flooder.stdout.readline() == b"begun\n"
                 for seqno in range(1, 400):
                     robot.send(seqno)
-                    assert arm.read(seqno * CYCLE) is not None
-                    arm.write(ArmCommand(HOME))
+                    assert arm.receive(seqno * CYCLE) is not None
+                    arm.reply(ArmCommand(HOME))
                     assert robot.answers() == 1
                 assert flooder.poll() is None
             finally:
@@ -219,15 +223,15 @@ def test_arm_answers_each_datagram_of_the_robot_beside_a_flood_from_another_addr
 def test_arm_hears_another_port_when_the_robot_has_fallen_silent() -> None:
     with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
         robot, again = Sender(server), Sender(server)
-        arm = EgmArm(server, ArmSession())
+        arm = EgmArm(server, Session(), Limiter(YUMI_LIMITS))
         robot.send(0)
-        assert arm.read(0.0) is not None
+        assert arm.receive(0.0) is not None
         again.send(500)
-        assert arm.read(CYCLE) is None
+        assert arm.receive(CYCLE) is None
         assert arm.lost_after(1.5) is not None
         again.send(500)
-        assert arm.read(2.0) is not None
-        arm.write(ArmCommand(HOME))
+        assert arm.receive(2.0) is not None
+        arm.reply(ArmCommand(HOME))
         assert (robot.answers(), again.answers()) == (0, 1)
         robot.close()
         again.close()
@@ -236,12 +240,12 @@ def test_arm_hears_another_port_when_the_robot_has_fallen_silent() -> None:
 def test_arm_begins_with_the_robot_when_junk_of_another_sender_waits_before_it() -> None:
     with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
         robot, other = Sender(server), Sender(server)
-        arm = EgmArm(server, ArmSession())
+        arm = EgmArm(server, Session(), Limiter(YUMI_LIMITS))
         other.send_junk()
         robot.send(0)
         other.send_junk()
-        assert arm.read(0.0) is not None
-        arm.write(ArmCommand(HOME))
+        assert arm.receive(0.0) is not None
+        arm.reply(ArmCommand(HOME))
         assert (robot.answers(), other.answers()) == (1, 0)
         robot.close()
         other.close()
@@ -250,12 +254,14 @@ def test_arm_begins_with_the_robot_when_junk_of_another_sender_waits_before_it()
 def test_arm_keeps_the_datagram_that_it_has_answered(wire: tuple[EgmArm, Robot]) -> None:
     kept: list[bytes] = []
     ours, theirs = memory_links()
-    arm, robot = EgmArm(ours, ArmSession(), keep=kept.append), Robot(theirs)
+    arm, robot = EgmArm(ours, Session(), Limiter(YUMI_LIMITS), keep=kept.append), Robot(theirs)
     message = replace(MESSAGE, utilization=0.5, torque=(1.0,) * 7)
     robot.say(message)
-    arm.read(0.0)
+    state = arm.receive(0.0)
+    assert state is not None
+    arm.reply(ArmCommand(HOME))
     assert kept == []
-    arm.write(ArmCommand(HOME))
+    arm.settle(state)
     (datagram,) = kept
     report = arm_report(Side.RIGHT, Snapshot(is_streaming=True, is_running=True, position=HOME), datagram)
     assert report.planned == pytest.approx(MESSAGE.planned, abs=1e-6)

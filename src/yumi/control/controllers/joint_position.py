@@ -75,6 +75,7 @@ class JointPositionController(Controller):
         self._given_at = -inf
         self._p = self._i = self._d = ZERO
         self._i_clamp = (0.0, 0.0)
+        self._is_proportional = True
         self._integrals = [0.0] * JOINT_COUNT
         self._predictor, self._filter = TargetPredictor(limits), TrackingFilter(limits)
         self._delay = DELAY
@@ -93,6 +94,9 @@ class JointPositionController(Controller):
     def configure(self, values: Values) -> None:
         self._p, self._i, self._d = (self._gains_of(values, gain) for gain in "pid")
         self._i_clamp = (number(values, "i_clamp_min"), number(values, "i_clamp_max"))
+        self._is_proportional = not any(self._i) and not any(self._d)
+        if not any(self._i):
+            self._integrals = [0.0] * JOINT_COUNT
         self._feeds_forward = flag(values, "tracking.feed_forward")
         self._delay = number(values, "tracking.delay")
         self._predictor.memory = number(values, "tracking.memory")
@@ -136,12 +140,12 @@ class JointPositionController(Controller):
         The rate of the error is minus the measured speed, not differentiated: a goal that jumps gives no kick.
         """
         self._is_tracking = False
-        if any(self._i):
-            low, high = self._i_clamp
-            rows = zip(self._integrals, self._i, goal, state.position, strict=True)
-            self._integrals = [max(low, min(high, old + i * (to - now) * state.dt)) for old, i, to, now in rows]
-        else:
-            self._integrals = [0.0] * JOINT_COUNT
+        if self._is_proportional:
+            errors = zip(state.position, goal, self._p, strict=True)
+            return ArmCommand(fixed([now + p * (to - now) for now, to, p in errors]))
+        low, high = self._i_clamp
+        rows = zip(self._integrals, self._i, goal, state.position, strict=True)
+        self._integrals = [max(low, min(high, old + i * (to - now) * state.dt)) for old, i, to, now in rows]
         parts = zip(state.position, goal, state.velocity, self._p, self._integrals, self._d, strict=True)
         return ArmCommand(fixed([now + p * (to - now) + integral - d * v for now, to, v, p, integral, d in parts]))
 

@@ -1,0 +1,159 @@
+// One arm of the control loop: what waits in its socket becomes a state, what its controllers want becomes the answer.
+//
+// In each cycle Python calls receive, reply, and after the replies of both arms settle. Where Python does not, the
+// fallback thread answers.
+
+#pragma once
+
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <cerrno>
+#include <optional>
+
+#include "limiter_handle.hpp"
+
+// What Python reads of a cycle; as ArmExchange in library.py.
+struct ArmExchange {
+    double received = 0.0, checked = 0.0, limited = 0.0, encoded = 0.0, sent = 0.0;  // when each stage was done [s]
+    std::int64_t send_error = 0;     // errno of the answer, 0 where the answer has left
+    std::int64_t answer_size = 0;    // 0 where a value of the command is not finite
+    std::int64_t datagram_size = 0;  // of the robot's newest
+    std::int64_t foreign = 0;        // datagrams of other senders that waited when the robot began
+    unsigned char answer[core::LARGEST_REFERENCE];
+    unsigned char datagram[2048];
+};
+
+struct ArmHandle {
+    // What became of the datagrams that waited.
+    enum Verdict : std::int64_t {
+        NONE,       // none of them counts
+        UNSAFE,     // one counts, and no answer is safe
+        TO_ANSWER,  // one is to be answered: its state is in the limiter's exchange
+    };
+
+    ArmExchange exchange;
+    LimiterHandle& limiter;
+    SessionHandle& session;
+    const int socket;  // -1 where Python reads and sends
+
+    ArmHandle(LimiterHandle& limits, SessionHandle& sessions, int descriptor)
+        : limiter(limits), session(sessions), socket(descriptor) {
+        limiter.session = &session;
+    }
+
+    // For Python: take what waits in the socket.
+    std::int64_t receive(double now) {
+        const double silence = session.egm.session.silence(now);
+        // Of a robot that is on time nothing else can wait behind the first, and another look would cost time.
+        const bool is_punctual = SOONEST < silence && silence < LATEST;
+        const bool has_any = take_waiting(exchange.datagram, sizeof exchange.datagram, now, is_punctual ? 1 : MOST);
+        exchange.received = core::monotonic_now();
+        return has_any ? judge(now) : std::int64_t(NONE);
+    }
+
+    // For Python: take a datagram that Python has read, the first or the last of those that wait together, or one between.
+    std::int64_t accept(const char* datagram, std::size_t size, double now, bool is_first, bool is_last) {
+        if (is_first) session.egm.session.begin_batch(), exchange.received = core::monotonic_now();
+        session.egm.accept(datagram, size, now);
+        if (!is_last) return NONE;
+        exchange.datagram_size = std::int64_t(std::min(size, sizeof exchange.datagram));
+        std::memcpy(exchange.datagram, datagram, std::size_t(exchange.datagram_size));
+        return judge(now);
+    }
+
+    // For Python: the answer to the state that was received, which leaves where the core sends it. Without a desired
+    // command the arm holds. False where the fallback thread has answered.
+    bool reply(const core::ArmCommand* desired, bool sends) {
+        if (limiter.is_answered()) return false;
+        limiter.limit(desired, false);
+        exchange.limited = core::monotonic_now();
+        const std::size_t size = session.egm.reply(limiter.exchange.command, exchange.answer);
+        exchange.encoded = core::monotonic_now();
+        exchange.answer_size = std::int64_t(size);
+        const bool has_left = !sends || !size || send(socket, exchange.answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
+        exchange.send_error = has_left ? 0 : errno;
+        exchange.sent = core::monotonic_now();
+        return true;
+    }
+
+    // For Python: after the reply.
+    void settle() {
+        if (limiter.owes_observation) limiter.observe();
+        session.egm.session.settle();
+        session.show();
+    }
+
+    // For the fallback thread: take what has arrived, and answer. After a silence that has ended the session Python has
+    // to know of that first.
+    void receive_and_brake() {
+        const double arrival = core::monotonic_now();
+        if (!peer() || session.egm.session.is_lost(arrival)) return;
+        unsigned char datagram[sizeof exchange.datagram];
+        if (!take_waiting(datagram, sizeof datagram, arrival, MOST)) return;
+        session.end_batch(arrival, false);
+        if (session.egm.session.is_accepted()) brake();
+    }
+
+    // For the fallback thread: answer so that the arm brakes within its limits.
+    void brake() {
+        limiter.act([&]() -> std::int64_t {
+            const bool was_pythons = session.awaits_python;
+            if (!(was_pythons && limiter.is_checked) && !limiter.check(session.arm)) return 0;
+            limiter.limit(nullptr, true);
+            unsigned char answer[core::LARGEST_REFERENCE];
+            const std::size_t size = session.egm.reply(limiter.exchange.command, answer);
+            // A reply that cannot leave is lost, as on any network.
+            const ssize_t left = size ? send(socket, answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) : 0;
+            limiter.observe();
+            return left;
+        });
+        session.awaits_python = false;
+        session.egm.session.settle();
+        session.show();
+    }
+
+    // The arm's robot where it is known: the socket is connected to it then. Anybody else is for Python to judge.
+    std::optional<sockaddr_in> peer() const {
+        sockaddr_in found;
+        socklen_t size = sizeof found;
+        if (getpeername(socket, reinterpret_cast<sockaddr*>(&found), &size) != 0) return std::nullopt;
+        return found;
+    }
+
+private:
+    static constexpr int MOST = 256;  // datagrams read at once: whatever arrives, the caller goes on after some milliseconds
+    static constexpr double SOONEST = 0.5 * core::CYCLE, LATEST = 1.25 * core::CYCLE;  // [s] between two of a robot on time
+
+    // Take up to so many datagrams into the session; whether there was any.
+    bool take_waiting(unsigned char* datagram, std::size_t size, double now, int most) {
+        session.egm.session.begin_batch();
+        const std::optional<sockaddr_in> robot = peer();
+        bool has_any = false;
+        for (int i = 0; i < most; ++i) {
+            sockaddr_in from;
+            socklen_t length_of_from = sizeof from;
+            const ssize_t length =
+                recvfrom(socket, datagram, size, MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&from), &length_of_from);
+            if (length < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) break;
+            if (length < 0) continue;  // an error of an earlier answer says nothing of what waits here
+            if (!robot || from.sin_addr.s_addr != robot->sin_addr.s_addr || from.sin_port != robot->sin_port) {
+                ++exchange.foreign;  // it waited when the socket was connected
+                continue;
+            }
+            exchange.datagram_size = datagram == exchange.datagram ? std::int64_t(length) : exchange.datagram_size;
+            session.egm.accept(datagram, std::size_t(length), now);
+            has_any = true;
+        }
+        return has_any;
+    }
+
+    // The last of the datagrams that waited together was taken.
+    std::int64_t judge(double now) {
+        session.end_batch(now, true);
+        if (!session.egm.session.is_accepted()) return NONE;
+        const bool is_safe = limiter.check(session.arm);
+        exchange.checked = core::monotonic_now();
+        return is_safe ? TO_ANSWER : UNSAFE;
+    }
+};
