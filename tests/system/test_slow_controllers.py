@@ -82,10 +82,10 @@ class BusyController(Controller):
         return ArmCommand(joints([*self._start[:6], self._start[6] + angle]))
 
 
-Told = list[tuple[int, Joints]]
-"""What an arm was told, and after how many of its datagrams."""
+Sent = list[tuple[int, Joints]]
+"""What an arm was sent, and after how many of its datagrams."""
 
-Moved = tuple[str, dict[Side, tuple[int, Told]], list[Event]]
+Moved = tuple[str, dict[Side, tuple[int, Sent]], list[Event]]
 """What a controller did; of each arm how many datagrams it sent, and what it was told; the reports."""
 
 
@@ -105,7 +105,7 @@ def stream(pipe: PipeEnd, ports: Mapping[Side, int]) -> None:
     prefer_process()
     clock, codec, poller = SystemClock(), RobotCodec(), Poller()
     links = {side: UdpClient("127.0.0.1", port) for side, port in ports.items()}
-    told: dict[Side, Told] = {side: [] for side in ports}
+    told: dict[Side, Sent] = {side: [] for side in ports}
     positions, number = {side: home(side) for side in ports}, 0
 
     def take(side: Side) -> None:

@@ -512,15 +512,16 @@ class StageClock:
         now: returns the time on the machine's monotonic clock [s]. Without it every stage takes no time.
     """
 
-    __slots__ = ("_now", "marks")
+    __slots__ = ("_is_timed", "_now", "marks")
 
-    def __init__(self, now: Callable[[], float] = lambda: 0.0) -> None:
+    def __init__(self, now: Callable[[], float] | None = None) -> None:
         self.marks = [0.0] * MARK_COUNT
-        self._now = now
+        self._now = now or float  # 0.0
+        self._is_timed = now is not None
 
     def begin(self, now: float) -> None:
         """A cycle begins; ``now`` by the same clock."""
-        self.marks = [now] * MARK_COUNT
+        self.marks = [now if self._is_timed else 0.0] * MARK_COUNT
 
     def note(self, stage: int) -> None:
         """``stage`` is done."""

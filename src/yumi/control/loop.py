@@ -123,7 +123,7 @@ class ArmLoop:
         self._limited: Limited | None = None
         self._limited_at = self._limited_reported = -inf
         self._foreign = 0
-        self._unanswered = 0  # by the controllers until the arm was looked at last
+        self._unanswered = 0  # by the controllers until they answered last
         self._late_reported, self._lateness_reported = 0, -inf  # how many of them, and when
         self._cycles = 0
         self._interruptions = 0
@@ -236,6 +236,7 @@ class ArmLoop:
                 self.manager.note_waiting(cycle.sent.position)
             self._cycles += 1
             self._is_interrupted = False
+            self._unanswered = self._limiter.unanswered
             if self._speed.advance(cycle.state.dt):
                 self._limiter.scale_speed(self._speed.value)
             self._arm.settle(cycle.state)
@@ -277,10 +278,8 @@ class ArmLoop:
             return
         controllers = self.manager.commanding
         is_hung = count - self._unanswered > self._most_unanswered
-        self._unanswered = count
         deactivated = self.manager.deactivate_commanding() if is_hung else ()
-        is_due = count != self._late_reported and now - self._lateness_reported >= DOUBTS_REPORTED
-        if deactivated or is_due:
+        if deactivated or now - self._lateness_reported >= DOUBTS_REPORTED:
             self._events.append(ControllersLate(self._side, count - self._late_reported, controllers, deactivated))
             self._late_reported, self._lateness_reported = count, now
 

@@ -15,11 +15,12 @@
 
 // What Python reads of a cycle; as ArmExchange in library.py.
 struct ArmExchange {
-    double received = 0.0, checked = 0.0, limited = 0.0, encoded = 0.0, sent = 0.0;  // when each stage was done [s]
+    double received_at = 0.0, checked_at = 0.0, limited_at = 0.0, encoded_at = 0.0, sent_at = 0.0;  // stages' ends [s]
     std::int64_t send_error = 0;     // errno of the answer, 0 where the answer has left
     std::int64_t answer_size = 0;    // 0 where a value of the command is not finite
     std::int64_t datagram_size = 0;  // of the robot's newest
     std::int64_t foreign = 0;        // datagrams of other senders that waited when the robot began
+    std::int64_t forbidden = -1;     // the event that the table forbade the fallback thread, after which it did nothing
     unsigned char answer[core::LARGEST_REFERENCE];
     unsigned char datagram[2048];
 };
@@ -47,19 +48,19 @@ struct ArmHandle {
         const double silence = session.egm.session.silence(now);
         // Of a robot that is on time nothing else can wait behind the first, and another look would cost time.
         const bool is_punctual = SOONEST < silence && silence < LATEST;
-        const bool has_any = take_waiting(exchange.datagram, sizeof exchange.datagram, now, is_punctual ? 1 : MOST);
-        exchange.received = core::monotonic_now();
-        return has_any ? judge(now) : std::int64_t(NONE);
+        begins_ = false;
+        const bool has_any = take_waiting(now, is_punctual ? 1 : MOST, true);
+        exchange.received_at = core::monotonic_now();
+        return has_any ? end_batch(now) : std::int64_t(NONE);
     }
 
-    // For Python: take a datagram that Python has read, the first or the last of those that wait together, or one between.
+    // For Python: take a datagram that it has read: the first or the last of those that wait together, or one between.
     std::int64_t accept(const char* datagram, std::size_t size, double now, bool is_first, bool is_last) {
-        if (is_first) session.egm.session.begin_batch(), exchange.received = core::monotonic_now();
+        if (is_first) session.egm.session.begin_batch(), exchange.received_at = core::monotonic_now();
         session.egm.accept(datagram, size, now);
         if (!is_last) return NONE;
-        exchange.datagram_size = std::int64_t(std::min(size, sizeof exchange.datagram));
-        std::memcpy(exchange.datagram, datagram, std::size_t(exchange.datagram_size));
-        return judge(now);
+        keep(datagram, size);
+        return end_batch(now);
     }
 
     // For Python: the answer to the state that was received, which leaves where the core sends it. Without a desired
@@ -67,53 +68,54 @@ struct ArmHandle {
     bool reply(const core::ArmCommand* desired, bool sends) {
         if (limiter.is_answered()) return false;
         limiter.limit(desired, false);
-        exchange.limited = core::monotonic_now();
+        exchange.limited_at = core::monotonic_now();
         const std::size_t size = session.egm.reply(limiter.exchange.command, exchange.answer);
-        exchange.encoded = core::monotonic_now();
+        exchange.encoded_at = core::monotonic_now();
         exchange.answer_size = std::int64_t(size);
         const bool has_left = !sends || !size || send(socket, exchange.answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
         exchange.send_error = has_left ? 0 : errno;
-        exchange.sent = core::monotonic_now();
+        exchange.sent_at = core::monotonic_now();
         return true;
     }
 
     // For Python: after the reply.
     void settle() {
-        if (limiter.owes_observation) limiter.observe();
+        if (limiter.is_unobserved) limiter.observe();
         session.egm.session.settle();
         session.show();
     }
 
-    // For the fallback thread: take what has arrived, and answer. After a silence that has ended the session Python has
-    // to know of that first.
+    // For the fallback thread: take what has arrived, and answer. Of a session that ended by a silence, or has begun,
+    // Python has to know first: the controllers are of the one before.
     void receive_and_brake() {
         const double arrival = core::monotonic_now();
-        if (!peer() || session.egm.session.is_lost(arrival)) return;
-        unsigned char datagram[sizeof exchange.datagram];
-        if (!take_waiting(datagram, sizeof datagram, arrival, MOST)) return;
+        if (begins_ || !peer() || session.egm.session.is_lost(arrival)) return;
+        if (!take_waiting(arrival, MOST, false)) return;
         session.end_batch(arrival, false);
-        if (session.egm.session.is_accepted()) brake();
+        begins_ = session.egm.session.state == core::Session::BEGUN;
+        if (session.egm.session.is_accepted() && !begins_) brake(true);
     }
 
-    // For the fallback thread: answer so that the arm brakes within its limits.
-    void brake() {
-        limiter.act([&]() -> std::int64_t {
+    // Answer so that the arm brakes within its limits, since Python has not in time, or has failed to.
+    void brake(bool is_unanswered) {
+        const std::int64_t done = limiter.act([&]() -> std::int64_t {
             const bool was_pythons = session.awaits_python;
             if (!(was_pythons && limiter.is_checked) && !limiter.check(session.arm)) return 0;
-            limiter.limit(nullptr, true);
+            limiter.limit(nullptr, is_unanswered);
             unsigned char answer[core::LARGEST_REFERENCE];
             const std::size_t size = session.egm.reply(limiter.exchange.command, answer);
             // A reply that cannot leave is lost, as on any network.
-            const ssize_t left = size ? send(socket, answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) : 0;
+            const bool has_left = size && send(socket, answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
             limiter.observe();
-            return left;
+            return has_left;
         });
+        if (done < 0) exchange.forbidden = limiter.exchange.forbidden;
         session.awaits_python = false;
         session.egm.session.settle();
         session.show();
     }
 
-    // The arm's robot where it is known: the socket is connected to it then. Anybody else is for Python to judge.
+    // The arm's robot where it is known: the socket is connected to it then.
     std::optional<sockaddr_in> peer() const {
         sockaddr_in found;
         socklen_t size = sizeof found;
@@ -122,38 +124,46 @@ struct ArmHandle {
     }
 
 private:
-    static constexpr int MOST = 256;  // datagrams read at once: whatever arrives, the caller goes on after some milliseconds
-    static constexpr double SOONEST = 0.5 * core::CYCLE, LATEST = 1.25 * core::CYCLE;  // [s] between two of a robot on time
+    static constexpr int MOST = 256;  // datagrams read at once: whatever arrives, the caller goes on after a while
+    static constexpr double SOONEST = 0.5 * core::CYCLE, LATEST = 1.25 * core::CYCLE;  // [s] between two, of one on time
 
     // Take up to so many datagrams into the session; whether there was any.
-    bool take_waiting(unsigned char* datagram, std::size_t size, double now, int most) {
+    bool take_waiting(double now, int most, bool for_python) {
         session.egm.session.begin_batch();
         const std::optional<sockaddr_in> robot = peer();
+        unsigned char datagram[sizeof exchange.datagram];
         bool has_any = false;
         for (int i = 0; i < most; ++i) {
             sockaddr_in from;
-            socklen_t length_of_from = sizeof from;
-            const ssize_t length =
-                recvfrom(socket, datagram, size, MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&from), &length_of_from);
-            if (length < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) break;
-            if (length < 0) continue;  // an error of an earlier answer says nothing of what waits here
+            socklen_t size_of_from = sizeof from;
+            const ssize_t size = recvfrom(socket, datagram, sizeof datagram, MSG_DONTWAIT,
+                                          reinterpret_cast<sockaddr*>(&from), &size_of_from);
+            if (size < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) break;
+            if (size < 0) continue;  // an error of an earlier answer says nothing of what waits here
             if (!robot || from.sin_addr.s_addr != robot->sin_addr.s_addr || from.sin_port != robot->sin_port) {
                 ++exchange.foreign;  // it waited when the socket was connected
                 continue;
             }
-            exchange.datagram_size = datagram == exchange.datagram ? std::int64_t(length) : exchange.datagram_size;
-            session.egm.accept(datagram, std::size_t(length), now);
+            session.egm.accept(datagram, std::size_t(size), now);
+            if (for_python) keep(datagram, std::size_t(size));
             has_any = true;
         }
         return has_any;
     }
 
-    // The last of the datagrams that waited together was taken.
-    std::int64_t judge(double now) {
+    void keep(const void* datagram, std::size_t size) {
+        exchange.datagram_size = std::int64_t(std::min(size, sizeof exchange.datagram));
+        std::memcpy(exchange.datagram, datagram, std::size_t(exchange.datagram_size));
+    }
+
+    // The last of the datagrams that waited together was taken, for Python.
+    std::int64_t end_batch(double now) {
         session.end_batch(now, true);
         if (!session.egm.session.is_accepted()) return NONE;
         const bool is_safe = limiter.check(session.arm);
-        exchange.checked = core::monotonic_now();
+        exchange.checked_at = core::monotonic_now();
         return is_safe ? TO_ANSWER : UNSAFE;
     }
+
+    bool begins_ = false;  // whether a session has begun of which Python does not know
 };

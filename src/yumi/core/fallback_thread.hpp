@@ -67,7 +67,7 @@ public:
         is_busy_ = false;
         set_timer(0);
         for (int i = 0; i < count_; ++i)
-            if (arms_[i]->session.awaits_python) arms_[i]->brake();
+            if (arms_[i]->session.awaits_python) arms_[i]->brake(false);
     }
 
 private:
@@ -109,7 +109,7 @@ private:
             is_in_charge = is_busy_ && left == 0.0;
             if (!is_in_charge) continue;
             for (int i = 0; i < count_; ++i) {
-                if (arms_[i]->session.awaits_python) arms_[i]->brake();
+                if (arms_[i]->session.awaits_python) arms_[i]->brake(true);
                 arms_[i]->receive_and_brake();
             }
         }

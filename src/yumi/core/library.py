@@ -116,7 +116,6 @@ class SessionValues(ctypes.Structure):
         number: of the session.
         counters: as :class:`yumi.egm.session.SessionCounters`.
         arrivals: as :class:`yumi.egm.session.Arrivals`.
-        arm: the arm as it was reported last, as :data:`STATE`.
     """
 
     _fields_ = (
@@ -124,7 +123,6 @@ class SessionValues(ctypes.Structure):
         ("number", ctypes.c_int64),
         ("counters", ctypes.c_int64 * 6),
         ("arrivals", ctypes.c_double * 4),
-        ("arm", ctypes.c_char * STATE.size),
     )
 
 
@@ -132,25 +130,27 @@ class ArmExchange(ctypes.Structure):
     """What Python reads of a cycle; as ``ArmExchange`` in ``arm_handle.hpp``.
 
     Attributes:
-        received, checked, limited, encoded, sent: when each stage was done, as :func:`time.monotonic` [s].
+        received_at, checked_at, limited_at, encoded_at, sent_at: when a stage was done, by :func:`time.monotonic` [s].
         send_error: errno of the answer, 0 where the answer has left.
         answer_size: of the answer, 0 where a value of the command is not finite.
         datagram_size: of the robot's newest.
         foreign: datagrams of other senders that waited when the robot began.
+        forbidden: the event that the table forbade the fallback thread, else -1.
         answer: to the robot.
         datagram: the robot's newest.
     """
 
     _fields_ = (
-        ("received", ctypes.c_double),
-        ("checked", ctypes.c_double),
-        ("limited", ctypes.c_double),
-        ("encoded", ctypes.c_double),
-        ("sent", ctypes.c_double),
+        ("received_at", ctypes.c_double),
+        ("checked_at", ctypes.c_double),
+        ("limited_at", ctypes.c_double),
+        ("encoded_at", ctypes.c_double),
+        ("sent_at", ctypes.c_double),
         ("send_error", ctypes.c_int64),
         ("answer_size", ctypes.c_int64),
         ("datagram_size", ctypes.c_int64),
         ("foreign", ctypes.c_int64),
+        ("forbidden", ctypes.c_int64),
         ("answer", ctypes.c_char * 160),
         ("datagram", ctypes.c_char * 2048),
     )

@@ -23,7 +23,7 @@ struct LimiterHandle {
     SessionHandle* session = nullptr;  // of an arm for which the core answers where Python does not
     double* last_call = nullptr;       // of that arm: when Python called the core last
     bool is_checked = false;           // whether the state that is to be answered was
-    bool owes_observation = false;     // whether the reply was sent, and not observed yet
+    bool is_unobserved = false;     // whether the reply was sent, and not observed yet
 
     LimiterHandle(const core::Limiter::Settings& settings, const core::StateTable& table,
                   core::ArmCollisionLimiter* collisions)
@@ -34,7 +34,7 @@ struct LimiterHandle {
 
     // Check a state, which is in the exchange then; whether a reply is safe.
     bool check(const core::ArmState& reported) {
-        if (owes_observation) observe();  // of the cycle before
+        if (is_unobserved) observe();  // of the cycle before
         exchange.state = reported;
         is_checked = limiter.check(exchange.state);
         if (session && !is_checked) session->awaits_python = false;
@@ -43,13 +43,13 @@ struct LimiterHandle {
 
     void limit(const core::ArmCommand* desired, bool is_unanswered) {
         exchange.command = limiter.limit(exchange.state, desired, is_unanswered);
-        is_checked = false, owes_observation = session != nullptr;
+        is_checked = false, is_unobserved = session != nullptr;
         if (session) session->awaits_python = false;
     }
 
     void observe() {
         limiter.observe(exchange.state);
-        owes_observation = false;
+        is_unobserved = false;
     }
 
     // Act for Python; what takes the core long is no fault of a controller.
@@ -73,6 +73,7 @@ struct LimiterHandle {
             exchange.forbidden = forbidden.event;
         } catch (...) {  // no memory: nothing here allocates
         }
+        if (result < 0 && session) session->awaits_python = false;  // the program is wrong: the cycle gets no answer
         const core::SentMotion& motion = limiter.motion();
         const core::FeedbackCheck& feedback = limiter.feedback();
         exchange.limiter_state = limiter.state();

@@ -10,18 +10,18 @@ struct SessionValues {
     std::int64_t state = core::Session::NONE, number = 0;
     core::SessionCounters counters;
     double jitter = 0.0, worst_jitter = 0.0, drift_ppm = 0.0, cycle_time = 0.0;
-    core::ArmState arm;  // as it was reported last
 };
 
 struct SessionHandle : SessionValues {
     core::EgmArm egm;
+    core::ArmState arm;  // as it was reported last
     bool awaits_python = false;
 
     explicit SessionHandle(double silence) : egm(silence) {}
 
     // The last of the datagrams that waited together was taken: what is to be answered, and whether by Python.
-    void end_batch(double now, bool is_pythons) {
-        if (egm.session.is_accepted()) arm = egm.state(now), awaits_python = is_pythons;
+    void end_batch(double now, bool for_python) {
+        if (egm.session.is_accepted()) arm = egm.state(now), awaits_python = for_python;
         show();
     }
 

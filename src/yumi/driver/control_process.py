@@ -191,12 +191,15 @@ def run_control_process(
         signal.signal(each, signal.SIG_IGN)  # the parent decides when motion ends; its own end closes the pipe
     try:
         arms = build(buffers)
+        prepared = prepare_process()
+        for fallback in {arm.fallback for arm in arms.values() if arm.fallback is not None}:
+            fallback.start()
     except (YumiError, OSError, MemoryError) as error:  # the last two: of limits of the operating system
         pipe.send(Refusal(said_by(error)))
         return
     processors = AwakeProcessors() if wake is WakeMode.AUTO and AwakeProcessors.are_permitted() else None
     how = "processors kept awake while EGM runs" if processors else "asleep between datagrams"
-    pipe.send(f"Control process: {prepare_process()}, {how}.")
+    pipe.send(f"Control process: {prepared}, {how}.")
     events = {side: each.cycle_done for side, each in buffers.items()}
     ControlServer(pipe, arms, events, SystemClock(), processors, given_up).run()
 
@@ -243,8 +246,6 @@ class ControlServer:
     def run(self) -> None:
         """Serve datagrams and commands until asked to stop, and until the arms stand."""
         arms = tuple(self._arms.values())
-        if self._fallback is not None:
-            self._fallback.start()
         while self._stop_at is None or (self._clock.now() <= self._stop_at and not all(arm.is_still for arm in arms)):
             self._keep_awake(is_needed=any(arm.state is not None for arm in arms))
             self._flush()

@@ -6,7 +6,6 @@ for Python: :class:`FallbackThread` answers for controllers that do not.
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Callable, Iterable
 from ctypes import string_at
@@ -17,18 +16,18 @@ from yumi.catalogue import message
 from yumi.control.controller import DECODE, ENCODE, LIMIT, RECEIVE, SEND, StageClock
 from yumi.control.counters import WireCounters
 from yumi.control.limiter import Limiter, pack_command
+from yumi.control.limiter_state import ForbiddenTransition, LimiterEvent
 from yumi.core.library import ArmExchange, load
 from yumi.driver.egm_server import DatagramLink, wire_counters
 from yumi.egm.codec import not_finite
 from yumi.egm.session import Session
+from yumi.egm.udp import LOST_ON_THE_WAY
 from yumi.errors import MissingPrerequisite
 from yumi.robot.joints import ArmCommand, ArmState
 
 _NONE, _UNSAFE, _TO_ANSWER = range(3)  # what became of the datagrams that waited, as in the core
 _STAGES = Struct("5d")
 _ANSWER_AT, _DATAGRAM_AT = ArmExchange.answer.offset, ArmExchange.datagram.offset
-# An answer that cannot leave is lost, as on any network; the next one follows in 4 ms.
-_LOST_ON_THE_WAY = {errno.EAGAIN, errno.ECONNREFUSED, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENETDOWN}
 
 
 class EgmArm:
@@ -68,10 +67,10 @@ class EgmArm:
         if self._is_socket and self._link.is_pinned:
             verdict = self._limiter.done(self._library.arm_receive(self.handle, now))
         else:
-            verdict = self._receive_of_anybody(now)
+            verdict = self._receive_unpinned(now)
         return self._limiter.checked() if verdict == _TO_ANSWER else None
 
-    def _receive_of_anybody(self, now: float) -> int:
+    def _receive_unpinned(self, now: float) -> int:
         """The sender of what begins a session is the only one heard until the session ends."""
         link, verdict = self._link, _NONE
         while verdict == _NONE and (datagrams := link.receive()):
@@ -96,7 +95,7 @@ class EgmArm:
             raise not_finite(*sent)
         if not sends:
             self._link.send(string_at(self.handle + _ANSWER_AT, size))
-        elif exchange.send_error and exchange.send_error not in _LOST_ON_THE_WAY:
+        elif exchange.send_error and exchange.send_error not in LOST_ON_THE_WAY:
             raise OSError(exchange.send_error, os.strerror(exchange.send_error))
         if self._stages is not None:
             marks = self._stages.marks
@@ -105,6 +104,9 @@ class EgmArm:
 
     def settle(self, state: ArmState) -> None:
         self._limiter.done(self._library.arm_settle(self.handle))
+        if (forbidden := self._exchange.forbidden) >= 0:
+            self._exchange.forbidden = -1
+            raise ForbiddenTransition(f"{LimiterEvent(forbidden).name}, in the fallback thread")
         self._keep(string_at(self.handle + _DATAGRAM_AT, self._exchange.datagram_size))
 
     def silence(self, now: float) -> float:

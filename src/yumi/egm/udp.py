@@ -24,6 +24,9 @@ _BUFFER_SIZE = 2048
 _SIOCGIFADDR, _SIOCGIFNETMASK = 0x8915, 0x891B  # of Linux
 _MOST = 256  # datagrams read at once: whatever arrives, the caller goes on after some milliseconds
 
+LOST_ON_THE_WAY = {errno.EAGAIN, errno.ECONNREFUSED, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENETDOWN}
+"""Why a datagram did not leave that UDP may lose anywhere; the next one follows in 4 ms."""
+
 _libc = ctypes.CDLL(None, use_errno=True)
 
 _Address = tuple[str, int]
@@ -278,10 +281,8 @@ def _send(sender: socket.socket, datagram: bytes, address: _Address | None) -> N
             sender.send(datagram)
         else:
             sender.sendto(datagram, address)
-    except BlockingIOError:
-        return  # the send buffer is full: UDP may lose a datagram anywhere, the next one follows in 4 ms
     except OSError as error:
-        if error.errno not in {errno.ECONNREFUSED, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENETDOWN}:
+        if error.errno not in LOST_ON_THE_WAY:
             raise
 
 

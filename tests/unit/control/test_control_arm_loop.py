@@ -10,7 +10,7 @@ from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.control.limiter import Limiter
-from yumi.control.loop import ArmLoop, Commands
+from yumi.control.loop import LONGEST_UNANSWERED, ArmLoop, Commands
 from yumi.control.shared_state import (
     ControllerFailed,
     ControllersLate,
@@ -305,6 +305,21 @@ def test_controllers_are_deactivated_before_they_are_asked_again_when_the_core_h
     assert is_fault(late) == is_hung
     assert bool(loop.activation) != is_hung
     assert (arm.told[-1].position == middle) == is_hung
+
+
+def test_controllers_that_are_late_each_time_are_deactivated(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    feed(loop, arm, middle, now=20.0)
+    loop.manager.switch(["pusher"], [], loop.state)
+    for number in range(1, 30):  # the core has answered two datagrams in each update
+        assert loop.activation
+        monkeypatch.setattr(Limiter, "unanswered", number * 2)
+        loop.run(20.0 + number * 2 * CYCLE)
+        loop.watch_silence(20.0 + number * 2 * CYCLE)
+        if number * 2 * CYCLE > LONGEST_UNANSWERED:
+            break
+    assert not loop.activation
 
 
 def test_short_times_without_an_answer_deactivate_nothing_however_many(

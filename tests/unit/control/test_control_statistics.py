@@ -71,3 +71,10 @@ def test_stage_clock_forgets_the_cycle_before(clock: ManualClock) -> None:
     timing.note(AFTER_REPLY)
     timing.begin(clock.now())
     assert StageTimes.of(timing.marks) == StageTimes(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_stages_take_no_time_where_time_is_virtual() -> None:
+    timing = StageClock()
+    timing.begin(100.0)
+    timing.note(DECODE)
+    assert set(timing.marks) == {0.0}

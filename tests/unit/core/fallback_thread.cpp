@@ -46,6 +46,7 @@ struct Wire {
     ArmHandle arm{limiter, session, ours};
     FallbackThread thread;
     std::uint32_t seqno = 0;
+    unsigned seconds = 1000;  // of the robot's clock
 
     Wire() {
         CHECK(connect(ours, reinterpret_cast<sockaddr*>(&robots_at), sizeof robots_at) == 0);
@@ -70,7 +71,7 @@ struct Wire {
                          static_cast<unsigned char>(value >> 14 & 0x7F)};
         };
         Bytes clock = {0x08}, header = {0x08}, motion = field(1, axes);
-        add(clock, varint(1000)), add(clock, {0x10}), add(clock, varint(seqno * 4032 % 1'000'000));
+        add(clock, varint(seconds)), add(clock, {0x10}), add(clock, varint(seqno * 4032 % 1'000'000));
         add(header, varint(seqno)), add(header, {0x18, 2});
         add(motion, field(3, {0x09, 0, 0, 0, 0, 0, 0, 0, 0})), add(motion, field(4, clock));
         Bytes datagram = field(1, header);
@@ -134,7 +135,27 @@ TEST(what_is_left_without_an_answer_is_answered_when_the_other_thread_waits) {
     wire.robot_sends(), wire.take();
     wire.thread.note_waiting();
     CHECK(wire.is_answered(1000));
-    CHECK(wire.unanswered() == 1);
+    CHECK(wire.unanswered() == 0);  // it was in time
+}
+
+TEST(no_session_begins_while_the_other_thread_is_busy) {
+    Wire wire;
+    wire.robot_sends(), wire.take();
+    CHECK(wire.answer());
+    CHECK(wire.is_answered(1000));
+    wire.thread.note_busy();
+    wire.robot_sends();
+    CHECK(wire.is_answered(1000));
+    wire.seqno = 0, wire.seconds += 10;  // the robot begins anew
+    wire.robot_sends();
+    CHECK(!wire.is_answered(50));
+    wire.robot_sends();
+    CHECK(!wire.is_answered(50));
+    wire.thread.note_waiting();
+    wire.take();
+    CHECK(wire.session.number == 2);
+    CHECK(wire.answer());
+    CHECK(wire.is_answered(1000));
 }
 
 TEST(each_datagram_is_answered_once_however_both_threads_meet) {

@@ -11,7 +11,7 @@ from yumi.control.limiter import Limiter
 from yumi.control.shared_state import Limited, Snapshot
 from yumi.driver.egm_arm import EgmArm
 from yumi.driver.endpoint import arm_report
-from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
+from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.egm.session import Session
 from yumi.egm.udp import MemoryLink, UdpClient, UdpServer, memory_links
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints, Side
@@ -183,6 +183,25 @@ def test_arm_answers_the_robot_and_never_another_port_of_its_address() -> None:
         assert (answered, robot.answers(), forger.answers()) == (50, 50, 0)
         assert arm.wire_counters().foreign == 2  # those that waited when the robot's first had come
         assert arm.wire_counters().malformed == 0
+        robot.close()
+        forger.close()
+
+
+def test_arm_keeps_no_datagram_of_another_sender_that_waited_with_the_robots_first() -> None:
+    kept: list[bytes] = []
+    with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
+        robot, forger = Sender(server), Sender(server)
+        arm = EgmArm(server, Session(), Limiter(YUMI_LIMITS), keep=kept.append)
+        for seqno in range(3):
+            robot.send(seqno)
+            forger.send(seqno + 1000)
+        for seqno in range(3):
+            if (state := arm.receive(seqno * CYCLE)) is not None:
+                arm.reply(ArmCommand(HOME))
+                arm.settle(state)
+        assert {SensorCodec().decode(datagram).seqno for datagram in kept} <= {0, 1, 2}
+        assert len(kept) >= 2
+        assert arm.wire_counters().foreign == 3
         robot.close()
         forger.close()
 
