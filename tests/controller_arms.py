@@ -4,7 +4,7 @@ go."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -17,7 +17,7 @@ from yumi.control.controllers.joint_position import (
     JointVelocityController,
 )
 from yumi.control.counters import WireCounters
-from yumi.control.cycle import run_cycle
+from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.limiter import Limiter
 from yumi.robot.joints import (
     CYCLE,
@@ -134,6 +134,9 @@ class LimitedArm:
 
     def settle(self, state: ArmState) -> None:
         self._limiter.observe(state)
+
+    def take_braked(self) -> Sequence[Cycle]:
+        return ()
 
 
 @dataclass(frozen=True)

@@ -455,10 +455,9 @@ def looks_like_degrees(index: int, position: float) -> bool:
 # ---- the stages of a cycle and their times
 #
 #     begin ─ receive ─ decode ─ update ─ limit ─ encode ─ send ─ after the reply
-#             └ the arm's read ┘ manager limiter  └ the arm's write ┘
+#             └ the arm's receive ┘ manager └ the arm's reply ┘
 #
-# The cycle notes the stages of the middle, the arm those within its read and write, the control loop the first and the
-# last.
+# The cycle notes what the controllers take, the arm what the core does, the control loop the first and the last.
 
 T = TypeVar("T")
 
@@ -474,7 +473,7 @@ class StageTimes:
 
     Attributes:
         receive: taking the datagrams from the socket.
-        decode: bytes to state, with what the session counts.
+        decode: bytes to state, with what the session counts and whether that state can be true.
         update: the controllers.
         limit: the limiter.
         encode: command to bytes.

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from yumi.control.controller import UPDATE, StageClock
@@ -36,6 +37,9 @@ class ArmPort(Protocol):
 
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
+
+    def take_braked(self) -> Sequence[Cycle]:
+        """The cycles since the last call that were answered for the controllers, oldest first."""
 
     def silence(self, now: float) -> float:
         """Time since the newest state [s]."""

@@ -7,6 +7,7 @@ The limiter itself is compiled: ``core/limiter.hpp``. What is done with the arm 
 from __future__ import annotations
 
 from struct import Struct
+from typing import Any
 from weakref import finalize
 
 from yumi.control.collisions import ArmCollisionLimiter
@@ -40,6 +41,17 @@ if len(_TABLE) != TABLE.size:
     raise RuntimeError(f"the core's table has {TABLE.size} entries, and that of limiter_state.py {len(_TABLE)}")
 
 _AS_REPORTED, _REPLACED = 1, 2  # a state that was checked
+
+
+def state_of(values: tuple[Any, ...]) -> ArmState:
+    """Of what the core has packed."""
+    time, dt, session = values[:3]
+    return ArmState(time, dt, session, values[3:10], values[10:17], values[17:24], values[24] != 0)
+
+
+def command_of(values: tuple[Any, ...]) -> ArmCommand:
+    """Of what the core has packed."""
+    return ArmCommand(values[:7], values[7:14] if values[14] else ZERO)
 
 
 def pack_command(command: ArmCommand) -> bytes:
@@ -210,14 +222,11 @@ class Limiter:
 
     def checked(self) -> ArmState:
         """The state that was checked last, as far as it is plausible."""
-        values = _get_state(self._exchange)
-        time, dt, session, is_running = *values[:3], values[24] != 0
-        return ArmState(time, dt, session, values[3:10], values[10:17], values[17:24], is_running)
+        return state_of(_get_state(self._exchange))
 
     def sent(self) -> ArmCommand:
         """The command that was limited last."""
-        values = _get_command(self._exchange, _COMMAND_AT)
-        return ArmCommand(values[:7], values[7:14] if values[14] else ZERO)
+        return command_of(_get_command(self._exchange, _COMMAND_AT))
 
     def _go(self, event: LimiterEvent) -> None:
         """To the state that follows on an event."""

@@ -66,6 +66,9 @@ AT_REST = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
 
 
+_NO_STAGES = StageClock()
+
+
 class ArmLoop:
     """Runs the cycles of one arm.
 
@@ -125,6 +128,7 @@ class ArmLoop:
         self._foreign = 0
         self._unanswered = 0  # by the controllers until they answered last
         self._late_reported, self._lateness_reported = 0, -inf  # how many of them, and when
+        self._braked = 0  # how many of them are recorded
         self._cycles = 0
         self._interruptions = 0
         self._is_interrupted = False
@@ -274,6 +278,10 @@ class ArmLoop:
     def _note_late(self, now: float) -> None:
         """Report what the core has answered in place of the controllers; deactivate those that hung."""
         count = self._limiter.unanswered
+        if count != self._braked:
+            self._braked = count
+            for cycle in self._arm.take_braked():
+                self._recorder.record(cycle, None, _NO_STAGES)
         if count == self._late_reported:
             return
         controllers = self.manager.commanding

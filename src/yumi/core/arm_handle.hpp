@@ -25,6 +25,12 @@ struct ArmExchange {
     unsigned char datagram[2048];
 };
 
+// A cycle that the fallback thread has answered; as BRAKED in library.py.
+struct BrakedCycle {
+    core::ArmState state;
+    core::ArmCommand command;
+};
+
 struct ArmHandle {
     // What became of the datagrams that waited.
     enum Verdict : std::int64_t {
@@ -32,6 +38,8 @@ struct ArmHandle {
         UNSAFE,     // one counts, and no answer is safe
         TO_ANSWER,  // one is to be answered: its state is in the limiter's exchange
     };
+
+    static constexpr std::int64_t MOST_BRAKED = 250;  // cycles that are kept for Python: a second
 
     ArmExchange exchange;
     LimiterHandle& limiter;
@@ -50,7 +58,6 @@ struct ArmHandle {
         const bool is_punctual = SOONEST < silence && silence < LATEST;
         begins_ = false;
         const bool has_any = take_waiting(now, is_punctual ? 1 : MOST, true);
-        exchange.received_at = core::monotonic_now();
         return has_any ? end_batch(now) : std::int64_t(NONE);
     }
 
@@ -107,12 +114,22 @@ struct ArmHandle {
             // A reply that cannot leave is lost, as on any network.
             const bool has_left = size && send(socket, answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
             limiter.observe();
+            if (is_unanswered)
+                braked_[braked_count_++ % MOST_BRAKED] = {limiter.exchange.state, limiter.exchange.command};
             return has_left;
         });
         if (done < 0) exchange.forbidden = limiter.exchange.forbidden;
         session.awaits_python = false;
         session.egm.session.settle();
         session.show();
+    }
+
+    // For Python: the newest cycles that the fallback thread has answered since the last call, oldest first; how many.
+    std::int64_t take_braked(BrakedCycle* cycles) {
+        const std::int64_t count = std::min(braked_count_, MOST_BRAKED);
+        for (std::int64_t i = 0; i < count; ++i) cycles[i] = braked_[(braked_count_ - count + i) % MOST_BRAKED];
+        braked_count_ = 0;
+        return count;
     }
 
     // The arm's robot where it is known: the socket is connected to it then.
@@ -125,7 +142,7 @@ struct ArmHandle {
 
 private:
     static constexpr int MOST = 256;  // datagrams read at once: whatever arrives, the caller goes on after a while
-    static constexpr double SOONEST = 0.5 * core::CYCLE, LATEST = 1.25 * core::CYCLE;  // [s] between two, of one on time
+    static constexpr double SOONEST = 0.5 * core::CYCLE, LATEST = 1.25 * core::CYCLE;  // [s] between two
 
     // Take up to so many datagrams into the session; whether there was any.
     bool take_waiting(double now, int most, bool for_python) {
@@ -144,8 +161,8 @@ private:
                 ++exchange.foreign;  // it waited when the socket was connected
                 continue;
             }
+            if (for_python) exchange.received_at = core::monotonic_now(), keep(datagram, std::size_t(size));
             session.egm.accept(datagram, std::size_t(size), now);
-            if (for_python) keep(datagram, std::size_t(size));
             has_any = true;
         }
         return has_any;
@@ -165,5 +182,7 @@ private:
         return is_safe ? TO_ANSWER : UNSAFE;
     }
 
+    BrakedCycle braked_[MOST_BRAKED];
+    std::int64_t braked_count_ = 0;
     bool begins_ = false;  // whether a session has begun of which Python does not know
 };

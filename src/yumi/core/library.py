@@ -53,6 +53,12 @@ PORTABLE = ("-static-libgcc", "-static-libstdc++", "-l:libstdc++.a")
 STATE, COMMAND = Struct("2dq21dq"), Struct("14dq")
 """An arm's state: time, dt, session, 21 values, whether it follows; a command: 14 values, whether a speed is fed."""
 
+BRAKED = Struct("2dq21dq14dq")
+"""A cycle that the fallback thread has answered: the state, and the command."""
+
+MOST_BRAKED = 250
+"""Of these are kept: a second."""
+
 SETTINGS, TABLE, MOTION, SETPOINT = Struct("45d"), Struct("234s"), Struct("58d"), Struct("21d")
 LIMITS, REPORT, UNREADABLE = Struct("35d"), Struct("q15d3q"), Struct("4q7d")
 """What else crosses, as the headers declare it."""
@@ -170,6 +176,7 @@ SIZES = (
     UNREADABLE.size,
     ctypes.sizeof(SessionValues),
     ctypes.sizeof(ArmExchange),
+    BRAKED.size * MOST_BRAKED,
 )
 """Of what crosses, in the order of ``core_sizes`` in ``limiter.cpp``."""
 
@@ -241,6 +248,7 @@ def load() -> ctypes.PyDLL:
         ("arm_accept", integer, address, packed, integer, double, boolean, boolean),
         ("arm_reply", integer, address, packed, boolean),
         ("arm_settle", integer, address),
+        ("arm_take_braked", integer, address, address),
         ("fallback_thread_new", address),
         ("fallback_thread_add", None, address, address),
         ("fallback_thread_start", boolean, address),

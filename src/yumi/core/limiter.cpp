@@ -140,6 +140,11 @@ std::int64_t arm_settle(ArmHandle* arm) {
     });
 }
 
+// As BRAKED in library.py, MOST_BRAKED at most; how many.
+std::int64_t arm_take_braked(ArmHandle* arm, BrakedCycle* cycles) {
+    return arm->limiter.act_for_python([&] { return arm->take_braked(cycles); });
+}
+
 // ---- the thread that answers while Python does not
 
 FallbackThread* fallback_thread_new() {
@@ -253,7 +258,7 @@ void core_sizes(std::int64_t* sizes) {
     for (std::size_t size : {sizeof(ArmState), sizeof(ArmCommand), sizeof(Limiter::Settings), sizeof(StateTable),
                              sizeof(LimiterExchange), sizeof(Limited), sizeof(collision::Motion), sizeof(Setpoint),
                              sizeof(JointLimits), sizeof(JointReport), sizeof(Unreadable), sizeof(SessionValues),
-                             sizeof(ArmExchange)})
+                             sizeof(ArmExchange), sizeof(BrakedCycle) * ArmHandle::MOST_BRAKED})
         *sizes++ = std::int64_t(size);
 }
 

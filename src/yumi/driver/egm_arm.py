@@ -7,17 +7,19 @@ for Python: :class:`FallbackThread` answers for controllers that do not.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from ctypes import string_at
+from collections.abc import Callable, Iterable, Sequence
+from ctypes import create_string_buffer, string_at
+from itertools import islice
 from struct import Struct
 from weakref import finalize
 
 from yumi.catalogue import message
 from yumi.control.controller import DECODE, ENCODE, LIMIT, RECEIVE, SEND, StageClock
 from yumi.control.counters import WireCounters
-from yumi.control.limiter import Limiter, pack_command
+from yumi.control.cycle import Cycle
+from yumi.control.limiter import Limiter, command_of, pack_command, state_of
 from yumi.control.limiter_state import ForbiddenTransition, LimiterEvent
-from yumi.core.library import ArmExchange, load
+from yumi.core.library import BRAKED, MOST_BRAKED, ArmExchange, load
 from yumi.driver.egm_server import DatagramLink, wire_counters
 from yumi.egm.codec import not_finite
 from yumi.egm.session import Session
@@ -27,6 +29,7 @@ from yumi.robot.joints import ArmCommand, ArmState
 
 _NONE, _UNSAFE, _TO_ANSWER = range(3)  # what became of the datagrams that waited, as in the core
 _STAGES = Struct("5d")
+_STATE = 25  # values of a state
 _ANSWER_AT, _DATAGRAM_AT = ArmExchange.answer.offset, ArmExchange.datagram.offset
 
 
@@ -61,6 +64,7 @@ class EgmArm:
             raise MemoryError("no memory for an arm")
         limiter.session = session
         finalize(self, self._library.arm_delete, self.handle).atexit = False  # threads may still use it
+        self._braked = create_string_buffer(BRAKED.size * MOST_BRAKED)
         self._exchange = ArmExchange.from_address(self.handle)
 
     def receive(self, now: float) -> ArmState | None:
@@ -108,6 +112,11 @@ class EgmArm:
             self._exchange.forbidden = -1
             raise ForbiddenTransition(f"{LimiterEvent(forbidden).name}, in the fallback thread")
         self._keep(string_at(self.handle + _DATAGRAM_AT, self._exchange.datagram_size))
+
+    def take_braked(self) -> Sequence[Cycle]:
+        count = self._limiter.done(self._library.arm_take_braked(self.handle, self._braked))
+        cycles = islice(BRAKED.iter_unpack(self._braked), count)
+        return [Cycle(state_of(values[:_STATE]), None, command_of(values[_STATE:])) for values in cycles]
 
     def silence(self, now: float) -> float:
         return self._session.silence(now)
