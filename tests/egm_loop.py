@@ -5,12 +5,14 @@ The whole robot, with RAPID and RWS, is in ``system/virtual_time_bench.py``.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.session import SILENCE
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side
+from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, Joints, Side, joints
 from yumi.virtual.mechanics.motion import ArmModel
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd, VirtualArmRig, Wire
 
@@ -22,14 +24,14 @@ SUPERVISED = ArmModel(supervises_load=True)
 """An arm that stops with 50375 as the real one does."""
 
 
+_NO_LIMIT = joints([1e9] * JOINT_COUNT)
+
+
 class OpenLimiter(Limiter):
-    """No guard at all: what the controllers want is what the robot gets."""
+    """No guard but the ranges: what the controllers want is what the robot gets."""
 
     def __init__(self) -> None:
-        super().__init__(YUMI_LIMITS)
-
-    def limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
-        return desired or ArmCommand(state.position)
+        super().__init__(replace(YUMI_LIMITS, velocity=_NO_LIMIT, acceleration=_NO_LIMIT, jerk=_NO_LIMIT))
 
 
 class EgmLoop(VirtualArmRig):

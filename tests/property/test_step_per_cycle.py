@@ -59,12 +59,15 @@ class WatchedLimiter(Limiter):
     def __init__(self) -> None:
         super().__init__(YUMI_LIMITS)
         self.waits: list[bool] = []
+        self._was_waiting = False
 
-    def limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
-        was_waiting = self.is_waiting
-        command = super().limit(state, desired)
-        self.waits.append(self.is_waiting and not was_waiting)
-        return command
+    def checked(self) -> ArmState:
+        self._was_waiting = self.is_waiting
+        return super().checked()
+
+    def sent(self) -> ArmCommand:
+        self.waits.append(self.is_waiting and not self._was_waiting)
+        return super().sent()
 
 
 class Steps:

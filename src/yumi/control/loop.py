@@ -359,7 +359,8 @@ class ArmLoop:
 
     def _doubted(self, *, is_lost: bool) -> ImplausibleFeedback:
         reported = self._limiter.implausible_position
-        distances = [abs(is_at - was) for is_at, was in zip(reported, self._position, strict=True)]
+        # Rounded: of joints that are equally far off it is the first, whatever the last digit says.
+        distances = [round(abs(is_at - was), 9) for is_at, was in zip(reported, self._position, strict=True)]
         index = distances.index(max(distances))
         deactivated = self.manager.deactivate_commanding() if is_lost else ()
         name = joint_names(self._side)[index]
