@@ -97,7 +97,7 @@ SEEN: Mapping[LimiterEvent, str] = {
     _E.DESIRED: "a position is desired that can be taken",
     _E.INTERRUPTION: "no datagram for 20 ms, once",
     _E.CONNECTION_LOST: "no datagram for 80 ms, once",
-    _E.UNANSWERED: "no controller has answered for 2 ms, or one has failed: the core answers",
+    _E.UNANSWERED: "no controller has answered for 2 ms: the core answers",
 }
 """What was seen at each event."""
 
