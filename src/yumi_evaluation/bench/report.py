@@ -93,9 +93,9 @@ def ratio_table(figures: Figures) -> Table:
 
 
 def part_table(figures: Figures) -> Table:
-    """One line a paced case of ours with one arm: what of a reply's time is whose.
+    """One line a paced case of ours with one arm that lets the processors halt, as the C echo does: whose time is what.
 
-    The C echo's reply is all kernel and wake-up. What the stages leave is wake-ups of colder code, and Python between.
+    The C echo's reply is all kernel and wake-up. What the stages leave is Python between them.
     """
     table = _table("parts of a reply [µs], medians", "kernel and wake-up", "core", "controller", "all else", "reply")
     echo = next((each for each in figures.cases if each.name == "c_echo/paced/1"), None)
@@ -103,7 +103,8 @@ def part_table(figures: Figures) -> Table:
     for case in figures.cases:
         parts = [figures.spread(case, _stages(*names)) for names in (CORE_STAGES, ("update",))]
         whole = figures.spread(case, _latency("p50_us"))
-        if not case.is_paced or case.is_machine_busy or case.arms != 1 or None in parts or not whole or not floor:
+        is_like_echo = case.name.endswith("_blocking/paced/1")
+        if not is_like_echo or None in parts or not whole or not floor:
             continue
         known = [floor.median, *(part.median for part in parts if part)]
         table.add_row(case.name, *(f"{each:.0f}" for each in (*known, whole.median - sum(known), whole.median)))
