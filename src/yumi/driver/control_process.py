@@ -252,7 +252,8 @@ class ControlServer:
             looked = self._clock.now()  # what comes later may wait in a socket while we do something else
             if self._fallback is not None:
                 self._fallback.note_waiting()
-            self._poller.wait(POLL_PERIOD)  # answers every datagram that waits
+            if self._poller.wait(POLL_PERIOD):  # answers every datagram that waits
+                self._poller.wait(0.0)  # and the other arm's, which came meanwhile, before what can wait
             self._settle()
             if self._has_command and not any(arm.is_datagram_due(self._clock.now()) for arm in arms):
                 self._read_command()
@@ -284,6 +285,8 @@ class ControlServer:
                 self._processors.release()
 
     def _reply(self, side: Side) -> None:
+        if any(each is side for each, _ in self._replied):
+            self._settle()
         arrival = self._clock.now()
         try:
             self._arms[side].reply(arrival)

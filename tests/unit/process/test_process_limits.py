@@ -115,7 +115,7 @@ def test_web_socket_without_a_thread_is_refused_in_a_sentence(monkeypatch: pytes
         with refused(MissingPrerequisite, "no_further_thread", thread="the WebSocket"):
             WebSocket(server.address, "/poll/1", "", LISTENER, 1.0)
         monkeypatch.undo()
-        gc.collect()
+    gc.collect()  # that pair, which another test would be told of
 
 
 def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
