@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import radians
@@ -17,24 +15,11 @@ from soak import MINUTES, long, short, tell
 from yumi.api.robot import Robot
 from yumi.clock import SystemClock
 from yumi.robot.joints import Joints, Side, joints
+from yumi_evaluation.bench.run import busy_loops
 
-BUSY_LOOPS = 2
 TURN = radians(40.0)
 LONGEST_SPELL = 30.0
 """The machine is busy and idle in turns of this time at most [s]."""
-
-
-@contextmanager
-def busy_machine() -> Iterator[None]:
-    """Loops that take a processor each."""
-    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(BUSY_LOOPS)]
-    try:
-        yield
-    finally:
-        for loop in loops:
-            loop.kill()
-        for loop in loops:
-            loop.wait()
 
 
 @contextmanager
@@ -107,7 +92,7 @@ def test_no_arm_is_lost_beside_a_busy_machine(robot: Robot, duration: float) -> 
     end, number, direction = begin + duration, 0, 1.0
     while clock.now() < end:
         number += 1
-        with idle_machine() if number % 2 else busy_machine():
+        with idle_machine() if number % 2 else busy_loops():
             spell_end = min(end, begin + number * spell)
             while clock.now() < spell_end:
                 direction = -direction

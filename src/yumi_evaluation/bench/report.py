@@ -103,8 +103,9 @@ def part_table(figures: Figures) -> Table:
     for case in figures.cases:
         parts = [figures.spread(case, _stages(*names)) for names in (CORE_STAGES, ("update",))]
         whole = figures.spread(case, _latency("p50_us"))
-        is_like_echo = case.name.endswith("_blocking/paced/1")
-        if not is_like_echo or None in parts or not whole or not floor:
+        waits_like_echo = case.contender.options[:2] == ("--wake", "blocking")
+        is_alike = waits_like_echo and case.is_paced and case.arms == 1 and not case.is_machine_busy
+        if not is_alike or None in parts or not whole or not floor:
             continue
         known = [floor.median, *(part.median for part in parts if part)]
         table.add_row(case.name, *(f"{each:.0f}" for each in (*known, whole.median - sum(known), whole.median)))

@@ -169,15 +169,20 @@ class Server:
 
     def __enter__(self) -> Server:
         with self._log.open("w", encoding="utf-8") as log:
-            self._process = subprocess.Popen(
-                self._command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                text=True,
-                start_new_session=True,
-                env=self._environment,
-            )
+            try:
+                self._process = subprocess.Popen(
+                    self._command,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    text=True,
+                    start_new_session=True,
+                    env=self._environment,
+                )
+            except OSError as error:  # a server of the user that is not there
+                log.write(str(error))
+                said = message("contender_did_not_start", contender=self._contender.title, log=str(self._log))
+                raise RobotNotReady(said) from error
         try:
             assert self._process.stdout is not None
             with _at_most(_READY_TIMEOUT, self._process):
@@ -208,7 +213,7 @@ class Server:
             words, _ = self._process.communicate()
         for line in words.splitlines():
             what, _, values = line.partition(" ")
-            if what in self.reported:
+            if self._contender.runtime is Runtime.OURS and what in self.reported:
                 self.reported[what] = json.loads(values)
 
     def cpu_seconds(self) -> tuple[float, float]:

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from refusals import refused
-from yumi.errors import MissingPrerequisite
+from yumi.errors import MissingPrerequisite, RobotNotReady
 from yumi_evaluation.bench.contenders import contenders, other_server
-from yumi_evaluation.bench.run import Workshop
+from yumi_evaluation.bench.run import Server, Workshop
 
 
 @pytest.fixture
@@ -27,6 +27,13 @@ def test_programs_of_all_contenders_exist(tmp_path: Path) -> None:
 
 def test_server_of_the_user_is_called_as_given(workshop: Workshop) -> None:
     assert workshop.command(other_server("/opt/libegm/loop --quiet")) == ["/opt/libegm/loop", "--quiet"]
+
+
+def test_server_of_the_user_that_is_not_there_is_refused_in_a_sentence(workshop: Workshop, tmp_path: Path) -> None:
+    log = tmp_path / "server.log"
+    with refused(RobotNotReady, "contender_did_not_start", log=str(log)):
+        Server(workshop, other_server("/opt/nothing/here"), 1, log).__enter__()
+    assert "/opt/nothing/here" in log.read_text()
 
 
 def test_program_is_compiled_again_when_its_source_is_newer(workshop: Workshop) -> None:
