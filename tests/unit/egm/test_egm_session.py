@@ -230,6 +230,20 @@ def test_session_begins_anew_when_the_controller_was_restarted_and_its_clock_wit
     assert (session.number, session.is_first) == (2, True)
 
 
+@pytest.mark.parametrize("began_later", [0.0, 2.0])
+def test_session_begins_anew_when_a_simulated_robot_was_restarted_and_counts_and_keeps_time_as_the_first_time(
+    session: SensorSession[JointReport], began_later: float
+) -> None:
+    accept(session, 0)
+    for seqno in range(1, 15001):
+        accept(session, seqno, now=seqno * CYCLE)
+    end = 15000 * CYCLE
+    assert session.close_if_silent(end + 0.5)
+    assert session.accept([datagram(0, 1000.0 + began_later)], end + 0.5) is None  # so soon it may be a late datagram
+    assert session.accept([datagram(1, 1000.0 + began_later + CYCLE)], end + 0.1 + LONG_SILENCE) is not None
+    assert (session.number, session.is_first) == (2, True)
+
+
 @pytest.mark.parametrize("seqno", [0, 10, 29, 300])
 def test_session_begins_anew_after_a_long_silence_when_the_robot_has_not(
     session: SensorSession[JointReport], seqno: int
