@@ -49,6 +49,8 @@ check:
 	.venv/bin/codespell
 	.venv/bin/python setup/check_words.py
 	.venv/bin/python setup/check_prose.py
+	.venv/bin/python setup/check_decisions.py
+	.venv/bin/python setup/source_files.py
 	.venv/bin/python setup/check_changes.py
 
 # What runs in virtual time, on two processes; then the driver with what belongs to it: whether all of it works together.

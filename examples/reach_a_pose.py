@@ -18,7 +18,7 @@ def main(address: str) -> None:
         arm.tool = "fingertips"
         arm.move_to("ready")
 
-        arm.move_to_pose(ABOVE)  # a way that is easy for the joints
+        arm.move_to_pose(ABOVE)  # a path that is easy for the joints
         arm.move_linear(ON_TABLE, speed=0.1)  # straight down, 0.1 m/s
         x, y, z = arm.pose.position
         print(f"fingertips at {x:.3f}, {y:.3f}, {z:.3f} m")

@@ -45,8 +45,33 @@ WORDS = {
     "admitted": "limited, sent",
     "calming": "stopping",
     "brisk": "(removed)",
+    "admit": "limit",
+    "admits": "limits",
+    "bell": "event",
+    "desk": "command handler",
+    "walks": "samples, iterates over",
+    "walked": "sampled, iterated over",
+    "walking": "sampling, iterating over",
+    "joining": "blending",
+    "forecast": "target predictor",
+    "swings": "oscillates",
+    "swinging": "oscillating",
+    "partner": "other arm",
+    "partners": "other arms",
+    "lives": "lifecycle, or name the state",
+    "everybody": "all clients, all users",
+    "anybody": "any client, any user",
 }
 """Each word or words, singular as written, with what stands in its place."""
+
+PAGE_WORDS = {
+    "piece": "segment",
+    "pieces": "segments",
+    "knows": "has, reads",
+    "says": "reports, states, shows",
+    "wants": "needs, takes",
+}
+"""The same for pages alone: in the code some are names still."""
 
 FOLDERS = ("src", "docs", "examples", "launch", "config", "*.md")
 ALLOWED = {"docs/reference/glossary.md"}
@@ -69,7 +94,8 @@ _UNWRAPPED = re.compile(r"\s*(?:\||#|<|:::|!\[|\[!\[)")
 """How lines begin that are no text: tables, headings, comments, pictures."""
 
 _TERMS = {tuple(words.split()): instead for words, instead in WORDS.items()}
-_LONGEST = max(map(len, _TERMS))
+_PAGE_TERMS = _TERMS | {(word,): instead for word, instead in PAGE_WORDS.items()}
+_LONGEST = max(map(len, _PAGE_TERMS))
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 
@@ -77,6 +103,7 @@ def check(file: Path) -> list[str]:
     """Where ``file`` has one of the words, a line each."""
     text = file.read_text(encoding="utf-8")
     pieces = _python_pieces(text) if file.suffix == ".py" else enumerate(text.splitlines(), 1)
+    terms = _PAGE_TERMS if file.suffix == ".md" and str(file) != CHANGELOG else _TERMS
     found = []
     for line, piece in pieces:
         words = [word.lower() for word in _WORD.findall(piece)]
@@ -84,7 +111,7 @@ def check(file: Path) -> list[str]:
             for count in range(1, _LONGEST + 1):
                 if any(tuple(words[begin + count - len(term) : begin + count]) == term for term in TERMS_OF_THE_FIELD):
                     continue
-                instead = _TERMS.get(tuple(words[begin : begin + count]))
+                instead = terms.get(tuple(words[begin : begin + count]))
                 if instead and begin + count <= len(words):
                     term = " ".join(words[begin : begin + count])
                     found.append(f"{file}:{line}: {term!r} in {piece.strip()[:80]!r}; say {instead}")

@@ -1,5 +1,5 @@
 MODULE Hello
-    ! Turns the hand of an arm aside and back, a little further each time, and says so.
+    ! Turns the hand of an arm aside and back, a little further each time, and writes that.
     VAR num waves:=0;
 
     PROC main()

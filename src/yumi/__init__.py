@@ -1,4 +1,4 @@
-"""Drive an ABB IRB 14000 YuMi from ROS 2 or plain Python."""
+"""The driver of an ABB IRB 14000 YuMi, for ROS 2 and plain Python."""
 
 from __future__ import annotations
 

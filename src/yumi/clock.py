@@ -1,4 +1,4 @@
-"""Time as an argument, so that tests run in virtual time; and waiting for a condition with a deadline."""
+"""Time as an argument: clocks of real and of virtual time, and waiting for a condition with a deadline."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a script gets its robot: ``connect`` with the address and what else may be said about it, and its asyncio twin.
+"""The functions that give a script its robot: ``connect`` with its address and options, and its asyncio twin.
 
 The classes for asyncio are derived from :mod:`yumi.api.robot`: each method is awaited, nothing is decided here.
 """

@@ -1,4 +1,4 @@
-"""What the program says to people: messages as codes with values, and the one place that puts them into words.
+"""The catalogue: messages for people as codes with values, and the one place that puts them into words.
 
 Between the parts of the program, its processes and its front ends travel :class:`Message` values: a code, and the
 values that belong to it. Only what shows a message to a person words it, from the texts of :mod:`yumi.catalogue.texts`.

@@ -1,4 +1,4 @@
-"""Writes the page of all messages: ``python -m yumi.catalogue > docs/reference/messages.md``."""
+"""The page of all messages: ``python -m yumi.catalogue > docs/reference/messages.md``."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def page() -> str:
     for action, words in ACTIONS.items():
         lines.append(f"| **{action}** | {' | '.join(_shown(words[each].do) for each in readers)} |")
     for subject, texts in SUBJECTS.items():
-        lines += ["", f"## {subject}", "", "| code | what it says | what to do |", "|---|---|---|"]
+        lines += ["", f"## {subject}", "", "| code | text | what to do |", "|---|---|---|"]
         lines += [f"| `{code}` | {_shown(text.what)} | {_shown(text.remedy)} |" for code, text in texts.items()]
     return "\n".join([*lines, ""])
 

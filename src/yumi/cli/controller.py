@@ -184,7 +184,7 @@ def controller(
     from yumi.virtual.server import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
 
     if once and not start:
-        raise click.UsageError("--once says how --start runs the programs: give both.")
+        raise click.UsageError("--once is for --start: give both.")
     kind = ROBOTS[model]
     delivered = delivered_system() if kind.is_yumi and not factory else factory_system(kind)
     begin = read_backup(system, kind) if system else delivered
@@ -469,7 +469,7 @@ def rws_put(client: RwsClient, file: Path, path: str) -> None:
 def rws_watch(client: RwsClient, targets: tuple[str, ...], count: int | None, json_output: JsonOutput) -> None:
     """Print values and each of their changes.
 
-    It subscribes again after a break, and says so. With --json each line is an object.
+    It subscribes again after a break, and prints that. With --json each line is an object.
 
     \b
     TARGETS: ctrlstate, opmode, speedratio, coldetstate, execution, elog,

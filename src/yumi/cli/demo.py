@@ -318,8 +318,8 @@ def demo(
 ) -> None:
     """Both arms of a virtual YuMi move and grab.
 
-    With --robot a real one does, after you have confirmed it. After a stop it says what happened and goes on only when
-    a person types yes; without a terminal, or with --yes, it ends. --picture shows the joint paths, and needs
+    With --robot a real one does, after you have confirmed it. After a stop it prints the cause and goes on only when a
+    person types yes; without a terminal, or with --yes, it ends. --picture shows the joint paths, and needs
     yumi-ros2[plot].
 
     \b

@@ -334,7 +334,7 @@ def doctor(
     on the robot at main for 5 s, so that datagrams of both arms come through this machine's firewall, or do not; the
     motors go on. Afterwards motors and program are on or off as before, but the program pointers stay where the program
     stopped, and its RAPID variables have begun anew. It starts nothing where a task has another program, or its modules
-    are a problem. Other tasks that would start, too, are switched off meanwhile: it says which.
+    are a problem. Other tasks that would start, too, are switched off meanwhile: it names them.
 
     Exit code 0: no problems; 1: there are problems.
 

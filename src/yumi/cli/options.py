@@ -1,4 +1,4 @@
-"""What several commands share: options, the password, who sees the ROS 2 graph of the driver, and when to end."""
+"""Options that several commands share: the robot, the password, who sees the ROS 2 graph, and when to end."""
 
 from __future__ import annotations
 

@@ -459,7 +459,7 @@ class Debugger(cmd.Cmd):
             raise
         self._was_running = True
         if not self._wait_for_stop(_CONTINUE_TIMEOUT if step is Step.CONTINUE else _STEP_TIMEOUT):
-            self._say("running; `stop` stops it, `where` says where it is")
+            self._say("running; `stop` stops it, `where` shows where it is")
 
     def _wait_for_stop(self, timeout: float) -> bool:
         """Whether RAPID has stopped within a time [s]; where, is said then."""

@@ -117,7 +117,7 @@ _SIGNALS = 1.0  # [s] between two attempts to subscribe to the grippers' signals
     flag_value=DEFAULT_WAIT,
     type=TIME,
     metavar="[SECONDS]",
-    help=f"Wait until a controller answers at the address, {DEFAULT_WAIT:g} s at most unless SECONDS says otherwise.",
+    help=f"Wait until a controller answers at the address, {DEFAULT_WAIT:g} s at most unless SECONDS is given.",
 )
 @speed_scale_option()
 @config_option
@@ -156,8 +156,8 @@ def up(
 ) -> None:
     """Run the driver: it brings the robot to ready.
 
-    It serves ROS 2, the commands of yumi and scripts that attach to it, and says what it will do to the robot before it
-    does that.
+    It serves ROS 2, the commands of yumi and scripts that attach to it, and prints what it will do to the robot
+    beforehand.
 
     \b
     Examples:

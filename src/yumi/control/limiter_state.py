@@ -1,4 +1,4 @@
-"""What the limiter does with an arm: its states, and the one table of what leads from one to the next.
+"""The states of the limiter, and the one table of the transitions between them.
 
 Each datagram, each command and each interruption is an event. ``setup/limiter_states.py`` makes the page of the
 documentation from this, docs/reference/limiter-states.md, and its picture.

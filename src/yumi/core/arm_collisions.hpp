@@ -1,4 +1,4 @@
-// Of one arm's commands, whether they keep the arms apart, and what may be sent in place of them.
+// The collision check of one arm: whether its commands keep the arms apart, and what is sent in place of them.
 
 #pragma once
 

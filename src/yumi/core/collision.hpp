@@ -1,4 +1,4 @@
-// What keeps both arms apart, as collision.cpp offers it to the limiter and to Python; docs/explanation/decisions/0032.
+// The interface of collision.cpp, which keeps both arms apart, for the limiter and for Python.
 
 #pragma once
 

@@ -1,4 +1,4 @@
-// Whether a command keeps the arms apart: the paths of both are compared with each other and with what stands still.
+// The collision limiter: the paths of both arms are compared with each other and with what stands still.
 //
 // A part of collision.cpp, which is compiled as one unit.
 

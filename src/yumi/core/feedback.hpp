@@ -1,4 +1,4 @@
-// What an arm's feedback is worth: whether it can be true.
+// The feedback check: whether the feedback of an arm can be true.
 //
 // That is decided by physics, not by the protocol, which does not prove it
 // (docs/explanation/decisions/0014-feedback-is-doubted.md): have the joints' highest speeds led the arm there?

@@ -1,4 +1,4 @@
-// The limiter of each arm, and what both know of each other: what library.py declares for control/limiter.py,
+// The limiters of both arms, with the state that they share, as library.py declares them for control/limiter.py,
 // control/collisions.py and control/motion.py. No exception leaves, and nothing is allocated after the start.
 
 #include "limiter_handle.hpp"

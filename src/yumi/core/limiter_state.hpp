@@ -1,4 +1,4 @@
-// What the limiter does with an arm, and what leads from one to the next; control/limiter_state.py has the table.
+// The states of the limiter, and the transitions between them; control/limiter_state.py has the table.
 
 #pragma once
 

@@ -1,4 +1,4 @@
-// Which of our references a robot follows, if any; often a firewall drops our outgoing datagrams.
+// The reference monitor: which of our references a robot follows; often a firewall drops our outgoing datagrams.
 //
 // The robot's plan shows that, whatever the protocol claims (docs/explanation/decisions/0014-feedback-is-doubted.md,
 // docs/explanation/decisions/0049-lost-commands-wait.md): it is the integral of speeds that our references make

@@ -1,4 +1,4 @@
-"""What a user may set: two YAML files, read once into frozen values; an unknown key is refused.
+"""Settings of the user: two YAML files, read once into frozen values; an unknown key is refused.
 
 Each group is a dataclass; a field's metadata gives its unit and bounds, which the refusals quote.
 """

@@ -1,4 +1,4 @@
-"""What stopped the robot, and which stop waits for a person.
+"""Stops of the robot: what caused one, and which one waits for a person.
 
 Computed from the event log and the controller's state together. After an emergency stop, a guard stop or a collision a
 reset must not itself start motion (IEC 60204-1 section 9.2, ISO 10218-1 section 5.5): such a stop stays open until a

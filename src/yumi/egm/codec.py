@@ -1,4 +1,4 @@
-"""Datagrams to values and back, for both ends of EGM and any robot; protobuf, degrees and millimetres stay in here.
+"""The codec of EGM: datagrams to values and back, for both ends; protobuf, degrees and millimetres stay in here.
 
 The names follow ABB: the *robot* sends :class:`RobotMessage`, the *sensor* (that is us, or anyone who guides the
 robot) answers with :class:`SensorMessage` or :class:`PathCorrection` (reference/egm.md §1-3). They are frozen values in

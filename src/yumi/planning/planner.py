@@ -1,4 +1,4 @@
-"""Plans motions of one or both arms around the robot itself and what stands about it, with RoboPlan.
+"""The planner: motions of one or both arms around the robot and its surroundings, with RoboPlan.
 
 ::
 

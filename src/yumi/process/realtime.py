@@ -1,4 +1,4 @@
-"""What the operating system and the interpreter do for promptness: priority, memory that stays, no collector, turns."""
+"""Real-time settings of a process: priority, memory that stays, no collector, short turns of threads."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Failures:
 
 
 class SupervisedThread:
-    """A thread for the whole life of the program: an exception ends its work, which starts again, not the thread.
+    """A thread as long as the program runs: an exception ends its work, which starts again, not the thread.
 
     Args:
         name: of the thread, for the log.

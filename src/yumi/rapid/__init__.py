@@ -1,4 +1,4 @@
-"""RAPID, the language of ABB's IRC5: parser and interpreter; knows no robot.
+"""RAPID, the language of ABB's IRC5: parser and interpreter, without any robot.
 
 A host registers the robot's instructions in an `InstructionSet`, on top of those that RAPID provides here, and lets a
 `Task` load modules and advance.

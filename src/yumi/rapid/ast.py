@@ -14,7 +14,7 @@ LARGEST_COLUMN = 0xFFFF
 
 
 class Storage(Enum):
-    """How long a datum lives: constant, variable (new at each PP to main), persistent; the value is RWS' word."""
+    """How long a datum is kept: constant, variable (new at each PP to main), persistent; the value is RWS' word."""
 
     CONST = "con"
     VAR = "var"

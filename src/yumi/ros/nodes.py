@@ -1,4 +1,4 @@
-"""What the driver's nodes have in common: executors and timer threads for their callbacks, and their parameters.
+"""Bases of the nodes of the driver: executors and timer threads for their callbacks, and their parameters.
 
 A turn of an executor looks at every entity of all its nodes, several times for each request. With the whole driver in
 one executor a turn takes ten milliseconds, during which no other thread runs; so each family of nodes has one with a

@@ -1,4 +1,4 @@
-"""Builds the page of ``yumi view``: TypeScript and three.js become the files that the server sends.
+"""The build of the page of ``yumi view``: TypeScript and three.js become the files that the server sends.
 
 A wheel contains them. From a clone or with colcon they are built by Node.js when the page is first needed, and again
 when the sources have changed: in the clone's ``build`` folder, or else in the user's cache. Node.js comes from PyPI,

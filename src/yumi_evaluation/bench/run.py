@@ -441,6 +441,6 @@ def _family(pid: int) -> list[int]:
             after_name = (entry / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2]
             parents[int(entry.name)] = int(after_name.split()[1])
     family = [pid]
-    for each in family:  # grows while it is walked: children of children
+    for each in family:  # grows meanwhile: children of children
         family += [child for child, parent in parents.items() if parent == each]
     return family

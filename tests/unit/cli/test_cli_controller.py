@@ -125,4 +125,4 @@ def test_controller_shows_what_programs_write_and_runs_them_once(
 
 def test_once_is_refused_where_nothing_is_started() -> None:
     result = CliRunner().invoke(main, ["controller", "--once"])
-    assert (result.exit_code, "--once says how --start runs the programs: give both." in result.output) == (2, True)
+    assert (result.exit_code, "--once is for --start: give both." in result.output) == (2, True)

@@ -1,4 +1,4 @@
-"""What a person can do, in the words of each front end."""
+"""Actions of a person, in the words of each front end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happens to an arm: its EGM session, its feedback, and what limits it."""
+"""Texts about an arm: its EGM session, its feedback, and its limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the controller is, has and does: options, program, motors, signals, RAPID variables, routines and modules."""
+"""Texts about the controller: options, program, motors, signals, RAPID variables, routines and modules."""
 
 from __future__ import annotations
 

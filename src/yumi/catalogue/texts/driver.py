@@ -1,4 +1,4 @@
-"""The driver: its control process, the state machine on the robot, and EGM from a script."""
+"""Texts about the driver: its control process, the state machine on the robot, and EGM from a script."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ DRIVER: Mapping[str, Text] = {
     "control_process_is_gone": Text("the control process has ended", "{recover}, which starts another one"),
     "control_process_starts": Text("the control process is starting", "try again in a few seconds"),
     "control_process_ended_at_start": Text(
-        "the control process ended while it started", "look at the output of the driver, which says why"
+        "the control process ended while it started", "read the cause in the output of the driver"
     ),
     "control_process_stands_still": Text(
         "the control process has stood still for {duration:.0f} s", "restart the driver"

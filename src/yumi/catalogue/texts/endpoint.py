@@ -1,4 +1,4 @@
-"""Requests to a running driver, and what stands against them."""
+"""Refusals of requests to a running driver."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ ENDPOINT: Mapping[str, Text] = {
     "request_nested_too_deeply": Text("its lists or objects are nested too deeply"),
     "request_not_utf_8": Text("it is not in UTF-8"),
     "value_not_finite": Text("request refused: {name} is {value}", "give a finite number"),
-    "driver_failed": Text("the driver failed with {kind}: {why}; its log says more"),
+    "driver_failed": Text("the driver failed with {kind}: {why}; see its log"),
     # ---- requests
     "asker_is_gone": Text("what was asked for was ended before its next step: who asked for it is gone"),
     "no_gripper_named": Text("no gripper is named", "name right, left or both"),

@@ -1,4 +1,4 @@
-"""What the evaluation refuses: experiments, measurements of a robot, comparisons of logs, and the benchmark."""
+"""Refusals of the evaluation: experiments, measurements of a robot, comparisons of logs, and the benchmark."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from yumi.catalogue.text import Text
 
 EVALUATION: Mapping[str, Text] = {
     "real_robot_in_virtual_time": Text("a real robot has no virtual time", "give either --robot or --virtual-time"),
-    "experiments_failed": Text("{count} experiments could not be run", "see the report, which says why"),
+    "experiments_failed": Text("{count} experiments could not be run", "see the reasons in the report"),
     "gains_not_in_order": Text("the gains go from {lowest:g} to {highest:g}; --from must be below --to"),
     "ros_missing_for_evaluation": Text(
         "ROS 2 is missing",

@@ -63,9 +63,9 @@ _TRAJECTORIES: Mapping[str, tuple[str, str]] = {
     ),
     "point_value_not_finite": ("point {point} has {value} among its {quantity}; all values are finite numbers", ""),
     # ---- what it asks of the joints
-    "point_out_of_range": (f"point {{point}} wants {{joint}} at {{position:.1°}}; {_RANGE}", ""),
+    "point_out_of_range": (f"point {{point}} has {{joint}} at {{position:.1°}}; {_RANGE}", ""),
     "point_in_degrees": (
-        f"point {{point}} wants {{joint}} at {{position:.1°}}; {_RANGE}; {{position:g}} looks like degrees",
+        f"point {{point}} has {{joint}} at {{position:.1°}}; {_RANGE}; {{position:g}} looks like degrees",
         "{give_radians}",
     ),
     "point_beyond_limit": (

@@ -1,4 +1,4 @@
-"""The page of `yumi view`: who operates, and what stands against it."""
+"""Refusals of the page of `yumi view`: who operates, and what prevents it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PAGE: Mapping[str, Text] = {
     "connection_to_driver_lost": Text("the connection to the driver is lost: {why}"),
     "view_has_ended": Text("yumi view has ended"),
     "driver_has_ended": Text("the driver has ended"),
-    "view_failed": Text("yumi view failed with {kind}: {why}; its output says more"),
+    "view_failed": Text("yumi view failed with {kind}: {why}; see its output"),
     # ---- who operates
     "control_not_taken": Text("this page does not have control", "take control first"),
     "control_given_back": Text("control was given back before this was asked for"),
@@ -51,7 +51,7 @@ PAGE: Mapping[str, Text] = {
     "page_not_fetched": Text(
         "the page of yumi view must be built, and npm could not fetch what it is built from; check the network and the "
         "proxy, or name your own registry in NPM_CONFIG_REGISTRY, then try again, or install yumi-ros2 from a wheel, "
-        "which contains the page. npm says:\n{output}"
+        "which contains the page. Output of npm:\n{output}"
     ),
     "page_script_failed": Text("npm {arguments} failed in {folder}:\n{output}"),
     "page_folder_failed": Text("the page could not be built in {folder}: {error}"),

@@ -1,4 +1,4 @@
-"""Planned paths: why there is none, and what planning asks for."""
+"""Texts about planned paths: why there is none, and which goals are refused."""
 
 from __future__ import annotations
 

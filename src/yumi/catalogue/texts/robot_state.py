@@ -1,4 +1,4 @@
-"""May the robot move: what is not so, and what stopped it."""
+"""Texts about the state of the robot: conditions of a motion that are not met, and causes of a stop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ROS 2's topics, services, actions and parameters refuse, and what ends the dual-arm task."""
+"""Refusals of ROS 2 topics, services, actions and parameters, and the ends of the dual-arm task."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ ROS: Mapping[str, Text] = {
     "another_mode_change": Text("another set_mode or recover is being carried out", "wait for its result or cancel it"),
     # ---- the dual-arm task
     "not_ready_in_time": Text(
-        "{error:sentence} The driver says: {answer}",
+        "{error:sentence} The driver's answer: {answer}",
     ),
     "arm_stopped_before_motion": Text("the {arm} arm was stopped before it moved"),
     "arm_stopped_before_goal": Text("the {arm} arm was stopped {distance:.1°} before its goal"),

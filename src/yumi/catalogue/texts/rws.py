@@ -57,7 +57,7 @@ RWS: Mapping[str, Text] = {
     "login_for_other_realm": Text("its login is for {realm:quoted}"),
     "login_refused": Text(
         "the controller at {address} does not accept user {user:quoted} with this password",
-        "give the right ones (a new controller knows user 'Default User' with password 'robotics')",
+        "give the right ones (a new controller has the user 'Default User' with password 'robotics')",
     ),
     "sessions_taken": Text(
         "the controller at {address} is starting, or all its {most} sessions are taken (an idle one ends after five "
@@ -145,7 +145,7 @@ RWS: Mapping[str, Text] = {
     "state_without_field": Text("the controller's {type:quoted} of {title:quoted} lacks the field {field:quoted}"),
     "field_no_number": Text("the controller's {field:quoted} is {text:quoted}, not a number"),
     "field_no_whole_number": Text("the controller's {field:quoted} is {text:quoted}, not a whole number"),
-    "word_without_meaning": Text("the controller says {word:quoted} where only {allowed:list} have a meaning"),
+    "word_without_meaning": Text("the controller answers {word:quoted} where only {allowed:list} have a meaning"),
     "version_not_numbers": Text("the controller's RobotWare version {version:quoted} is not numbers and dots"),
     "answer_without_progress": Text("the controller's answer holds no progress"),
     "clock_shows_no_time": Text("the controller's clock shows {text:quoted}, which is not a time"),

@@ -1,4 +1,4 @@
-"""What a script is refused, and how its motions and grips end."""
+"""Refusals of a script, and the ends of its motions and grips."""
 
 from __future__ import annotations
 

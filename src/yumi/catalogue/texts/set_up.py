@@ -1,4 +1,4 @@
-"""What must be right before a robot is driven: settings, prerequisites, an installation, and what the doctor finds."""
+"""Texts about the set-up of a robot: settings, prerequisites, an installation, and the findings of the doctor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a controller needs of this package, as the difference to what it has: installed, removed, rolled back.
+"""The installation of this package on a controller: the difference to what it has is installed, removed, rolled back.
 
 Everything, configuration, files and the RAPID modules in both tasks, is one operation: read what is there, compare it
 with what is wanted, change the rest, read again. What was there before the first installation is kept in a record on

@@ -1,4 +1,4 @@
-r"""RAPID's files and directories on the controller's disk; serial channels do not exist here, which Open says.
+r"""RAPID's files and directories on the controller's disk; serial channels do not exist here, which Open reports.
 
 An iodev holds the whole file: what a program writes goes to the disk when it closes the file, or when so much waits
 that copying it costs little beside what was written. An iodev that goes (PP to main, the end of its routine) closes.

@@ -1,4 +1,4 @@
-"""What happens on the virtual controller: its event log (reference/rws.md §12), and refusals."""
+"""Events of the virtual controller: its event log (reference/rws.md §12), and refusals."""
 
 from __future__ import annotations
 

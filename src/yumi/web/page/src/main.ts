@@ -1,4 +1,4 @@
-/** The page of yumi view: messages change its state, views show the state, and what a person presses is asked for. */
+/** The page of yumi view: messages change its state, views show the state, and a person's presses become requests. */
 
 import { ArmPanel } from "./arm_panel";
 import { bindBand } from "./band";

@@ -1,4 +1,4 @@
-/** What the server and the page send each other, as JSON. SI units; arms and joints by the names of the driver. */
+/** Messages between server and page, as JSON. SI units; arms and joints by the names of the driver. */
 
 /** right or left of a YuMi; of another robot the name of its mechanical unit. */
 export type ArmName = string;

@@ -1,4 +1,4 @@
-/** Which buttons cannot work now, and why: they are disabled, with the reason as their title. */
+/** Permissions of the buttons: which ones cannot work now, with the reason as their title. */
 
 import { armsOf } from "./messages";
 import { inTheWay, uncommanded } from "./verdict";

@@ -1,4 +1,4 @@
-/** Where a planned arm is at a time. */
+/** A plan: where the planned arm is at a time. */
 
 import type { Joints, PlanPoint } from "./messages";
 import { indexAt } from "./numbers";

@@ -1,4 +1,4 @@
-/** Plays a recording: the slider moves through its time, its events are marks and buttons that go there. */
+/** The player of a recording: the slider moves through its time, its events are marks and buttons that go there. */
 
 import { withToken } from "./connection";
 import { at, input, make, press, text } from "./dom";

@@ -1,4 +1,4 @@
-/** What is asked of the whole robot: stop, start, recover, calibrate, speed; and the dialog that confirms a stop. */
+/** The panel of the whole robot: stop, start, recover, calibrate, speed; and the dialog that confirms a stop. */
 
 import { at, button, input, press, text } from "./dom";
 import { closeToast } from "./toast";

@@ -1,4 +1,4 @@
-/** Reads the meshes. */
+/** The reader of the meshes. */
 
 import { BufferAttribute, BufferGeometry, Vector3 } from "three";
 

@@ -1,4 +1,4 @@
-/** The band: whether the robot moves, else why not and what to do, and the button that does it. */
+/** The verdict of the band: whether the robot moves, else why not and what to do, and the button that does it. */
 
 import { armsOf, type ArmName, type Said } from "./messages";
 import { CONNECTING, silentArms, type Page } from "./store";

@@ -1,4 +1,4 @@
-/** What a virtual robot has beside: its emergency stop and key, parts for its grippers, and its faults. */
+/** The panel of a virtual robot: its emergency stop and key, parts for its grippers, and its faults. */
 
 import type { Connection } from "./connection";
 import { withNumber } from "./arm_panel";
