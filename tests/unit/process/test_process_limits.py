@@ -34,7 +34,8 @@ from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
 from yumi.process import supervision
 from yumi.process.supervision import DRIVER_READY, PROCESSES, ChildProcess, Command, PipeEnd
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
-from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
+from yumi.rws.transport import Deadline, HttpTransport
+from yumi.rws.web_socket import Listener, WebSocket
 from yumi.virtual.mechanics.motion import ArmModel
 from yumi.virtual.rws.subscriptions import Upgrade
 from yumi.virtual.server import HttpServer
@@ -88,7 +89,7 @@ def test_connection_without_a_descriptor_is_refused_in_a_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
         transport = HttpTransport(address)
-        request = httpx.Request("GET", f"http://{address}/", extensions=until(SystemClock().now() + 1.0, 1.0))
+        request = httpx.Request("GET", f"http://{address}/", extensions={"deadline": Deadline(SystemClock().now() + 1.0)})
         with no_descriptor_left(), refused(NoConnection, "no_descriptor_for_connection", address=address):
             transport.handle_request(request)
         transport.close()
