@@ -24,7 +24,7 @@ from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import free_port
-from yumi.process.supervision import ChildProcess, PipeEnd
+from yumi.process.child import ChildProcess, PipeEnd
 from yumi.recording.mcap import Recorder, Recording, read_recording
 from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
 

@@ -23,7 +23,7 @@ from soak import tell
 from yumi.api.connection import RunningDriver
 from yumi.control.flight_recorder import Frame
 from yumi.egm.udp import free_port
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.recording.mcap import recorded_messages
 from yumi.web.live import MAX_JOINT_SPEED, MAX_LINEAR, RATE
 

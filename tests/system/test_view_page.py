@@ -16,7 +16,7 @@ from browser import browser
 from flight import LOST, flown, write_flight_record
 from yumi.catalogue import FrontEnd, Message, clause, message
 from yumi.errors import StopNotConfirmed
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.recording.mcap import recorded_event
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules

@@ -21,7 +21,7 @@ from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.udp import free_port, memory_links
 from yumi.errors import ControllerRefused
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from yumi.rws.transport import ConnectionLost
