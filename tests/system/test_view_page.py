@@ -17,7 +17,7 @@ from flight import LOST, flown, write_flight_record
 from yumi.catalogue import FrontEnd, Message, clause, message
 from yumi.errors import StopNotConfirmed
 from yumi.process.command import Command
-from yumi.recording.mcap import recorded_event
+from yumi.recording.message_types import recorded_event
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Pose, Side, home, joints

@@ -76,7 +76,8 @@ from yumi.process.command import DRIVER_READY, DRIVER_RUNNING, PAGE_READY, Comma
 from yumi.process.realtime import release_process, settle_memory, short_switch_interval
 from yumi.process.single_instance import SingleInstance
 from yumi.process.supervision import Failures, SupervisedThread, start_thread
-from yumi.recording.mcap import Recorder, read_recording
+from yumi.recording.reader import read_recording
+from yumi.recording.recorder import Recorder
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
