@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import re
 import socket
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 from threading import Lock
@@ -98,16 +97,13 @@ class HttpTransport(httpx.BaseTransport):
         deadline: Deadline = request.extensions["deadline"]
         connection = self._idle_connection() or self._new_connection(request.url, deadline)
         try:
-            response = connection.exchange(request, deadline)
-        except BaseException:
-            self._forget(connection)
-            raise
-        with self._lock:
-            if connection.is_reusable and connection in self._connections:
-                self._idle.append(connection)
-                return response
-        self._forget(connection)
-        return response
+            return connection.exchange(request, deadline)
+        finally:
+            with self._lock:
+                if connection.is_reusable and connection in self._connections:
+                    self._idle.append(connection)
+                else:
+                    self._drop(connection)
 
     def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> WebSocket:
         """A WebSocket at the path ``target``, on a connection of its own.
@@ -121,49 +117,43 @@ class HttpTransport(httpx.BaseTransport):
     def close(self) -> None:
         """Close the connections; exchanges under way end at once, another one opens a new connection."""
         with self._lock:
-            connections = list(self._connections)
-        for each in connections:
-            self._forget(each)
+            self._idle.clear()
+            for each in list(self._connections):
+                self._drop(each)
 
     def _idle_connection(self) -> _Connection | None:
-        while True:
-            with self._lock:
-                if not self._idle:
-                    return None
+        with self._lock:
+            while self._idle:
                 connection = self._idle.pop()
-            if connection.is_alive:
-                return connection
-            self._forget(connection)
+                if connection.is_alive:
+                    return connection
+                self._drop(connection)
+        return None
 
     def _new_connection(self, url: httpx.URL, deadline: Deadline) -> _Connection:
         end = deadline.after(begin := self._clock.now())
         try:
-            if not self._hosts:
-                found = socket.getaddrinfo(url.host, url.port or 80, type=socket.SOCK_STREAM)
-                self._hosts = [str(place[0]) for *_, place in found]
-            *others, last = self._hosts
-            for each in others:
-                with suppress(OSError):
-                    return self._connect(each, url.port or 80, end)
-            return self._connect(last, url.port or 80, end)
+            connected = self._connect(url.host, url.port or 80, end)
         except TimeoutError as error:
             raise NoConnection(message("nothing_at_address", address=self.address, timeout=end - begin)) from error
         except (OSError, UnicodeError) as error:
             raise NoConnection(_why_no_connection(self.address, error)) from error
-
-    def _connect(self, host: str, port: int, end: float) -> _Connection:
-        connected = socket.create_connection((host, port), _left(end, self._clock))
-        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection = _Connection(connected, self._clock, self.address)
         with self._lock:
             self._connections.add(connection)
         return connection
 
-    def _forget(self, connection: _Connection) -> None:
-        with self._lock:
-            self._connections.discard(connection)
-            if connection in self._idle:
-                self._idle.remove(connection)
+    def _connect(self, host: str, port: int, end: float) -> socket.socket:
+        if not self._hosts:
+            self._hosts = [str(place[0]) for *_, place in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)]
+        *others, last = self._hosts
+        for each in others:
+            with suppress(OSError):
+                return socket.create_connection((each, port), _left(end, self._clock))
+        return socket.create_connection((last, port), _left(end, self._clock))
+
+    def _drop(self, connection: _Connection) -> None:
+        self._connections.discard(connection)
         connection.close()
 
 
@@ -171,10 +161,12 @@ class _Connection:
     """One connection to a controller, for one exchange after the other."""
 
     def __init__(self, connected: socket.socket, clock: Clock, address: str) -> None:
+        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket = connected
         self._clock = clock
         self._address = address
         self._http = h11.Connection(h11.CLIENT, max_incomplete_event_size=_MAX_LINES)
+        self._head_left = inf  # of a response, while it comes [bytes]
         self._used_at = clock.now()
 
     @property
@@ -187,32 +179,43 @@ class _Connection:
         """Whether the peer has not closed it since, nor forgets it soon."""
         try:
             self._socket.settimeout(0.0)
-            self._socket.recv(1, socket.MSG_PEEK)
+            self._socket.recv(1, socket.MSG_PEEK)  # its end, or what nobody asked for
         except BlockingIOError:
             return self._clock.now() - self._used_at < _KEEP_ALIVE
         except OSError:
             return False
-        return False  # its end, or what nobody asked for
+        return False
 
     def exchange(self, request: httpx.Request, deadline: Deadline) -> httpx.Response:
         """The complete response; raises what :meth:`HttpTransport.handle_request` does."""
-        begin = self._clock.now()
-        timeout = deadline.after(begin) - begin
-        with self._converted_errors():
-            try:
-                self._send(request, deadline)
-                head = self._receive_head(deadline)
-            except TimeoutError as error:
-                raise AnswerTimeout(message("no_answer_to_request", address=self._address, timeout=timeout)) from error
-            try:
-                body = self._receive_body(deadline)
-            except TimeoutError as error:
-                raise AnswerTimeout(message("answer_not_ended", address=self._address)) from error
+        begin, head, body = self._clock.now(), None, bytearray()
+        try:
+            self._send(request, deadline)
+            end, self._head_left = deadline.after(self._clock.now()), _MAX_HEAD
+            while not isinstance(event := self._next_event(end), h11.Response):
+                continue  # 1xx
+            head, self._head_left = event, inf
+            while isinstance(event := self._next_event(deadline.after(self._clock.now())), h11.Data):
+                body += event.data
+                if len(body) > _MAX_BODY:
+                    raise ProtocolError(message("answer_too_long", address=self._address, most=_MAX_BODY))
             if self._http.our_state is self._http.their_state is h11.DONE:
                 self._http.start_next_cycle()
+        except TimeoutError as error:
+            if head is not None:
+                raise AnswerTimeout(message("answer_not_ended", address=self._address)) from error
+            timeout = deadline.after(begin) - begin
+            raise AnswerTimeout(message("no_answer_to_request", address=self._address, timeout=timeout)) from error
+        except h11.LocalProtocolError as error:
+            raise ProtocolError(message("request_not_http", address=self._address, error=said_by(error))) from error
+        except h11.RemoteProtocolError as error:
+            raise ProtocolError(message("no_http_spoken", address=self._address)) from error
+        except OSError as error:
+            raise ConnectionLost(message("no_http_answer", address=self._address)) from error
+        self._used_at = self._clock.now()
         # A controller compresses nothing; what another peer compresses is left as it is, so that it cannot explode.
         headers = [(name, value) for name, value in head.headers if name != b"content-encoding"]
-        return httpx.Response(head.status_code, headers=headers, content=body)
+        return httpx.Response(head.status_code, headers=headers, content=bytes(body))
 
     def close(self) -> None:
         with suppress(OSError):  # the peer has closed it already
@@ -221,53 +224,23 @@ class _Connection:
 
     def _send(self, request: httpx.Request, deadline: Deadline) -> None:
         head = h11.Request(method=request.method, target=request.url.raw_path, headers=request.headers.raw)
-        data = b"".join(self._http.send(each) or b"" for each in (head, h11.Data(request.read()), h11.EndOfMessage()))
-        rest = memoryview(data)
+        parts = (self._http.send(each) for each in (head, h11.Data(request.read()), h11.EndOfMessage()))
+        rest = memoryview(b"".join(part or b"" for part in parts))
         while rest:  # sendall would give all of it the time of one part
             self._socket.settimeout(_left(deadline.after(self._clock.now()), self._clock))
             rest = rest[self._socket.send(rest) :]
-        self._used_at = self._clock.now()
 
-    def _receive_head(self, deadline: Deadline) -> h11.Response:
-        end, room = deadline.after(self._used_at), _MAX_HEAD
-        while not isinstance(event := self._http.next_event(), h11.Response):
-            if event is h11.NEED_DATA:
-                room -= self._receive(end)
-                if room < 0:
-                    raise ProtocolError(message("answer_head_too_long", address=self._address, most=_MAX_HEAD))
+    def _next_event(self, end: float) -> object:
+        while (event := self._http.next_event()) is h11.NEED_DATA:
+            self._socket.settimeout(_left(end, self._clock))
+            data = self._socket.recv(_READ_AT_ONCE)
+            if not data and self._http.their_state is h11.SEND_RESPONSE:
+                raise ConnectionResetError("the peer hung up instead of answering")
+            self._head_left -= len(data)
+            if self._head_left < 0:
+                raise ProtocolError(message("answer_head_too_long", address=self._address, most=_MAX_HEAD))
+            self._http.receive_data(data)
         return event
-
-    def _receive_body(self, deadline: Deadline) -> bytes:
-        body = bytearray()
-        while not isinstance(event := self._http.next_event(), h11.EndOfMessage):
-            if event is h11.NEED_DATA:
-                self._receive(deadline.after(self._clock.now()))
-            elif isinstance(event, h11.Data):
-                body += event.data
-                if len(body) > _MAX_BODY:
-                    raise ProtocolError(message("answer_too_long", address=self._address, most=_MAX_BODY))
-        self._used_at = self._clock.now()
-        return bytes(body)
-
-    def _receive(self, end: float) -> int:
-        """Pass on what comes until then; returns its length."""
-        self._socket.settimeout(_left(end, self._clock))
-        data = self._socket.recv(_READ_AT_ONCE)
-        if not data and self._http.their_state is h11.SEND_RESPONSE:
-            raise ConnectionResetError("the peer hung up instead of answering")
-        self._http.receive_data(data)
-        return len(data)
-
-    @contextmanager
-    def _converted_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except h11.LocalProtocolError as error:
-            raise ProtocolError(message("request_not_http", address=self._address, error=said_by(error))) from error
-        except h11.RemoteProtocolError as error:
-            raise ProtocolError(message("no_http_spoken", address=self._address)) from error
-        except OSError as error:
-            raise ConnectionLost(message("no_http_answer", address=self._address)) from error
 
 
 def _left(end: float, clock: Clock) -> float:
