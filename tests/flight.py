@@ -10,7 +10,8 @@ from yumi.control.controller import AFTER_REPLY, SEND, StageClock
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
 from yumi.control.shared_state import SessionLost
-from yumi.recording.mcap import RecordedEvent, RecordingWriter
+from yumi.recording.message_types import RecordedEvent
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 
 CYCLE = 0.004

@@ -21,7 +21,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 
 CONFIG = """
 collision:

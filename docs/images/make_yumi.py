@@ -27,8 +27,8 @@ from playwright.sync_api import sync_playwright
 import yumi
 from yumi.control.controller import StageTimes
 from yumi.control.flight_recorder import Frame
-from yumi.process.supervision import Command
-from yumi.recording.mcap import RecordingWriter
+from yumi.process.command import Command
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import POSES, ZERO, Joints, Side, joints
 

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from yumi.catalogue import message, said_by
 from yumi.control.flight_recorder import Frame
 from yumi.errors import CommandRefused, ProtocolError
-from yumi.recording.mcap import JointMessage, joint_messages, read_recording
+from yumi.recording.reader import JointMessage, joint_messages, read_recording
 from yumi.robot.joints import CHAIN_AXES, CYCLE, JOINT_COUNT, Side
 
 Array = NDArray[np.float64]

@@ -33,9 +33,9 @@ from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver.settings import PASSWORD_VARIABLE, address_values, override, read_settings
 from yumi.egm.udp import free_port
 from yumi.errors import RobotNotReady
+from yumi.process.command import Command
 from yumi.process.realtime import paused_collector
-from yumi.process.supervision import Command
-from yumi.recording.mcap import read_recording
+from yumi.recording.reader import read_recording
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.driver import close_ros, open_ros
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient

@@ -37,7 +37,7 @@ class ScriptedTransport:
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         self.sent.append(httpx.Request(request.method, request.url, headers=request.headers, content=request.read()))
-        self.timeouts.append(request.extensions["timeout"]["read"] - self._clock.now())
+        self.timeouts.append(request.extensions["deadline"].end - self._clock.now())
         self._clock.advance(0.5)
         reply = self._script.pop(0)
         if isinstance(reply, NoConnection):

@@ -17,7 +17,7 @@ from doc_pages import ROOT, Fence, read
 
 from free_ports import free_tcp_port
 from yumi.egm.udp import free_port
-from yumi.process.supervision import CONTROLLER_READY, DRIVER_READY
+from yumi.process.command import CONTROLLER_READY, DRIVER_READY
 
 SERVER = re.compile(r"^(\.venv/bin/)?yumi (controller|up)\b")
 PREAMBLE = ("source ", "cd ", "export ")

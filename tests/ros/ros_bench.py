@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 
 from free_ports import free_tcp_port
 from yumi.egm.udp import free_port
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 
 ASKED_AGAIN = 2.0
 TIMEOUT = 30.0

@@ -24,7 +24,7 @@ from yumi.cli.controller import fault as fault_command
 from yumi.clock import SystemClock
 from yumi.control.flight_recorder import Frame
 from yumi.errors import RobotNotReady
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import CYCLE, Joints, Side, joints
 from yumi.rws.client import RwsClient
 from yumi.virtual.faults import Fault

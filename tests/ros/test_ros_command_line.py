@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from ros_bench import Robot
 
 from yumi.cli.main import main
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 YUMI = [sys.executable, "-m", "yumi"]

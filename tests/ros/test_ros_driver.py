@@ -20,7 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from yumi.catalogue import FrontEnd, clause, message, sentence
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import CYCLE, Side, finger_names, home, joint_names
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

@@ -11,8 +11,8 @@ import pytest
 from ros_bench import TIMEOUT, Client, Robot
 from std_srvs.srv import Trigger
 
-from yumi.process.supervision import Command
-from yumi.recording.mcap import Recording, read_recording
+from yumi.process.command import Command
+from yumi.recording.reader import Recording, read_recording
 from yumi.recording.tables import rows
 from yumi.robot.joints import Side
 from yumi_evaluation.experiments import AXIS_6, proportional, step, step_figures_of

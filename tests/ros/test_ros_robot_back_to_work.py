@@ -23,7 +23,7 @@ from yumi_interfaces.srv import RunRoutine
 from yumi.cli.controller import fault as fault_command
 from yumi.driver.readiness import Mode
 from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.move_and_grab import GOALS, MoveAndGrab
 from yumi.rws.client import RwsClient

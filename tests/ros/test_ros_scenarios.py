@@ -22,7 +22,7 @@ from system.recovery_bench import largest_jump
 from yumi.catalogue import FrontEnd, message, sentence
 from yumi.control.flight_recorder import Frame
 from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
-from yumi.recording.mcap import read_recording
+from yumi.recording.reader import read_recording
 from yumi.robot.gripper import TRAVEL, Outcome
 from yumi.robot.joints import Side
 from yumi.virtual.faults import Fault

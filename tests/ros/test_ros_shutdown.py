@@ -20,7 +20,7 @@ from yumi_interfaces.action import Recover
 from yumi_interfaces.msg import RobotState
 
 from hostile_server import HostileServer, dripping, hostile_before
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import Side, joints
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState, ExecutionState

@@ -9,7 +9,7 @@ from std_srvs.srv import Trigger
 
 from soak import CYCLES, long, short, tell
 from yumi.clock import SystemClock
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 
 LEAST = 5
 """After so many starts everything that is made once is there."""

@@ -31,7 +31,7 @@ from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from urdf_kinematics import links_to_root, matrix
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import CHAIN_AXES, Side, home
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]

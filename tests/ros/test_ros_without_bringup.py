@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from yumi.egm.udp import free_port
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import Side
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService

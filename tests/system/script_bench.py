@@ -11,7 +11,7 @@ from typing import Any
 from yumi.cli.controller import fault as fault_command
 from yumi.driver.state_machine import MAIN, MachineState
 from yumi.egm.udp import free_port
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient

@@ -23,7 +23,7 @@ from yumi.catalogue import FrontEnd, message, sentence
 from yumi.cli import robot as robot_commands
 from yumi.cli.main import main
 from yumi.errors import RobotNotReady
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import YUMI_LIMITS, Side, named_pose
 from yumi.virtual.faults import Fault
 

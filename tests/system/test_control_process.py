@@ -33,8 +33,8 @@ from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorMessage
 from yumi.egm.udp import Poller, UdpClient, UdpServer, free_port
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
+from yumi.process.child import ChildProcess, PipeEnd
 from yumi.process.realtime import prefer_process
-from yumi.process.supervision import ChildProcess, PipeEnd
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 
 pytestmark = pytest.mark.real_time

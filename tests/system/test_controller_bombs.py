@@ -21,7 +21,7 @@ import pytest
 
 from stalls import waited_for_a_processor
 from yumi.egm.codec import SensorCodec, SensorMessage
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
 

@@ -15,7 +15,7 @@ from refusals import refused
 from yumi.catalogue import message
 from yumi.cli.main import main
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection
-from yumi.process.supervision import CONTROLLER_READY, Command
+from yumi.process.command import CONTROLLER_READY, Command
 from yumi.rws.client import CONTROLLER_STATE, Change, RwsClient
 from yumi.rws.types import Code, ControllerState
 

@@ -15,18 +15,12 @@ from yumi.catalogue import Message, message
 from yumi.cli.install import _examine_stream
 from yumi.clock import ManualClock
 from yumi.driver.bringup import EgmAddress
-from yumi.driver.commissioning.doctor import (
-    ArmStream,
-    Finding,
-    Verdict,
-    examine_controller,
-    examine_machine,
-    examine_stream,
-    listen,
-    obstacle_to_stream,
-    streaming,
-)
-from yumi.driver.commissioning.installation import delivered_modules
+from yumi.driver.commissioning.controller_checks import examine_controller
+from yumi.driver.commissioning.delivery import delivered_modules
+from yumi.driver.commissioning.findings import Finding, Verdict
+from yumi.driver.commissioning.machine_checks import examine_machine
+from yumi.driver.commissioning.stream_checks import ArmStream, examine_stream, listen, obstacle_to_stream, streaming
+from yumi.egm.session import Arrivals, SessionCounters
 from yumi.egm.udp import NetworkCard, UdpServer
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
 from yumi.robot.joints import Side
@@ -481,7 +475,7 @@ def test_exchanged_ports_are_named(yumi: VirtualYumi) -> None:
 
 
 def test_something_else_at_the_port_is_named() -> None:
-    nothing = ArmStream(0, 0, 12, 0.0, 0.0, 0.0, None)
+    nothing = ArmStream(SessionCounters(malformed=12), Arrivals(0.0, 0.0, 0.0, 0.0), None)
     stands = dict.fromkeys(Side, (0.0,) * 7)
     (found,) = examine_stream({Side.LEFT: nothing}, stands, HERE)  # type: ignore[arg-type]
     assert_says(found.said, "stream_not_egm")
@@ -575,7 +569,7 @@ def test_task_that_stays_switched_off_is_a_problem_of_the_doctor(
 ) -> None:
     yumi = with_another_task()
     monkeypatch.setattr("yumi.cli.install.SystemClock", lambda: yumi)
-    monkeypatch.setattr("yumi.driver.commissioning.doctor.listen", lambda *_: listen(yumi.egm, yumi, 0.1))
+    monkeypatch.setattr("yumi.driver.commissioning.stream_checks.listen", lambda *_: listen(yumi.egm, yumi, 0.1))
     with yumi.client() as client:
         refuse_switching_on(client, monkeypatch)
         (found,) = _examine_stream(client, dict.fromkeys(Side, EgmAddress("127.0.0.1", 0)))

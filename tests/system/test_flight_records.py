@@ -24,8 +24,9 @@ from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import free_port
-from yumi.process.supervision import ChildProcess, PipeEnd
-from yumi.recording.mcap import Recorder, Recording, read_recording
+from yumi.process.child import ChildProcess, PipeEnd
+from yumi.recording.reader import Recording, read_recording
+from yumi.recording.recorder import Recorder
 from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
 
 pytestmark = pytest.mark.real_time

@@ -13,7 +13,8 @@ from click.testing import CliRunner, Result
 from system.test_doctor import served
 from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
-from yumi.driver.commissioning.installation import Contents, Installation, Plan
+from yumi.driver.commissioning.contents import Contents
+from yumi.driver.commissioning.installation import Installation, Plan
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.files import CAPACITY

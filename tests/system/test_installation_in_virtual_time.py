@@ -13,16 +13,11 @@ from commissioning_bench import HERE, Interruption, Site
 from refusals import assert_says, refused
 from soak import long, short
 from yumi.catalogue import Message, message
-from yumi.driver.commissioning.doctor import listen, streaming
-from yumi.driver.commissioning.installation import (
-    _BACKUP_GRANT,
-    _GRANTS,
-    Contents,
-    Installation,
-    Plan,
-    Record,
-    delivered_modules,
-)
+from yumi.driver.commissioning.contents import Contents
+from yumi.driver.commissioning.delivery import delivered_modules
+from yumi.driver.commissioning.installation import _BACKUP_GRANT, _GRANTS, Installation, Plan
+from yumi.driver.commissioning.installation_record import Record
+from yumi.driver.commissioning.stream_checks import listen, streaming
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError

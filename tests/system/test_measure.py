@@ -19,7 +19,7 @@ import pytest
 from script_bench import VirtualRobot, run_python
 
 import yumi
-from yumi.recording.mcap import read_recording
+from yumi.recording.reader import read_recording
 from yumi.robot.joints import CHAIN_AXES, CYCLE, Joints, Side
 from yumi.virtual.faults import Fault
 from yumi.virtual.mechanics.motion import ArmModel

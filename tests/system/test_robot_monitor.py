@@ -22,7 +22,8 @@ from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
 from yumi.driver.stops import Cause
 from yumi.errors import ControllerRefused, RobotNotReady
-from yumi.recording.mcap import Recorder, read_recording
+from yumi.recording.reader import read_recording
+from yumi.recording.recorder import Recorder
 from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
 from yumi.robot.joints import Side
 from yumi.rws.client import Change, OnChange, OnLost, Subscription

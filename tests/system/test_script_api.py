@@ -19,7 +19,7 @@ from yumi.api.robot import ArmMode, Robot
 from yumi.catalogue import message
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, SettingsError, StopNotConfirmed
-from yumi.recording.mcap import read_recording
+from yumi.recording.reader import read_recording
 from yumi.robot.gripper import Outcome
 from yumi.robot.joints import Side, home
 from yumi.virtual.faults import Fault

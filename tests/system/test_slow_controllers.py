@@ -23,8 +23,8 @@ from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
 from yumi.egm.udp import Poller, UdpClient, free_port
+from yumi.process.child import ChildProcess, PipeEnd
 from yumi.process.realtime import prefer_process
-from yumi.process.supervision import ChildProcess, PipeEnd
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side, home, joints
 
 pytestmark = pytest.mark.real_time

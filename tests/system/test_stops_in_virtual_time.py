@@ -11,7 +11,7 @@ from refusals import assert_says, numbers_in, refused
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
 from yumi.catalogue import message
-from yumi.driver.commissioning.doctor import streaming
+from yumi.driver.commissioning.stream_checks import streaming
 from yumi.driver.readiness import Mode
 from yumi.driver.stops import HISTORY
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError

@@ -14,7 +14,7 @@ from system.test_doctor import served, world
 from yumi.catalogue import FrontEnd, message, sentence
 from yumi.driver.settings import RobotSettings
 from yumi.errors import LoginRefused, NoConnection
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.virtual.controller.system import ROBOTS, factory_system
 from yumi.web.controller import open_controller
 

@@ -23,8 +23,8 @@ from soak import tell
 from yumi.api.connection import RunningDriver
 from yumi.control.flight_recorder import Frame
 from yumi.egm.udp import free_port
-from yumi.process.supervision import Command
-from yumi.recording.mcap import recorded_messages
+from yumi.process.command import Command
+from yumi.recording.reader import recorded_messages
 from yumi.web.live import MAX_JOINT_SPEED, MAX_LINEAR, RATE
 
 pytestmark = [pytest.mark.real_time, pytest.mark.soak, pytest.mark.timeout(600)]

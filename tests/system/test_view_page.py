@@ -16,8 +16,8 @@ from browser import browser
 from flight import LOST, flown, write_flight_record
 from yumi.catalogue import FrontEnd, Message, clause, message
 from yumi.errors import StopNotConfirmed
-from yumi.process.supervision import Command
-from yumi.recording.mcap import recorded_event
+from yumi.process.command import Command
+from yumi.recording.message_types import recorded_event
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Pose, Side, home, joints

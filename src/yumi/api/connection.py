@@ -55,7 +55,8 @@ from yumi.driver.stops import StopLog
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
-from yumi.recording.mcap import STATE, FullRecorder, Source, Sources
+from yumi.recording.message_types import STATE
+from yumi.recording.recorder import FullRecorder, Source, Sources
 from yumi.robot.collision import TOOL_FRAME, Obstacle, Part
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Pose, Side, joints

@@ -40,7 +40,7 @@ from yumi.cli.options import (
 )
 from yumi.driver.settings import MAX_PORT, VIRTUAL_RWS_PORT, RobotSettings
 from yumi.errors import CommandRefused
-from yumi.process.supervision import CONTROLLER_READY
+from yumi.process.command import CONTROLLER_READY
 from yumi.robot.gripper import TRAVEL, GripperModules
 from yumi.robot.joints import Side
 from yumi.rws.client import EXECUTION, Change, RwsClient, event_log, signal_state, variable_value

@@ -44,7 +44,7 @@ from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings, read_settings
 from yumi.egm.udp import free_port
 from yumi.errors import CommandRefused, RobotNotReady, YumiError, missing_extra
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
 

@@ -40,8 +40,9 @@ from yumi.rws.client import RwsClient
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from yumi.driver.commissioning.doctor import ArmStream, Finding
+    from yumi.driver.commissioning.findings import Finding
     from yumi.driver.commissioning.installation import Installation, Plan
+    from yumi.driver.commissioning.stream_checks import ArmStream
     from yumi.rws.documents import SystemInfo
 
 
@@ -227,7 +228,8 @@ class _Session:
 
     def show_route(self) -> None:
         """What is wrong with the way to the robot: its datagrams will go to this machine's address there."""
-        from yumi.driver.commissioning.doctor import Verdict, examine_route  # noqa: PLC0415 - a quick --help
+        from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415 - a quick --help
+        from yumi.driver.commissioning.machine_checks import examine_route  # noqa: PLC0415 - a quick --help
 
         for finding in examine_route(self.remote, self.addresses, network_cards()):
             if finding.verdict is not Verdict.OK:
@@ -246,7 +248,8 @@ class _Session:
 
 @contextmanager
 def _session(config: Path | None, json_output: JsonOutput, options: dict[str, Any]) -> Iterator[_Session]:
-    from yumi.driver.commissioning.installation import Installation, Record  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.installation import Installation  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.installation_record import Record  # noqa: PLC0415 - a quick --help
 
     client, remote, addresses = _controller_of(config, options)
     try:
@@ -303,10 +306,15 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
         if stream.loss > _WORST_LOSS:
             raise RobotNotReady(message("datagrams_lost", share=stream.loss, arm=side.word))
         session.say(
-            f"{side.word} arm: {stream.received} datagrams, one every {stream.period * 1e3:.2f} ms, {stream.lost} lost"
+            f"{side.word} arm: {stream.counters.received} datagrams, "
+            f"one every {stream.arrivals.cycle_time * 1e3:.2f} ms, {stream.counters.lost} lost"
         )
     return {
-        side.word: {"received": stream.received, "lost": stream.lost, "period": stream.period}
+        side.word: {
+            "received": stream.counters.received,
+            "lost": stream.counters.lost,
+            "period": stream.arrivals.cycle_time,
+        }
         for side, stream in streams.items()
     }
 
@@ -347,12 +355,10 @@ def doctor(
     """
     from rich.console import Console  # noqa: PLC0415 - a quick --help
 
-    from yumi.driver.commissioning.doctor import (  # noqa: PLC0415
-        Verdict,
-        examine_controller,
-        examine_machine,
-        obstacle_to_stream,
-    )
+    from yumi.driver.commissioning.controller_checks import examine_controller  # noqa: PLC0415
+    from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415
+    from yumi.driver.commissioning.machine_checks import examine_machine  # noqa: PLC0415
+    from yumi.driver.commissioning.stream_checks import obstacle_to_stream  # noqa: PLC0415
 
     client, remote, addresses = _controller_of(config, options)
     try:
@@ -396,7 +402,8 @@ def doctor(
 
 def _examine_stream(client: RwsClient, addresses: Mapping[Side, EgmAddress]) -> list[Finding]:
     """What comes of both arms' position streams, or why none can be started."""
-    from yumi.driver.commissioning.doctor import examine_stream, problem  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.findings import problem  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.stream_checks import examine_stream  # noqa: PLC0415 - a quick --help
 
     try:
         streams, stands = _receive(client, addresses, _EXAMINED_TIME, lambda text: click.echo(text, err=True))
@@ -410,7 +417,7 @@ def _show(findings: Sequence[Finding], console: Console) -> None:
     from rich.table import Table  # noqa: PLC0415 - a quick --help
     from rich.text import Text  # noqa: PLC0415
 
-    from yumi.driver.commissioning.doctor import Verdict  # noqa: PLC0415
+    from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415
 
     style = {Verdict.OK: "green", Verdict.NOTE: "yellow", Verdict.PROBLEM: "bold red"}
     table = Table("", "requirement", "found", "what to do", box=None, pad_edge=False)
@@ -445,7 +452,7 @@ def _receive(
     client: RwsClient, addresses: Mapping[Side, EgmAddress], seconds: float, report: Callable[[str], None]
 ) -> tuple[Mapping[Side, ArmStream], Mapping[Side, Joints]]:
     """What comes of both arms' position streams, and where the controller says that the arms stand."""
-    from yumi.driver.commissioning.doctor import listen, streaming  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.stream_checks import listen, streaming  # noqa: PLC0415 - a quick --help
 
     clock = SystemClock()
     with ExitStack() as stack:

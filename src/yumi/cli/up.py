@@ -72,18 +72,12 @@ from yumi.driver.settings import (
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.egm.udp import free_port, is_loopback, resolve
 from yumi.errors import NoConnection, ProtocolError, RobotNotReady, SettingsError, YumiError
+from yumi.process.command import DRIVER_READY, DRIVER_RUNNING, PAGE_READY, Command
 from yumi.process.realtime import release_process, settle_memory, short_switch_interval
-from yumi.process.supervision import (
-    DRIVER_READY,
-    DRIVER_RUNNING,
-    PAGE_READY,
-    Command,
-    Failures,
-    SingleInstance,
-    SupervisedThread,
-    start_thread,
-)
-from yumi.recording.mcap import Recorder, read_recording
+from yumi.process.single_instance import SingleInstance
+from yumi.process.supervision import Failures, SupervisedThread, start_thread
+from yumi.recording.reader import read_recording
+from yumi.recording.recorder import Recorder
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 

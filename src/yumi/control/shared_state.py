@@ -28,7 +28,7 @@ from yumi.catalogue import Message, clause, message
 from yumi.control.controller import Buffer, GoalKind
 from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.errors import MissingPrerequisite
-from yumi.process.supervision import PROCESSES
+from yumi.process.child import PROCESSES
 from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Side
 
 

@@ -46,8 +46,9 @@ from yumi.control.shared_state import (
 from yumi.driver.egm_arm import FallbackThread
 from yumi.egm.udp import HasFileno, Poller
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
+from yumi.process.child import ChildProcess, PipeClosed, PipeEnd
 from yumi.process.realtime import AwakeProcessors, prepare_process
-from yumi.process.supervision import ChildProcess, Failures, PipeClosed, PipeEnd, SupervisedThread
+from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.joints import Side
 
 POLL_PERIOD = 0.010
@@ -331,23 +332,15 @@ class ControlServer:
     def _read_command(self) -> None:
         self._has_command = False
         try:
-            is_whole = self._pipe.read()  # else it is a long trajectory, whose rest comes between the next cycles
+            command: Call | Stop = self._pipe.receive()
+            if isinstance(command, Stop):
+                self._begin_to_end()
+            else:
+                self._send(Answer(command.number, self._serve(command)))
         except PipeClosed:
             self._begin_to_end()
             return
-        except Exception as error:  # no memory for it: where the next one begins is not known any more
-            for side in self._arms:
-                self._note_failure(side, error)
-            self._begin_to_end()
-            return
-        try:
-            if is_whole:
-                command: Call | Stop = self._pipe.receive()
-                if isinstance(command, Stop):
-                    self._begin_to_end()
-                else:
-                    self._send(Answer(command.number, self._serve(command)))
-        except Exception as error:  # it was read whole: the next one is sound
+        except Exception as error:  # the next one is sound
             refusal = Refusal(message("command_unreadable", kind=type(error).__name__, reason=said_by(error)))
             self._send(Answer(UNREADABLE, refusal))
         self._poller.watch(self._pipe, self._note_command)

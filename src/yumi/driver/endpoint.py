@@ -31,7 +31,7 @@ from yumi.control.shared_state import PROBLEMS, Limited, Problem, Snapshot
 from yumi.driver.readiness import robot_lines
 from yumi.egm.codec import SensorCodec
 from yumi.errors import ProtocolError, RobotNotReady, YumiError
-from yumi.process.supervision import lock_folder
+from yumi.process.single_instance import lock_folder
 from yumi.robot.gripper import Outcome
 from yumi.robot.joints import Joints, Pose, Side, Vector, abb_from_chain
 from yumi.robot.kinematics import tool0_to_body

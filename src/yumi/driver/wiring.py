@@ -61,7 +61,7 @@ from yumi.driver.stops import StopLog
 from yumi.egm.session import Session
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
-from yumi.process.supervision import SingleInstance
+from yumi.process.single_instance import SingleInstance
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import (

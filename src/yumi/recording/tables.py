@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from yumi.catalogue import message
 from yumi.control.flight_recorder import Frame
 from yumi.errors import CommandRefused, missing_extra
-from yumi.recording.mcap import AFTER, EVENTS, STAGES, STATE, Recording, recorded_messages
+from yumi.recording.message_types import EVENTS, STAGES, STATE
+from yumi.recording.reader import AFTER, Recording, recorded_messages
 from yumi.robot.joints import CHAIN_AXES, Joints, Side
 
 if TYPE_CHECKING:

@@ -33,8 +33,9 @@ from yumi.rws.services.io import Io
 from yumi.rws.services.motion import Motion
 from yumi.rws.services.rapid import Queues, Rapid, Symbols
 from yumi.rws.session import BUSY, OnProgress, Request, RwsSession, Transport, get
-from yumi.rws.transport import HttpTransport, Listener, Socket
+from yumi.rws.transport import HttpTransport
 from yumi.rws.types import PROTOCOL, Priority, Resource
+from yumi.rws.web_socket import Listener, Socket
 
 log = logging.getLogger(__name__)
 

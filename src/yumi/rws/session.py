@@ -35,8 +35,9 @@ from yumi.clock import Clock
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.rws import documents
 from yumi.rws.documents import FORM_TYPE, Page, Pairs, State, encode_form, read_page
-from yumi.rws.transport import INTERVAL, ConnectionLost, Listener, Socket, TransferDeadline, until
+from yumi.rws.transport import INTERVAL, ConnectionLost, Deadline
 from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE, Code
+from yumi.rws.web_socket import Listener, Socket
 
 BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
@@ -224,9 +225,9 @@ class RwsSession:
         self._check_not_abandoned()
         self._pace.wait()
         with self._turn():
-            deadline = self._clock.now() + self._timeout
+            deadline = Deadline(self._clock.now() + self._timeout)
             if request.is_transfer:
-                deadline = TransferDeadline(self._clock.now() + LONGEST_TRANSFER, self._timeout)
+                deadline = Deadline(self._clock.now() + LONGEST_TRANSFER, self._timeout)
             repeats = _REPEATS if request.is_repeatable else 0
             while True:
                 try:
@@ -297,7 +298,7 @@ class RwsSession:
             return True
         return self._slow is self._running[0] and len(self._running) < _CONNECTIONS and self.is_open
 
-    def _authorized(self, request: Request, deadline: float) -> httpx.Response:
+    def _authorized(self, request: Request, deadline: Deadline) -> httpx.Response:
         """The response of a controller that knows us; logs in where it does not."""
         cookies = self._cookies
         try:
@@ -306,7 +307,7 @@ class RwsSession:
                 f"http://{self.address}{request.target}",
                 headers={} if request.content_type is None else {"Content-Type": request.content_type},
                 content=request.body,
-                extensions=until(deadline, min(self._timeout, max(0.0, deadline - self._clock.now()))),
+                extensions={"deadline": deadline},
             )
         except httpx.InvalidURL as error:
             raise ProtocolError(message("request_not_http", address=self.address, error=said_by(error))) from error
@@ -339,9 +340,9 @@ class RwsSession:
             raise self.not_a_controller(message("login_for_other_realm", realm=realm[1] if realm else ""))
         return proved
 
-    def _once(self, outgoing: httpx.Request, cookies: dict[str, str], deadline: float) -> httpx.Response:
+    def _once(self, outgoing: httpx.Request, cookies: dict[str, str], deadline: Deadline) -> httpx.Response:
         self._check_not_abandoned()
-        if self._clock.now() >= deadline:
+        if self._clock.now() >= deadline.end:
             raise NoConnection(message("no_answer_in_time", address=self.address, timeout=self._timeout))
         outgoing.headers.pop("Cookie", None)
         if cookies:

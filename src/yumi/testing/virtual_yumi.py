@@ -21,10 +21,11 @@ from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.udp import free_port, memory_links
 from yumi.errors import ControllerRefused
-from yumi.process.supervision import Command
+from yumi.process.command import Command
 from yumi.robot.joints import Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
-from yumi.rws.transport import ConnectionLost, Listener
+from yumi.rws.transport import ConnectionLost
+from yumi.rws.web_socket import Listener
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.faults import Fault, inject_fault
 from yumi.virtual.rws.http import HttpReply, HttpRequest

@@ -36,7 +36,8 @@ from yumi.driver.endpoint import EventReport, StopEgm
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
 from yumi.planning.planner import PlanningProcess
-from yumi.recording.mcap import EVENTS, STATE, RecordedEvent, recorded_messages
+from yumi.recording.message_types import EVENTS, STATE, RecordedEvent
+from yumi.recording.reader import recorded_messages
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
 from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Joints, Side, finger_names, joint_names, set_prefix

@@ -7,7 +7,7 @@ import pytest
 
 from yumi.control.controller import GoalKind
 from yumi.control.shared_state import Factor, JointStates, Problem, SharedBuffer, SharedBytes, SharedHistory, Snapshot
-from yumi.process.supervision import ChildProcess, PipeClosed, PipeEnd
+from yumi.process.child import ChildProcess, PipeClosed, PipeEnd
 from yumi.robot.joints import ZERO, Joints
 
 ROUNDS = 1000  # different values that the reader has to see

@@ -19,7 +19,7 @@ from yumi.control.shared_state import ControlProcessEnded, CycleFailed, Event, S
 from yumi.driver import control_process
 from yumi.driver.control_process import HUNG, STALE, STARTING, ControlProcess
 from yumi.errors import RobotNotReady
-from yumi.process.supervision import PipeClosed
+from yumi.process.child import PipeClosed
 from yumi.robot.joints import Side
 
 LONG = 5.0

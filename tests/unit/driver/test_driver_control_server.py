@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ from yumi.control.loop import AllowedCollisions
 from yumi.control.shared_state import ControllerFailed, CycleFailed, ReportsDropped, shared_numbers
 from yumi.driver import control_process
 from yumi.driver.control_process import (
+    UNREADABLE,
     Answer,
     Call,
     ConnectedArm,
@@ -25,7 +27,7 @@ from yumi.driver.control_process import (
     WakeMode,
     run_control_process,
 )
-from yumi.process.supervision import PROCESSES, PipeClosed, PipeEnd
+from yumi.process.child import PipeClosed, PipeEnd
 from yumi.robot.joints import Side
 
 
@@ -54,12 +56,9 @@ class Parent(Source):
         self.received: list[Any] = []
         self.messages: list[object] = [Stop()]
 
-    def read(self) -> bool:
+    def receive(self) -> Any:
         if not self.messages:
             raise PipeClosed
-        return True
-
-    def receive(self) -> Any:
         return self.messages.pop(0)
 
     def send(self, value: object) -> None:
@@ -145,13 +144,13 @@ def run(
     def release(side: Side) -> None:
         done[side] += 1
 
-    for socket in sockets.values():
-        socket.make_readable()
+    for each in sockets.values():
+        each.make_readable()
     connected: Any = {side: ConnectedArm(arm, sockets[side]) for side, arm in arms.items()}  # type: ignore[arg-type]
     events: Any = {side: SimpleNamespace(release=lambda side=side: release(side)) for side in arms}
     ControlServer(parent, connected, events, clock, processors, given_up).run()  # type: ignore[arg-type]
-    for socket in sockets.values():
-        socket.close()
+    for each in sockets.values():
+        each.close()
     return done
 
 
@@ -222,19 +221,25 @@ def test_command_with_a_defect_is_refused_and_the_next_one_is_served(
 
 
 @pytest.mark.timeout(10)
-def test_process_ends_when_its_arms_stand_where_commands_cannot_be_read_any_more(
+def test_command_for_which_there_is_no_memory_is_refused_and_the_next_one_is_served(
     parent: Parent, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Half of a command was read: it would have been carried out whenever there is memory for the rest."""
+    def receive() -> Any:
+        received = parent.messages.pop(0)
+        if isinstance(received, Exception):
+            raise received
+        return received
 
-    def fail() -> bool:
-        raise MemoryError("no memory")
-
-    monkeypatch.setattr(parent, "read", fail)
+    parent.messages = [MemoryError("no memory"), Call(5, "nothing", (), {}), Stop()]
+    monkeypatch.setattr(parent, "receive", receive)
     arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
     run(arms, parent, clock)
-    assert [arm.deactivated for arm in arms.values()] == [1, 1]
-    assert {each.side for each in parent.received if isinstance(each, CycleFailed)} == set(Side)
+    unreadable, refused = [each for each in parent.received if isinstance(each, Answer)]
+    assert unreadable.number == UNREADABLE
+    assert_says(
+        unreadable.value.said, "command_unreadable", kind="MemoryError", reason=message("text", text="no memory")
+    )  # type: ignore[attr-defined]
+    assert refused == Answer(5, Refusal(message("command_unknown", command="nothing")))
 
 
 def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
@@ -288,7 +293,7 @@ class TalkativeArm(Arm):
 def test_arms_are_served_while_the_parent_reads_nothing_and_what_was_dropped_is_reported(
     clock: ManualClock, parent: Parent
 ) -> None:
-    driver, pipe = map(PipeEnd, PROCESSES.Pipe())
+    driver, pipe = map(PipeEnd, socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
     talkative, silent = TalkativeArm(clock, parent, driver), Arm(clock, parent, is_broken=False)
     run({Side.RIGHT: talkative, Side.LEFT: silent}, pipe, clock)  # type: ignore[arg-type]
     driver.close()

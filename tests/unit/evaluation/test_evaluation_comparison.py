@@ -16,7 +16,7 @@ from yumi.catalogue import FrontEnd, clause, message
 from yumi.control.controller import MemoryBuffer, SessionGoal, StageTimes, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import Frame
-from yumi.recording.mcap import RecordingWriter
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
 from yumi.virtual.mechanics.motion import ArmModel
 from yumi.virtual.mechanics.parameters import read_egm_parameters

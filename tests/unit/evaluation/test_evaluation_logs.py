@@ -15,7 +15,7 @@ from refusals import refused
 from yumi.control.controller import StageTimes
 from yumi.control.flight_recorder import Frame
 from yumi.errors import CommandRefused, YumiError
-from yumi.recording.mcap import RecordingWriter
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.joints import CYCLE, Side, joint_names, joints
 from yumi_evaluation.logs import read_logs
 

@@ -31,10 +31,12 @@ from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import UdpClient, UdpServer, free_port
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
-from yumi.process import supervision
-from yumi.process.supervision import DRIVER_READY, PROCESSES, ChildProcess, Command, PipeEnd
+from yumi.process import command
+from yumi.process.child import PROCESSES, ChildProcess, PipeEnd
+from yumi.process.command import DRIVER_READY, Command
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
-from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
+from yumi.rws.transport import Deadline, HttpTransport
+from yumi.rws.web_socket import Listener, WebSocket
 from yumi.virtual.mechanics.motion import ArmModel
 from yumi.virtual.rws.subscriptions import Upgrade
 from yumi.virtual.server import HttpServer
@@ -84,11 +86,24 @@ def test_process_without_a_descriptor_is_refused_in_a_sentence() -> None:
         ChildProcess("arm", end_at_once)
 
 
+def test_long_value_without_a_descriptor_for_it_is_refused_and_the_next_one_comes() -> None:
+    ours, theirs = map(PipeEnd, socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+    ours.send(bytes(100_000))
+    ours.send("next")
+    with no_descriptor_left(), pytest.raises(OSError, match="Too many open files"):
+        theirs.receive()
+    assert theirs.receive() == "next"
+    ours.close()
+    theirs.close()
+
+
 def test_connection_without_a_descriptor_is_refused_in_a_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
         transport = HttpTransport(address)
-        request = httpx.Request("GET", f"http://{address}/", extensions=until(SystemClock().now() + 1.0, 1.0))
+        request = httpx.Request(
+            "GET", f"http://{address}/", extensions={"deadline": Deadline(SystemClock().now() + 1.0)}
+        )
         with no_descriptor_left(), refused(NoConnection, "no_descriptor_for_connection", address=address):
             transport.handle_request(request)
         transport.close()
@@ -124,7 +139,7 @@ def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.
     script = f"import sys; [print('line', n) for n in range({lines})]; print('{DRIVER_READY}there'); sys.stdin.read()"
     start = subprocess.Popen
     monkeypatch.setattr(
-        supervision.subprocess,
+        command.subprocess,
         "Popen",
         lambda arguments, **options: start([sys.executable, "-c", script], **options),
     )
@@ -198,11 +213,8 @@ class MovingRobots:
     def fileno(self) -> int:
         return self._reader
 
-    def read(self) -> bool:
-        os.read(self._reader, 1)
-        return True
-
     def receive(self) -> Stop:
+        os.read(self._reader, 1)
         return Stop()
 
     def send_soon(self, value: object) -> bool:

@@ -16,15 +16,9 @@ from yumi.control.controller import StageTimes
 from yumi.control.flight_recorder import Frame
 from yumi.control.shared_state import RobotFollows
 from yumi.errors import ProtocolError
-from yumi.recording.mcap import (
-    CYCLE_SCHEMA,
-    RecordedEvent,
-    RecordingWriter,
-    decode_cycle,
-    frame_message,
-    read_recording,
-    recorded_event,
-)
+from yumi.recording.message_types import CYCLE_SCHEMA, RecordedEvent, decode_cycle, frame_message, recorded_event
+from yumi.recording.reader import read_recording
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.joints import Side
 
 EPOCH = 1_800_000_000.0

@@ -22,7 +22,10 @@ from yumi.control.shared_state import (
     SessionStarted,
 )
 from yumi.errors import ProtocolError, SettingsError
-from yumi.recording.mcap import AFTER, FullRecorder, RecordedEvent, Recorder, RecordingWriter, read_recording
+from yumi.recording.message_types import RecordedEvent
+from yumi.recording.reader import AFTER, read_recording
+from yumi.recording.recorder import FullRecorder, Recorder
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.joints import Side
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT

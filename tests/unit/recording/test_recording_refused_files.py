@@ -20,7 +20,9 @@ from refusals import codes_in, refused
 from yumi.catalogue import clause, message, remedy_of
 from yumi.cli.main import main
 from yumi.errors import ProtocolError
-from yumi.recording.mcap import RecordingWriter, frame_message, read_recording, recorded_event, recorded_messages
+from yumi.recording.message_types import frame_message, recorded_event
+from yumi.recording.reader import read_recording, recorded_messages
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.joints import Side
 
 CYCLE = frame_message(flown(1).frames()[0])

@@ -17,7 +17,10 @@ from flight import CYCLE, LOST, flown
 from yumi.clock import ManualClock
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.shared_state import JointStates
-from yumi.recording.mcap import FullRecorder, RecordingWriter, Sources, read_recording, recorded_event
+from yumi.recording.message_types import recorded_event
+from yumi.recording.reader import read_recording
+from yumi.recording.recorder import FullRecorder, Sources
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.description import read_frames, robot_description
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import Pose, Side, finger_names, home, joint_names

@@ -11,7 +11,8 @@ from refusals import refused
 from yumi.catalogue import message
 from yumi.cli.main import main
 from yumi.errors import CommandRefused
-from yumi.recording.mcap import Recording, read_recording, recorded_event
+from yumi.recording.message_types import recorded_event
+from yumi.recording.reader import Recording, read_recording
 from yumi.recording.tables import GAP, draw_recording, gaps_of, quantile
 from yumi.robot.joints import Side
 

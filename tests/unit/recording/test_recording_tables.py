@@ -17,8 +17,10 @@ from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.driver.readiness import RobotState
 from yumi.errors import CommandRefused, MissingPrerequisite
-from yumi.recording.mcap import FullRecorder, RecordingWriter, Sources, recorded_event
+from yumi.recording.message_types import recorded_event
+from yumi.recording.recorder import FullRecorder, Sources
 from yumi.recording.tables import export, rows
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import Side
 from yumi.rws.types import OperatingMode

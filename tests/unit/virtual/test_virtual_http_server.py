@@ -16,7 +16,8 @@ import pytest
 from refusals import refused
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
-from yumi.rws.transport import ConnectionLost, HttpTransport, Listener, WebSocket, until
+from yumi.rws.transport import ConnectionLost, Deadline, HttpTransport
+from yumi.rws.web_socket import Listener, WebSocket
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.server import HttpServer
@@ -170,7 +171,8 @@ def test_request_without_an_answer_ends_the_connection() -> None:
     with HttpServer(lambda _: None, 0) as server:
         transport = HttpTransport(server.address, ManualClock())
         with refused(ConnectionLost, "no_http_answer", address=server.address):
-            transport.handle_request(httpx.Request("GET", f"http://{server.address}/", extensions=until(5.0, 5.0)))
+            extensions = {"deadline": Deadline(5.0)}
+            transport.handle_request(httpx.Request("GET", f"http://{server.address}/", extensions=extensions))
         transport.close()
 
 

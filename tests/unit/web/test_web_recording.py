@@ -13,7 +13,8 @@ from refusals import refused
 from yumi.catalogue import message, sentence
 from yumi.driver.readiness import RobotState
 from yumi.errors import ProtocolError
-from yumi.recording.mcap import RecordingWriter, recorded_event
+from yumi.recording.message_types import recorded_event
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import Side
 from yumi.rws.types import OperatingMode

@@ -7,57 +7,40 @@ this machine, so that it can be wanted again. Nothing that is not named in what 
 
 from __future__ import annotations
 
-import json
-import os
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
-from importlib.resources import files
-from math import isclose
-from pathlib import Path, PurePosixPath
-from typing import NamedTuple
+from pathlib import PurePosixPath
 
-from yumi.catalogue import Message, message, quoted
+from yumi.catalogue import Message, message
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, REQUIRED_OPTIONS, EgmAddress
+from yumi.driver.commissioning.contents import CfgKey, Change, Contents, ModuleKey, changed, differences, is_same_module
+from yumi.driver.commissioning.delivery import (
+    ADD_INS,
+    GRIPPER_MODULE,
+    KEYS,
+    OWN_MODULE,
+    delivered,
+    delivered_modules,
+    has_main,
+    name_of,
+    with_own_routines,
+    without_loss,
+)
+from yumi.driver.commissioning.installation_record import Record
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.documents import SystemInfo
 from yumi.rws.session import OnProgress
-from yumi.rws.types import FLAG, CfgFile, Code, ExecutionState, Grant, OperatingMode, read_cfg, stated, write_cfg
-
-GRIPPER_MODULE = "TRobSG"
-"""The module that needs the product SmartGripper."""
-
-OWN_MODULE = "TRobSystem"
-"""The module that is the user's to edit: it is loaded where there is none, and never replaced."""
+from yumi.rws.types import Code, ExecutionState, Grant, OperatingMode, stated, write_cfg
 
 NEWEST_ROBOTWARE = 6
 """RobotWare 7 has Robot Web Services 2, another protocol."""
 
-FOLDER = "HOME:/yumi/"
-"""Where the modules are on the controller."""
-
-ADD_INS = ("StateMachine Core", "StateMachine", "StateMachine Add-In")
-"""Names of ABB's StateMachine Add-In among the options: it has the same interface and modules of the same names."""
-
 MASTERSHIPS = ("cfg", "rapid")
 """Domains in which a client may hold the right to change something: a restart would take what it works on."""
-
-_CODE = re.compile(r'(?:"[^"]*"|[^"!])*')
-"""A line up to its comment."""
-
-_PERSISTENT = re.compile(r"\b(pers\s+\w+\s+\w+(?:\{[^}]*\})?)\s*:=[^;]*;", re.IGNORECASE)
-_MAIN = re.compile(r"(?im)^\s*proc\s+main\s*\(")
-
-_KEYS = {"CAB_TASK_MODULES": "File", "SYSSIG_OUT": "Signal"}
-"""What distinguishes instances of a type without names."""
-
-_OUR_FILES = {f"{FOLDER}{each.name}" for each in files("yumi.controller_files").iterdir()}
-_INTO = ("Task", "Shared", "AllTask", "AllMotionTask")
-"""Into which tasks a line of CAB_TASK_MODULES loads its file: of another's files, several lines may name the same."""
 
 _HEADERS = {
     "EIO": "EIO:CFG_1.0:6:1::",
@@ -65,8 +48,6 @@ _HEADERS = {
     "SIO": "SIO:CFG_1.0:6:1::",
     "SYS": "SYS:CFG_1.0:6:0::",
 }
-_SAME = 1e-4  # relative difference of two numbers that are the same: the controller rounds
-_SET = {"true", "yes", "1"}  # a flag in a file, and what controllers make of it
 _BACKUP_INFO = "BACKINFO/"
 _TEMPORARY = "TEMP:/yumi_install"
 _NOT_FOUND = (400, 404)  # which of the two a directory that is not there gives, differs by version
@@ -90,148 +71,6 @@ def missing_grants(client: RwsClient, needed: Mapping[Grant, str]) -> list[str]:
     return [f"{each.value} ({what})" for each, what in needed.items() if each.value not in grants]
 
 
-class CfgKey(NamedTuple):
-    """One instance of the configuration; the name, or what distinguishes it in a type without names."""
-
-    domain: str
-    type: str
-    name: str
-
-
-class ModuleKey(NamedTuple):
-    """A RAPID module in a task."""
-
-    task: str
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
-class Contents:
-    """A part of what is on a controller; None for what is not there.
-
-    Attributes:
-        files: texts by path; a directory ends in a slash and has the text "".
-        cfg: attributes of instances.
-        modules: texts of loaded modules.
-    """
-
-    files: Mapping[str, str | None] = field(default_factory=dict)
-    cfg: Mapping[CfgKey, Mapping[str, str] | None] = field(default_factory=dict)
-    modules: Mapping[ModuleKey, str | None] = field(default_factory=dict)
-
-    def absent(self) -> Contents:
-        """The same things, none of them there."""
-        return Contents(dict.fromkeys(self.files), dict.fromkeys(self.cfg), dict.fromkeys(self.modules))
-
-    def completed_from(self, other: Contents) -> Contents:
-        """This, and what only the other has."""
-        return Contents({**other.files, **self.files}, {**other.cfg, **self.cfg}, {**other.modules, **self.modules})
-
-    def as_json(self) -> dict[str, object]:
-        """For a record."""
-        return {
-            "files": dict(self.files),
-            "cfg": [[*key, attributes and dict(attributes)] for key, attributes in self.cfg.items()],
-            "modules": [[*key, text] for key, text in self.modules.items()],
-        }
-
-    @classmethod
-    def of_json(cls, value: Mapping[str, object]) -> Contents:
-        """Out of a record."""
-        texts, cfg, modules = value["files"], value["cfg"], value["modules"]
-        assert isinstance(texts, dict)
-        assert isinstance(cfg, list)
-        assert isinstance(modules, list)
-        return cls(
-            texts,
-            {CfgKey(domain, type, name): attributes for domain, type, name, attributes in cfg},
-            {ModuleKey(task, name): text for task, name, text in modules},
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """One line of a plan.
-
-    Attributes:
-        sign: ``+`` what comes, ``-`` what goes, ``~`` what becomes different.
-        place: what it is, and where.
-        what: how it changes, where it is there before and after.
-    """
-
-    sign: str
-    place: str
-    what: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.sign} {self.place}{f': {self.what}' if self.what else ''}"
-
-
-def differences(present: Contents, wanted: Contents) -> tuple[Change, ...]:
-    """What has to change, in the order of cfg, files and modules; attributes that are not wanted do not count."""
-    changes = []
-    for key, attributes in wanted.cfg.items():
-        now, place = present.cfg.get(key), f"{key.domain} {key.type} {key.name}"
-        if attributes is None and now is not None:
-            changes.append(Change("-", place))
-        elif attributes is not None and now is None:
-            shown = (f"{name} {value}" for name, value in attributes.items() if value not in ("", key.name))
-            changes.append(Change("+", place, ", ".join(shown)))
-        elif attributes is not None and now is not None and (changed := _changed(now, attributes)):
-            shown = (f"{name} {now.get(name, '')!r} becomes {value!r}" for name, value in changed.items())
-            changes.append(Change("~", place, ", ".join(shown)))
-    for path, text in wanted.files.items():
-        if (was := present.files.get(path)) != text:
-            changes.append(_change(f"{'directory' if path.endswith('/') else 'file'} {path}", was, text))
-    for module, text in wanted.modules.items():
-        if not _is_same_module(was := present.modules.get(module), text):
-            changes.append(_change(f"module {module.name} in {module.task}", was, text))
-    return tuple(changes)
-
-
-def _change(place: str, before: str | None, after: str | None) -> Change:
-    if before is None or after is None:
-        return Change("+" if before is None else "-", place)
-    was, becomes = before.splitlines(), after.splitlines()
-    return Change("~", place, f"{len({*becomes} - {*was})} new lines, {len({*was} - {*becomes})} gone")
-
-
-def _changed(now: Mapping[str, str], wanted: Mapping[str, str]) -> dict[str, str]:
-    return {name: value for name, value in wanted.items() if not _is_same_value(now.get(name, ""), value)}
-
-
-def _is_same_value(one: str, other: str) -> bool:
-    try:
-        return isclose(float(one), float(other), rel_tol=_SAME)
-    except ValueError:
-        words = {one.strip().lower(), other.strip().lower()}
-        return len(words) == 1 or words <= _SET
-
-
-def _is_same_module(one: str | None, other: str | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return essence(one) == essence(other)
-
-
-def delivered_modules() -> dict[str, str]:
-    """The RAPID modules of this package by name."""
-    folder = files("yumi.controller_files")
-    paths = sorted(each.name for each in folder.iterdir() if each.name.endswith((".mod", ".sys")))
-    return {Path(path).stem: (folder / path).read_text(encoding="latin-1") for path in paths}
-
-
-def essence(text: str) -> str:
-    """A RAPID text to compare: without comments, spaces, letter case and the present values of PERS data."""
-    code = "\n".join(match[0] for line in text.splitlines() if (match := _CODE.match(line)))
-    return "".join(_PERSISTENT.sub(r"\1;", code).split()).lower()
-
-
-def has_main(text: str) -> bool:
-    """Whether a module declares the procedure a program begins with."""
-    return _MAIN.search(text) is not None
-
-
 def foreign_mains(client: RwsClient, side: Side) -> Iterator[tuple[str, str]]:
     """Name and text of each module in an arm's task that is not one of this package and has a ``main``."""
     ours = {name.lower() for name in delivered_modules()}
@@ -246,178 +85,13 @@ def foreign_mains(client: RwsClient, side: Side) -> Iterator[tuple[str, str]]:
             yield module.name, text
 
 
-def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True, has_add_in: bool = False) -> Contents:
-    """What this package wants on a controller.
-
-    Args:
-        addresses: where each arm's datagrams are awaited; the robot sends them there.
-        has_grippers: whether the controller has the SmartGripper product, which one module needs.
-        has_add_in: whether ABB's Add-In is installed: then only the destinations of the datagrams are ours.
-    """
-    modules = {name: text for name, text in delivered_modules().items() if has_grippers or name != GRIPPER_MODULE}
-    suffixes = {OWN_MODULE: ".sys"}
-    paths = {name: f"{FOLDER}{name}{suffixes.get(name, '.mod')}" for name in modules}
-    cfg: dict[CfgKey, Mapping[str, str] | None] = {}
-    for file in _delivered_cfg():
-        for type_name, attributes in file.instances:
-            key = CfgKey(file.domain, type_name, _name_of(type_name, attributes))
-            if type_name == "COM_TRP":
-                side = next(side for side in Side if side.unit == key.name)
-                host, port = addresses[side].host, str(addresses[side].port)
-                cfg[key] = {**attributes, "RemoteAdress": host, "RemotePortNumber": port}
-            elif not has_add_in and (type_name != "CAB_TASK_MODULES" or key.name in paths.values()):
-                cfg[key] = attributes
-    if has_add_in:
-        return Contents(cfg=cfg)
-    return Contents(
-        files={FOLDER: "", **{paths[name]: text for name, text in modules.items()}},
-        cfg=cfg,
-        modules={ModuleKey(side.task, name): text for side in Side for name, text in modules.items()},
-    )
-
-
 def _add_in_of(system: SystemInfo) -> str | None:
     return next((name for name in ADD_INS if name in system.options), None)
-
-
-def _with_own_routines(present: Contents, wanted: Contents) -> Contents:
-    """What is wanted, but the user's own module as it is, where it is there already."""
-    file, modules = _own(wanted)
-    if not modules:
-        return wanted
-    text = present.files.get(file) or next(filter(None, map(present.modules.get, modules)), None) or wanted.files[file]
-    own = Contents({file: text}, modules={key: present.modules.get(key) or text for key in modules})
-    return own.completed_from(wanted)
-
-
-def _without_loss(present: Contents, before: Contents) -> tuple[Contents, list[Message]]:
-    """What was there before, but what others have changed since as it is now; with notes of that.
-
-    The user's own module stays as a file, and goes from the tasks, as it may name what goes, too. A program of another
-    that is loaded stays as it is.
-    """
-    ours = delivered_modules()
-    file, own = _own(before)
-    texts = [present.files.get(file), *map(present.modules.get, own)]
-    edited = next((text for text in texts if text is not None and not _is_same_module(text, ours[OWN_MODULE])), None)
-    kept, notes = Contents(), []
-    if edited is not None and file in before.files and before.files[file] is None:
-        kept = Contents({file: edited, FOLDER: ""})
-        notes.append(message("own_file_stays", file=file))
-    names = {name.lower() for name in ours}
-    for module, text in before.modules.items():
-        now = present.modules.get(module)
-        if now is not None and module.name.lower() not in names and not _is_same_module(now, text):
-            kept = Contents(modules={module: now}).completed_from(kept)
-            notes.append(message("module_loaded_since_stays", module=module.name, task=module.task))
-    return kept.completed_from(before), notes
-
-
-def _own(contents: Contents) -> tuple[str, list[ModuleKey]]:
-    """The file and the loaded modules that are the user's to edit."""
-    return f"{FOLDER}{OWN_MODULE}.sys", [key for key in contents.modules if key.name == OWN_MODULE]
-
-
-def _delivered_cfg() -> Iterator[CfgFile]:
-    folder = files("yumi.controller_files")
-    for name in sorted(each.name for each in folder.iterdir() if each.name.endswith(".cfg")):
-        yield read_cfg((folder / name).read_text(encoding="latin-1"))
 
 
 def _folder(path: str) -> str:
     """The directory of a file or of a directory, with a slash at its end."""
     return path.rstrip("/").rpartition("/")[0] + "/"
-
-
-def _name_of(type_name: str, attributes: Mapping[str, str]) -> str:
-    key = _KEYS.get(type_name)
-    name = attributes.get(key, "") if key else attributes.get("Name") or attributes.get("name") or ""
-    if type_name != "CAB_TASK_MODULES" or name in _OUR_FILES:
-        return name
-    given = stated(attributes)
-    into = (each if given[each] == FLAG else given[each] for each in _INTO if each in given)
-    return f"{name} in {', '.join(into) or 'no task'}"
-
-
-@dataclass(slots=True)
-class Record:
-    """What was there before the first installation on a controller, on this machine's disk.
-
-    Attributes:
-        path: of the file; the backup is beside it.
-        before: what was there; None where nothing was installed.
-        is_restart_due: whether cfg was changed, and the controller was not seen to restart since.
-        backups: names of the backups on the controller, the newest last.
-    """
-
-    path: Path
-    before: Contents | None = None
-    is_restart_due: bool = False
-    backups: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, controller: str, folder: Path | None = None) -> Record:
-        """The record of a controller, by its name and serial number.
-
-        Raises:
-            SettingsError: the file cannot be read.
-        """
-        state = folder or Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "yumi"
-        record = cls(state / "installations" / re.sub(r"[^\w.-]+", "_", controller) / "record.json")
-        if record.path.is_file():
-            try:
-                value = json.loads(record.path.read_text(encoding="utf-8"))
-                record.before = Contents.of_json(value["before"])
-                record.is_restart_due, record.backups = bool(value["is_restart_due"]), tuple(value["backups"])
-            except (OSError, ValueError, KeyError, TypeError, AssertionError) as error:
-                raise SettingsError(
-                    message("record_unreadable", file=str(record.path), reason=quoted(error))
-                ) from error
-        return record
-
-    def check_writable(self) -> None:
-        """Refuse a folder that no record can be written to.
-
-        Raises:
-            SettingsError: it cannot; ``XDG_STATE_HOME`` chooses another one.
-        """
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            trial = self.path.with_suffix(".new")
-            trial.write_bytes(b"")
-            trial.unlink()
-        except OSError as error:
-            raise SettingsError(
-                message("record_folder_not_writable", folder=str(self.path.parent), reason=error.strerror)
-            ) from error
-
-    def save(self) -> None:
-        """Write it, so that it is there whatever happens next.
-
-        Raises:
-            SettingsError: it cannot be written.
-        """
-        assert self.before is not None, "a record of nothing is not saved"
-        value = {
-            "before": self.before.as_json(),
-            "is_restart_due": self.is_restart_due,
-            "backups": self.backups,
-        }
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            new = self.path.with_suffix(".new")
-            with new.open("w", encoding="utf-8") as opened:
-                json.dump(value, opened, indent=1)
-                opened.flush()
-                os.fsync(opened.fileno())
-            new.replace(self.path)
-        except OSError as error:
-            raise SettingsError(message("record_not_writable", file=str(self.path), reason=error.strerror)) from error
-
-    def close(self) -> None:
-        """Everything is as before: keep the record under another name, so that nothing is rolled back twice."""
-        self.path.replace(self.path.with_name(f"rolled_back_{datetime.now():%Y%m%d_%H%M%S}.json"))
-        self.before, self.is_restart_due = None, False
 
 
 @dataclass(frozen=True, slots=True)
@@ -504,7 +178,7 @@ class Installation:
             else:
                 refusals.append(message("other_main_in_task", program=found))
         present = self.read(wanted)
-        wanted = _with_own_routines(present, wanted)
+        wanted = with_own_routines(present, wanted)
         for key, attributes in wanted.cfg.items():
             now = present.cfg.get(key)
             for name in ("SignalType", "Type", "Device"):
@@ -537,7 +211,7 @@ class Installation:
         if before is None:
             raise CommandRefused(message("nothing_to_roll_back", file=str(self._record.path)))
         present = self.read(before)
-        wanted, notes = _without_loss(present, before)
+        wanted, notes = without_loss(present, before)
         return self._plan(present, wanted, (*self._ungranted(_GRANTS), *self._busy()), notes)
 
     def plan_removal(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress]) -> Plan:
@@ -550,10 +224,10 @@ class Installation:
             return Plan((), Contents(), Contents(), (refusal, *self._busy()))
         ours = delivered(addresses)
         present = self.read(ours.absent())
-        wanted, kept = _without_loss(present, ours.absent())
+        wanted, kept = without_loss(present, ours.absent())
         notes = [message("removed_by_name"), *kept]
         for module, text in present.modules.items():
-            if text is not None and module.name != OWN_MODULE and not _is_same_module(text, ours.modules.get(module)):
+            if text is not None and module.name != OWN_MODULE and not is_same_module(text, ours.modules.get(module)):
                 notes.append(message("change_of_module_lost", module=module.name, task=module.task))
         return self._plan(present, wanted, (*self._ungranted(_GRANTS), *self._busy()), notes)
 
@@ -639,7 +313,7 @@ class Installation:
             if error.code not in _NO_TYPE:
                 raise
             return {}  # there is none yet
-        return {_name_of(type_name, each.attributes): (each.name, each.attributes) for each in found}
+        return {name_of(type_name, each.attributes): (each.name, each.attributes) for each in found}
 
     def _listed(self, folder: str) -> set[str]:
         try:
@@ -728,7 +402,7 @@ class Installation:
             self._record.before = plan.wanted  # so that one that is interrupted goes on
             self._record.save()
         before = self._record.before
-        wanted, _ = _without_loss(self.read(before), before)  # which may have changed since the plan was made
+        wanted, _ = without_loss(self.read(before), before)  # which may have changed since the plan was made
         self._apply(wanted)
         self._record.close()
 
@@ -773,7 +447,7 @@ class Installation:
         for module, now in present.modules.items():
             text = wanted.modules[module]
             assert text is not None, "others were not read"
-            if _is_same_module(now, text):
+            if is_same_module(now, text):
                 self._report(f"verified {module.name} in {module.task}")
                 continue
             self._report(f"load {module.name} into {module.task}")
@@ -806,10 +480,10 @@ class Installation:
                 self._note_restart()
                 self._report(f"remove {key.domain} {key.type} {key.name}")
                 client.remove_cfg(key.domain, key.type, self._title(key))
-            elif attributes is not None and now is not None and (changed := _changed(now, attributes)):
+            elif attributes is not None and now is not None and (new := changed(now, attributes)):
                 self._note_restart()
                 self._report(f"change {key.domain} {key.type} {key.name}")
-                client.set_cfg(key.domain, key.type, self._title(key), changed)
+                client.set_cfg(key.domain, key.type, self._title(key), new)
         for domain, instances in reversed(added.items()):
             self._report(f"load {len(instances)} instances of {domain}")
             with self._temporary(f"{domain}.cfg", write_cfg(_HEADERS[domain], reversed(instances))) as path:
@@ -828,7 +502,7 @@ class Installation:
 
     def _title(self, key: CfgKey) -> str:
         """What the controller calls an instance now; in a type without names that may change with each removal."""
-        return self._instances(key.domain, key.type)[key.name][0] if key.type in _KEYS else key.name
+        return self._instances(key.domain, key.type)[key.name][0] if key.type in KEYS else key.name
 
     def _note_restart(self) -> None:
         if not self._record.is_restart_due:
