@@ -25,7 +25,7 @@ from yumi.process.supervision import Command
 from yumi.robot.joints import Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from yumi.rws.transport import ConnectionLost, Listener
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.faults import Fault, inject_fault
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
