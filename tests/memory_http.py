@@ -6,7 +6,7 @@ from yumi.clock import Clock
 from yumi.errors import NoConnection
 from yumi.rws.transport import ConnectionLost
 from yumi.testing.virtual_yumi import MemoryChannel, MemoryRws, MemorySocket
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Upgrade
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from yumi.catalogue import Message, clause, message
 from yumi.robot.joints import Joints
 from yumi.virtual.mechanics.arm import follow_references
-from yumi.virtual.mechanics.motion import ArmModel, EgmSettings, unlimited
+from yumi.virtual.mechanics.arm_motion import ArmModel, EgmSettings, unlimited
 from yumi_evaluation.logs import Array, RobotLog
 
 Mask = NDArray[np.bool_]

@@ -11,9 +11,9 @@ from state_machine_bench import Bench
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import RobotMessage, SensorCodec
 from yumi.robot.joints import Joints, Side, abb_from_chain, home
-from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.motion import ArmModel, EgmActivation, EgmRun, ExternalMotionData
+from yumi.virtual.mechanics.arm_motion import ArmModel, EgmActivation, EgmRun, ExternalMotionData
+from yumi.virtual.mechanics.egm_client import EgmClient, EgmOptions
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

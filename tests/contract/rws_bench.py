@@ -11,20 +11,23 @@ import yumi.virtual.controller
 from yumi.clock import ManualClock
 from yumi.rapid.devices import FlexPendant, MessageQueues
 from yumi.rapid.library import Library
-from yumi.rapid.program import Execution
+from yumi.rapid.states import Execution
 from yumi.rapid.task import ModuleInfo, StepKind
 from yumi.rapid.types import RapidValueError, UnknownSymbol
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode, SignalType
-from yumi.virtual.controller.events import EventLog, Refusal, Refused
-from yumi.virtual.controller.files import FileStore
-from yumi.virtual.controller.signals import Configuration, Instance, Signal, Signals
-from yumi.virtual.controller.system import Identity, Jobs, OwnSettings, TaskSettings
+from yumi.virtual.controller.file_store import FileStore
+from yumi.virtual.controller.identity import Identity, OwnSettings
+from yumi.virtual.controller.jobs import Jobs
+from yumi.virtual.controller.signals import Signal, Signals
+from yumi.virtual.controller.task_settings import TaskSettings
 from yumi.virtual.controller.tasks import InstalledTask
-from yumi.virtual.controller.units import YUMI_UNITS, MotionSystem
+from yumi.virtual.event_log import EventLog, Refusal, Refused
+from yumi.virtual.mechanics.units import YUMI_UNITS, MotionSystem
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Upgrade
 from yumi.virtual.server import HttpServer
+from yumi.virtual.system_parameters import Configuration, Instance
 
 USER, PASSWORD = "Default User", "robotics"
 CFG = Path(yumi.virtual.controller.__file__).parent / "stock"

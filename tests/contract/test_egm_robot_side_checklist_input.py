@@ -25,8 +25,8 @@ from yumi.egm.codec import MciState, MotorState, RobotCodec
 from yumi.robot.joints import CYCLE, Side
 from yumi.robot.kinematics import quaternion_from_euler_zyx
 from yumi.rws.types import ControllerState
-from yumi.virtual.controller.egm import EgmOptions, EgmOutcome, InvalidReference
-from yumi.virtual.mechanics.motion import EgmActivation, ExternalMotionData
+from yumi.virtual.mechanics.arm_motion import EgmActivation, ExternalMotionData
+from yumi.virtual.mechanics.egm_client import EgmOptions, EgmOutcome, InvalidReference
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ import pytest
 from rws_bench import PASSWORD, USER
 
 from yumi.robot.joints import Side
-from yumi.virtual.controller.system import System
+from yumi.virtual.controller.installed_system import System
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World, WorldSettings

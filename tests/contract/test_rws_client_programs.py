@@ -17,7 +17,7 @@ from yumi.rws.client import RwsClient
 from yumi.rws.documents import FileInfo
 from yumi.rws.session import Request
 from yumi.rws.types import Code, ControllerState, ExecutionState
-from yumi.virtual.controller.controller import RESTART_TIME
+from yumi.virtual.controller.irc5 import RESTART_TIME
 from yumi.virtual.world import World
 
 GREETER = """MODULE Greeter

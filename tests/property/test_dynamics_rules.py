@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from yumi.robot.description import Mass
 from yumi.robot.dynamics import HAND, ArmDynamics
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 
 MOST_PAYLOAD = Mass(0.5, HAND.centre, tuple(2.2 * value for value in HAND.inertia))
 MIRROR = (-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0)  # of the joints, left to right

@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.rapid.parser import format_value, parse_value
+from yumi.rapid.literals import format_value, parse_value
 from yumi.rapid.types import BOOL, NUM, STRING, ArrayType, RecordType, Type, single
 
 LATIN = st.characters(min_codepoint=1, max_codepoint=255)

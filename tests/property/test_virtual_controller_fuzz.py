@@ -16,7 +16,7 @@ import yumi.controller_files
 from digest_client import authorization
 from soak import FUZZ_PROGRAMS, FUZZ_REQUESTS
 from yumi.errors import RapidError, RobotNotReady
-from yumi.rapid.program import Execution
+from yumi.rapid.states import Execution
 from yumi.rws.documents import FORM_TYPE
 from yumi.virtual.rws import service as rws_service
 from yumi.virtual.rws.http import HttpReply, HttpRequest

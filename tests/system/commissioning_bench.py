@@ -14,8 +14,8 @@ from yumi.driver.commissioning.installation_record import Record
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.transport import ConnectionLost
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.system import factory_system
+from yumi.virtual.controller.installed_system import factory_system
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("192.168.125.99", 6511), Side.RIGHT: EgmAddress("192.168.125.99", 6512)}

@@ -55,7 +55,7 @@ from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, go_to, grip
 from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState
-from yumi.virtual.controller.system import ROBOTS, factory_system
+from yumi.virtual.controller.installed_system import ROBOTS, factory_system
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.world import World, WorldSettings
 

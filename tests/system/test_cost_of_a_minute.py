@@ -11,7 +11,7 @@ import pytest
 from soak import tell
 from yumi.egm.codec import SensorCodec, SensorMessage
 from yumi.robot.joints import Side
-from yumi.virtual.controller.system import delivered_system, with_programs
+from yumi.virtual.controller.installed_system import delivered_system, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 PROGRAM = r"""MODULE Minute

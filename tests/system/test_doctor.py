@@ -31,8 +31,8 @@ from yumi.errors import ControllerRefused
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.types import OperatingMode
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.system import ROBOTS, factory_system
+from yumi.virtual.controller.installed_system import ROBOTS, factory_system
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.server import HttpServer

@@ -28,8 +28,8 @@ from yumi.rws.client import RwsClient
 from yumi.rws.documents import TaskInfo
 from yumi.rws.types import CollisionState, ControllerState, Grant, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.system import delivered_system
+from yumi.virtual.controller.installed_system import delivered_system
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.world import World, WorldSettings
 

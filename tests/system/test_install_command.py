@@ -16,9 +16,9 @@ from yumi.cli.main import main
 from yumi.driver.commissioning.contents import Contents
 from yumi.driver.commissioning.installation import Installation, Plan
 from yumi.rws.types import OperatingMode
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.files import CAPACITY
-from yumi.virtual.controller.system import ROBOTS, factory_system
+from yumi.virtual.controller.file_store import CAPACITY
+from yumi.virtual.controller.installed_system import ROBOTS, factory_system
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.world import World, WorldSettings
 
 

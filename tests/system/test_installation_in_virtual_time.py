@@ -25,7 +25,7 @@ from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.types import GRANTS, ControllerState, Grant, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
-from yumi.virtual.controller.system import factory_system
+from yumi.virtual.controller.installed_system import factory_system
 from yumi.virtual.world import WorldSettings
 
 FOREIGN = "MODULE Production\n  PROC main()\n    WaitTime 1;\n  ENDPROC\nENDMODULE\n"

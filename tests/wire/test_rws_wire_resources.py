@@ -11,7 +11,7 @@ import pytest
 
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
 from yumi.rws.types import Code, ControllerState, OperatingMode
-from yumi.virtual.controller.files import CAPACITY
+from yumi.virtual.controller.file_store import CAPACITY
 
 FORM = {"Content-Type": "application/x-www-form-urlencoded"}
 SYMBOL = "/rw/rapid/symbol/data/RAPID/T_ROB_R"

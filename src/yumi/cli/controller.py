@@ -174,7 +174,7 @@ def controller(
       yumi controller --left-object 0.02
       curl --digest -u "Default User:robotics" "127.0.0.1:8080/rw/panel/ctrlstate?json=1"
     """
-    from yumi.virtual.controller.system import (  # noqa: PLC0415
+    from yumi.virtual.controller.installed_system import (  # noqa: PLC0415
         ROBOTS,
         delivered_system,
         factory_system,

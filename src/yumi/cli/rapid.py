@@ -190,8 +190,8 @@ def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = 
         SettingsError: a file cannot be read, or the system parameters are not what they should be.
     """
     from yumi.rapid.types import RapidReferenceError  # noqa: PLC0415 - a quick --help
-    from yumi.virtual.controller.files import decoded  # noqa: PLC0415
-    from yumi.virtual.controller.system import (  # noqa: PLC0415
+    from yumi.virtual.controller.file_store import decoded  # noqa: PLC0415
+    from yumi.virtual.controller.installed_system import (  # noqa: PLC0415
         ROBOTS,
         delivered_system,
         factory_system,

@@ -7,15 +7,27 @@ A host registers the robot's instructions in an `InstructionSet`, on top of thos
 from importlib.resources import files
 
 from yumi.rapid.ast import Module
-from yumi.rapid.builtins.communication import QUEUES, RAWBYTES, SOCKETS
-from yumi.rapid.builtins.data import CONSTANTS, DATA, MATHS, MATRICES, STRINGS
-from yumi.rapid.builtins.execution import EXECUTION, OPTIONS
-from yumi.rapid.builtins.files import FILES
-from yumi.rapid.builtins.information import INFORMATION, SYMBOLS
-from yumi.rapid.builtins.system import DIALOGS, SIGNALS, SYSTEM
-from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.builtins.absent_options import OPTIONS
+from yumi.rapid.builtins.clocks_and_stops import SYSTEM
+from yumi.rapid.builtins.data import CONSTANTS, DATA
+from yumi.rapid.builtins.data_by_name import SYMBOLS
+from yumi.rapid.builtins.disk_files import FILES
+from yumi.rapid.builtins.execution import EXECUTION
+from yumi.rapid.builtins.flexpendant import DIALOGS
+from yumi.rapid.builtins.information import INFORMATION
+from yumi.rapid.builtins.interrupt_orders import INTERRUPTS
+from yumi.rapid.builtins.io_signals import SIGNALS
+from yumi.rapid.builtins.maths import MATHS, MATRICES
+from yumi.rapid.builtins.message_queues import QUEUES
+from yumi.rapid.builtins.module_loading import MODULES
+from yumi.rapid.builtins.rawbytes import RAWBYTES
+from yumi.rapid.builtins.sockets import SOCKETS
+from yumi.rapid.builtins.strings import STRINGS
+from yumi.rapid.call import Call, Wait
+from yumi.rapid.devices import Host
+from yumi.rapid.library import Library
 from yumi.rapid.parser import parse_module
-from yumi.rapid.program import EventKind, Execution, Host, TaskEvent
+from yumi.rapid.states import EventKind, Execution, TaskEvent
 from yumi.rapid.task import ModuleInfo, Task
 from yumi.rapid.types import (
     RapidReferenceError,
@@ -63,6 +75,8 @@ for _part in (
     SYMBOLS,
     QUEUES,
     EXECUTION,
+    INTERRUPTS,
+    MODULES,
     MATRICES,
     OPTIONS,
 ):

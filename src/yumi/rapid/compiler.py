@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 from yumi.errors import RapidError
 from yumi.rapid import ast as s
+from yumi.rapid.call import VISUALIZE, Deadline
+from yumi.rapid.code_builder import CodeBuilder
 from yumi.rapid.expressions import Expressions, Scope, caller
-from yumi.rapid.library import VISUALIZE, Deadline, LibraryRoutine
-from yumi.rapid.program import (
-    Code,
-    CodeBuilder,
-    Evaluate,
-    HandlerCode,
-    LoadedModule,
-    Local,
-    LocalName,
-    Program,
-    Step,
-    Target,
-    UserRoutine,
-    misfit,
-)
+from yumi.rapid.frame import Code, Evaluate, Frame, HandlerCode, LocalName, Stack, Step, Target
+from yumi.rapid.library import LibraryRoutine
+from yumi.rapid.modules import LoadedModule, UserRoutine, misfit
+from yumi.rapid.program import Local, Program
 from yumi.rapid.types import (
     LARGEST_ARRAY,
     MOST_OBJECTS,
@@ -51,9 +42,7 @@ from yumi.rapid.types import (
     value_count,
 )
 
-if TYPE_CHECKING:
-    from yumi.rapid.machine import Frame, Machine
-
+T = TypeVar("T")
 MOST_VALUES = 500_000  # of a task's data: 2 MB of num, less than a controller has
 CONSTANT_FRAME: Any = None  # constant expressions do not look at the frame
 WAIT_UNTIL = r"\switch InPos, bool Cond, \num MaxTime, \VAR bool TimeFlag, \num PollRate, " + VISUALIZE
@@ -95,6 +84,17 @@ def _collecting(faults: list[RapidReferenceError] | None) -> Iterator[None]:
         if faults is None:
             raise
         faults.append(fault)
+
+
+@contextmanager
+def _as_runtime_error(name: str) -> Iterator[None]:
+    """Let what does not fit, where it is executed, be an error of RAPID; `name` where it has none of its own."""
+    try:
+        yield
+    except Unresolved as error:
+        raise RapidRuntimeError(error.error, str(error)) from error
+    except RapidReferenceError as error:
+        raise RapidRuntimeError(name, str(error)) from error
 
 
 def compile_routine(program: Program, routine: UserRoutine) -> Code:
@@ -192,7 +192,7 @@ class Statements:
         slot, name = self.builder.new_slot(), datum.name
         self.builder.code.value_count += value_count(type_)
 
-        def declare(machine: Machine, frame: Frame) -> None:
+        def declare(stack: Stack, frame: Frame) -> None:
             value = type_.default() if initial is None else convert(initial(frame))
             frame.slots[slot] = Variable(name, type_, value)
 
@@ -209,48 +209,61 @@ class Statements:
             self.expressions.count = 0
             with self.builder.statement(statement.line) as span, _collecting(self.faults):
                 try:
-                    getattr(self, f"compile_{type(statement).__name__.lower()}")(statement)
+                    self._statement(statement)
                 except Unresolved as error:
                     if self.faults is not None:
                         raise
                     self.builder.replace(span, self._late_statement(statement, error))
         self.labels = outer
 
+    def _statement(self, node: s.Statement) -> None:
+        _COMPILERS[type(node)](self, node)
+
+    def _late(self, compile: Callable[[Statements], T]) -> Callable[[], T]:
+        """What names something that nothing declares, compiled where it is executed: a module may be loaded by then."""
+        base, routine = self.scope.program, self.routine
+        known, faults, in_handler = self.scope.locals, self.scope.faults, self.in_handler
+        compiled: tuple[Program, T] | None = None
+
+        def late() -> T:
+            nonlocal compiled
+            program = base.current()
+            if compiled is None or compiled[0] is not program:
+                again = Statements(program, routine)
+                again.scope.locals, again.scope.faults, again.in_handler = known, faults, in_handler
+                with _as_runtime_error("ERR_LINKREF"):
+                    compiled = program, compile(again)
+            return compiled[1]
+
+        return late
+
     def _late_statement(self, statement: s.Statement, error: Unresolved) -> Step:
-        """The step of a statement that names what nothing declares: a module that is loaded meanwhile may do so.
+        """The step of a statement; one of several steps, such as a loop, raises the error in any case."""
 
-        It raises the error where none has, and where the statement is one of several steps, such as a loop.
-        """
-        routine, known, faults, in_handler = self.routine, self.scope.locals, self.scope.faults, self.in_handler
+        def only_step(again: Statements) -> Step | None:
+            again._statement(statement)
+            steps = again.builder.code.steps
+            return steps[0] if len(steps) == 1 else None
 
-        def execute(machine: Machine, frame: Frame) -> None:
-            again = Statements(frame.task.program, routine)
-            again.scope.locals, again.scope.faults, again.in_handler = known, faults, in_handler
-            try:
-                getattr(again, f"compile_{type(statement).__name__.lower()}")(statement)
-            except Unresolved as still:
-                raise RapidRuntimeError(still.error, str(still)) from still
-            except RapidReferenceError as misfits:
-                raise RapidRuntimeError("ERR_LINKREF", str(misfits)) from misfits
-            if len(again.builder.code.steps) != 1:
+        late = self._late(only_step)
+
+        def execute(stack: Stack, frame: Frame) -> None:
+            step = late()
+            if step is None:
                 raise RapidRuntimeError(error.error, str(error))
-            again.builder.code.steps[0](machine, frame)
+            step(stack, frame)
 
         return execute
 
     def _late_condition(self, node: s.Expression) -> Evaluate:
-        """The condition that names what nothing declares."""
-        module, known, faults = self.scope.module, self.scope.locals, self.scope.faults
+        def condition(again: Statements) -> Evaluate:
+            again.scope.builder = None  # it takes no steps of its own
+            return again.expressions.condition(node)
+
+        late = self._late(condition)
 
         def evaluate(frame: Frame) -> bool:
-            scope = Scope(frame.task.program, module)
-            scope.locals, scope.faults, scope.is_declaration = known, faults, False
-            try:
-                is_met: bool = Expressions(scope).condition(node)(frame)
-            except Unresolved as error:
-                raise RapidRuntimeError(error.error, str(error)) from error
-            except RapidReferenceError as misfits:
-                raise RapidRuntimeError("ERR_LINKREF", str(misfits)) from misfits
+            is_met: bool = late()(frame)
             return is_met
 
         return evaluate
@@ -259,24 +272,24 @@ class Statements:
         """What happens after the last statement."""
         name, is_function = self.routine.name, self.routine.syntax.kind is s.RoutineKind.FUNC
 
-        def end(machine: Machine, frame: Frame) -> None:
+        def end(stack: Stack, frame: Frame) -> None:
             if is_function:
                 raise RapidRuntimeError("ERR_FNCNORET", f"The function '{name}' ended without a RETURN.")
-            machine.leave(None)
+            stack.leave(None)
 
         with self.builder.statement(self.routine.syntax.line):
             self.builder.add(end)
 
     # Simple statements --------------------------------------------------------------------------------------------
 
-    def compile_assignment(self, node: s.Assignment) -> None:
+    def assignment(self, node: s.Assignment) -> None:
         get_reference, type_ = self.expressions.writable(node.target, (s.Storage.VAR, s.Storage.PERS))
         evaluate, convert = self.expressions.value(node.value, type_).evaluate, type_.convert
 
-        def assign(machine: Machine, frame: Frame) -> None:
+        def assign(stack: Stack, frame: Frame) -> None:
             get_reference(frame).value = convert(evaluate(frame))
 
-        def assign_to_open_array(machine: Machine, frame: Frame) -> None:
+        def assign_to_open_array(stack: Stack, frame: Frame) -> None:
             datum = get_reference(frame)  # the caller's, which has a size
             datum.value = datum.type.convert(evaluate(frame))
 
@@ -286,7 +299,7 @@ class Statements:
 
         self.builder.add(assign)
 
-    def compile_procedurecall(self, node: s.ProcedureCall) -> None:
+    def procedure_call(self, node: s.ProcedureCall) -> None:
         if node.name.lower() == "waituntil":
             self._wait_until(node)
             return
@@ -298,15 +311,16 @@ class Statements:
             self.scope.refuse(node, f"'{node.name}' is not a procedure or instruction")
         self.builder.add(self.expressions.calls.procedure(found, node.arguments, node))
 
-    def compile_latecall(self, node: s.LateCall) -> None:
+    def late_call(self, node: s.LateCall) -> None:
         """`%"name"% arguments;`: the procedure is looked up each time the statement runs."""
         name = self.expressions.value(node.name, STRING).evaluate
         if any(a.value is not None and self.expressions.runs_routine(a.value) for a in node.arguments):
             self.scope.refuse(node, "the arguments of a late-binding call cannot call routines; use a variable")
-        module, known, faults = self.scope.module, dict(self.scope.locals), self.scope.faults
+        compiled, module = self.scope.program, self.scope.module
+        known, faults = dict(self.scope.locals), self.scope.faults
 
-        def call(machine: Machine, frame: Frame) -> None:
-            called, program = name(frame), frame.task.program
+        def call(stack: Stack, frame: Frame) -> None:
+            called, program = name(frame), compiled.current()
             found = program.find_late(called, module)
             if found is None and program.library.is_missing(called):
                 raise RapidRuntimeError(NotProvided.error, f"The instruction '{called}' is not provided here.")
@@ -314,13 +328,9 @@ class Statements:
                 raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{called}' to call.")
             scope = Scope(program, module, CodeBuilder(node.line))
             scope.locals, scope.faults = known, faults
-            try:
+            with _as_runtime_error("ERR_CALLPROC"):
                 step = Expressions(scope).calls.procedure(found, node.arguments, node)
-            except Unresolved as unresolved:
-                raise RapidRuntimeError(unresolved.error, str(unresolved)) from unresolved
-            except RapidReferenceError as misfits:
-                raise RapidRuntimeError("ERR_CALLPROC", str(misfits)) from misfits
-            step(machine, frame)
+            step(stack, frame)
 
         self.builder.add(call)
 
@@ -342,7 +352,7 @@ class Statements:
             with deadline.visualized("a condition"):
                 yield deadline.due
 
-        def decide(machine: Machine, frame: Frame) -> None:
+        def decide(stack: Stack, frame: Frame) -> None:
             deadline: Deadline = frame.slots[slot]
             if deadline.call.task.is_settled(deadline.call) and condition(frame):
                 deadline.met()
@@ -366,64 +376,64 @@ class Statements:
         arguments = self.expressions.calls.arguments(found, [node.arguments[0], placeholder], node)
         implementation, call = found.implementation, caller(found, arguments)
 
-        def setup(machine: Machine, frame: Frame) -> None:
+        def setup(stack: Stack, frame: Frame) -> None:
             implementation(call(frame))(lambda: evaluate(frame))
 
         self.builder.add(setup)
 
-    def compile_goto(self, node: s.Goto) -> None:
+    def goto(self, node: s.Goto) -> None:
         target = self.labels.get(node.label.lower())
         if target is None:
             self.scope.refuse(node, f"there is no label '{node.label}' that this GOTO could reach")
         self.builder.jump(target)
 
-    def compile_label(self, node: s.Label) -> None:
+    def label(self, node: s.Label) -> None:
         self.builder.mark(self.labels[node.name.lower()])
 
-    def compile_return(self, node: s.Return) -> None:
+    def return_(self, node: s.Return) -> None:
         returns = self.signature.returns
         if (node.value is None) != (returns is None):
             what = "takes no value" if returns is None else f"needs a value of type {described(returns)}"
             self.scope.refuse(node, f"RETURN {what} in '{self.routine.name}'")
         if node.value is None or returns is None:
-            self.builder.add(lambda machine, frame: machine.leave(None))
+            self.builder.add(lambda stack, frame: stack.leave(None))
             return
         evaluate, convert = self.expressions.value(node.value, returns).evaluate, returns.convert
-        self.builder.add(lambda machine, frame: machine.leave(convert(evaluate(frame))))
+        self.builder.add(lambda stack, frame: stack.leave(convert(evaluate(frame))))
 
-    def compile_raise(self, node: s.Raise) -> None:
+    def raise_(self, node: s.Raise) -> None:
         if node.number is not None:
             evaluate = self.expressions.value(node.number, NUM).evaluate
-            self.builder.add(lambda machine, frame: machine.raise_number(frame, evaluate(frame)))
+            self.builder.add(lambda stack, frame: stack.raise_number(frame, evaluate(frame)))
             return
         self._only_in_handler("RAISE without a number", node)
-        self.builder.add(lambda machine, frame: machine.raise_again(frame))
+        self.builder.add(lambda stack, frame: stack.raise_again(frame))
 
-    def compile_exit(self, node: s.Exit) -> None:
-        self.builder.add(lambda machine, frame: machine.exit())
+    def exit(self, node: s.Exit) -> None:
+        self.builder.add(lambda stack, frame: stack.exit())
 
-    def compile_retry(self, node: s.Retry) -> None:
+    def retry(self, node: s.Retry) -> None:
         self._only_in_handler("RETRY", node)
-        self.builder.add(lambda machine, frame: frame.retry())
+        self.builder.add(lambda stack, frame: frame.retry())
 
-    def compile_trynext(self, node: s.TryNext) -> None:
+    def try_next(self, node: s.TryNext) -> None:
         self._only_in_handler("TRYNEXT", node)
-        self.builder.add(lambda machine, frame: frame.try_next())
+        self.builder.add(lambda stack, frame: frame.try_next())
 
     def _only_in_handler(self, what: str, node: s.Node) -> None:
         if not self.in_handler:
             self.scope.refuse(node, f"{what} may only stand in an error handler")
 
-    def compile_connect(self, node: s.Connect) -> None:
+    def connect(self, node: s.Connect) -> None:
         get_reference, type_ = self.expressions.writable(node.target, (s.Storage.VAR,))
         trap = self.scope.find(node.trap, node, UnresolvedTrap)
         if type_.name != "intnum" or not isinstance(trap, UserRoutine) or trap.syntax.kind is not s.RoutineKind.TRAP:
             self.scope.refuse(node, "CONNECT takes a VAR intnum and the name of a TRAP")
-        self.builder.add(lambda machine, frame: machine.connect(get_reference(frame), trap))
+        self.builder.add(lambda stack, frame: stack.connect(get_reference(frame), trap))
 
     # Compound statements ------------------------------------------------------------------------------------------
 
-    def compile_if(self, node: s.If) -> None:
+    def if_(self, node: s.If) -> None:
         end = Target()
         for condition, block in node.branches:
             following = Target()
@@ -443,14 +453,14 @@ class Statements:
                     raise
                 self.builder.jump_unless(self._late_condition(condition), target)
 
-    def compile_while(self, node: s.While) -> None:
+    def while_(self, node: s.While) -> None:
         start, end = self.builder.here(), Target()
         self._jump_unless(node.condition, end)
         self._block(node.body)
         self.builder.jump(start)
         self.builder.mark(end)
 
-    def compile_for(self, node: s.For) -> None:
+    def for_(self, node: s.For) -> None:
         bounds = [(node.first, NUM), (node.last, NUM), *([(node.step, NUM)] if node.step else [])]
         counter, last, *given_step = (self.builder.store(c.evaluate) for c in self.expressions.in_order(bounds))
         step, name = given_step[0] if given_step else self.builder.new_slot(), node.variable
@@ -465,7 +475,7 @@ class Statements:
             is_rising: bool = frame.slots[step] >= 0.0
             return bool(value <= frame.slots[last] if is_rising else value >= frame.slots[last])
 
-        def advance(machine: Machine, frame: Frame) -> None:
+        def advance(stack: Stack, frame: Frame) -> None:
             frame.slots[counter] += frame.slots[step]
 
         start, end = self.builder.here(), Target()
@@ -480,7 +490,7 @@ class Statements:
         visible.end = end.step
         self.scope.locals = outer
 
-    def compile_test(self, node: s.Test) -> None:
+    def test(self, node: s.Test) -> None:
         value = self.expressions.operand(node.value)
         slot, end = self.builder.store(value.evaluate), Target()
         for values, block in node.cases:
@@ -509,10 +519,29 @@ class Statements:
         return lambda frame: frame.slots[slot] == evaluate(frame)
 
 
+_COMPILERS: Mapping[type[s.Node], Callable[[Statements, Any], None]] = {
+    s.Assignment: Statements.assignment,
+    s.ProcedureCall: Statements.procedure_call,
+    s.LateCall: Statements.late_call,
+    s.Goto: Statements.goto,
+    s.Label: Statements.label,
+    s.Return: Statements.return_,
+    s.Raise: Statements.raise_,
+    s.Exit: Statements.exit,
+    s.Retry: Statements.retry,
+    s.TryNext: Statements.try_next,
+    s.Connect: Statements.connect,
+    s.If: Statements.if_,
+    s.While: Statements.while_,
+    s.For: Statements.for_,
+    s.Test: Statements.test,
+}
+
+
 def _failing(error: Unresolved) -> Step:
     name, sentence = error.error, str(error)
 
-    def fail(machine: Machine, frame: Frame) -> None:
+    def fail(stack: Stack, frame: Frame) -> None:
         raise RapidRuntimeError(name, sentence)
 
     return fail

@@ -11,13 +11,10 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
+from yumi.rapid.states import Severity, TaskEvent
 from yumi.rapid.types import RapidRuntimeError
-
-if TYPE_CHECKING:
-    from yumi.rapid.program import Severity
-    from yumi.rapid.task import Task
 
 # Disk -------------------------------------------------------------------------------------------------------------
 
@@ -417,7 +414,7 @@ class Devices:
     queues: MessageQueues = field(default_factory=MessageQueues)
     facts: Mapping[str, str] = field(default_factory=dict)
     time: Callable[[], float] = lambda: 0.0
-    tasks: Callable[[], Mapping[str, Task]] = dict
+    tasks: Callable[[], Mapping[str, object]] = dict
     texts: dict[str, dict[int, str]] = field(default_factory=dict)
     disabled: set[str] = field(default_factory=set)
     io: IoDevices | None = None
@@ -436,3 +433,34 @@ class NoNetwork:
         raise OSError("this controller has no network.")
 
     udp = tcp
+
+
+class Host(Protocol):
+    """The controller as a RAPID task sees it.
+
+    Attributes:
+        devices: its disk, network, FlexPendant and so on.
+    """
+
+    devices: Devices
+
+    def write_text(self, task: str, text: str) -> None:
+        """Show one line on the operator's display (TPWrite)."""
+
+    def write_event(self, task: str, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
+        """Put a message into the event log (ErrWrite); the arguments are what of it the program has given."""
+
+    def read_signal(self, name: str) -> float:
+        """The value of an I/O signal; raises KeyError when there is none of that name."""
+
+    def write_signal(self, name: str, value: float) -> None:
+        """Set an output; raises KeyError when there is none of that name."""
+
+    def read_file(self, path: str) -> str:
+        """The text of a file, by RAPID path ("HOME:/x.mod"); raises OSError."""
+
+    def report(self, task: str, event: TaskEvent) -> None:
+        """Called when the task has stopped by itself."""
+
+    def is_virtual(self) -> bool:
+        """Whether the controller is a simulation; RobOS() is the opposite."""

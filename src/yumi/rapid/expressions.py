@@ -6,26 +6,18 @@ waits) is called before the statement goes on; operands to the left of it are ke
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 from yumi.rapid import ast as s
-from yumi.rapid.library import Call, FormalParameter, LibraryRoutine
-from yumi.rapid.program import (
-    CodeBuilder,
-    Evaluate,
-    Found,
-    LoadedModule,
-    Local,
-    Program,
-    Signature,
-    Step,
-    Target,
-    UserRoutine,
-    misfit,
-)
+from yumi.rapid.call import Call
+from yumi.rapid.code_builder import CodeBuilder
+from yumi.rapid.frame import Evaluate, Frame, Stack, Step, Target
+from yumi.rapid.library import FormalParameter, LibraryRoutine
+from yumi.rapid.modules import LoadedModule, UserRoutine, misfit
+from yumi.rapid.program import Found, Local, Program, Signature
 from yumi.rapid.types import (
     ABSENT,
     ANY_NUM,
@@ -63,11 +55,8 @@ from yumi.rapid.types import (
     unary_operation,
 )
 
-if TYPE_CHECKING:
-    from yumi.rapid.machine import Frame, Machine
-
 MOST_IN_STATEMENT = 2000  # names, numbers and operators: they are executed without a pause
-GetReference = Callable[["Frame"], Reference]
+GetReference = Callable[[Frame], Reference]
 Routine = UserRoutine | LibraryRoutine
 WRITABLE = {
     s.Mode.VAR: (s.Storage.VAR,),
@@ -172,8 +161,7 @@ class Expressions:
         if self.count > MOST_IN_STATEMENT and self.scope.builder is not None:
             sentence = f"a statement has up to {MOST_IN_STATEMENT} names, numbers and operators"
             self.scope.refuse(node, f"{sentence}: divide it, or declare its values as a constant of the module")
-        compiled: Compiled = getattr(self, f"compile_{type(node).__name__.lower()}")(node, wanted)
-        return compiled
+        return _COMPILERS[type(node)](self, node, wanted)
 
     def in_order(self, nodes: Sequence[tuple[s.Expression, Type]]) -> list[Compiled]:
         """Several expressions, evaluated from left to right even where a later one calls a routine."""
@@ -188,7 +176,7 @@ class Expressions:
 
     # Leaves -------------------------------------------------------------------------------------------------------
 
-    def compile_literal(self, node: s.Literal, wanted: Type | None) -> Compiled:
+    def literal(self, node: s.Literal, wanted: Type | None) -> Compiled:
         value = node.value
         if isinstance(value, bool):
             return Compiled(lambda frame: value, BOOL)
@@ -199,7 +187,7 @@ class Expressions:
             return Compiled(lambda frame: value, DNUM)
         return Compiled(lambda frame: value, NUM, is_literal=True)
 
-    def compile_name(self, node: s.Name, wanted: Type | None) -> Compiled:
+    def name(self, node: s.Name, wanted: Type | None) -> Compiled:
         found = self.scope.find(node.name, node)
         if self.scope.is_declaration and not (isinstance(found, (Variable, Local)) and found.is_constant):
             self.scope.refuse(node, f"'{node.name}' is not a constant, which a declaration needs")
@@ -212,7 +200,7 @@ class Expressions:
             return Compiled(lambda frame: found, SignalType("signal"))
         self.scope.refuse(node, f"'{node.name}' is a routine or type and has no value")
 
-    def compile_field(self, node: s.Field, wanted: Type | None) -> Compiled:
+    def field(self, node: s.Field, wanted: Type | None) -> Compiled:
         base = self.any(node.base)
         index, type_ = self.component(base.type, node)
         evaluate = base.evaluate
@@ -226,7 +214,7 @@ class Expressions:
             self.scope.refuse(node, f"{one(record)} has no component '{node.name}'")
         return index, record.components[index][1]
 
-    def compile_element(self, node: s.Element, wanted: Type | None) -> Compiled:
+    def element(self, node: s.Element, wanted: Type | None) -> Compiled:
         base = self.any(node.base)
         path, type_ = self.index(base.type, node)
         evaluate = base.evaluate
@@ -261,7 +249,7 @@ class Expressions:
 
     # Operators ----------------------------------------------------------------------------------------------------
 
-    def compile_unary(self, node: s.Unary, wanted: Type | None) -> Compiled:
+    def unary(self, node: s.Unary, wanted: Type | None) -> Compiled:
         operand = self._without_signal(self.any(node.operand, wanted))
         operation = unary_operation(node.operator, operand.type)
         if operation is None:
@@ -269,7 +257,7 @@ class Expressions:
         evaluate = operand.evaluate
         return Compiled(lambda frame: operation(evaluate(frame)), operand.type, operand.is_literal)
 
-    def compile_binary(self, node: s.Binary, wanted: Type | None) -> Compiled:
+    def binary(self, node: s.Binary, wanted: Type | None) -> Compiled:
         if node.operator in {"AND", "OR"}:
             return self._logical(node)
         if isinstance(node.left, s.Aggregate):  # it takes the type of the other side
@@ -313,7 +301,7 @@ class Expressions:
             return Compiled(lambda frame: left(frame) and right(frame), BOOL)
         return Compiled(lambda frame: left(frame) or right(frame), BOOL)
 
-    def compile_aggregate(self, node: s.Aggregate, wanted: Type | None) -> Compiled:
+    def aggregate(self, node: s.Aggregate, wanted: Type | None) -> Compiled:
         whole, parts = self.parts(node, wanted)
         items = self.in_order(list(zip(node.items, parts, strict=True)))
         evaluates, convert = [item.evaluate for item in items], whole.convert
@@ -332,7 +320,7 @@ class Expressions:
 
     # Calls --------------------------------------------------------------------------------------------------------
 
-    def compile_functioncall(self, node: s.FunctionCall, wanted: Type | None) -> Compiled:
+    def function_call(self, node: s.FunctionCall, wanted: Type | None) -> Compiled:
         if self.scope.is_declaration:
             self.scope.refuse(node, "a declaration cannot call a function")
         if node.name.lower() == "present":
@@ -422,6 +410,18 @@ class Expressions:
         if not isinstance(resolved(compiled.type), SignalType):
             return compiled
         return _level(compiled.evaluate, NUM)
+
+
+_COMPILERS: Mapping[type[s.Node], Callable[[Expressions, Any, Type | None], Compiled]] = {
+    s.Literal: Expressions.literal,
+    s.Name: Expressions.name,
+    s.Field: Expressions.field,
+    s.Element: Expressions.element,
+    s.Unary: Expressions.unary,
+    s.Binary: Expressions.binary,
+    s.Aggregate: Expressions.aggregate,
+    s.FunctionCall: Expressions.function_call,
+}
 
 
 def _fits_num(value: float) -> bool:
@@ -607,14 +607,14 @@ def entering(routine: Routine, arguments: Sequence[GetReference], slot: int | No
     """The step that calls a routine; a function's value goes into `slot`."""
     if isinstance(routine, UserRoutine):
 
-        def enter(machine: Machine, frame: Frame) -> None:
-            machine.enter(routine, [get_reference(frame) for get_reference in arguments], slot)
+        def enter(stack: Stack, frame: Frame) -> None:
+            stack.enter(routine, [get_reference(frame) for get_reference in arguments], slot)
 
         return enter
     call, implementation = caller(routine, arguments), routine.implementation
     convert = routine.returns.convert if routine.returns is not None else None
 
-    def execute(machine: Machine, frame: Frame) -> None:
+    def execute(stack: Stack, frame: Frame) -> None:
         outcome = implementation(call(frame))
         if isinstance(outcome, Generator):
             frame.begin_wait(outcome, slot, convert)

@@ -25,19 +25,16 @@ is closed.
 from __future__ import annotations
 
 import inspect
-import math
 from collections import ChainMap
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from functools import cache, partial
+from typing import Any, TypeVar
 
 from yumi.rapid.ast import Mode, Storage
 from yumi.rapid.parser import parse_parameters
 from yumi.rapid.types import (
-    ABSENT,
     ALL_ERRORS,
     ANY_NUM,
     ANY_SIGNAL,
@@ -59,120 +56,13 @@ from yumi.rapid.types import (
     RapidReferenceError,
     RapidRuntimeError,
     RecordType,
-    Reference,
     SignalType,
     Type,
     Variable,
 )
 
-if TYPE_CHECKING:
-    from yumi.rapid.task import Task
-
 _parsed = cache(parse_parameters)  # each task has a library, and all have the same signatures
 Implementation = TypeVar("Implementation", bound=Callable[..., Any])
-Wait = Iterator["float | None"]
-
-
-class Call:
-    """One call of an instruction or function: its arguments by name, without regard to case.
-
-    Attributes:
-        task: the task that executes it.
-        name: the name it was called by.
-    """
-
-    __slots__ = ("_arguments", "name", "task")
-
-    def __init__(self, task: Task, name: str, arguments: dict[str, Reference]) -> None:
-        self.task = task
-        self.name = name
-        self._arguments = arguments
-
-    def present(self, name: str) -> bool:
-        return self._arguments.get(name.lower(), ABSENT) is not ABSENT
-
-    def __getitem__(self, name: str) -> Any:
-        return self._arguments[name.lower()].value
-
-    def __setitem__(self, name: str, value: Any) -> None:
-        """Write to the datum passed for a VAR, PERS or INOUT parameter."""
-        reference = self._arguments[name.lower()]
-        reference.value = reference.type.convert(value)
-
-    def get(self, name: str, default: Any = None) -> Any:
-        """The value of an argument, the default where it is not passed or the instruction has no such parameter."""
-        reference = self._arguments.get(name.lower(), ABSENT)
-        return default if reference is ABSENT else reference.value
-
-    def reference(self, name: str) -> Reference:
-        """The datum itself, with its name, type and value."""
-        return self._arguments[name.lower()]
-
-
-def whole_argument(call: Call, name: str, lowest: int, highest: int, default: int | None = None) -> int:
-    """An argument that is a whole number within limits; raises ERR_ARGVALERR."""
-    value: float = call.get(name, default) if default is not None else call[name]
-    if value != int(value) or not lowest <= value <= highest:
-        sentence = f"{call.name}: {name} is a whole number from {lowest} to {highest}, not {value:g}."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    return int(value)
-
-
-VISUALIZE = (
-    r"\switch Visualize, \string Header, \string Message | \string MsgArray{*}, \switch Wrap, \icondata Icon, "
-    r"\string Image, \num VisualizeTime, \VAR signaldo UIActiveSignal, \num ErrorNumber"
-)
-"""What the instructions that wait take, to show the operator what they wait for."""
-
-
-@dataclass(frozen=True, slots=True)
-class Deadline:
-    r"""The end of a wait with \MaxTime and \TimeFlag.
-
-    Attributes:
-        time: task time [s], infinite without \MaxTime.
-    """
-
-    call: Call
-    time: float
-
-    @staticmethod
-    def of(call: Call) -> Deadline:
-        return Deadline(call, call.task.now + call.get("MaxTime", math.inf))
-
-    def expire(self) -> bool:
-        r"""Whether the time is up; sets \TimeFlag, or raises ERR_WAIT_MAXTIME without one."""
-        if self.call.task.now < self.time:
-            return False
-        if not self.call.present("TimeFlag"):
-            sentence = f"{self.call.name} has waited for {self.call['MaxTime']:g} s in vain."
-            raise RapidRuntimeError("ERR_WAIT_MAXTIME", sentence)
-        self.call["TimeFlag"] = True
-        return True
-
-    def met(self) -> None:
-        r"""What was waited for has come: clears \TimeFlag."""
-        if self.call.present("TimeFlag"):
-            self.call["TimeFlag"] = False
-
-    @contextmanager
-    def visualized(self, what: str) -> Iterator[None]:
-        r"""Meanwhile \Visualize shows the operator what is waited for, `what` without \Message."""
-        if not self.call.present("Visualize"):
-            yield
-            return
-        messages, task = self.call.task.host.devices.pendant.messages, self.call.task.name
-        lines = self.call.get("MsgArray") or (self.call.get("Message", f"Waiting for {what}"),)
-        messages[task] = (self.call.get("Header", self.call.name), *lines)
-        try:
-            yield
-        finally:
-            messages.pop(task, None)
-
-    @property
-    def due(self) -> float | None:
-        """What to yield while waiting."""
-        return None if math.isinf(self.time) else self.time
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +98,7 @@ class LibraryRoutine:
     name: str
     parameters: tuple[FormalParameter, ...]
     returns: Type | None
-    implementation: Callable[[Call], Any]
+    implementation: Callable[..., Any]
     may_wait: bool
     support: Support = Support.DONE
 
@@ -241,7 +131,7 @@ class Library:
     # Registering --------------------------------------------------------------------------------------------------
 
     def instruction(self, name: str, signature: str = "") -> Callable[[Implementation], Implementation]:
-        """Decorate the function that executes the instruction `name`; it receives a `Call`."""
+        """Decorate the function that executes the instruction `name`; it receives a `Call` (`yumi.rapid.call`)."""
         return self._register(name, signature, None)
 
     def function(self, name: str, signature: str, returns: str) -> Callable[[Implementation], Implementation]:
@@ -260,13 +150,13 @@ class Library:
     def refused(self, name: str, signature: str, error: str, sentence: str, returns: str | None = None) -> None:
         """Register an instruction or function that always fails, as a controller without what it needs does."""
 
-        def refuse(call: Call) -> None:
+        def refuse(call: Any) -> None:
             raise RapidRuntimeError(error, f"{name}: {sentence}")
 
         self._add(name, signature, None if returns is None else self.type(returns), refuse, Support.REFUSED)
 
     def _add(
-        self, name: str, signature: str, returns: Type | None, implementation: Callable[[Call], Any], support: Support
+        self, name: str, signature: str, returns: Type | None, implementation: Callable[..., Any], support: Support
     ) -> None:
         parameters = self.formal(signature)
         self._routines[name.lower()] = LibraryRoutine(name, parameters, returns, implementation, False, support)
@@ -340,18 +230,23 @@ class Library:
         """
         self._missing.update(dict.fromkeys(name.lower() for name in names))
 
-    def replace_implementations(self, names: Iterable[str], implementation: Callable[[Call], Any]) -> None:
-        """Let routines that are registered do something else; they keep their parameters."""
+    def wrap(self, names: Iterable[str], wrapped: Callable[[Callable[..., Any]], Callable[..., Any]]) -> None:
+        """Let routines that are registered do something around, or instead of, what they did."""
         for name in names:
-            self._routines[name.lower()] = replace(
-                self._routines[name.lower()],
-                implementation=implementation,
-                may_wait=inspect.isgeneratorfunction(implementation),
-            )
+            if (found := self.routine(name)) is not None:
+                implementation = wrapped(found.implementation)
+                may_wait = inspect.isgeneratorfunction(implementation)
+                self._routines[name.lower()] = replace(found, implementation=implementation, may_wait=may_wait)
 
-    def include(self, other: Library) -> None:
-        """Take over everything that `other` registered itself, without what it is based on."""
-        self._routines.update(other._routines.maps[0])
+    def include(self, other: Library, owner: object = None) -> None:
+        """Take over everything that `other` registered itself, without what it is based on.
+
+        Where methods of a class were registered, `owner` is the object whose methods they are for this library.
+        """
+        for key, routine in other._routines.maps[0].items():
+            is_method = owner is not None and routine.support is Support.DONE
+            implementation = partial(routine.implementation, owner) if is_method else routine.implementation
+            self._routines[key] = replace(routine, implementation=implementation)
         self._types.update(other._types.maps[0])
         self._data.update(other._data.maps[0])
         self._errors.update(other._errors.maps[0])

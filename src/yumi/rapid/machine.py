@@ -3,28 +3,24 @@
 The call stack is explicit: a frame for each routine that is under way. A trap is a frame on top of the routine it
 interrupts, one execution level higher. An error looks down the stack for a handler; what lies above the one found
 is abandoned, from the top down, each procedure after its UNDO clause.
-
-What comes between the steps is here too: a task's interrupts with their traps and queue, and its actions at a later
-time, such as the end of a pulse.
 """
 
 from __future__ import annotations
 
-import heapq
 import itertools
 import math
-from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from enum import Enum
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
-from yumi.rapid.compiler import compile_routine, link_module
-from yumi.rapid.program import Code, EventKind, LocalName, Span, SystemEvent, UserRoutine
+from yumi.rapid.call import RunningTask
+from yumi.rapid.compiler import MOST_VALUES, compile_routine, link_module
+from yumi.rapid.frame import Code, Frame, Propagated, too_large
+from yumi.rapid.interrupts import Interrupts
+from yumi.rapid.modules import UserRoutine
+from yumi.rapid.program import Program
+from yumi.rapid.states import EventKind, SystemEvent
 from yumi.rapid.types import (
-    ABSENT,
-    ALL_ERRORS,
     LARGEST_OWN_NUMBER,
     RapidReferenceError,
     RapidRuntimeError,
@@ -32,12 +28,35 @@ from yumi.rapid.types import (
     Reference,
 )
 
-if TYPE_CHECKING:
-    from yumi.rapid.task import Task
-
-
 DEEPEST_STACK = 250
 STEPS_BETWEEN_CLOCK_READS = 8  # reading it takes as long as a step; after an instruction it is read at once
+
+
+class MachineTask(RunningTask, Protocol):
+    """The task as its machine sees it."""
+
+    clock: Callable[[], float]
+    program: Program
+    linked_program: Program | None
+
+    @property
+    def is_linked(self) -> bool: ...
+
+    def note_error(self, error: RapidRuntimeError) -> float: ...
+
+    def error_name(self, number: float) -> str: ...
+
+    def set_system(self, name: str, value: float) -> None: ...
+
+    def event_changed(self) -> None: ...
+
+    def paused(self, kind: EventKind, frame: Frame) -> None: ...
+
+    def failed(self, error: RapidRuntimeError, frame: Frame) -> None: ...
+
+    def exited(self, frame: Frame) -> None: ...
+
+    def finished(self) -> None: ...
 
 
 class Machine:
@@ -48,7 +67,7 @@ class Machine:
         pause: where steps and breakpoints stop: asked before each statement, it says why; None without any.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: MachineTask) -> None:
         self.task = task
         self.frames: list[Frame] = []
         self.interrupts = Interrupts()
@@ -118,7 +137,7 @@ class Machine:
         except Propagated as passed:
             self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
         except ArithmeticError as error:
-            self._recover(_too_large(error))
+            self._recover(too_large(error))
 
     def next_due(self) -> float:
         """Task time at which something is due [s]; infinite when nothing is."""
@@ -143,7 +162,7 @@ class Machine:
         if code is None or (event is not None and not self.task.is_linked):
             frame.begin_wait(self._compiling(frame), None, None)
         else:
-            frame.begin(code)
+            self._begin(frame, code)
         self.frames.append(frame)
         return frame
 
@@ -167,7 +186,17 @@ class Machine:
                 self.task.linked_program = program
         except RapidReferenceError as error:
             raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
-        frame.begin(program.codes[routine])
+        self._begin(frame, program.codes[routine])
+
+    def _begin(self, frame: Frame, code: Code) -> None:
+        """Let a routine be executed; raises ERR_PRGMEMFULL where there is no memory for its data beside all others."""
+        if code.value_count:
+            wanted = code.value_count + sum(each.value_count for each in self.task.program.modules.values())
+            wanted += sum(each.code.value_count for each in self.frames)
+            if wanted > MOST_VALUES:
+                sentence = f"the data of the task would hold {wanted} values, there is memory for {MOST_VALUES}."
+                raise RapidRuntimeError("ERR_PRGMEMFULL", f"With those of the routine {sentence}")
+        frame.begin(code)
 
     def leave(self, value: Any) -> None:
         frame = self.frames.pop()
@@ -368,391 +397,3 @@ class Machine:
             if frame.is_trap:
                 is_long_jump = from_above = True
         return 0
-
-
-class Propagated(Exception):
-    """An error handler passes its error on to the caller (RAISE in an ERROR clause).
-
-    Attributes:
-        is_long_jump: whether only handlers that list the number may take it.
-    """
-
-    def __init__(self, error: RapidRuntimeError, *, is_long_jump: bool) -> None:
-        super().__init__(str(error))
-        self.error = error
-        self.is_long_jump = is_long_jump
-
-
-class Frame:
-    """A routine under way.
-
-    Attributes:
-        slots: its parameters, data and intermediate results.
-        step: the step that comes next.
-        waiting: the instruction that is not done yet, or None.
-        due: task time at which it must be polled even between two advances [s], or None.
-        is_interrupted: whether a trap, a step or a breakpoint has come between two of its statements.
-        error: the error its ERROR clause is working on, or None outside of it.
-        is_undoing: whether it is abandoned and executes its UNDO clause.
-        event: what it is an event routine of, None for other routines.
-    """
-
-    __slots__ = (
-        "_convert",
-        "_retried",
-        "_retries",
-        "_wait_slot",
-        "code",
-        "due",
-        "error",
-        "event",
-        "is_interrupted",
-        "is_trap",
-        "is_undoing",
-        "next_step",
-        "polled_at",
-        "result_slot",
-        "retry_step",
-        "routine",
-        "slots",
-        "step",
-        "task",
-        "waiting",
-    )
-
-    def __init__(
-        self, task: Task, routine: UserRoutine, arguments: Sequence[Reference], result_slot: int | None
-    ) -> None:
-        self.task = task
-        self.routine = routine
-        self.code = Code(spans=[Span(routine.syntax.line, 0)])  # until it is compiled
-        self.slots: list[Any] = list(arguments)
-        self.step = 0
-        self.result_slot = result_slot
-        self.waiting: Generator[float | None, None, Any] | None = None
-        self.due: float | None = None
-        self.polled_at = -1
-        self.is_trap = self.is_undoing = False
-        self.event: SystemEvent | None = None
-        self.is_interrupted = False
-        self.error: RapidRuntimeError | None = None
-        self.retry_step = self.next_step = 0
-        self._retries, self._retried = 0, -1
-        self._wait_slot: int | None = None
-        self._convert: Callable[[Any], Any] | None = None
-
-    def begin(self, code: Code) -> None:
-        """Let the routine be executed; raises ERR_PRGMEMFULL where there is no memory for its data."""
-        if code.value_count:
-            self.task.check_memory_for(code.value_count)
-        self.code = code
-        self.slots += [None] * (code.slots - len(self.slots))
-
-    @property
-    def place(self) -> int:
-        """A step of the statement that is being executed, or comes next."""
-        begun = self.step > 0 and not self.is_interrupted
-        return self.step - 1 if begun else self.step
-
-    @property
-    def line(self) -> int:
-        """The line of the statement that is being executed, or comes next."""
-        return self.code.spans[self.place].line
-
-    @property
-    def locals(self) -> dict[str, tuple[LocalName, Reference]]:
-        """Parameters, data and loop variables that have a value where the routine is, by lower-case name."""
-        found = {}
-        for each in self.code.locals:  # an inner loop's variable hides one of the same name
-            is_visible = each.begin <= self.place and (each.end is None or self.place < each.end)
-            datum = self.slots[each.slot] if is_visible else None
-            if datum is not None and datum is not ABSENT:
-                found[each.name.lower()] = each, datum
-        return found
-
-    @property
-    def next_line(self) -> int:
-        """The line of the statement that comes next."""
-        return self.code.spans[self.step].line
-
-    def is_between_statements(self) -> bool:
-        return self.waiting is None and self.code.spans[self.step].start == self.step
-
-    # Waiting ------------------------------------------------------------------------------------------------------
-
-    def begin_wait(
-        self, waiting: Generator[float | None, None, Any], slot: int | None, convert: Callable[[Any], Any] | None
-    ) -> None:
-        """Let an instruction go on until its generator ends; its value goes into `slot`."""
-        self.waiting = waiting
-        self._wait_slot, self._convert = slot, convert
-        self.due = None
-
-    def poll(self) -> None:
-        """Let the waiting instruction go on."""
-        assert self.waiting is not None
-        try:
-            self.due = next(self.waiting)
-        except StopIteration as end:
-            self.waiting = None
-            if self._wait_slot is not None and self._convert is not None:
-                self.slots[self._wait_slot] = self._convert(end.value)
-        except RapidRuntimeError:
-            self.waiting = None
-            raise
-        except RapidValueError as error:
-            self.waiting = None
-            raise RapidRuntimeError("ERR_ARGVALERR", str(error)) from error
-        except ArithmeticError as error:
-            self.waiting = None
-            raise _too_large(error) from error
-
-    def abandon(self) -> None:
-        """Close the instruction under way, if there is one."""
-        if self.waiting is not None:
-            self.waiting.close()
-            self.waiting = None
-
-    # Error handling -----------------------------------------------------------------------------------------------
-
-    def takes(self, number: float, *, is_long_jump: bool, from_above: bool) -> bool:
-        """Whether the frame's ERROR clause handles an error.
-
-        A handler at work takes no error of its own level; a long jump from a trap above starts it again.
-        """
-        handler = self.code.handler
-        if handler is None or (self.error is not None and not from_above):
-            return False
-        if handler.numbers:
-            listed = (number, self.task.library.error_number(ALL_ERRORS))
-            return any(evaluate(self) in listed for evaluate in handler.numbers)
-        return not is_long_jump
-
-    def enter_handler(self, error: RapidRuntimeError) -> None:
-        assert self.code.handler is not None
-        if self.error is None:  # where RETRY and TRYNEXT go on
-            if self.is_interrupted and self.waiting is None:
-                self.retry_step = self.next_step = self.step
-            else:
-                span = self.code.spans[self.step - 1]
-                self.retry_step, self.next_step = span.start, span.end
-        self.abandon()
-        self.is_interrupted = False
-        self.error = error
-        self.step = self.code.handler.start
-
-    def retry(self) -> None:
-        """Begin the statement that failed again; raises when that was tried too often."""
-        error = self.error
-        assert error is not None
-        self._retries = self._retries + 1 if self._retried == self.retry_step else 1
-        self._retried = self.retry_step
-        if self._retries > self.task.most_retries:
-            sentence = f"RETRY was tried {self.task.most_retries} times in vain; the error was: {error}"
-            raise Propagated(RapidRuntimeError("ERR_EXCRTYMAX", sentence), is_long_jump=False)
-        self.step, self.error = self.retry_step, None
-
-    @property
-    def remaining_retries(self) -> float:
-        """How often RETRY is still possible for the statement that failed."""
-        return self.task.most_retries - (self._retries if self._retried == self.retry_step else 0)
-
-    def reset_retries(self) -> None:
-        self._retried = -1
-
-    def try_next(self) -> None:
-        self.step, self.error = self.next_step, None
-        self._retried = -1
-
-    def rewind(self) -> None:
-        """Put the program pointer back on the statement that is under way."""
-        self.abandon()
-        if self.step > 0 and not self.is_interrupted:
-            self.step = self.code.spans[self.step - 1].start
-
-
-def _too_large(error: ArithmeticError) -> RapidRuntimeError:
-    return RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}.")
-
-
-MOST_INTERRUPTS = 100
-LONGEST_QUEUE = 1000  # interrupts; what comes while so many wait is lost
-
-
-class Edge(Enum):
-    """Which change of a signal orders the interrupt; the values are RAPID's LOW, HIGH and EDGE."""
-
-    LOW = 0
-    HIGH = 1
-    BOTH = 2
-
-    def is_in(self, old: float, new: float) -> bool:
-        """Whether a change from `old` to `new` is such an edge."""
-        if old == new:
-            return False
-        return self is Edge.BOTH or bool(new) == (self is Edge.HIGH)
-
-
-class Change(Protocol):
-    """Which change of a signal orders an interrupt."""
-
-    def is_in(self, old: float, new: float) -> bool: ...
-
-
-@dataclass(slots=True)
-class SignalOrder:
-    """ISignalDI, ISignalDO, ISignalGI, ISignalGO, ISignalAI, ISignalAO."""
-
-    signal: str
-    edge: Change
-    is_single: bool
-
-
-@dataclass(slots=True)
-class TimerOrder:
-    """ITimer: due at task time `due` [s], then every `period` [s]."""
-
-    due: float
-    period: float
-    is_single: bool
-
-
-@dataclass(slots=True)
-class ChangeOrder:
-    """IPers, and whatever else reports by itself that its interrupt has come: see `Interrupts.occurred`."""
-
-    is_single: bool
-
-
-Order = SignalOrder | TimerOrder | ChangeOrder
-
-
-@dataclass(slots=True)
-class Connection:
-    """An interrupt number with its trap; asleep, what comes is dropped."""
-
-    trap: UserRoutine
-    order: Order | None = None
-    is_asleep: bool = False
-
-
-class Interrupts:
-    """The interrupts of one task.
-
-    While disabled, what comes is queued; while an interrupt is asleep, what comes for it is dropped.
-    """
-
-    def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget all connections and everything queued, as PP to main does."""
-        self.connections: dict[int, Connection] = {}
-        self.queue: deque[int] = deque()
-        self.is_disabled = False
-        self._next_number = 1
-
-    def connect(self, number: int, trap: UserRoutine) -> int:
-        """A new interrupt number for `trap`; `number` is what the intnum held before."""
-        if number in self.connections:
-            raise RapidRuntimeError("ERR_ALRDYCNT", f"The interrupt {number} already has a trap; IDelete it first.")
-        if len(self.connections) >= MOST_INTERRUPTS:
-            raise RapidRuntimeError("ERR_INOMAX", f"A task may have {MOST_INTERRUPTS} interrupts.")
-        new = self._next_number
-        self._next_number += 1
-        self.connections[new] = Connection(trap)
-        return new
-
-    def order(self, number: int, order: Order) -> None:
-        self._connection(number).order = order
-
-    def is_ordered(self, number: int, order: Order) -> bool:
-        """Whether the order still stands."""
-        connection = self.connections.get(number)
-        return connection is not None and connection.order is order
-
-    def occurred(self, number: int) -> None:
-        """The interrupt has come."""
-        self._enqueue(number, self._connection(number))
-
-    def delete(self, number: int) -> None:
-        """Remove an interrupt and what is queued of it; unknown numbers are none."""
-        self.connections.pop(number, None)
-        self.queue = deque(n for n in self.queue if n != number)
-
-    def sleep(self, number: int) -> None:
-        self._connection(number).is_asleep = True
-
-    def watch(self, number: int) -> None:
-        self._connection(number).is_asleep = False
-
-    def signal_changed(self, signal: str, old: float, new: float) -> None:
-        for number, connection in list(self.connections.items()):
-            order = connection.order
-            if isinstance(order, SignalOrder) and order.signal.lower() == signal.lower() and order.edge.is_in(old, new):
-                self._enqueue(number, connection)
-
-    def occur(self, number: int) -> None:
-        """Let an interrupt come that no order brings, such as TriggInt's; unknown numbers are none."""
-        connection = self.connections.get(number)
-        if connection is not None:
-            self._enqueue(number, connection)
-
-    def next_timer(self) -> float:
-        """Task time at which the next timer is due [s], infinite when none runs."""
-        timers = (c.order.due for c in self.connections.values() if isinstance(c.order, TimerOrder))
-        return min(timers, default=math.inf)
-
-    def time_passed(self, now: float) -> None:
-        for number, connection in list(self.connections.items()):
-            order = connection.order
-            if isinstance(order, TimerOrder) and order.due <= now:
-                order.due += order.period
-                if order.due <= now:  # what came due while the task stood still is lost
-                    order.due = now + order.period
-                self._enqueue(number, connection)
-
-    def take(self) -> tuple[int, UserRoutine]:
-        """The next queued interrupt and its trap."""
-        number = self.queue.popleft()
-        return number, self.connections[number].trap
-
-    def _enqueue(self, number: int, connection: Connection) -> None:
-        if connection.order is not None and connection.order.is_single:
-            connection.order = None
-        if not connection.is_asleep and len(self.queue) < LONGEST_QUEUE:
-            self.queue.append(number)
-
-    def _connection(self, number: int) -> Connection:
-        found = self.connections.get(number)
-        if found is None:
-            raise RapidRuntimeError("ERR_UNKINO", f"The interrupt {number} has no trap; CONNECT it first.")
-        return found
-
-
-Action = Callable[[], None]
-MOST_ACTIONS = 1000
-
-
-class TimerQueue:
-    """Actions in the order of their task time [s]."""
-
-    def __init__(self) -> None:
-        self._entries: list[tuple[float, int, Action]] = []
-        self._order = itertools.count()
-
-    def add(self, time: float, action: Action) -> None:
-        """Do something at a task time [s]; raises ERR_EXECPHR when too many wait already."""
-        if len(self._entries) >= MOST_ACTIONS:
-            raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_ACTIONS} delayed outputs and pulses are under way already.")
-        heapq.heappush(self._entries, (time, next(self._order), action))
-
-    @property
-    def next_time(self) -> float:
-        """When the next action is due [s]; infinite when there is none."""
-        return self._entries[0][0] if self._entries else math.inf
-
-    def perform(self, now: float) -> None:
-        """Do everything that is due."""
-        while self._entries and self._entries[0][0] <= now:
-            heapq.heappop(self._entries)[2]()

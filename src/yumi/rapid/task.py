@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
 import math
-import re
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
@@ -15,66 +13,42 @@ from typing import Any, TypeVar
 
 from yumi.errors import RobotNotReady
 from yumi.rapid import ast as s
+from yumi.rapid.call import Call
 from yumi.rapid.compiler import (
-    CONSTANT_FRAME,
-    MOST_VALUES,
     compile_program,
-    compile_routine,
     faults_of,
     initialise_variables,
-    link,
-    link_module,
 )
-from yumi.rapid.expressions import Expressions, Scope
-from yumi.rapid.library import Call, Library
-from yumi.rapid.machine import Frame, Interrupts, Machine, TimerQueue
-from yumi.rapid.parser import format_value, parse_module, parse_reference, parse_value
-from yumi.rapid.program import (
-    Code,
-    EventKind,
-    Execution,
-    Host,
-    LoadedModule,
-    Local,
-    LocalName,
-    Program,
-    Severity,
-    SystemEvent,
-    TaskEvent,
-    UserRoutine,
-)
+from yumi.rapid.devices import Host
+from yumi.rapid.frame import Frame
+from yumi.rapid.interrupts import Interrupts
+from yumi.rapid.library import Library
+from yumi.rapid.loading import Prepared, free, prepared, removed_by
+from yumi.rapid.machine import Machine
+from yumi.rapid.modules import LoadedModule, UserRoutine
+from yumi.rapid.parser import parse_module
+from yumi.rapid.program import Program
+from yumi.rapid.states import EventKind, Execution, Severity, SystemEvent, TaskEvent
+from yumi.rapid.task_data import TaskData
+from yumi.rapid.timers import TimerQueue
 from yumi.rapid.types import (
     FIRST_BOOKED_NUMBER,
-    UNSET,
     ModuleNameTaken,
-    ProgramTooLarge,
     RapidReferenceError,
     RapidRuntimeError,
-    RapidSyntaxError,
-    RapidValueError,
     Reference,
-    UnknownSymbol,
-    Unresolved,
     Variable,
-    resolved,
-    value_count,
 )
 
 T = TypeVar("T")
 STEPS_PER_ADVANCE = 2000  # so that an endless loop without a wait cannot hang the controller
 STEPS_PER_SECOND = 500_000  # and as many more as a long advance may need
 TIME_PER_ADVANCE = 0.5e-3  # [s] of the task's clock, so that two tasks leave three quarters of a cycle to the rest
-LONGEST_PROGRAM = 4_000_000  # characters in all modules together
-MOST_DATA = 20_000  # declared in all modules together
-MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
 STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
 MOST_RETRIES = 4  # ABB's default of the system parameter NoOfRetry
 MOST_BOOKED = 500  # error numbers
-LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 ROUNDING = 1e-9  # [s], of the sums that times are
 OP_AUTO = 1
-# From the name of a datum on: what stands between ":=" and ";".
-FIRST_VALUE = re.compile(r'[^:"!]*:=\s*((?:"(?:[^"]|"")*"|[^";])*?)\s*;')
 FATAL = 0.0  # the number of an error that no handler may take
 
 
@@ -133,25 +107,7 @@ class CyclicBool:
     has_failed: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Prepared:
-    """Modules ready to be loaded.
-
-    Attributes:
-        replaces_program: whether they take the place of all program modules.
-        base: the program they were prepared for.
-        program: the program with them.
-        is_linked: whether its data have their values.
-    """
-
-    modules: tuple[LoadedModule, ...]
-    replaces_program: bool
-    base: Program
-    program: Program
-    is_linked: bool
-
-
-class Task:
+class Task(TaskData):
     r"""One RAPID task.
 
     Args:
@@ -206,6 +162,7 @@ class Task:
             for name, type_name in (("ERRNO", "errnum"), ("INTNO", "intnum"))
         }
         self.program = Program(library, host, system_data)
+        self.program.current = lambda: self.program
         self._ended_at = -1.0
         self._program_time: float | None = None  # of the program beneath event routines that run alone [s]
         self._leaves_event = False  # once the instruction has been executed
@@ -280,15 +237,15 @@ class Task:
             if module.name.lower() in names:
                 raise ModuleNameTaken(f"{module.filename}: the program has two modules '{module.name}'.")
             names.add(module.name.lower())
-        removed = _removed_by(modules, self.program, replaces_program=replaces_program)
+        removed = removed_by(modules, self.program, replaces_program=replaces_program)
         for module in modules if not replaces_program else ():
             self._check_loadable(module, replace=replace)
         for old in removed:
             self._check_not_executing(old)
-        prepared, self._prepared = self._prepared, None
-        if prepared is None or not self._fits(prepared, modules, replaces_program=replaces_program):
-            prepared = self._prepare(modules, replaces_program=replaces_program)
-        self._adopt(prepared.program, *removed, is_linked=prepared.is_linked)
+        found, self._prepared = self._prepared, None
+        if found is None or not self._fits(found, modules, replaces_program=replaces_program):
+            found = self._prepare(modules, replaces_program=replaces_program)
+        self._adopt(found.program, *removed, is_linked=found.is_linked)
         return modules
 
     def prepare(self, *modules: s.Module, replaces_program: bool = False) -> None:
@@ -318,41 +275,19 @@ class Task:
     def _prepare(self, modules: Sequence[s.Module], *, replaces_program: bool = False) -> Prepared:
         """The program with other modules; the program that is executed stays as it is."""
         base = self.program
-        removed = _removed_by(modules, base, replaces_program=replaces_program)
-        has_pp = self._has_pp(removed if replaces_program else ())
-        kept = [*modules, *(each.syntax for each in base.modules.values() if each not in removed)]
-        length, count = sum(len(each.text) for each in kept), sum(len(each.data) for each in kept)
-        if length > LONGEST_PROGRAM or count > MOST_DATA:
-            raise ProgramTooLarge(
-                f"{modules[0].filename}: with '{modules[0].name}' the task {self.name} would have {length} characters "
-                f"of text and {count} data, there is memory for {LONGEST_PROGRAM} and {MOST_DATA}."
-            )
-        program, loaded = base, tuple(LoadedModule.of(each) for each in modules)
-        for old in removed if replaces_program else ():
-            program = program.unloaded(old.name)
-        for new in loaded:
-            program = program.loaded(new)
-        if has_pp:
-            for each in program.modules.values():  # what the others lacked may have come
-                link_module(program, each)
-            for routine in program.routines:
-                if routine not in program.codes:
-                    with suppress(RapidReferenceError):  # an error of its call
-                        program.codes[routine] = compile_routine(program, routine)
-        return Prepared(loaded, replaces_program, base, program, has_pp)
+        has_pp = self._has_pp(base, modules, replaces_program=replaces_program)
+        return prepared(base, modules, replaces_program=replaces_program, has_pp=has_pp, task=self.name)
 
-    def _has_pp(self, removed: Sequence[LoadedModule] = ()) -> bool:
-        """Whether there is a program pointer that these modules do not take along."""
+    def _has_pp(self, base: Program, modules: Sequence[s.Module], *, replaces_program: bool) -> bool:
+        """Whether there is a program pointer that a program in the place of `base` does not take along."""
+        removed = removed_by(modules, base, replaces_program=True) if replaces_program else ()
         frames = self._machine.frames
         return bool(frames) and not any(frame.routine.module in removed for frame in frames)
 
-    def _fits(self, prepared: Prepared, modules: Sequence[s.Module], *, replaces_program: bool = False) -> bool:
+    def _fits(self, found: Prepared, modules: Sequence[s.Module], *, replaces_program: bool = False) -> bool:
         """Whether modules were prepared for the program as it is now."""
-        texts = [(each.syntax.filename, each.syntax.text) for each in prepared.modules]
-        if texts != [(each.filename, each.text) for each in modules] or prepared.base is not self.program:
-            return False
-        removed = _removed_by(modules, self.program, replaces_program=True) if replaces_program else ()
-        return prepared.replaces_program == replaces_program and (prepared.is_linked or not self._has_pp(removed))
+        has_pp = self._has_pp(self.program, modules, replaces_program=replaces_program)
+        return found.is_for(self.program, modules, replaces_program=replaces_program, has_pp=has_pp)
 
     def _check_loadable(self, module: s.Module, *, replace: bool) -> None:
         old = self.program.modules.get(module.name.lower())
@@ -373,15 +308,7 @@ class Task:
             self.lose_pp()
         for module in removed:
             module.clear()
-        self.background(lambda: _free(discarded))
-
-    def check_memory_for(self, count: int) -> None:
-        """Raise ERR_PRGMEMFULL where a routine's data do not fit beside those of the modules and of its callers."""
-        wanted = count + sum(module.value_count for module in self.program.modules.values())
-        wanted += sum(frame.code.value_count for frame in self._machine.frames)
-        if wanted > MOST_VALUES:
-            sentence = f"the data of the task would hold {wanted} values, there is memory for {MOST_VALUES}."
-            raise RapidRuntimeError("ERR_PRGMEMFULL", f"With those of the routine {sentence}")
+        self.background(lambda: free(discarded))
 
     def unload(self, module: str) -> None:
         """Remove a module; the program pointer is lost when it is in it.
@@ -749,19 +676,6 @@ class Task:
     def reset_retries(self) -> None:
         self._machine.frames[-1].reset_retries()
 
-    def saved_text(self, module: LoadedModule) -> str:
-        """A module's text, its persistents with their values of now as first values."""
-        text = module.syntax.text
-        lines = list(itertools.accumulate((len(line) for line in text.splitlines(keepends=True)), initial=0))
-        for variable, datum in sorted(module.data.items(), key=lambda item: -item[1].position):
-            if datum.storage is not s.Storage.PERS or datum.initial is None or variable.value is UNSET:
-                continue
-            found = FIRST_VALUE.match(text, lines[datum.line - 1] + datum.column - 1)
-            if found is not None:
-                value = format_value(variable.type, variable.value)
-                text = f"{text[: found.start(1)]}{value}{text[found.end(1) :]}"
-        return text
-
     def call_procedure(self, name: str) -> None:
         """Let a procedure without arguments run next, as an instruction such as CallByVar does."""
         self._machine.enter(self._procedure(name), (), None)
@@ -878,128 +792,13 @@ class Task:
         r"""Whether the robot stands as the call's \InPos demands."""
         return not call.present("InPos") or self.in_position()
 
-    # Symbols ------------------------------------------------------------------------------------------------------
 
-    # A block is a module, or a routine under way: as `module/routine`, which is its innermost call, or as `%1`, which
-    # is the call the program pointer stands in, `%2` what has called it, and so on.
-
-    def read(self, block: str, symbol: str) -> str:
-        """The value of a datum, or of an array element `a{1}`, as a RAPID literal; raises UnknownSymbol."""
-        reference = self._reference(block, symbol)
-        if value_count(reference.type) > MOST_VALUES_READ:
-            raise RapidValueError(
-                f"'{symbol}' holds {value_count(reference.type)} values, at most {MOST_VALUES_READ} are read at a "
-                "time: read its elements."
-            )
-        return format_value(reference.type, reference.value)
-
-    def write(self, block: str, symbol: str, literal: str) -> None:
-        """Give a VAR, a PERS or a parameter the value of a literal.
-
-        Raises:
-            UnknownSymbol: there is no such datum.
-            RapidValueError: the literal does not fit, or the datum is a constant or a loop variable.
-        """
-        kind = self.kind_of(block, symbol)
-        if kind in (s.Storage.CONST.value, "for"):
-            what = "a loop variable" if kind == "for" else "a constant"
-            raise RapidValueError(f"'{symbol}' is {what} and cannot be written.")
-        reference = self._reference(block, symbol)
-        reference.value = parse_value(reference.type, literal)
-
-    def type_of(self, block: str, symbol: str) -> str:
-        """The type as declared, such as "num", "EGMSettings" or "errnum"."""
-        return self._reference(block, symbol).type.name
-
-    def dimensions_of(self, block: str, symbol: str) -> tuple[int, ...]:
-        """The sizes of an array, empty for a single value."""
-        return getattr(resolved(self._reference(block, symbol).type), "sizes", ())
-
-    def kind_of(self, block: str, symbol: str) -> str:
-        """What the datum is: "var", "per" or "con", of a routine also "par" (parameter) or "for" (loop variable)."""
-        if (frame := self._frame(block)) is not None:
-            return self._local(frame, symbol)[0].kind
-        return self._datum(block, symbol).storage.value
-
-    def symbols(self, block: str) -> tuple[str, ...]:
-        """The names of a module's data, LOCAL ones too, or of what has a value in a routine under way."""
-        if (frame := self._frame(block)) is not None:
-            return tuple(name.name for name, _ in frame.locals.values())
-        return tuple(variable.name for variable in self._module(block).data)
-
-    def _frame(self, block: str) -> Frame | None:
-        """The routine under way that a block is, None for a module; raises UnknownSymbol."""
-        frames = self._machine.frames[::-1]
-        if block.startswith("%"):
-            number = int(block[1:]) if re.fullmatch(r"%\d{1,4}", block) else 0
-            if not 1 <= number <= len(frames):
-                raise UnknownSymbol(f"The task {self.name} has {len(frames)} stack frames, not {block}.")
-            return frames[number - 1]
-        module, slash, routine = block.lower().partition("/")
-        if not slash:
-            return None
-        for frame in frames:
-            if (frame.routine.module.name.lower(), frame.routine.name.lower()) == (module, routine):
-                return frame
-        raise UnknownSymbol(f"The task {self.name} does not execute the routine {block}.")
-
-    def _local(self, frame: Frame, symbol: str) -> tuple[LocalName, Reference]:
-        found = frame.locals.get(symbol.partition("{")[0].lower())
-        if found is None:
-            raise UnknownSymbol(f"The routine '{frame.routine.name}' has no datum '{symbol}' here.")
-        return found
-
-    def _module(self, name: str) -> LoadedModule:
-        found = self.program.modules.get(name.lower())
-        if found is None:
-            names = ", ".join(m.name for m in self.program.modules.values()) or "none"
-            raise UnknownSymbol(f"The task {self.name} has no module '{name}'; it has {names}.")
-        return found
-
-    def _reference(self, block: str, symbol: str) -> Reference:
-        frame = self._frame(block)
-        datum = self._datum(block, symbol) if frame is None else self._local(frame, symbol)[1]
-        if "{" not in symbol:
-            return datum
-        scope = Scope(self.program, self._module(block) if frame is None else frame.routine.module)
-        for name, reference in frame.locals.values() if frame is not None else ():
-            scope.locals[name.name.lower()] = Local(name.slot, reference.type)
-        if len(symbol) > LONGEST_REFERENCE:
-            raise UnknownSymbol(f"A reference to a datum has up to {LONGEST_REFERENCE} characters, not {len(symbol)}.")
-        try:
-            get_reference, _ = Expressions(scope).reference(parse_reference(symbol))
-            return get_reference(CONSTANT_FRAME if frame is None else frame)
-        except (RapidSyntaxError, RapidReferenceError, RapidRuntimeError) as error:
-            raise UnknownSymbol(f"{block} has no datum '{symbol}': {error}") from error
-
-    def _datum(self, module: str, symbol: str) -> Variable:
-        """The variable itself, of an element the array it belongs to."""
-        owner = self._module(module)
-        found = owner.symbols.get(symbol.partition("{")[0].lower())
-        if not isinstance(found, Variable):
-            raise UnknownSymbol(f"The module '{owner.name}' has no datum '{symbol}'.")
-        if found.value is UNSET:
-            try:
-                link(self.program, owner, found)
-            except Unresolved as error:
-                raise UnknownSymbol(f"The module '{owner.name}' has no value for '{symbol}': {error}") from error
-            found = owner.symbols[found.name.lower()]  # of another task, where they share it
-            assert isinstance(found, Variable)
-        return found
+def task_of(call: Call) -> Task:
+    """The whole of the task that executes a call, for routines about the task itself."""
+    assert isinstance(call.task, Task)
+    return call.task
 
 
-def _removed_by(modules: Sequence[s.Module], program: Program, *, replaces_program: bool) -> list[LoadedModule]:
-    """The modules whose place others take: those of their names, and all program modules where they are a program."""
-    names = {each.name.lower() for each in modules}
-    return [
-        each
-        for key, each in program.modules.items()
-        if key in names or (replaces_program and not each.syntax.is_system)
-    ]
-
-
-def _free(codes: Sequence[Code]) -> None:
-    """Free code that is not needed any more, in pieces: all at once would keep other threads waiting for cycles."""
-    for code in codes:
-        while code.steps:
-            del code.steps[-500:]
+def tasks_of(call: Call) -> Mapping[str, Task]:
+    """All tasks of the controller by name."""
+    return {name: task for name, task in call.task.host.devices.tasks().items() if isinstance(task, Task)}

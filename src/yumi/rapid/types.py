@@ -292,7 +292,7 @@ class ObjectType:
     """A type without value: its data are objects made by `new`, which only instructions may use or change."""
 
     name: str
-    new: Callable[[], Any]
+    new: Callable[[], Any] = field(compare=False)
 
     def default(self) -> Any:
         return self.new()

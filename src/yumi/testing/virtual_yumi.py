@@ -26,7 +26,7 @@ from yumi.robot.joints import Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from yumi.rws.transport import ConnectionLost
 from yumi.rws.web_socket import Listener
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.faults import Fault, inject_fault
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService

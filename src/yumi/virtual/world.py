@@ -22,17 +22,19 @@ from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
 from yumi.rws.documents import Pairs, decode_form, first_value
 from yumi.rws.types import ControllerState, OperatingMode
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.egm import LASTING, SINGLE, EgmClient, EgmNetwork, EgmOptions, Outgoing
-from yumi.virtual.controller.signals import Configuration
-from yumi.virtual.controller.system import ROBOTWARE_6, Identity, Robot, System, delivered_system
-from yumi.virtual.controller.units import ArmUnit
+from yumi.virtual.controller.identity import Identity
+from yumi.virtual.controller.installed_system import ROBOTWARE_6, Robot, System, delivered_system
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.faults import FAULTS_PATH, Fault, FaultKind, Way, fault_named
 from yumi.virtual.mechanics.arm import ContactDetector, VirtualArm
-from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.virtual.mechanics.egm_client import EgmClient, EgmOptions
+from yumi.virtual.mechanics.egm_network import LASTING, SINGLE, EgmNetwork, Outgoing
 from yumi.virtual.mechanics.parameters import EgmParameters
+from yumi.virtual.mechanics.units import ArmUnit
+from yumi.virtual.mechanics.virtual_gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
+from yumi.virtual.system_parameters import Configuration
 
 if TYPE_CHECKING:
     from yumi.virtual.rws.service import RwsService

@@ -8,7 +8,7 @@ import pytest
 import yumi.controller_files
 from yumi.rapid.ast import Module, RoutineKind, Storage
 from yumi.rapid.parser import parse_module
-from yumi.virtual.controller.signals import Configuration
+from yumi.virtual.system_parameters import Configuration
 
 FOLDER = Path(next(iter(yumi.controller_files.__path__)))
 MODULES = sorted([*FOLDER.glob("*.mod"), *FOLDER.glob("*.sys")])

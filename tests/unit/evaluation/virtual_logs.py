@@ -9,7 +9,7 @@ import numpy as np
 
 from yumi.robot.joints import CYCLE, YUMI_LIMITS
 from yumi.virtual.mechanics.arm import follow_references
-from yumi.virtual.mechanics.motion import ArmModel, EgmSettings
+from yumi.virtual.mechanics.arm_motion import ArmModel, EgmSettings
 from yumi_evaluation.identification import Dynamics
 from yumi_evaluation.logs import Array, RobotLog
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from yumi.rapid import InstructionSet, Task, TaskEvent
 from yumi.rapid.devices import Devices
-from yumi.rapid.program import Severity
-from yumi.virtual.controller.files import FileStore, RapidDisk
+from yumi.rapid.states import Severity
+from yumi.virtual.controller.file_store import FileStore
+from yumi.virtual.controller.rapid_devices import RapidDisk
 from yumi.virtual.server import ProgramNetwork
 
 

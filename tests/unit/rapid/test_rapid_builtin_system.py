@@ -3,7 +3,7 @@
 import pytest
 from rapid_bench import Bench, error_of, started
 
-from yumi.rapid.program import Severity
+from yumi.rapid.states import Severity
 
 EXTRA = 'MODULE Extra\nPROC extra() TPWrite "extra"; ENDPROC\nENDMODULE'
 

@@ -13,12 +13,12 @@ import pytest
 from rapid_bench import Bench, error_of, evaluated, started
 
 from yumi.errors import RapidError
-from yumi.rapid import InstructionSet, compiler, parser, task
+from yumi.rapid import InstructionSet, compiler, loading, parser
 from yumi.rapid.ast import Expression
+from yumi.rapid.call import Call
 from yumi.rapid.expressions import Compiled, Expressions
-from yumi.rapid.library import Call
 from yumi.rapid.parser import LONGEST_MODULE, parse_module
-from yumi.rapid.program import EventKind
+from yumi.rapid.states import EventKind
 from yumi.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
 from yumi.rapid.types import (
     ModuleNameTaken,
@@ -177,7 +177,7 @@ def test_task_has_room_for_some_modules_only() -> None:
 
 
 def test_task_has_room_for_some_data_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(task, "MOST_DATA", 5000)
+    monkeypatch.setattr(loading, "MOST_DATA", 5000)
     data = "".join(f"VAR bool b{n};" for n in range(5001))
     with pytest.raises(ProgramTooLarge, match="5001 data"):
         Bench().task.load(f"MODULE many {data} ENDMODULE", "many.mod")
@@ -319,7 +319,7 @@ def test_fault_in_a_long_routine_is_an_error_of_its_call() -> None:
 
 
 def test_module_there_is_no_memory_for_is_an_error_of_load(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(task, "MOST_DATA", 5000)
+    monkeypatch.setattr(loading, "MOST_DATA", 5000)
     bench = Bench('Load "many.mod"; ERROR IF ERRNO=ERR_PRGMEMFULL TPWrite "full"; TRYNEXT;')
     bench.host.files["many.mod"] = f"MODULE many {''.join(f'VAR bool b{n};' for n in range(5001))} ENDMODULE"
     bench.start()

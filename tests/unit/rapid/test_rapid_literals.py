@@ -3,7 +3,7 @@
 import pytest
 
 from yumi.rapid import InstructionSet, RapidValueError
-from yumi.rapid.parser import format_number, format_value, parse_value
+from yumi.rapid.literals import format_number, format_value, parse_value
 from yumi.rapid.types import BOOL, DNUM, NUM, STRING, ArrayType, Type
 
 

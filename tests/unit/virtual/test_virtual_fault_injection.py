@@ -13,8 +13,8 @@ from yumi.clock import ManualClock
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode
-from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.faults import FAULTS_PATH, Fault, Way
+from yumi.virtual.mechanics.egm_client import EgmOutcome
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.world import FaultInjection, World
 

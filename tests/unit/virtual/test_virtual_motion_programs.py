@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from yumi.robot.joints import Side
-from yumi.virtual.controller.system import ROBOTS, delivered_system, factory_system, with_programs
+from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 Array = NDArray[np.float64]

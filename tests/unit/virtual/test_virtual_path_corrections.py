@@ -17,8 +17,8 @@ from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import MciState, PathCorrection, RobotMessage, SensorCodec, SensorMessage
 from yumi.robot.joints import Side, Vector
 from yumi.robot.kinematics import matrix
-from yumi.virtual.controller.egm import EgmState
-from yumi.virtual.controller.system import ROBOTS, factory_system, with_programs
+from yumi.virtual.controller.installed_system import ROBOTS, factory_system, with_programs
+from yumi.virtual.mechanics.egm_client import EgmState
 from yumi.virtual.world import World, WorldSettings
 
 Array = NDArray[np.float64]

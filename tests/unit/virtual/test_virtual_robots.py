@@ -15,10 +15,10 @@ from yumi.clock import ManualClock
 from yumi.egm.codec import SensorCodec, SensorMessage
 from yumi.errors import YumiError
 from yumi.robot.joints import Joints, Side
-from yumi.virtual.controller.system import ROBOTS, delivered_system, factory_system, with_programs
+from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
 from yumi.virtual.faults import Fault
-from yumi.virtual.instructions.data import robtarget
-from yumi.virtual.mechanics.motion import EgmRun
+from yumi.virtual.instructions.robot_data import robtarget
+from yumi.virtual.mechanics.arm_motion import EgmRun
 from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 Array = NDArray[np.float64]

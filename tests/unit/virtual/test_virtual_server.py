@@ -19,10 +19,9 @@ from digest_client import authorization
 from free_ports import free_tcp_port
 from rws_examples_2 import BASIC, PASSWORD, USER
 from yumi.clock import ManualClock
-from yumi.rapid import compiler, parser
-from yumi.rapid import task as rapid_task
+from yumi.rapid import compiler, loading, parser
 from yumi.rapid.parser import parse_module
-from yumi.rapid.program import Execution, SystemEvent
+from yumi.rapid.states import Execution, SystemEvent
 from yumi.rapid.types import RapidSyntaxError
 from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.rws import rapid as rws_rapid
@@ -385,7 +384,7 @@ def test_no_module_is_parsed_or_compiled_while_the_world_waits(
     mastership = "/rw/mastership/request" if is_2 else "/rw/mastership?action=request"
     assert answered(virtual, HttpRequest("POST", mastership, headers)).status == 204
     work: list[bool] = []
-    for owner, function in ((parser, "_parse"), (compiler, "compile_routine"), (rapid_task, "compile_routine")):
+    for owner, function in ((parser, "_parse"), (compiler, "compile_routine"), (loading, "compile_routine")):
         real = getattr(owner, function)
 
         def noted(*arguments: object, real: Callable[..., object] = real) -> object:

@@ -24,7 +24,7 @@ from yumi.robot.arms import Arm, irb120, irb14050
 from yumi.robot.joints import Joints, Side, home
 from yumi.robot.kinematics import matrix
 from yumi.rws.client import RwsClient
-from yumi.virtual.controller.system import ROBOTS, factory_system, with_programs
+from yumi.virtual.controller.installed_system import ROBOTS, factory_system, with_programs
 from yumi.virtual.faults import DISPLAY_PATH
 from yumi.virtual.world import World, WorldSettings
 from yumi.web.controller import AROUND, ControllerReader, ControllerView, LogLine, PointerReport, Unit, chain_model

@@ -17,15 +17,16 @@ from yumi.egm.codec import RapidState
 from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.ast import Storage
 from yumi.rapid.devices import Devices, NoNetwork
-from yumi.rapid.program import EventKind, Execution, Severity, SystemEvent, TaskEvent
+from yumi.rapid.states import EventKind, Execution, Severity, SystemEvent, TaskEvent
 from yumi.rapid.task import StepKind, Task
 from yumi.rapid.types import UNSET, ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol, Variable
 from yumi.rws.types import EventType
-from yumi.virtual.controller.events import EventLog, Refusal, Refused
-from yumi.virtual.controller.files import FileStore, RapidDisk
+from yumi.virtual.controller.file_store import FileStore
+from yumi.virtual.controller.rapid_devices import RapidDisk
 from yumi.virtual.controller.signals import Signals
-from yumi.virtual.controller.system import TaskSettings, TaskType, TrustLevel
-from yumi.virtual.controller.units import ArmUnit
+from yumi.virtual.controller.task_settings import TaskSettings, TaskType, TrustLevel
+from yumi.virtual.event_log import EventLog, Refusal, Refused
+from yumi.virtual.mechanics.units import ArmUnit
 
 log = logging.getLogger(__name__)
 

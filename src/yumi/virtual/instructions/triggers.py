@@ -12,24 +12,18 @@ from functools import partial
 
 import numpy as np
 
-from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.builtins.strings import RELATIONS
+from yumi.rapid.call import Call, Wait
+from yumi.rapid.library import Library
 from yumi.rapid.types import ArrayType, RapidRuntimeError, SignalType, resolved
-from yumi.virtual.controller.units import Contact
-from yumi.virtual.instructions.motion import FATAL, FRAMES, Build, MotionInstructions
+from yumi.virtual.instructions.moves import FATAL, FRAMES, MOVES, MoveInstructions
 from yumi.virtual.mechanics.path import Passage, Trigger
+from yumi.virtual.mechanics.units import Contact
 
 _MOST_TRIGGERS = 8
 _ZERO_CYCLES = 100  # 0.4 s after a stop process signals are set to zero
 _PASSED = object()
 _INSTANT = 1e-4  # [s] over which the tool's speed is measured
-_RELATIONS: dict[float, Callable[[float, float], bool]] = {
-    1.0: lambda a, b: a < b,
-    2.0: lambda a, b: a <= b,
-    3.0: lambda a, b: a == b,
-    4.0: lambda a, b: a > b,
-    5.0: lambda a, b: a >= b,
-    6.0: lambda a, b: a != b,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,14 +76,41 @@ class StopSupervision:
     flanks: int = 0
 
 
+TRIGGERS = Library(MOVES)
+TRIGGERS.object_type("triggdata", TriggData)
+_PLACE = {"used": "bool", "distance": "num", "start": "bool", "equiplag": "num", "signalname": "string"}
+for _name, _type in (("triggios", "num"), ("triggstrgo", "stringdig"), ("triggiosdnum", "dnum")):
+    TRIGGERS.record(_name, {**_PLACE, "setvalue": _type, "xxx": "num"})
+_DATA = "VAR triggdata TriggData, num Distance"
+_OUTPUTS = r"\VAR signaldo DOp | \VAR signalgo GOp | \VAR signalao AOp | \num ProcID, anynum SetValue"
+_WHERE = r"\switch Start | \switch Time"
+_TO, _THROUGH = "robtarget ToPoint", "robtarget CirPoint, robtarget ToPoint"
+_WITH_TRIGGERS = (
+    r"speeddata Speed, \num T, anytype Trigg_1"
+    + "".join(rf", \triggdata T{number}" for number in range(2, _MOST_TRIGGERS + 1))
+    + rf", zonedata Zone, \stoppointdata Inpos, {FRAMES}"
+)
+_WITH_OUTPUTS = (
+    r"\identno ID, speeddata Speed, \num T, \triggios TriggData1{*}, \triggstrgo TriggData2{*}, "
+    rf"\triggiosdnum TriggData3{{*}}, zonedata Zone, \stoppointdata Inpos, {FRAMES}"
+)
+_SEARCH = (
+    r"\switch Stop | \switch PStop | \switch SStop | \switch Sup, PERS signaldi_or_bool Signal, "
+    r"\switch Flanks | \switch PosFlank | \switch NegFlank | \switch HighLevel | \switch LowLevel"
+)
+_SEARCHING = rf"\identno ID, speeddata Speed, \num V | \num T, {FRAMES}"
+
+
 class TriggerInstructions:
     """The moves with triggers of one task."""
 
-    def __init__(self, motion: MotionInstructions) -> None:
+    def __init__(self, motion: MoveInstructions) -> None:
         self._motion = motion
 
     # What happens -------------------------------------------------------------------------------------------------
 
+    @TRIGGERS.instruction("TriggIO", rf"{_DATA}, {_WHERE}, {_OUTPUTS}, \num DODelay")
+    @TRIGGERS.instruction("TriggEquip", rf"{_DATA}, \switch Start, num EquipLag, {_OUTPUTS}, \PERS bool Inhib")
     def define_output(self, call: Call) -> None:
         """TriggIO, TriggEquip: an output is set."""
         name = next((call[each].name for each in ("DOp", "GOp", "AOp") if call.present(each)), None)
@@ -109,26 +130,37 @@ class TriggerInstructions:
 
         self._define(call, Event(act))
 
+    @TRIGGERS.instruction("TriggInt", rf"{_DATA}, {_WHERE}, VAR intnum Interrupt")
     def define_interrupt(self, call: Call) -> None:
         """TriggInt: an interrupt occurs."""
         number = int(call["Interrupt"])
         self._define(call, Event(lambda move: move.task.interrupts.occur(number)))
 
+    @TRIGGERS.instruction(
+        "TriggCheckIO",
+        rf"{_DATA}, {_WHERE}, VAR signal Signal, opnum Relation, anynum CheckValue, \switch StopMove, "
+        "VAR intnum Interrupt",
+    )
     def define_check(self, call: Call) -> None:
         r"""TriggCheckIO: an interrupt occurs where a signal is not as it should be; with \StopMove the arm stops."""
         name, relation, wanted = call["Signal"].name, call["Relation"], call["CheckValue"]
         number, stops = int(call["Interrupt"]), call.present("StopMove")
-        if relation not in _RELATIONS:
+        if relation not in RELATIONS:
             raise RapidRuntimeError("ERR_ARGVALERR", f"TriggCheckIO: {relation:g} is no relation; use LT to NOTEQ.")
 
         def act(move: Call) -> None:
-            if not _RELATIONS[relation](move.task.read_signal(name), wanted):
+            if not RELATIONS[relation](move.task.read_signal(name), wanted):
                 if stops:
                     self._motion.arm.path.hold("StopMove")
                 move.task.interrupts.occur(number)
 
         self._define(call, Event(act))
 
+    @TRIGGERS.instruction(
+        "TriggStopProc",
+        r"PERS restartdata RestartRef, \VAR signaldo DO1, \VAR signalgo GO1, \VAR signalgo GO2, "
+        r"\VAR signalgo GO3, \VAR signalgo GO4, VAR signaldo ShadowDO",
+    )
     def supervise_stops(self, call: Call) -> None:
         """TriggStopProc: at each stop of the program, store process signals in restart data and set them to zero.
 
@@ -177,6 +209,11 @@ class TriggerInstructions:
         unit.observers[name] = observe
         unit.beginnings[name] = end
 
+    @TRIGGERS.instruction(
+        "TriggSpeed",
+        rf"{_DATA}, \switch Start, num ScaleLag, VAR signalao AOp, num ScaleValue, \num DipLag, "
+        r"\VAR signaldo ErrDO, \PERS bool Inhib",
+    )
     def define_speed(self, call: Call) -> None:
         """TriggSpeed: an analog output follows the tool's speed from a place on, times a factor."""
         name, scale, inhibits = call["AOp"].name, call["ScaleValue"], _inhibits(call)
@@ -197,6 +234,10 @@ class TriggerInstructions:
 
         self._define(call, Event(act, lead=call["ScaleLag"]))
 
+    @TRIGGERS.instruction(
+        "TriggRampAO",
+        rf"{_DATA}, \switch Start, num EquipLag, VAR signalao AOutput, num SetValue, num RampLength, \switch Time",
+    )
     def define_ramp(self, call: Call) -> None:
         r"""TriggRampAO: an analog output goes evenly to a value, over a length or with \Time a time."""
         name, value, length = call["AOutput"].name, call["SetValue"], call["RampLength"]
@@ -244,45 +285,26 @@ class TriggerInstructions:
             ),
         )
 
+    @TRIGGERS.instruction("TriggDataCopy", "VAR triggdata SourceTriggData, VAR triggdata DestinationTriggData")
     def copy(self, call: Call) -> None:
         """TriggDataCopy."""
         call["DestinationTriggData"].events = call["SourceTriggData"].events
 
+    @TRIGGERS.instruction("TriggDataReset", "VAR triggdata TriggData")
     def reset(self, call: Call) -> None:
         """TriggDataReset."""
         call["TriggData"].events = ()
 
+    @TRIGGERS.function("TriggDataValid", "VAR triggdata TriggData", "bool")
     def is_defined(self, call: Call) -> bool:
         """TriggDataValid."""
         return bool(call["TriggData"].events)
 
     # Moves --------------------------------------------------------------------------------------------------------
 
-    def trigger_line(self, call: Call) -> Wait:
-        """TriggL."""
-        yield from self._triggered(call, self._motion.line_build(call))
-
-    def trigger_joint(self, call: Call) -> Wait:
-        """TriggJ."""
-        yield from self._triggered(call, self._motion.joint_build(call))
-
-    def trigger_circle(self, call: Call) -> Wait:
-        """TriggC."""
-        yield from self._triggered(call, self._motion.circle_build(call))
-
-    def trigger_absolute(self, call: Call) -> Wait:
-        """TriggAbsJ."""
-        yield from self._triggered(call, self._motion.absolute_build(call))
-
-    def trigger_line_outputs(self, call: Call) -> Wait:
-        """TriggLIOs."""
-        yield from self._triggered_outputs(call, self._motion.line_build(call))
-
-    def trigger_joint_outputs(self, call: Call) -> Wait:
-        """TriggJIOs."""
-        yield from self._triggered_outputs(call, self._motion.joint_build(call))
-
-    def _triggered_outputs(self, call: Call, build: Build) -> Wait:
+    @TRIGGERS.instruction("TriggLIOs", rf"\switch Conc, {_TO}, {_WITH_OUTPUTS}")
+    @TRIGGERS.instruction("TriggJIOs", rf"\switch Conc, {_TO}, {_WITH_OUTPUTS}")
+    def move_with_outputs(self, call: Call) -> Wait:
         """A move with outputs of arrays of records (triggios, triggstrgo, triggiosdnum), those with used TRUE."""
         events: list[Event] = []
         for number in range(1, 4):
@@ -298,9 +320,15 @@ class TriggerInstructions:
                     move.task.write_signal(name, value)
 
                 events.append(Event(act, distance=row.distance, is_from_start=bool(row.start), lead=row.equiplag))
-        yield from self._motion.passed(call, build, lambda passage: self._attach(call, passage, events))
+        yield from self._acting(call, events)
 
-    def _triggered(self, call: Call, build: Build) -> Wait:
+    @TRIGGERS.instruction("TriggL", rf"\switch Conc, {_TO}, \identno ID, {_WITH_TRIGGERS}")
+    @TRIGGERS.instruction("TriggJ", rf"\switch Conc, {_TO}, \identno ID, {_WITH_TRIGGERS}")
+    @TRIGGERS.instruction("TriggC", rf"\switch Conc, {_THROUGH}, \identno ID, {_WITH_TRIGGERS}")
+    @TRIGGERS.instruction(
+        "TriggAbsJ", rf"\switch Conc, jointtarget ToJointPos, \identno ID, \switch NoEOffs, {_WITH_TRIGGERS}"
+    )
+    def move_with_triggers(self, call: Call) -> Wait:
         first = call.reference("Trigg_1")
         is_array = isinstance(resolved(first.type), ArrayType)
         data = list(first.value) if is_array else [first.value]
@@ -308,7 +336,7 @@ class TriggerInstructions:
         if not all(isinstance(each, TriggData) and (is_array or each.events) for each in data):
             raise RapidRuntimeError(FATAL, f"{call.name}: a triggdata has to be defined, by TriggIO or its like.")
         events = [event for each in data for event in each.events]
-        yield from self._motion.passed(call, build, lambda passage: self._attach(call, passage, events))
+        yield from self._acting(call, events)
 
     def _attach(self, call: Call, passage: Passage, events: list[Event]) -> None:
         """Add what happens to the run; a distance longer than the move is its other end."""
@@ -324,30 +352,27 @@ class TriggerInstructions:
             happens = partial(call.task.attempt, partial(action, call))
             run.triggers.append(Trigger(passage, at, event.lead + event.time, happens))
 
-    def set_at_end(self, build: Callable[[Call], Build]) -> Callable[[Call], Wait]:
-        """MoveLDO, MoveJAO and their like: a signal is set at the end, in the middle of a corner there."""
+    def set_at_end(self, call: Call) -> Wait:
+        """A signal is set at the end of a move, in the middle of a corner there."""
+        value, name = call.get("DValue", call.get("Value", 0.0)), call["Signal"].name
+        if call.name.upper().endswith("DO"):
+            value = 1.0 if value else 0.0
+        yield from self._acting(call, [Event(lambda _: call.task.write_signal(name, value))])
 
-        def move(call: Call) -> Wait:
-            value, name = call.get("DValue", call.get("Value", 0.0)), call["Signal"].name
-            if call.name.upper().endswith("DO"):
-                value = 1.0 if value else 0.0
-            event = Event(lambda _: call.task.write_signal(name, value))
-            attach: Callable[[Passage], None] = lambda passage: self._attach(call, passage, [event])  # noqa: E731
-            yield from self._motion.passed(call, build(call), attach)
+    def call_at_end(self, call: Call) -> Wait:
+        """A procedure is called at the end of a move, as a trap routine is."""
+        number = call.task.interrupt_of(call["ProcName"])
+        yield from self._acting(call, [Event(lambda _: call.task.interrupts.occur(number))])
 
-        return move
+    def _acting(self, call: Call, events: list[Event]) -> Wait:
+        added: Callable[[Passage], None] = lambda passage: self._attach(call, passage, events)  # noqa: E731
+        yield from self._motion.passed(call, self._motion.build(call), added)
 
-    def call_at_end(self, build: Callable[[Call], Build]) -> Callable[[Call], Wait]:
-        """MoveLSync and its like: a procedure is called at the end, as a trap routine is."""
-
-        def move(call: Call) -> Wait:
-            number = call.task.interrupt_of(call["ProcName"])
-            event = Event(lambda _: call.task.interrupts.occur(number))
-            attach: Callable[[Passage], None] = lambda passage: self._attach(call, passage, [event])  # noqa: E731
-            yield from self._motion.passed(call, build(call), attach)
-
-        return move
-
+    @TRIGGERS.instruction(
+        "ContactL",
+        rf"\num DesiredTorque, {_TO}, \identno ID, speeddata Speed, \num V | \num T, \zonedata Zone, \num Z, "
+        rf"\stoppointdata Inpos, {FRAMES}",
+    )
     def seek_contact(self, call: Call) -> Wait:
         r"""ContactL: a line on which contact is sought where \DesiredTorque is given; the arm stays where it touches.
 
@@ -357,7 +382,7 @@ class TriggerInstructions:
         """
         motion, unit = self._motion, self._motion.unit
         passages: list[Passage] = []
-        moving = motion.passed(call, motion.line_build(call), passages.append)
+        moving = motion.passed(call, motion.build(call), passages.append)
         if not call.present("DesiredTorque"):
             yield from moving
             return
@@ -378,19 +403,14 @@ class TriggerInstructions:
 
     # Searches -----------------------------------------------------------------------------------------------------
 
-    def search_line(self, call: Call) -> Wait:
-        """SearchL."""
-        yield from self._searched(call, self._motion.line_build)
-
-    def search_circle(self, call: Call) -> Wait:
-        """SearchC."""
-        yield from self._searched(call, self._motion.circle_build)
-
-    def search_external(self, call: Call) -> Wait:
-        """SearchExtJ."""
-        yield from self._searched(call, self._motion.external_build)
-
-    def _searched(self, call: Call, build: Callable[[Call], Build]) -> Wait:
+    @TRIGGERS.instruction("SearchL", f"{_SEARCH}, INOUT robtarget SearchPoint, {_TO}, {_SEARCHING}")
+    @TRIGGERS.instruction("SearchC", f"{_SEARCH}, INOUT robtarget SearchPoint, {_THROUGH}, {_SEARCHING}")
+    @TRIGGERS.instruction(
+        "SearchExtJ",
+        rf"{_SEARCH}, INOUT jointtarget SearchJointPos, jointtarget ToJointPos, \switch UseEOffs, "
+        r"speeddata Speed, \num T",
+    )
+    def search(self, call: Call) -> Wait:
         """Move to a stop point; the place where what is watched changes is kept, and the arm stops there if wanted.
 
         Technical reference manual: a digital input, or a persistent bool.
@@ -408,7 +428,7 @@ class TriggerInstructions:
             raise RapidRuntimeError(error, sentence)
         stops = any(call.present(each) for each in ("Stop", "PStop", "SStop"))
         is_found = False
-        moving = motion.passed(call, build(call))
+        moving = motion.passed(call, motion.build(call))
         try:
             for due in moving:
                 now = read()
@@ -453,94 +473,13 @@ def _inhibits(call: Call) -> Callable[[], bool]:
     return lambda: bool(flag.value)
 
 
-def add_triggers(library: Library, motion: MotionInstructions) -> None:
-    """Register the moves with triggers of one task."""
-    own = TriggerInstructions(motion)
-    library.object_type("triggdata", TriggData)
-    for number, relation in enumerate(("LT", "LTEQ", "EQ", "GT", "GTEQ", "NOTEQ"), start=1):
-        library.data(relation, "opnum", float(number))
-    data = "VAR triggdata TriggData, num Distance"
-    outputs = r"\VAR signaldo DOp | \VAR signalgo GOp | \VAR signalao AOp | \num ProcID, anynum SetValue"
-    where = r"\switch Start | \switch Time"
-    for name, signature, define in (
-        ("TriggIO", rf"{data}, {where}, {outputs}, \num DODelay", own.define_output),
-        ("TriggEquip", rf"{data}, \switch Start, num EquipLag, {outputs}, \PERS bool Inhib", own.define_output),
-        ("TriggInt", rf"{data}, {where}, VAR intnum Interrupt", own.define_interrupt),
-        (
-            "TriggCheckIO",
-            rf"{data}, {where}, VAR signal Signal, opnum Relation, anynum CheckValue, \switch StopMove, "
-            "VAR intnum Interrupt",
-            own.define_check,
-        ),
-        (
-            "TriggSpeed",
-            rf"{data}, \switch Start, num ScaleLag, VAR signalao AOp, num ScaleValue, \num DipLag, "
-            r"\VAR signaldo ErrDO, \PERS bool Inhib",
-            own.define_speed,
-        ),
-        (
-            "TriggRampAO",
-            rf"{data}, \switch Start, num EquipLag, VAR signalao AOutput, num SetValue, num RampLength, \switch Time",
-            own.define_ramp,
-        ),
-        (
-            "TriggStopProc",
-            r"PERS restartdata RestartRef, \VAR signaldo DO1, \VAR signalgo GO1, \VAR signalgo GO2, "
-            r"\VAR signalgo GO3, \VAR signalgo GO4, VAR signaldo ShadowDO",
-            own.supervise_stops,
-        ),
-        ("TriggDataCopy", "VAR triggdata SourceTriggData, VAR triggdata DestinationTriggData", own.copy),
-        ("TriggDataReset", "VAR triggdata TriggData", own.reset),
+_MOVE = r"\identno ID, speeddata Speed, \num T, zonedata Zone, tooldata Tool, \wobjdata WObj"
+for _letter, _target in (("L", _TO), ("J", _TO), ("C", _THROUGH)):
+    for _kind, _what, _implementation in (
+        ("DO", "VAR signaldo Signal, dionum Value", TriggerInstructions.set_at_end),
+        ("AO", "VAR signalao Signal, num Value", TriggerInstructions.set_at_end),
+        ("GO", r"VAR signalgo Signal, \num Value | \dnum DValue", TriggerInstructions.set_at_end),
+        ("Sync", "string ProcName", TriggerInstructions.call_at_end),
     ):
-        library.instruction(name, signature)(define)
-    library.function("TriggDataValid", "VAR triggdata TriggData", "bool")(own.is_defined)
-    triggers = ", ".join(rf"\triggdata T{number}" for number in range(2, _MOST_TRIGGERS + 1))
-    rest = (
-        rf"\identno ID, speeddata Speed, \num T, anytype Trigg_1, {triggers}, zonedata Zone, \stoppointdata Inpos, "
-        f"{FRAMES}"
-    )
-    to, through = "robtarget ToPoint", "robtarget CirPoint, robtarget ToPoint"
-    library.instruction("TriggL", rf"\switch Conc, {to}, {rest}")(own.trigger_line)
-    library.instruction("TriggJ", rf"\switch Conc, {to}, {rest}")(own.trigger_joint)
-    library.instruction("TriggC", rf"\switch Conc, {through}, {rest}")(own.trigger_circle)
-    absolute = rest.replace(r"\identno ID", r"\identno ID, \switch NoEOffs", 1)
-    library.instruction("TriggAbsJ", rf"\switch Conc, jointtarget ToJointPos, {absolute}")(own.trigger_absolute)
-    place = {"used": "bool", "distance": "num", "start": "bool", "equiplag": "num", "signalname": "string"}
-    for name, type_name in (("triggios", "num"), ("triggstrgo", "stringdig"), ("triggiosdnum", "dnum")):
-        library.record(name, {**place, "setvalue": type_name, "xxx": "num"})
-    outputs = (
-        r"\identno ID, speeddata Speed, \num T, \triggios TriggData1{*}, \triggstrgo TriggData2{*}, "
-        rf"\triggiosdnum TriggData3{{*}}, zonedata Zone, \stoppointdata Inpos, {FRAMES}"
-    )
-    library.instruction("TriggLIOs", rf"\switch Conc, {to}, {outputs}")(own.trigger_line_outputs)
-    library.instruction("TriggJIOs", rf"\switch Conc, {to}, {outputs}")(own.trigger_joint_outputs)
-    move = r"\identno ID, speeddata Speed, \num T, zonedata Zone, tooldata Tool, \wobjdata WObj"
-    builds = {"L": motion.line_build, "J": motion.joint_build, "C": motion.circle_build}
-    for letter, build in builds.items():
-        target = through if letter == "C" else to
-        for kind, signal in (("DO", "VAR signaldo Signal, dionum Value"), ("AO", "VAR signalao Signal, num Value")):
-            library.instruction(f"Move{letter}{kind}", rf"{target}, {move}, {signal}, \loaddata TLoad")(
-                own.set_at_end(build)
-            )
-        library.instruction(
-            f"Move{letter}GO", rf"{target}, {move}, VAR signalgo Signal, \num Value | \dnum DValue, \loaddata TLoad"
-        )(own.set_at_end(build))
-        library.instruction(f"Move{letter}Sync", rf"{target}, {move}, string ProcName, \loaddata TLoad")(
-            own.call_at_end(build)
-        )
-    library.instruction(
-        "ContactL",
-        rf"\num DesiredTorque, {to}, \identno ID, speeddata Speed, \num V | \num T, \zonedata Zone, \num Z, "
-        rf"\stoppointdata Inpos, {FRAMES}",
-    )(own.seek_contact)
-    flanks = r"\switch Flanks | \switch PosFlank | \switch NegFlank | \switch HighLevel | \switch LowLevel"
-    stops = r"\switch Stop | \switch PStop | \switch SStop | \switch Sup"
-    search = rf"{stops}, PERS signaldi_or_bool Signal, {flanks}, INOUT robtarget SearchPoint"
-    rest = rf"\identno ID, speeddata Speed, \num V | \num T, {FRAMES}"
-    library.instruction("SearchL", f"{search}, {to}, {rest}")(own.search_line)
-    library.instruction("SearchC", f"{search}, {through}, {rest}")(own.search_circle)
-    library.instruction(
-        "SearchExtJ",
-        rf"{stops}, PERS signaldi_or_bool Signal, {flanks}, INOUT jointtarget SearchJointPos, jointtarget ToJointPos, "
-        r"\switch UseEOffs, speeddata Speed, \num T",
-    )(own.search_external)
+        _signature = rf"{_target}, {_MOVE}, {_what}, \loaddata TLoad"
+        TRIGGERS.instruction(f"Move{_letter}{_kind}", _signature)(_implementation)

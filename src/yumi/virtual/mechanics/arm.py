@@ -22,7 +22,7 @@ from yumi.robot.dynamics import HAND, ArmDynamics
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Joints, Pose, Side, finger_names, joint_names, prefixed
 from yumi.robot.kinematics import compose, tool0_to_body
-from yumi.virtual.mechanics.motion import (
+from yumi.virtual.mechanics.arm_motion import (
     ArmModel,
     EgmMotion,
     EgmSettings,

@@ -24,7 +24,7 @@ from yumi.catalogue import message, quoted, said_by
 from yumi.errors import CommandRefused, SettingsError
 from yumi.robot.joints import Joints
 from yumi.settings import Parameter, read_mapping
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 
 _NUMBERS = {
     each.name: each

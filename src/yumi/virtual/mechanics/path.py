@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.robot.joints import CYCLE, JointLimits, Joints, Vector
-from yumi.virtual.mechanics.motion import Leg, MotionState, Piece, Speed
+from yumi.virtual.mechanics.arm_motion import MotionState
+from yumi.virtual.mechanics.path_geometry import Leg, Piece, Speed
 
 Array = NDArray[np.float64]
 SMOOTHING = 12  # cycles

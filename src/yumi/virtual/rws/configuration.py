@@ -12,13 +12,13 @@ from datetime import datetime, timezone
 from yumi.errors import SettingsError
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code, Grant, read_cfg
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.files import CAPACITY, DEVICES, File
-from yumi.virtual.controller.signals import Configuration, Instance, defaults_of
-from yumi.virtual.controller.system import DOMAINS
+from yumi.virtual.controller.file_store import CAPACITY, DEVICES, File
+from yumi.virtual.controller.installed_system import DOMAINS
+from yumi.virtual.controller.irc5 import Irc5
+from yumi.virtual.event_log import Refusal, Refused
 from yumi.virtual.rws.http import HttpReply, entry, resource
 from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, invalid
+from yumi.virtual.system_parameters import Configuration, Instance, defaults_of
 
 _CFG_BASE = "/rw/cfg/"
 _MOST_TYPES = 70

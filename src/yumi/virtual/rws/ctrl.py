@@ -14,10 +14,10 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from yumi.errors import RapidError, SettingsError
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code, Grant
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.files import DEVICES
-from yumi.virtual.controller.system import check_backup, restore_backup, write_backup
+from yumi.virtual.controller.backup import check_backup, restore_backup, write_backup
+from yumi.virtual.controller.file_store import DEVICES
+from yumi.virtual.controller.irc5 import Irc5
+from yumi.virtual.event_log import Refusal, Refused
 from yumi.virtual.rws.configuration import path_of_file
 from yumi.virtual.rws.http import HttpReply, entry, resource
 from yumi.virtual.rws.operations import Call, Failure, Operation, invalid, not_there

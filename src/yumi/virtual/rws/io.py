@@ -14,7 +14,7 @@ from yumi.rapid.devices import LONGEST_MESSAGE, MOST_MESSAGES, Message
 from yumi.rapid.types import RapidRuntimeError
 from yumi.rws.documents import Link, Page, Pairs, State, first_value
 from yumi.rws.types import Code, Grant
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.signals import Signal, path_of, printed
 from yumi.virtual.rws.http import entry, resource
 from yumi.virtual.rws.operations import Call, Failure, Operation, Values, invalid, not_there

@@ -16,10 +16,10 @@ from yumi.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_f
 from yumi.robot.kinematics import compose, inverse, matrix
 from yumi.rws.documents import Link, Page, State, first_value
 from yumi.rws.types import Code, Grant, decode
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.units import MechanicalUnit, Supervision
-from yumi.virtual.instructions.data import pose_from_rapid, rapid_from_pose, robtarget, wobj_from_rapid
+from yumi.virtual.controller.irc5 import Irc5
+from yumi.virtual.instructions.robot_data import pose_from_rapid, rapid_from_pose, robtarget, wobj_from_rapid
 from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.units import MechanicalUnit, Supervision
 from yumi.virtual.rws.http import entry, resource
 from yumi.virtual.rws.operations import Call, Failure, Operation, Values, invalid, refuse_in_manual_mode
 

@@ -14,13 +14,14 @@ from xml.etree import ElementTree
 from yumi.errors import RapidError
 from yumi.rapid import ast as s
 from yumi.rapid.devices import Dialog
+from yumi.rapid.modules import UserRoutine
 from yumi.rapid.parser import parse_module
-from yumi.rapid.program import Execution, UserRoutine
+from yumi.rapid.states import Execution
 from yumi.rapid.task import StackEntry, StepKind, Task
 from yumi.rapid.types import RapidReferenceError
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code, Grant
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.tasks import InstalledTask
 from yumi.virtual.faults import DISPLAY_PATH
 from yumi.virtual.rws.configuration import path_of_file

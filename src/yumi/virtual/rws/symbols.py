@@ -12,13 +12,14 @@ from typing import TypeVar
 
 from yumi.errors import ProtocolError
 from yumi.rapid import ast as s
-from yumi.rapid.parser import format_value, parse_expression, parse_value
-from yumi.rapid.program import LoadedModule, UserRoutine
+from yumi.rapid.literals import format_value, parse_value
+from yumi.rapid.modules import LoadedModule, UserRoutine
+from yumi.rapid.parser import parse_expression
 from yumi.rapid.task import Task
 from yumi.rapid.types import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol, Variable
 from yumi.rws.documents import Form, Page, State
 from yumi.rws.types import Code, Grant, RapidValue, decode
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.configuration import path_of_file
 from yumi.virtual.rws.http import HttpReply, entry, resource
 from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, invalid, refuse_in_manual_mode

@@ -19,7 +19,7 @@ from urllib.parse import quote, unquote, urljoin
 
 from yumi.rws.documents import FORM_TYPE, Form, Link, Page, Pairs, State, Status, decode_form, encode_form, first_value
 from yumi.rws.types import REALM, Code
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.configuration import path_of_file
 from yumi.virtual.rws.http import (
     HttpReply,

@@ -4,7 +4,7 @@ import pytest
 
 from refusals import refused
 from yumi.errors import SettingsError
-from yumi.virtual.controller.signals import Configuration
+from yumi.virtual.system_parameters import Configuration
 
 TEXT = """EIO:CFG_1.0:6:1::
 # a comment

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import pytest
 
 from yumi.egm.codec import RapidState
-from yumi.rapid.program import Execution
+from yumi.rapid.states import Execution
 from yumi.robot.joints import Side, home
 from yumi.rws.types import ControllerState, OperatingMode
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.events import Refusal, Refused
+from yumi.virtual.controller.irc5 import Irc5
+from yumi.virtual.event_log import Refusal, Refused
 from yumi.virtual.world import World, WorldSettings
 
 Request = Callable[[Irc5], None]

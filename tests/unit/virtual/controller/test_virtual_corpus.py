@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from yumi.virtual.controller.system import delivered_system, with_programs
+from yumi.virtual.controller.installed_system import delivered_system, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 FOLDER = Path(__file__).parents[3] / "rapid_corpus"

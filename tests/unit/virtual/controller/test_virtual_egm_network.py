@@ -10,10 +10,11 @@ import pytest
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import RobotMessage, SensorCodec, parse
 from yumi.robot.joints import CYCLE, Side
-from yumi.virtual.controller.egm import EgmClient, EgmNetwork, Outgoing, field_borders
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.motion import EgmRun
+from yumi.virtual.mechanics.arm_motion import EgmRun
+from yumi.virtual.mechanics.egm_client import EgmClient
+from yumi.virtual.mechanics.egm_network import EgmNetwork, Outgoing, field_borders
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 

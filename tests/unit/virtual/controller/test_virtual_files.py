@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.virtual.controller import files
-from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.files import CAPACITY, LONGEST_PATH, MOST_FILES, FileStore
+from yumi.virtual.controller import file_store
+from yumi.virtual.controller.file_store import CAPACITY, LONGEST_PATH, MOST_FILES, FileStore
+from yumi.virtual.event_log import Refusal, Refused
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def test_file_that_is_replaced_makes_room_for_the_new_one(store: FileStore) -> N
 
 
 def test_disk_takes_so_many_files_only(store: FileStore) -> None:
-    for number in range(MOST_FILES - len(files.DEVICES) - 1):
+    for number in range(MOST_FILES - len(file_store.DEVICES) - 1):
         store.write(f"TEMP:/{number}", b"")
     assert refusal(store, "TEMP:/one-more") is Refusal.NO_SPACE
     with pytest.raises(Refused, match="the disk is full"):

@@ -8,22 +8,22 @@ import pytest
 
 from refusals import refused
 from yumi.errors import SettingsError
-from yumi.rapid.program import Execution
+from yumi.rapid.states import Execution
 from yumi.rapid.task import StepKind
 from yumi.robot.joints import Side, joints
 from yumi.rws.types import ControllerState, EventType, OperatingMode
-from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.system import (
+from yumi.virtual.controller.backup import write_backup
+from yumi.virtual.controller.installed_system import (
     ROBOTS,
     System,
     delivered_system,
     factory_system,
     read_backup,
     with_programs,
-    write_backup,
 )
-from yumi.virtual.controller.units import Supervision
+from yumi.virtual.controller.irc5 import Irc5
+from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.mechanics.units import Supervision
 from yumi.virtual.world import World, WorldSettings
 
 EIO = """EIO:CFG_1.0:6:1::

@@ -6,18 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import yumi.controller_files
-from yumi.rapid.program import Execution
+from yumi.rapid.states import Execution
 from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Joints, Side
-from yumi.virtual.controller.controller import robot_library
-from yumi.virtual.controller.egm import EgmClient
-from yumi.virtual.controller.events import EventLog
-from yumi.virtual.controller.signals import Configuration, Signal, Signals
+from yumi.virtual.controller.signals import Signal, Signals
 from yumi.virtual.controller.tasks import TaskHost
-from yumi.virtual.controller.units import YUMI_UNITS, ArmUnit, SyncPoints
+from yumi.virtual.event_log import EventLog
+from yumi.virtual.instructions.robot_library import robot_library
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.gripper import VirtualGripper, Workpiece
+from yumi.virtual.mechanics.egm_client import EgmClient
+from yumi.virtual.mechanics.units import YUMI_UNITS, ArmUnit, SyncPoints
+from yumi.virtual.mechanics.virtual_gripper import VirtualGripper, Workpiece
+from yumi.virtual.system_parameters import Configuration
 
 FOLDER = Path(next(iter(yumi.controller_files.__path__)))
 STOCK = FOLDER.parent / "virtual" / "controller" / "stock"

@@ -9,10 +9,10 @@ from instruction_bench import InstructionBench
 from yumi.egm.codec import MciState, SensorCodec, SensorMessage
 from yumi.robot.joints import Side, home
 from yumi.rws.types import SignalType
-from yumi.virtual.controller.egm import EgmOutcome, EgmState
 from yumi.virtual.controller.signals import Signal
-from yumi.virtual.instructions.data import jointtarget
-from yumi.virtual.mechanics.motion import EgmActivation
+from yumi.virtual.instructions.robot_data import jointtarget
+from yumi.virtual.mechanics.arm_motion import EgmActivation
+from yumi.virtual.mechanics.egm_client import EgmOutcome, EgmState
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
 SETUP = 'EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","ROB_R"\\Joint\\CommTimeout:=0.5; '

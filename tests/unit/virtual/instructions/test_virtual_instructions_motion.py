@@ -15,7 +15,7 @@ from yumi.robot.description import robot_description
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, home, joint_names
 from yumi.robot.kinematics import matrix, quaternion_of, tool0_to_body
-from yumi.virtual.instructions.data import NOT_PRESENT, jointtarget, robtarget
+from yumi.virtual.instructions.robot_data import NOT_PRESENT, jointtarget, robtarget
 
 NEAR = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
 

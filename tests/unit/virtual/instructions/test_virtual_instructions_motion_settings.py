@@ -5,7 +5,7 @@ import pytest
 from drawn_path import Drawing, at, from_line
 from instruction_bench import InstructionBench
 
-from yumi.rapid.program import Execution
+from yumi.rapid.states import Execution
 from yumi.robot.joints import CYCLE
 from yumi.virtual.world import World
 

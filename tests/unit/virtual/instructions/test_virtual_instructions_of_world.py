@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from yumi.rapid.program import Execution
+from yumi.rapid.states import Execution
 from yumi.robot.joints import Side
 from yumi.rws.types import OperatingMode
-from yumi.virtual.controller.system import delivered_system, with_programs
+from yumi.virtual.controller.installed_system import delivered_system, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 IDLE = "MODULE Idle\nPROC main()\nWaitTime 1000;\nENDPROC\nENDMODULE\n"

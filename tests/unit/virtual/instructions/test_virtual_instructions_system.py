@@ -4,7 +4,7 @@ import pytest
 from instruction_bench import InstructionBench
 
 from yumi.robot.joints import Side
-from yumi.virtual.controller.units import SyncPoints
+from yumi.virtual.mechanics.units import SyncPoints
 
 MEET = "WaitSyncTask\\InPos,meeting,both\\TimeOut:=1; flag:=TRUE;"
 

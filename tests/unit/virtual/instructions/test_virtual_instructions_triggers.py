@@ -5,7 +5,7 @@ import pytest
 from drawn_path import Array, Drawing, at, from_line
 from instruction_bench import InstructionBench
 
-from yumi.rapid.program import EventKind
+from yumi.rapid.states import EventKind
 from yumi.rws.types import SignalType
 from yumi.virtual.controller.signals import Signal
 

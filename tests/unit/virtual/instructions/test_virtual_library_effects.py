@@ -11,7 +11,7 @@ sys.path.append(str(Path(__file__).parents[2] / "rapid"))
 
 from test_rapid_library_effects import Effect, effects
 
-from yumi.rapid.program import Execution
+from yumi.rapid.states import Execution
 from yumi.virtual.world import World
 
 MODULE = "MODULE Program\n{declarations}\nPROC main()\n{body}\nENDPROC\nENDMODULE\n"

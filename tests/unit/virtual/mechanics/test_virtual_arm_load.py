@@ -10,7 +10,7 @@ import pytest
 from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import ZERO, Joints, Side, home
 from yumi.virtual.mechanics.arm import LoadSupervision, Overload, VirtualArm
-from yumi.virtual.mechanics.motion import ArmModel, EgmSettings, MotionState
+from yumi.virtual.mechanics.arm_motion import ArmModel, EgmSettings, MotionState
 
 HOME = home(Side.LEFT)
 MODEL = ArmModel(supervises_load=True)

@@ -10,7 +10,7 @@ import pytest
 
 from yumi.robot.joints import ZERO, Joints, Side
 from yumi.virtual.mechanics.arm import VirtualArm, follow_references
-from yumi.virtual.mechanics.motion import (
+from yumi.virtual.mechanics.arm_motion import (
     MODELS,
     ArmModel,
     EgmActivation,

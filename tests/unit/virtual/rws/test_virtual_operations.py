@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.operations import Call, Failure, Operation, Router
 from yumi.virtual.rws.service import OPERATIONS
 

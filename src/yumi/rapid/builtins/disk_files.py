@@ -9,17 +9,14 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary, WeakSet
 
-from yumi.rapid.builtins.communication import ENCODING, MOST_BYTES, RAWBYTES, RawBytes
+from yumi.rapid.builtins.rawbytes import ENCODING, MOST_BYTES, RAWBYTES, RawBytes
+from yumi.rapid.call import Call, RunningTask, whole_argument
 from yumi.rapid.devices import Disk, Entry
-from yumi.rapid.library import Call, Library, whole_argument
-from yumi.rapid.parser import format_value, parse_value
+from yumi.rapid.library import Library
+from yumi.rapid.literals import format_value, parse_value
 from yumi.rapid.types import LONGEST_STRING, RapidRuntimeError, RapidValueError
-
-if TYPE_CHECKING:
-    from yumi.rapid.task import Task
 
 FILES = Library(RAWBYTES)
 EOF_NUM = 9.998e36
@@ -154,7 +151,7 @@ def _file(call: Call, name: str = "IODevice", *, to_read: bool = False, to_write
 
 # Opening and closing ----------------------------------------------------------------------------------------------
 
-_opened: WeakKeyDictionary[Task, WeakSet[OpenFile]] = WeakKeyDictionary()
+_opened: WeakKeyDictionary[RunningTask, WeakSet[OpenFile]] = WeakKeyDictionary()
 """What each task has opened; closed ones have no path."""
 
 

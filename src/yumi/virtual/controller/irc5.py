@@ -10,39 +10,26 @@ from functools import partial
 from pathlib import PurePosixPath
 
 from yumi.errors import SettingsError
-from yumi.rapid import InstructionSet
-from yumi.rapid.library import Library
-from yumi.rapid.program import Execution, Program, SystemEvent
+from yumi.rapid.program import Program
+from yumi.rapid.states import Execution, SystemEvent
 from yumi.rapid.task import MOST_RETRIES, StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
-from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.controller.events import EventLog, Refusal, Refused
-from yumi.virtual.controller.files import FileStore, rapid_devices
-from yumi.virtual.controller.signals import DRIVE_SIGNALS, Configuration, Instance, Signals
-from yumi.virtual.controller.system import (
-    DELIVERED_FILES,
-    USER_MODULE,
-    Identity,
-    Jobs,
-    OwnSettings,
-    System,
-    TaskSettings,
-    event_routines,
-    is_user_module,
-    modules_of,
-    task_settings,
-)
+from yumi.virtual.controller.file_store import FileStore
+from yumi.virtual.controller.identity import Identity, OwnSettings
+from yumi.virtual.controller.installed_system import DELIVERED_FILES, USER_MODULE, System, is_user_module, modules_of
+from yumi.virtual.controller.jobs import Jobs
+from yumi.virtual.controller.rapid_devices import rapid_devices
+from yumi.virtual.controller.signals import DRIVE_SIGNALS, Signals
+from yumi.virtual.controller.task_settings import TaskSettings, event_routines, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
-from yumi.virtual.controller.units import ArmUnit, Contact, MechanicalUnit, MotionSystem, SyncPoints
-from yumi.virtual.instructions.calibration import add_calibration, add_measurements
-from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
-from yumi.virtual.instructions.egm import add_egm
-from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_motion
-from yumi.virtual.instructions.motion_settings import add_corrections, add_motion_settings, add_recorder
-from yumi.virtual.instructions.system import add_gripper, add_system, add_world_zones
-from yumi.virtual.instructions.triggers import add_triggers
+from yumi.virtual.event_log import EventLog, Refusal, Refused
+from yumi.virtual.instructions.robot_data import JointTarget, jointtarget
+from yumi.virtual.instructions.robot_library import robot_library
 from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.egm_client import EgmOutcome
+from yumi.virtual.mechanics.units import ArmUnit, Contact, MechanicalUnit, MotionSystem, SyncPoints
+from yumi.virtual.system_parameters import Configuration, Instance
 
 log = logging.getLogger(__name__)
 
@@ -768,36 +755,3 @@ def _is_started(task: Task) -> bool:
 
 def _any(tasks: Sequence[InstalledTask], holds: Callable[[InstalledTask], bool]) -> bool:
     return any(holds(each) for each in tasks)
-
-
-def robot_library(
-    unit: ArmUnit,
-    *,
-    configuration: Configuration,
-    events: EventLog,
-    speed_ratio: SpeedRatio,
-    units: Sequence[MechanicalUnit],
-    sync_points: SyncPoints,
-    is_motion_task: bool = True,
-    robots: Sequence[ArmUnit] = (),
-    units_of_tasks: Mapping[str, ArmUnit] | None = None,
-) -> Library:
-    """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
-    library = InstructionSet()
-    add_data(library, unit.mechanical_unit, units)
-    motion = add_motion(library, unit, speed_ratio, events, units_of_tasks)
-    add_motion_settings(library, motion, robots or (unit,), is_motion_task=is_motion_task)
-    add_triggers(library, motion)
-    add_world_zones(library, unit)
-    add_measurements(library, unit, robots)
-    add_calibration(library, motion)
-    add_recorder(library, motion)
-    corrections = add_corrections(library, motion)
-    if not is_motion_task:
-        forbid_motion(library)
-    else:
-        add_egm(library, motion, corrections, configuration)
-    if is_motion_task and unit.arm.kinematics.is_of_yumi:
-        add_gripper(library, unit.gripper, events)
-    add_system(library, unit, units, configuration, sync_points, robots)
-    return library

@@ -1,38 +1,27 @@
-"""The virtual controller as a system: what is installed, its identity, own settings and jobs, its tasks and backups.
+"""The installed system of the virtual controller: its robot, system parameters, files, and the modules of its tasks.
 
 The robots are data, each with system parameters of its own (``stock``). The modules are ours (the state machine of
 `yumi.controller_files`), a user's own RAPID files, or those of a backup as a controller or RobotStudio writes it:
-``BACKINFO``, ``SYSPAR``, ``RAPID/TASKn/PROGMOD``, ``RAPID/TASKn/SYSMOD`` and ``HOME``. The virtual controller writes
-and restores such backups, too. A backup is one of the jobs, which take their time.
+``BACKINFO``, ``SYSPAR``, ``RAPID/TASKn/PROGMOD``, ``RAPID/TASKn/SYSMOD`` and ``HOME``.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from datetime import datetime, timezone
-from enum import Enum
-from operator import itemgetter
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import yumi.controller_files
 import yumi.virtual.controller
-from yumi.errors import SettingsError, YumiError
-from yumi.rapid.program import SystemEvent
+from yumi.errors import SettingsError
 from yumi.robot.arms import Arm, irb120, irb14050, yumi_arm
 from yumi.robot.joints import Side
-from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.files import DEVICES, ENCODING, decoded
-from yumi.virtual.controller.signals import Configuration, Instance
-from yumi.virtual.controller.units import NO_UNIT, YUMI_UNITS, MechanicalUnit
-
-if TYPE_CHECKING:
-    from yumi.virtual.controller.controller import Irc5
-
-# What is installed ------------------------------------------------------------------------------------------------
+from yumi.virtual.controller.file_store import DEVICES, decoded
+from yumi.virtual.controller.task_settings import TaskSettings, task_settings
+from yumi.virtual.mechanics.units import NO_UNIT, YUMI_UNITS, MechanicalUnit
+from yumi.virtual.system_parameters import Configuration
 
 ROBOTWARE_6 = "6.13.00.00"
 
@@ -167,8 +156,8 @@ DELIVERED_FILES: Mapping[str, bytes] = {USER_MODULE: (_STOCK / "user.sys").read_
 DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
 """Of system parameters; each has a cfg file in a backup."""
 
-_HOME = "HOME:/"
-_INFO = "BACKINFO/backinfo.txt"
+HOME = "HOME:/"
+BACKUP_INFO = "BACKINFO/backinfo.txt"
 _SUFFIXES = (".mod", ".sys", ".modx", ".sysx", ".prg")
 _TASK_OF_BACKUP = re.compile(r">>(TASK\d+):\s*\(\s*(\w+)", re.IGNORECASE)  # >>TASK1: (T_ROB1,,)
 _REPLACED = ("CAB_TASKS", "CAB_TASK_MODULES", "MECHANICAL_UNIT_GROUP")  # where a backup has them
@@ -213,7 +202,7 @@ def delivered_system() -> System:
     folder = Path(next(iter(yumi.controller_files.__path__)))
     modules = sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])
     cfg = [path.read_text(encoding="ascii") for path in sorted(folder.glob("*.cfg"))]
-    return System(tuple(cfg), {f"{_HOME}yumi/{path.name}": path.read_bytes() for path in modules})
+    return System(tuple(cfg), {f"{HOME}yumi/{path.name}": path.read_bytes() for path in modules})
 
 
 def factory_system(robot: Robot = YUMI) -> System:
@@ -245,10 +234,10 @@ def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: S
             )
         found = []
         for path in (each for given in paths for each in _modules_of(given)):
-            place = f"{_HOME}{path.name}"
+            place = f"{HOME}{path.name}"
             content = _read(path)
             if files.setdefault(place, content) != content:  # two files of one name
-                place = f"{_HOME}{task.lower()}/{path.name}"
+                place = f"{HOME}{task.lower()}/{path.name}"
                 files[place] = content
             found.append(place)
         if not _bring_user(found, files):
@@ -285,7 +274,7 @@ def read_backup(folder: Path, robot: Robot = YUMI) -> System:
     cfg = sorted(parameters.glob("*.[cC][fF][gG]")) if parameters else []
     home = _inside(folder, "HOME")
     inside = [path for path in sorted(home.rglob("*")) if path.is_file()] if home else []
-    files = {f"{_HOME}{path.relative_to(home).as_posix()}": _read(path) for path in inside if home}
+    files = {f"{HOME}{path.relative_to(home).as_posix()}": _read(path) for path in inside if home}
     system = System((), files, tuple(decoded(_read(path)) for path in cfg), robot=robot)
     # Which task TASK1 is stands in BACKINFO; without it the tasks are in the order of their declarations.
     information = _inside(folder, "BACKINFO")
@@ -308,8 +297,8 @@ def read_backup(folder: Path, robot: Robot = YUMI) -> System:
             inner = _inside(place, kind)
             sources += [path for path in sorted(inner.iterdir()) if path.suffix.lower() in _SUFFIXES] if inner else []
         for path in sources:
-            files[f"{_HOME}RAPID/{place.name}/{path.name}"] = _read(path)
-        found = [f"{_HOME}RAPID/{place.name}/{path.name}" for path in sources]
+            files[f"{HOME}RAPID/{place.name}/{path.name}"] = _read(path)
+        found = [f"{HOME}RAPID/{place.name}/{path.name}" for path in sources]
         if name is None:
             shared += found
         else:
@@ -368,227 +357,6 @@ def _read(path: Path) -> bytes:
     return content
 
 
-# Identity, settings and jobs --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """Who the controller is.
-
-    Attributes:
-        system_name: name of the RobotWare system.
-        controller_name: name of the controller, usually its serial number.
-        robotware: version name; clients want three groups of digits with a dot behind, and at least 6.09
-            for EGM with seven axes.
-        options: RobotWare options, in the order they are listed.
-        is_virtual: what the controller calls itself; ours claims to be real, since its gripper is there.
-        system_id: identifier of the system.
-    """
-
-    system_name: str = "YuMi"
-    controller_name: str = "14000-500000"
-    robotware: str = ROBOTWARE_6
-    options: tuple[str, ...] = YUMI_OPTIONS
-    is_virtual: bool = False
-    system_id: str = "{6B6F9A2E-3B1D-4B5C-9A64-9E0D2C1F7A11}"
-
-
-@dataclass(slots=True)
-class OwnSettings:
-    """Settings of the controller that are not system parameters.
-
-    Attributes:
-        language: of the FlexPendant, such as ``en``.
-        timezone: name in the tz database; empty for that of this machine.
-        timeserver: address of the time server; empty for none.
-        address, mask, gateway, method: of the network connection; it is not this machine's.
-        dns: address of the name server; empty for none.
-        routes: gateway by destination.
-        mode_lock: ``unlocked``, ``locked`` or ``permlocked``: whether the operating mode may be changed.
-        pin: that unlocks it.
-        backup_state: in the words of RWS.
-    """
-
-    language: str = "en"
-    timezone: str = ""
-    timeserver: str = ""
-    address: str = "192.168.125.1"
-    mask: str = "255.255.255.0"
-    gateway: str = ""
-    method: str = "fixip"
-    dns: str = ""
-    routes: dict[str, str] = field(default_factory=dict)
-    mode_lock: str = "unlocked"
-    pin: str = ""
-    backup_state: str = "None"
-
-
-_JOBS_REMEMBERED = 50
-
-
-@dataclass(slots=True)
-class Job:
-    """Work that takes its time, such as a backup; a client reads how far it is at ``/progress/{number}``.
-
-    Attributes:
-        number: as in its address.
-        work: done at its end; what it raises is the failure.
-        left: time until then [s].
-        is_done: whether it has ended.
-        failure: why it has failed; empty as long as it has not.
-    """
-
-    number: int
-    work: Callable[[], None]
-    left: float
-    is_done: bool = False
-    failure: str = ""
-
-
-class Jobs:
-    """The jobs of a controller; it remembers the latest ones after their end."""
-
-    def __init__(self) -> None:
-        self._jobs: dict[int, Job] = {}
-        self._begun = 0
-        self._later: list[tuple[float, Callable[[], None]]] = []
-
-    def begin(self, work: Callable[[], None], duration: float) -> Job:
-        """Do ``work`` in ``duration`` [s]."""
-        self._begun += 1
-        job = self._jobs[self._begun] = Job(self._begun, work, duration)
-        for number in [each for each, known in self._jobs.items() if known.is_done][:-_JOBS_REMEMBERED]:
-            del self._jobs[number]
-        return job
-
-    def find(self, number: str) -> Job | None:
-        """The job of that number, or None."""
-        return next((job for job in self._jobs.values() if str(job.number) == number), None)
-
-    def later(self, delay: float, work: Callable[[], None]) -> None:
-        """Do something of the controller's own in ``delay`` [s], such as the end of a pulse."""
-        self._later.append((delay, work))
-
-    def advance(self, dt: float) -> None:
-        """Let ``dt`` [s] pass."""
-        for job in tuple(self._jobs.values()) if self._jobs else ():
-            if job.is_done:
-                continue
-            job.left -= dt
-            if job.left <= 0.0:
-                job.is_done = True
-                try:
-                    job.work()
-                except YumiError as error:
-                    job.failure = str(error)
-        if self._later:
-            waiting, self._later = [(left - dt, work) for left, work in self._later], []
-            for left, work in waiting:
-                if left > 0.0:
-                    self._later.append((left, work))
-                else:
-                    work()
-
-
-# Tasks ------------------------------------------------------------------------------------------------------------
-
-
-class TaskType(Enum):
-    """How a task is started; the values are those of RWS.
-
-    NORMAL tasks are started and stopped by users. STATIC and SEMISTATIC ones run whenever the controller does, the
-    latter from their beginning after each restart (technical reference manual, system parameters: topic Controller).
-    """
-
-    NORMAL = "norm"
-    STATIC = "stat"
-    SEMISTATIC = "semi"
-
-
-class TrustLevel(Enum):
-    """What an error in a STATIC or SEMISTATIC task stops; the values are those of the system parameter."""
-
-    SYS_FAIL = "SysFail"
-    SYS_HALT = "SysHalt"
-    SYS_STOP = "SysStop"
-    NO_SAFETY = "NoSafety"  # "None" in the cfg files of controllers
-
-
-@dataclass(frozen=True, slots=True)
-class TaskSettings:
-    """One instance of CAB_TASKS.
-
-    Attributes:
-        name: of the task.
-        type: how it is started.
-        is_motion_task: whether its instructions may move a robot.
-        robot: name of the robot of its mechanical unit group, ``ROB_L``; empty without one.
-        entry: the procedure it begins with.
-        trust: what an error in it stops; NORMAL tasks stop together in any case.
-        foreground: the task it waits for: it executes while that one is idle only; empty without one.
-    """
-
-    name: str
-    type: TaskType = TaskType.NORMAL
-    is_motion_task: bool = False
-    robot: str = ""
-    entry: str = "main"
-    trust: TrustLevel = TrustLevel.SYS_FAIL
-    foreground: str = ""
-
-
-def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
-    """The tasks of a configuration in their order; raises SettingsError."""
-    tasks = []
-    for instance in configuration.instances("SYS", "CAB_TASKS"):
-        given = {name.lower(): value for name, value in instance.attributes.items()}
-        is_motion_task = given.get("motiontask", "").lower() in ("true", "yes", "1")
-        group = configuration.find("SYS", "MECHANICAL_UNIT_GROUP", given.get("usemechanicalunitgroup", ""))
-        # "Task in foreground" of the system parameters; its name in cfg files differs between RobotWare's releases.
-        behind = (value for name, value in given.items() if name.replace("_", "").startswith("taskinfor"))
-        trust = given.get("trustlevel", "").lower().replace("none", TrustLevel.NO_SAFETY.value.lower())
-        tasks.append(
-            TaskSettings(
-                instance.name,
-                _task_type(instance),
-                is_motion_task,
-                group.attributes.get("Robot", "") if group else "",
-                given.get("entry") or "main",
-                next((each for each in TrustLevel if each.value.lower() == trust), TrustLevel.SYS_FAIL),
-                next(behind, "").removeprefix("-1"),
-            )
-        )
-    return tuple(tasks)
-
-
-def _task_type(instance: Instance) -> TaskType:
-    given = {name.lower(): value for name, value in instance.attributes.items()}.get("type", "SEMISTATIC")
-    try:
-        return TaskType[given.upper().replace("-", "").replace("_", "")]
-    except KeyError:
-        allowed = ", ".join(each.name for each in TaskType)
-        raise SettingsError(f"the task {instance.name} has the type {given!r}; there are {allowed}.") from None
-
-
-_TRUE = ("TRUE", "YES", "1", "")  # an attribute without a value is set
-
-
-def event_routines(configuration: Configuration, task: TaskSettings) -> Mapping[SystemEvent, tuple[str, ...]]:
-    """The event routines of a task in the order of their sequence numbers (CAB_EXEC_HOOKS)."""
-    found: dict[SystemEvent, list[tuple[int, str]]] = {}
-    for instance in configuration.instances("SYS", "CAB_EXEC_HOOKS"):
-        given = {name.lower(): value for name, value in instance.attributes.items()}
-        event = next((each for each in SystemEvent if each.name == given.get("shelf", "").upper()), None)
-        of_all = given.get("alltask", given.get("alltasks", "no")).upper() in _TRUE
-        of_motion = given.get("allmotiontask", given.get("allmotiontasks", "no")).upper() in _TRUE
-        is_here = of_all or (of_motion and task.is_motion_task) or given.get("task", "").upper() == task.name.upper()
-        if event is None or not given.get("routine") or not is_here:
-            continue
-        number = given.get("seqno", given.get("sequenceno", "0"))
-        found.setdefault(event, []).append((int(number) if number.isdecimal() else 0, given["routine"]))
-    return {event: tuple(name for _, name in sorted(each, key=itemgetter(0))) for event, each in found.items()}
-
-
 def modules_of(task: TaskSettings, system: System, configuration: Configuration) -> tuple[str, ...]:
     """The paths of the modules that a task begins with."""
     given = (system.modules or {}).get(task.name.upper())
@@ -605,86 +373,3 @@ def modules_of(task: TaskSettings, system: System, configuration: Configuration)
             if path.partition(":")[0].upper() in DEVICES:
                 paths.append(path)
     return tuple(paths)
-
-
-# Backups that the controller makes and restores -------------------------------------------------------------------
-
-
-def write_backup(controller: Irc5, path: str) -> None:
-    """Make a backup in a directory, over what is there.
-
-    Raises:
-        Refused: NO_SPACE.
-    """
-    files, identity = controller.files, controller.identity
-    when = datetime.fromtimestamp(controller.time, timezone.utc).strftime("%Y-%m-%d %H:%M:%S")
-    lines = [
-        f">>SYSTEM: {identity.system_name}",
-        f">>SYSTEM_ID: {identity.system_id}",
-        f">>ROBOTWARE: {identity.robotware}",
-        f">>DATE: {when}",
-        *(f">>OPTION: {option}" for option in identity.options),
-        *(f">>TASK{number}: ({name},,)" for number, name in enumerate(controller.tasks, 1)),
-    ]
-    content = {_INFO: "\n".join(lines) + "\n"}
-    for domain in DOMAINS:
-        content[f"SYSPAR/{domain}.cfg"] = controller.configuration.text(domain)
-    for number, task in enumerate(controller.tasks.values(), 1):
-        for module in task.modules:
-            folder, suffix = ("SYSMOD", "sys") if module.is_system else ("PROGMOD", "mod")
-            content[f"RAPID/TASK{number}/{folder}/{module.name}.{suffix}"] = module.text
-    home = [files.get_file(each) for each in tuple(files) if each.upper().startswith(_HOME)]
-    for name, text in content.items():
-        files.write(f"{path}/{name}", text.encode(ENCODING, "replace"))
-    for file in home:
-        files.write(f"{path}/HOME{file.path[len('HOME:') :]}", file.content or b"")
-
-
-def check_backup(controller: Irc5, path: str) -> str:
-    """Refuse what cannot be restored; the name of the system it is of.
-
-    Raises:
-        Refused: NO_FILE where there is no backup.
-    """
-    text = controller.files.get(f"{path}/{_INFO}")
-    if text is None:
-        raise Refused(Refusal.NO_FILE, f"{path} is not a backup: it has no {_INFO}.")
-    return next((line.partition(":")[2].strip() for line in text.splitlines() if line.startswith(">>SYSTEM:")), "")
-
-
-def restore_backup(controller: Irc5, path: str, *, cfg: bool = True, modules: bool = True) -> None:
-    """Become as in a backup: system parameters, HOME and programs; a restart brings it into effect.
-
-    Raises:
-        Refused: NO_FILE where there is no backup, BAD_PROGRAM where it has something that is not RAPID.
-        SettingsError: its system parameters cannot be read.
-    """
-    check_backup(controller, path)
-    files = controller.files
-    folder = f"{path.lower()}/"
-    inside = {each[len(folder) :]: files.get_file(each) for each in tuple(files) if each.lower().startswith(folder)}
-    if cfg:
-        texts = [
-            (file.content or b"").decode(ENCODING)
-            for name, file in inside.items()
-            if name.upper().startswith("SYSPAR/")
-        ]
-        restored = Configuration(texts)
-        controller.configuration.become(restored)
-    if modules:
-        for each in [each for each in tuple(files) if each.upper().startswith(_HOME)]:
-            files.remove(each)
-        for name, file in inside.items():
-            if name.upper().startswith("HOME/"):
-                files.write(f"HOME:/{name[len('HOME/') :]}", file.content or b"")
-        for number, task in enumerate(controller.tasks.values(), 1):
-            texts = [
-                (file.content or b"").decode(ENCODING)
-                for name, file in inside.items()
-                if name.upper().startswith(f"RAPID/TASK{number}/")
-            ]
-            task.lose_pp()
-            for module in task.modules:
-                task.unload(module.name)
-            for text in texts:
-                task.load(text, f"TASK{number}")

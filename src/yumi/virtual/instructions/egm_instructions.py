@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from enum import Enum
 from math import radians
@@ -12,18 +12,19 @@ import numpy as np
 
 from yumi.egm.codec import PartialJoints
 from yumi.errors import RobotNotReady
-from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.call import Call, Wait
+from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.joints import JOINT_COUNT
 from yumi.robot.kinematics import compose
 from yumi.rws.types import EventType
-from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.controller.signals import Configuration
-from yumi.virtual.instructions.data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
-from yumi.virtual.instructions.motion import SPEED, Build, MotionInstructions, check_may_move
-from yumi.virtual.instructions.motion_settings import PathCorrection
-from yumi.virtual.mechanics.motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
+from yumi.virtual.instructions.moves import MOVES, SPEED, MoveInstructions, check_may_move
+from yumi.virtual.instructions.path_corrections import PathCorrections
+from yumi.virtual.instructions.robot_data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
+from yumi.virtual.mechanics.arm_motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.egm_client import EgmOutcome
 from yumi.virtual.mechanics.path import Offset, Passage
+from yumi.virtual.system_parameters import Configuration
 
 MOST_IDENTITIES = 4
 """EGM identities a task can hold at a time (reference/egm.md §4.8)."""
@@ -42,6 +43,27 @@ _NO_OFFSET = np.zeros(3)
 _PATH_SAMPLE_MS = 24  # sample rates of path corrections are multiples of it
 
 
+EGM = Library(MOVES)
+_IDENTITY = "VAR egmident EGMid"
+_CORRECTED_MOVE = (
+    rf"robtarget ToPoint, \identno ID, {SPEED}, tooldata Tool, \wobjdata WObj, \loaddata TLoad, \switch NoCorr"
+)
+
+
+def _each(type_name: str, names: Iterable[str]) -> str:
+    """An optional parameter for each name."""
+    return "".join(rf", \{type_name} {name}" for name in names)
+
+
+def _from_signals(type_name: str, kind: str) -> str:
+    names = (*_SENSOR_SIGNALS, *(f"E{number}" for number in range(2, 7)))
+    inputs = _each(f"VAR {type_name}", (f"{kind}{name}" for name in names))
+    return (
+        rf"mecunit MecUnit, {_IDENTITY}, string ExtConfigName, \switch Joint | \switch Pose | \switch PathCorr, "
+        rf"\switch APTR | \switch LATR{inputs}"
+    )
+
+
 class Guidance(Enum):
     """What EGMSetupUC has chosen that the sensor sends."""
 
@@ -53,7 +75,7 @@ class Guidance(Enum):
 class EgmInstructions:
     """The EGM instructions of one task."""
 
-    def __init__(self, motion: MotionInstructions, corrections: PathCorrection, configuration: Configuration) -> None:
+    def __init__(self, motion: MoveInstructions, corrections: PathCorrections, configuration: Configuration) -> None:
         self._motion = motion
         self._corrections = corrections
         self._unit = motion.unit
@@ -66,6 +88,7 @@ class EgmInstructions:
         self._level = 0  # of the External Motion Interface Data that EGMSetupUC has chosen
         self._corrects_moves = False  # EGMActMove has been executed since the last EGMSetupUC
 
+    @EGM.instruction("EGMGetId", _IDENTITY)
     def get_id(self, call: Call) -> None:
         """EGMGetId: the same variable keeps its identity."""
         identities = self._unit.egm_identities
@@ -78,11 +101,17 @@ class EgmInstructions:
         identities.add(name)
         self._client.get_id()
 
+    @EGM.instruction("EGMReset", _IDENTITY)
     def reset(self, call: Call) -> None:
         """EGMReset: end what the identity runs and give it back."""
         self._unit.egm_identities.discard(call.reference("EGMid").name.lower())
         self._client.reset()
 
+    @EGM.instruction(
+        "EGMSetupUC",
+        rf"mecunit MecUnit, {_IDENTITY}, string ExtConfigName, string UCDevice, \switch Joint | \switch Pose "
+        r"| \switch PathCorr, \switch APTR | \switch LATR, \num CommTimeout",
+    )
     def setup_uc(self, call: Call) -> None:
         """EGMSetupUC: choose device and motion data."""
         if not call.present("Joint") and self._count == JOINT_COUNT:
@@ -106,6 +135,9 @@ class EgmInstructions:
             self._guidance = Guidance.PATH_CORRECTIONS
         self._level, self._corrects_moves = data.level, False
 
+    @EGM.instruction("EGMSetupAI", _from_signals("signalai", "ai"))
+    @EGM.instruction("EGMSetupAO", _from_signals("signalao", "ao"))
+    @EGM.instruction("EGMSetupGI", _from_signals("signalgi", "gi"))
     def setup_signals(self, call: Call) -> None:
         """EGMSetupAI, EGMSetupAO, EGMSetupGI: references [deg] from I/O signals, axis 7 from the first of E1 to E6."""
         if not call.present("Joint"):
@@ -154,6 +186,11 @@ class EgmInstructions:
         if call.present("StreamStart") and not self._client.is_streaming:
             self._do(lambda: self._client.stream_start(activation.sample_rate_ms))
 
+    @EGM.instruction(
+        "EGMActJoint",
+        rf"{_IDENTITY}, \switch StreamStart, \tooldata Tool, \wobjdata WObj, \loaddata TLoad"
+        rf"{_each('egm_minmax', _AXES)}, \num LpFilter, \num SampleRate, \num MaxPosDeviation, \num MaxSpeedDeviation",
+    )
     def act_joint(self, call: Call) -> None:
         r"""EGMActJoint: the settings of the runs that follow; with \StreamStart positions are sent at once."""
         self._check_guidance(call, Guidance.JOINTS)
@@ -182,6 +219,12 @@ class EgmInstructions:
         """One thing per axis in chain order."""
         return chain_order(axes) if self._count == JOINT_COUNT else tuple(axes)
 
+    @EGM.instruction(
+        "EGMActPose",
+        rf"{_IDENTITY}, \switch StreamStart, \tooldata Tool, \wobjdata WObj, \loaddata TLoad, pose CorrFrame, "
+        rf"egmframetype CorrFrType, pose SensorFrame, egmframetype SensorFrType{_each('egm_minmax', _DIRECTIONS)}, "
+        r"\num LpFilter, \num SampleRate, \num MaxPosDeviation, \num MaxSpeedDeviation",
+    )
     def act_pose(self, call: Call) -> None:
         """EGMActPose: the settings of the runs that follow; the sensor's poses are in SensorFrame.
 
@@ -207,6 +250,7 @@ class EgmInstructions:
         )
         self._activate(call, axes)
 
+    @EGM.instruction("EGMActMove", rf"{_IDENTITY}, pose SensorFrame, \num SampleRate")
     def act_move(self, call: Call) -> None:
         """EGMActMove: the sample rate of the moves that follow.
 
@@ -218,50 +262,46 @@ class EgmInstructions:
         self._do(lambda: self._client.activate(activation))
         self._corrects_moves = True
 
-    def corrected_move(self, build: Callable[[Call], Build]) -> Callable[[Call], Wait]:
+    @EGM.instruction("EGMMoveL", f"{_IDENTITY}, {_CORRECTED_MOVE}")
+    @EGM.instruction("EGMMoveC", f"{_IDENTITY}, robtarget CirPoint, {_CORRECTED_MOVE}")
+    def move_corrected(self, call: Call) -> Wait:
         """EGMMoveL, EGMMoveC: a move whose path the sensor corrects, from a fine point to a fine point."""
+        client, path = self._client, self._unit.arm.path
+        self._check_guidance(call, Guidance.PATH_CORRECTIONS)
+        if not self._corrects_moves:
+            raise RapidRuntimeError(FATAL, f"{call.name}: no path is corrected yet: use EGMActMove before.")
+        if self._level != _PATH_LEVEL:
+            self._events.append(50452, "External Interface cyclic error", type=EventType.ERROR)
+            sentence = f"{call.name}: the External Motion Interface Data needs the level {_PATH_LEVEL}, Path (50452)."
+            raise RapidRuntimeError(FATAL, sentence)
+        if not client.has_path:
+            yield from self._standing(call)
+        self._do(client.expect_path)
+        self._corrections.attach()
+        passages: list[Passage] = []
 
-        def move(call: Call) -> Wait:
-            client, path = self._client, self._unit.arm.path
-            self._check_guidance(call, Guidance.PATH_CORRECTIONS)
-            if not self._corrects_moves:
-                raise RapidRuntimeError(FATAL, f"{call.name}: no path is corrected yet: use EGMActMove before.")
-            if self._level != _PATH_LEVEL:
-                self._events.append(50452, "External Interface cyclic error", type=EventType.ERROR)
-                sentence = (
-                    f"{call.name}: the External Motion Interface Data needs the level {_PATH_LEVEL}, Path (50452)."
-                )
-                raise RapidRuntimeError(FATAL, sentence)
-            if not client.has_path:
-                yield from self._standing(call)
-            self._do(client.expect_path)
-            self._corrections.attach()
-            passages: list[Passage] = []
+        def begin(passage: Passage) -> None:
+            passages.append(passage)
+            self._do(lambda: client.correct_path(passage))
 
-            def begin(passage: Passage) -> None:
-                passages.append(passage)
-                self._do(lambda: client.correct_path(passage))
-
-            offset: Offset = (lambda: _NO_OFFSET) if call.present("NoCorr") else (lambda: client.offset)
-            moving = self._motion.passed(call, build(call), begin, offset)
-            client.is_path_awaited = True
-            try:
-                for due in moving:
-                    self._check_sensor()
-                    # The program had been stopped and continues: the sensor corrects the rest of the path.
-                    if (
-                        passages
-                        and client.outcome in _INTERRUPTED_OUTCOMES
-                        and client.resumes
-                        and not path.has_ended(passages[0])
-                    ):
-                        begin(passages[0])
-                    yield due
-            finally:
-                client.is_path_awaited = False
-                moving.close()
-
-        return move
+        offset: Offset = (lambda: _NO_OFFSET) if call.present("NoCorr") else (lambda: client.offset)
+        moving = self._motion.passed(call, self._motion.build(call), begin, offset)
+        client.is_path_awaited = True
+        try:
+            for due in moving:
+                self._check_sensor()
+                # The program had been stopped and continues: the sensor corrects the rest of the path.
+                if (
+                    passages
+                    and client.outcome in _INTERRUPTED_OUTCOMES
+                    and client.resumes
+                    and not path.has_ended(passages[0])
+                ):
+                    begin(passages[0])
+                yield due
+        finally:
+            client.is_path_awaited = False
+            moving.close()
 
     def _check_sensor(self) -> None:
         """Raise the error of a sensor that has been silent, as far as the program can handle it."""
@@ -269,11 +309,21 @@ class EgmInstructions:
             self._events.append(41822, "No data from the UdpUc device", self._client.fault, EventType.ERROR)
             raise RapidRuntimeError("ERR_UDPUC_COMM", self._client.fault)
 
+    @EGM.instruction(
+        "EGMRunPose",
+        rf"{_IDENTITY}, egmstopmode Mode, \switch NoWaitCond{_each('switch', _DIRECTIONS)}, \num CondTime, "
+        r"\num RampInTime, \num RampOutTime, \pose Offset, \num PosCorrGain",
+    )
     def run_pose(self, call: Call) -> Wait:
         """EGMRunPose: as EGMRunJoint."""
         self._check_guidance(call, Guidance.POSES)
         yield from self._running(call, tuple(call.present(each) for each in _DIRECTIONS))
 
+    @EGM.instruction(
+        "EGMRunJoint",
+        rf"{_IDENTITY}, egmstopmode Mode, \switch NoWaitCond{_each('switch', _AXES)}, \num CondTime, \num RampInTime, "
+        r"\num RampOutTime, \num PosCorrGain",
+    )
     def run_joint(self, call: Call) -> Wait:
         """EGMRunJoint: until EGM ends; an abandoned call lets EGM go on, EGMStop ends it."""
         self._check_guidance(call, Guidance.JOINTS)
@@ -308,26 +358,31 @@ class EgmInstructions:
         while not arm.is_stationary:
             yield None
 
+    @EGM.instruction("EGMWaitCond", _IDENTITY)
     def wait_cond(self, call: Call) -> Wait:
         r"""EGMWaitCond: until the run that was started with \NoWaitCond ends."""
         if self._run is None:
             raise RapidRuntimeError(FATAL, "EGMWaitCond: there was no EGMRunJoint to wait for.")
         yield from self._until_over(call, self._run)
 
+    @EGM.instruction("EGMStop", rf"{_IDENTITY}, egmstopmode Mode, \num RampOutTime")
     def stop(self, call: Call) -> Wait:
         """EGMStop: done when the arm stands."""
         self._client.stop(StopMode(int(call["Mode"])), call.get("RampOutTime", 0.0))
         while not self._unit.arm.is_stationary:
             yield None
 
+    @EGM.instruction("EGMStreamStart", rf"{_IDENTITY}, \num SampleRate")
     def stream_start(self, call: Call) -> None:
         """EGMStreamStart."""
         self._do(lambda: self._client.stream_start(int(call.get("SampleRate", 4.0))))
 
+    @EGM.instruction("EGMStreamStop", _IDENTITY)
     def stream_stop(self, call: Call) -> None:
         """EGMStreamStop."""
         self._client.stream_stop()
 
+    @EGM.function("EGMGetState", _IDENTITY, "egmstate")
     def state(self, call: Call) -> Any:
         """EGMGetState."""
         return float(self._client.state)
@@ -354,68 +409,3 @@ class EgmInstructions:
             action()
         except RobotNotReady as error:
             raise RapidRuntimeError(FATAL, str(error)) from error
-
-
-def add_egm(
-    library: Library, motion: MotionInstructions, corrections: PathCorrection, configuration: Configuration
-) -> None:
-    """Register the EGM instructions of one task.
-
-    Args:
-        library: of the task.
-        motion: its moves.
-        corrections: what corrects their path.
-        configuration: of the controller.
-    """
-    egm = EgmInstructions(motion, corrections, configuration)
-    identity = "VAR egmident EGMid"
-    own = _AXES[: motion.arm.kinematics.joint_count]
-    bands = "".join(rf", \egm_minmax {axis}" for axis in own)
-    switches = "".join(rf", \switch {axis}" for axis in own)
-    library.instruction("EGMGetId", identity)(egm.get_id)
-    library.instruction("EGMReset", identity)(egm.reset)
-    library.instruction(
-        "EGMSetupUC",
-        rf"mecunit MecUnit, {identity}, string ExtConfigName, string UCDevice, \switch Joint | \switch Pose "
-        r"| \switch PathCorr, \switch APTR | \switch LATR, \num CommTimeout",
-    )(egm.setup_uc)
-    for kind, signal in (("AI", "signalai"), ("AO", "signalao"), ("GI", "signalgi")):
-        names = (*_SENSOR_SIGNALS, *(f"E{number}" for number in range(2, 7)))
-        inputs = "".join(rf", \VAR {signal} {kind.lower()}{name}" for name in names)
-        library.instruction(
-            f"EGMSetup{kind}",
-            rf"mecunit MecUnit, {identity}, string ExtConfigName, \switch Joint | \switch Pose | \switch PathCorr, "
-            rf"\switch APTR | \switch LATR{inputs}",
-        )(egm.setup_signals)
-    library.instruction(
-        "EGMActJoint",
-        rf"{identity}, \switch StreamStart, \tooldata Tool, \wobjdata WObj, \loaddata TLoad{bands}, "
-        r"\num LpFilter, \num SampleRate, \num MaxPosDeviation, \num MaxSpeedDeviation",
-    )(egm.act_joint)
-    library.instruction(
-        "EGMRunJoint",
-        rf"{identity}, egmstopmode Mode, \switch NoWaitCond{switches}, \num CondTime, \num RampInTime, "
-        r"\num RampOutTime, \num PosCorrGain",
-    )(egm.run_joint)
-    bands = "".join(rf", \egm_minmax {direction}" for direction in _DIRECTIONS)
-    library.instruction(
-        "EGMActPose",
-        rf"{identity}, \switch StreamStart, \tooldata Tool, \wobjdata WObj, \loaddata TLoad, pose CorrFrame, "
-        rf"egmframetype CorrFrType, pose SensorFrame, egmframetype SensorFrType{bands}, \num LpFilter, "
-        r"\num SampleRate, \num MaxPosDeviation, \num MaxSpeedDeviation",
-    )(egm.act_pose)
-    switches = "".join(rf", \switch {direction}" for direction in _DIRECTIONS)
-    library.instruction(
-        "EGMRunPose",
-        rf"{identity}, egmstopmode Mode, \switch NoWaitCond{switches}, \num CondTime, \num RampInTime, "
-        r"\num RampOutTime, \pose Offset, \num PosCorrGain",
-    )(egm.run_pose)
-    library.instruction("EGMActMove", rf"{identity}, pose SensorFrame, \num SampleRate")(egm.act_move)
-    rest = rf"robtarget ToPoint, \identno ID, {SPEED}, tooldata Tool, \wobjdata WObj, \loaddata TLoad, \switch NoCorr"
-    library.instruction("EGMMoveL", f"{identity}, {rest}")(egm.corrected_move(motion.line_build))
-    library.instruction("EGMMoveC", f"{identity}, robtarget CirPoint, {rest}")(egm.corrected_move(motion.circle_build))
-    library.instruction("EGMWaitCond", identity)(egm.wait_cond)
-    library.instruction("EGMStop", rf"{identity}, egmstopmode Mode, \num RampOutTime")(egm.stop)
-    library.instruction("EGMStreamStart", rf"{identity}, \num SampleRate")(egm.stream_start)
-    library.instruction("EGMStreamStop", identity)(egm.stream_stop)
-    library.function("EGMGetState", identity, "egmstate")(egm.state)

@@ -17,11 +17,11 @@ from yumi.errors import RapidError
 from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import Pose, Side
 from yumi.robot.kinematics import compose
-from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.gripper import VirtualGripper
-from yumi.virtual.mechanics.motion import CircleMode
+from yumi.virtual.mechanics.egm_client import EgmClient
 from yumi.virtual.mechanics.path import NO_LIMIT, Acceleration, SpeedLimit, StoredPath, WorldZone
+from yumi.virtual.mechanics.path_geometry import CircleMode
+from yumi.virtual.mechanics.virtual_gripper import VirtualGripper
 
 NO_UNIT = "NoIntegratedUnit"
 """ABB's word for "none" in the two integration fields."""

@@ -6,9 +6,10 @@ while the arm moves; a move to a stop point is done when the arm stands there.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
-from math import degrees, hypot, pi, radians, tau
+from math import degrees, pi, radians, tau
 from typing import Any
 
 import numpy as np
@@ -16,25 +17,26 @@ from numpy.typing import NDArray
 
 from yumi.errors import RobotNotReady
 from yumi.rapid.builtins.information import OF_TASK, task_meant
-from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.call import Call, Wait
+from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.arms import Arm
 from yumi.robot.inverse_kinematics import Configuration
 from yumi.robot.joints import Joints, Pose
 from yumi.robot.kinematics import compose, matrix, quaternion_from_matrix
 from yumi.rws.types import EventType
-from yumi.virtual.controller.events import EventLog
-from yumi.virtual.controller.units import ArmUnit
-from yumi.virtual.instructions.data import (
+from yumi.virtual.event_log import EventLog
+from yumi.virtual.instructions.robot_data import (
     NOT_PRESENT,
-    POSES,
+    ROBOT_DATA,
     chain_from_jointtarget,
     jointtarget,
     pose_from_rapid,
     unit_quaternion,
     wobj_from_rapid,
 )
-from yumi.virtual.mechanics.motion import (
+from yumi.virtual.mechanics.path import Offset, Passage
+from yumi.virtual.mechanics.path_geometry import (
     STOP,
     Frames,
     Leg,
@@ -49,7 +51,7 @@ from yumi.virtual.mechanics.motion import (
     line,
     tool_leg,
 )
-from yumi.virtual.mechanics.path import Offset, Passage
+from yumi.virtual.mechanics.units import ArmUnit
 
 SpeedRatio = Callable[[], float]
 Build = Callable[[Joints, Zone], Leg]
@@ -66,6 +68,35 @@ FRAMES = r"tooldata Tool, \wobjdata WObj, \switch Corr, \loaddata TLoad"
 _READ_FRAMES = r"\tooldata Tool, \wobjdata WObj"
 _ERRORS = {MotionFault.OUT_OF_RANGE: "ERR_ROBLIMIT", MotionFault.OUT_OF_REACH: "ERR_OUTSIDE_REACH"}
 _SLOWEST = 1e-4  # [m/s]: a speed of 0 is a very low one
+
+
+MOVES = Library(ROBOT_DATA)
+MOVES.record("inposdata", {"position": "num", "speed": "num", "mintime": "num", "maxtime": "num"})
+MOVES.alias("stoppoint", "num")
+MOVES.alias("identno", "num")
+MOVES.record(
+    "stoppointdata",
+    {
+        "type": "stoppoint",
+        "progsynch": "bool",
+        "inpos": "inposdata",
+        "stoptime": "num",
+        "followtime": "num",
+        "signal": "string",
+        "relation": "opnum",
+        "checkvalue": "num",
+    },
+)
+for _number, _name in enumerate(("inpos", "stoptime", "fllwtime"), start=1):
+    MOVES.data(_name, "stoppoint", float(_number))
+for _percent in (20, 50, 100):
+    MOVES.data(f"inpos{_percent}", "stoppointdata", (1, True, (_percent, _percent, 0, 2), 0, 0, "", 0, 0))
+for _time in (0.5, 1.0, 1.5):
+    _name = f"{_time:.1f}".replace(".", "_")
+    MOVES.data(f"stoptime{_name}", "stoppointdata", (2, False, (0, 0, 0, 0), _time, 0, "", 0, 0))
+    MOVES.data(f"fllwtime{_name}", "stoppointdata", (3, True, (0, 0, 0, 0), 0, _time, "", 0, 0))
+_TARGETS = rf"\switch Conc, {{}}, \identno ID, \switch NoEOffs, {SPEED}, {FRAMES}"
+_KIND = re.compile(r"(?:Move|Trigg|Search|Contact)(AbsJ|ExtJ|J|L|C)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +116,7 @@ class Target:
     configuration: Configuration
 
 
-class MotionInstructions:
+class MoveInstructions:
     r"""The moves of one task.
 
     Attributes:
@@ -150,12 +181,20 @@ class MotionInstructions:
 
     # Moves --------------------------------------------------------------------------------------------------------
 
-    def move_abs_j(self, call: Call) -> Wait:
-        """MoveAbsJ."""
-        yield from self.passed(call, self.absolute_build(call))
+    @MOVES.instruction("MoveAbsJ", _TARGETS.format(r"jointtarget ToJointPos"))
+    @MOVES.instruction("MoveJ", _TARGETS.format("robtarget ToPoint"))
+    @MOVES.instruction("MoveL", _TARGETS.format("robtarget ToPoint"))
+    @MOVES.instruction("MoveC", _TARGETS.format("robtarget CirPoint, robtarget ToPoint"))
+    def move(self, call: Call) -> Wait:
+        yield from self.passed(call, self.build(call))
 
-    def absolute_build(self, call: Call) -> Build:
-        """How MoveAbsJ and its like are planned."""
+    def build(self, call: Call) -> Build:
+        """How a move is planned: by what follows Move, Trigg, Search or Contact in its name."""
+        kind = _KIND.search(call.name)
+        assert kind is not None, "it names a move"
+        return _BUILDS[kind[1]](self, call)
+
+    def _absolute(self, call: Call) -> Build:
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames = self.frames(call["Tool"], call.get("WObj"), is_displaced=False)
         target = call["ToJointPos"]
@@ -169,13 +208,17 @@ class MotionInstructions:
 
         return build
 
+    @MOVES.instruction(
+        "MoveExtJ",
+        r"\switch Conc, jointtarget ToJointPos, \identno ID, \switch UseEOffs, speeddata Speed, \num T, "
+        r"zonedata Zone, \stoppointdata Inpos",
+    )
     def move_ext_j(self, call: Call) -> Wait:
         """MoveExtJ: the seventh axis alone; robots of six axes have no other ones here."""
         if call["ToJointPos"].extax[0] < NOT_PRESENT and self.arm.kinematics.reference is not None:
-            yield from self.passed(call, self.external_build(call))
+            yield from self.passed(call, self._external(call))
 
-    def external_build(self, call: Call) -> Build:
-        """How MoveExtJ and its like are planned."""
+    def _external(self, call: Call) -> Build:
         kinematics, zone = self.arm.kinematics, self.zone(call)
         frames = self.frames(_predefined(call, "tool0"), None)
         fastest, time = call["Speed"].v_reax, call.get("T", 0.0)
@@ -191,20 +234,7 @@ class MotionInstructions:
 
         return build
 
-    def move_j(self, call: Call) -> Wait:
-        """MoveJ."""
-        yield from self.passed(call, self.joint_build(call))
-
-    def move_l(self, call: Call) -> Wait:
-        """MoveL."""
-        yield from self.passed(call, self.line_build(call))
-
-    def move_c(self, call: Call) -> Wait:
-        """MoveC."""
-        yield from self.passed(call, self.circle_build(call))
-
-    def joint_build(self, call: Call) -> Build:
-        """How MoveJ and its like are planned."""
+    def _joint(self, call: Call) -> Build:
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
         is_checked = self.unit.settings.checks_joints
@@ -215,10 +245,9 @@ class MotionInstructions:
 
         return build
 
-    def line_build(self, call: Call, target: Target | None = None) -> Build:
-        """How MoveL and its like are planned."""
+    def _line(self, call: Call) -> Build:
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
-        frames, target = self.frames(call["Tool"], call.get("WObj")), target or self.target(call["ToPoint"])
+        frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
         is_checked, passes = self.unit.settings.checks_lines, self.unit.settings.wrist_may_turn
 
         def build(start: Joints, entry: Zone) -> Leg:
@@ -229,8 +258,7 @@ class MotionInstructions:
 
         return build
 
-    def circle_build(self, call: Call) -> Build:
-        """How MoveC and its like are planned."""
+    def _circle(self, call: Call) -> Build:
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames = self.frames(call["Tool"], call.get("WObj"))
         via, target = self.target(call["CirPoint"]), self.target(call["ToPoint"])
@@ -340,6 +368,7 @@ class MotionInstructions:
         except RobotNotReady as error:
             raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
 
+    @MOVES.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")
     def wait_rob(self, call: Call) -> Wait:
         """WaitRob: until the arm stands."""
         while not self.arm.is_stationary:
@@ -351,25 +380,30 @@ class MotionInstructions:
         tool, wobj = self.unit.tool or _predefined(call, "tool0"), self.unit.wobj or _predefined(call, "wobj0")
         return self.frames(call.get("Tool", tool), call.get("WObj", wobj))
 
+    @MOVES.function("CJointT", OF_TASK, "jointtarget")
     def joint_target(self, call: Call) -> Any:
         """CJointT: where the joints are."""
         motion = self._of_task(call)
         robax, extax = jointtarget(motion.arm.position)
         return robax, motion._without_offset(extax)
 
+    @MOVES.function("CRobT", rf"{OF_TASK}, {_READ_FRAMES}", "robtarget")
     def robot_target(self, call: Call) -> Any:
         """CRobT: where the tool is."""
         motion = self._of_task(call)
         return motion.robtarget(motion.arm.position, motion.read_frames(call))
 
+    @MOVES.function("CPos", _READ_FRAMES, "pos")
     def position(self, call: Call) -> Any:
         """CPos: where the tool's point is [mm]."""
         return self.robtarget(self.arm.position, self.read_frames(call))[0]
 
+    @MOVES.function("CTool", OF_TASK, "tooldata")
     def tool(self, call: Call) -> Any:
         """CTool: the tool of the last motion."""
         return self._of_task(call).unit.tool or _predefined(call, "tool0")
 
+    @MOVES.function("CWObj", OF_TASK, "wobjdata")
     def wobj(self, call: Call) -> Any:
         """CWObj: the work object of the last motion."""
         return self._of_task(call).unit.wobj or _predefined(call, "wobj0")
@@ -383,12 +417,18 @@ class MotionInstructions:
         turns = tuple(float(number) for number in kinematics.configuration(position))
         return tuple((point * 1e3).tolist()), quaternion_from_matrix(rotation), turns, extax
 
+    @MOVES.function("CalcRobT", r"jointtarget Joint_target, tooldata Tool, \wobjdata WObj", "robtarget")
     def calculated_target(self, call: Call) -> Any:
         """CalcRobT: the robtarget of a jointtarget."""
         frames = self.frames(call["Tool"], call.get("WObj"))
         joints = chain_from_jointtarget(call["Joint_target"], self.arm.planned, self.arm.kinematics.limits)
         return self.robtarget(joints, frames)
 
+    @MOVES.function(
+        "CalcJointT",
+        r"\switch UseCurWObjPos, robtarget Rob_target, tooldata Tool, \wobjdata WObj, \VAR errnum ErrorNumber",
+        "jointtarget",
+    )
     def calculated_joints(self, call: Call) -> Any:
         """CalcJointT: the jointtarget of a robtarget, in its configuration; raises ERR_ROBLIMIT, ERR_OUTSIDE_REACH."""
         kinematics = self.arm.kinematics
@@ -408,6 +448,7 @@ class MotionInstructions:
             robax, extax = jointtarget(self.arm.planned)
         return robax, self._without_offset(extax)
 
+    @MOVES.function("ORobT", r"robtarget OrgPoint, \switch InPDisp | \switch InEOffs", "robtarget")
     def without_displacement(self, call: Call) -> Any:
         """ORobT: a robtarget read under a program displacement or offset, as it is without them."""
         target, settings = call["OrgPoint"], self.unit.settings
@@ -426,7 +467,7 @@ class MotionInstructions:
         first = extax[0]
         return (first - self.unit.settings.offsets[0] if first < NOT_PRESENT else first, *extax[1:])
 
-    def _of_task(self, call: Call) -> MotionInstructions:
+    def _of_task(self, call: Call) -> MoveInstructions:
         r"""The moves of the task that \TaskRef or \TaskName names; raises ERR_TASKNAME, ERR_NOT_MOVETASK."""
         task = task_meant(call)
         if task is call.task:
@@ -435,7 +476,16 @@ class MotionInstructions:
         if unit is None:
             sentence = f"{call.name}: the task {task.name} moves no robot (MotionTask in CAB_TASKS)."
             raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
-        return MotionInstructions(unit, self._speed_ratio, self.events, self._units_of_tasks)
+        return MoveInstructions(unit, self._speed_ratio, self.events, self._units_of_tasks)
+
+
+_BUILDS: Mapping[str, Callable[[MoveInstructions, Call], Build]] = {
+    "AbsJ": MoveInstructions._absolute,
+    "ExtJ": MoveInstructions._external,
+    "J": MoveInstructions._joint,
+    "L": MoveInstructions._line,
+    "C": MoveInstructions._circle,
+}
 
 
 def _planned(arm: Arm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, Piece | None]:
@@ -509,15 +559,6 @@ def _unit_pose(pose: Pose) -> Pose:
     return Pose(pose.position, unit_quaternion(pose.orientation))
 
 
-def normalized(call: Call) -> Any:
-    """NOrient: the quaternion at length 1, which a cfg file's six digits may miss."""
-    rotation = call["Rotation"]
-    length = hypot(*rotation)
-    if length == 0.0:
-        raise RapidRuntimeError("ERR_ILLQUAT", "NOrient: the orientation [0,0,0,0] has no direction.")
-    return tuple(part / length for part in rotation)
-
-
 def check_may_move(call: Call) -> None:
     """Refuse what lets a robot move in event routines that do not belong to a start."""
     if call.task.is_event_alone:
@@ -529,109 +570,29 @@ def check_may_move(call: Call) -> None:
         raise RapidRuntimeError(FATAL, sentence)
 
 
-def forbid_motion(library: Library) -> None:
-    """Let the motion instructions of a task without mechanical units be refused, as RAPID does."""
+_KINDS = [f"{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
+SYNCHRONIZED = (
+    *("MoveAbsJ", "MoveExtJ", *(f"Move{each}" for each in _KINDS)),
+    *("TriggAbsJ", "TriggJ", "TriggL", "TriggC", "TriggJIOs", "TriggLIOs", "SearchL", "SearchC"),
+)
+"""Moves that begin together with those of other tasks after SyncMoveOn."""
 
-    def refuse(call: Call) -> None:
-        sentence = f"{call.name} moves a robot, which the task {call.task.name} may not (MotionTask in CAB_TASKS)."
-        raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+MOVING = (
+    *SYNCHRONIZED,
+    *("SearchExtJ", "WaitRob", "StepBwdPath", "LoadId", "ContactL"),
+    *("PathRecStart", "PathRecStop", "PathRecMoveBwd", "PathRecMoveFwd"),
+    *("CorrCon", "CorrDiscon", "CorrClear", "CorrWrite", "CorrRead"),
+    *("SpeedLimAxis", "SpeedLimCheckPoint", "TuneServo", "TuneReset"),
+)
+"""What a task without mechanical units may not execute."""
 
-    moves = [f"Move{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
-    triggers = ("TriggL", "TriggJ", "TriggC", "TriggAbsJ", "TriggLIOs", "TriggJIOs", "SearchL", "SearchC", "SearchExtJ")
-    records = ("PathRecStart", "PathRecStop", "PathRecMoveBwd", "PathRecMoveFwd")
-    corrections = ("CorrCon", "CorrDiscon", "CorrClear", "CorrWrite", "CorrRead")
-    settings = ("SpeedLimAxis", "SpeedLimCheckPoint", "TuneServo", "TuneReset")
-    others = (
-        "MoveAbsJ",
-        "MoveExtJ",
-        "WaitRob",
-        "StepBwdPath",
-        "LoadId",
-        "ContactL",
-        *triggers,
-        *records,
-        *corrections,
-        *settings,
-    )
-    library.replace_implementations((*moves, *others), refuse)
+
+def refuse_motion(call: Call) -> None:
+    sentence = f"{call.name} moves a robot, which the task {call.task.name} may not (MotionTask in CAB_TASKS)."
+    raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
 
 
 def _predefined(call: Call, name: str) -> Any:
     datum = call.task.library.datum(name)
     assert datum is not None, f"RAPID predefines {name}"
     return datum.value
-
-
-def add_motion(
-    library: Library,
-    unit: ArmUnit,
-    speed_ratio: SpeedRatio,
-    events: EventLog,
-    units_of_tasks: Mapping[str, ArmUnit] | None = None,
-) -> MotionInstructions:
-    """Register the moves of one task.
-
-    Args:
-        library: of the task.
-        unit: the arm it moves.
-        speed_ratio: the speed override of the controller [%].
-        events: the controller's event log.
-        units_of_tasks: the arms of all motion tasks by name, whose positions it reads too.
-    """
-    motion = MotionInstructions(unit, speed_ratio, events, units_of_tasks or {})
-    library.include(POSES)
-    inposdata = {"position": "num", "speed": "num", "mintime": "num", "maxtime": "num"}
-    library.record("inposdata", inposdata)
-    library.alias("stoppoint", "num")
-    library.alias("identno", "num")
-    library.record(
-        "stoppointdata",
-        {
-            "type": "stoppoint",
-            "progsynch": "bool",
-            "inpos": "inposdata",
-            "stoptime": "num",
-            "followtime": "num",
-            "signal": "string",
-            "relation": "opnum",
-            "checkvalue": "num",
-        },
-    )
-    for number, name in enumerate(("inpos", "stoptime", "fllwtime"), start=1):
-        library.data(name, "stoppoint", float(number))
-    for percent in (20, 50, 100):
-        value = (1, True, (percent, percent, 0, 2), 0, 0, "", 0, 0)
-        library.data(f"inpos{percent}", "stoppointdata", value)
-    for time in (0.5, 1.0, 1.5):
-        name = f"{time:.1f}".replace(".", "_")
-        library.data(f"stoptime{name}", "stoppointdata", (2, False, (0, 0, 0, 0), time, 0, "", 0, 0))
-        library.data(f"fllwtime{name}", "stoppointdata", (3, True, (0, 0, 0, 0), 0, time, "", 0, 0))
-    targets = rf"\switch Conc, {{}}, \identno ID, \switch NoEOffs, {SPEED}, {FRAMES}"
-    library.instruction("MoveAbsJ", targets.format("jointtarget ToJointPos"))(motion.move_abs_j)
-    library.instruction("MoveJ", targets.format("robtarget ToPoint"))(motion.move_j)
-    library.instruction("MoveL", targets.format("robtarget ToPoint"))(motion.move_l)
-    library.instruction("MoveC", targets.format("robtarget CirPoint, robtarget ToPoint"))(motion.move_c)
-    library.instruction(
-        "MoveExtJ",
-        r"\switch Conc, jointtarget ToJointPos, \identno ID, \switch UseEOffs, speeddata Speed, \num T, "
-        r"zonedata Zone, \stoppointdata Inpos",
-    )(motion.move_ext_j)
-    library.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")(motion.wait_rob)
-    library.function("CJointT", OF_TASK, "jointtarget")(motion.joint_target)
-    library.function("CRobT", rf"{OF_TASK}, {_READ_FRAMES}", "robtarget")(motion.robot_target)
-    library.function("CPos", _READ_FRAMES, "pos")(motion.position)
-    library.function("CTool", OF_TASK, "tooldata")(motion.tool)
-    library.function("CWObj", OF_TASK, "wobjdata")(motion.wobj)
-    library.function("CalcRobT", r"jointtarget Joint_target, tooldata Tool, \wobjdata WObj", "robtarget")(
-        motion.calculated_target
-    )
-    library.function(
-        "CalcJointT",
-        r"\switch UseCurWObjPos, robtarget Rob_target, tooldata Tool, \wobjdata WObj, \VAR errnum ErrorNumber",
-        "jointtarget",
-    )(motion.calculated_joints)
-    library.function("ORobT", r"robtarget OrgPoint, \switch InPDisp | \switch InEOffs", "robtarget")(
-        motion.without_displacement
-    )
-    library.function("NOrient", "orient Rotation", "orient")(normalized)
-    return motion
