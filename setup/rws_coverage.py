@@ -12,7 +12,7 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 
-from yumi.virtual.rws.operations import Operation, Values
+from yumi.rws.operations.operation import Operation, Values
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.version_2 import RwsService2
 from yumi.virtual.world import World
@@ -33,8 +33,8 @@ def second_names() -> dict[tuple[str, ...], list[str]]:
     """What RWS 2.0 calls each operation that it has."""
     names: dict[tuple[str, ...], list[str]] = {}
     for each in RwsService2(World().controller, user="", password="").translations:
-        is_same = _target(each.operation) == _target(each.rws1)
-        names.setdefault(_key(each.rws1), []).append("same" if is_same else f"`{_target(each.operation)}`")
+        is_same = _target(each.operation) == _target(each.rws1.operation)
+        names.setdefault(_key(each.rws1.operation), []).append("same" if is_same else f"`{_target(each.operation)}`")
     return names
 
 

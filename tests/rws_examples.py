@@ -11,9 +11,9 @@ from digest_client import authorization
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.kinematics import tool0_to_body
 from yumi.rws.documents import FORM_TYPE, decode_form
+from yumi.rws.operations.operation import Operation
 from yumi.rws.types import GRANTS, Grant, OperatingMode
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.operations import Call, Operation
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World
 
@@ -319,7 +319,7 @@ def example(line: str) -> Example:
 def operation_of(session: Session, example: Example) -> Operation:
     path, _, query = re.sub("{[a-z]+}", "1", example.target).partition("?")
     segments = tuple(part.partition(";")[0] for part in path.split("/") if part)
-    return session.service._router.find(Call(example.method, segments, decode_form(query)))[0]
+    return session.service._router.find(example.method, segments, decode_form(query))[0].operation
 
 
 def content_type(reply: HttpReply) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 
 import pytest
@@ -15,14 +15,18 @@ from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.robot.joints import Joints, Pose, Side, home
 from yumi.robot.kinematics import tool0_to_body
 from yumi.rws.client import OPERATING_MODE, RwsClient
-from yumi.rws.documents import RobTarget
-from yumi.rws.services.controller import Privilege, RestartMode, RmmpStatus
+from yumi.rws.documents import Pairs, RobTarget
+from yumi.rws.operations.motion import Coordinates, Increment, JogMode, Supervision
+from yumi.rws.operations.operation import Operation
 from yumi.rws.services.io import SignalChange
-from yumi.rws.services.motion import Coordinates, Increment, JogMode, Supervision
-from yumi.rws.services.rapid import QueueMessage, Range, RunCycle, Step, StopMode, SymbolKind
+from yumi.rws.services.panel import RestartMode
+from yumi.rws.services.queues import QueueMessage
+from yumi.rws.services.rapid import Range, RunCycle, Step, StopMode
+from yumi.rws.services.symbols import SymbolKind
+from yumi.rws.services.users import Privilege, RmmpStatus
 from yumi.rws.types import Code, OperatingMode, SignalType
 from yumi.virtual.faults import DISPLAY_PATH
-from yumi.virtual.rws.operations import Call, Operation
+from yumi.virtual.rws.router import Route
 from yumi.virtual.world import World
 
 TASK = "T_ROB_L"
@@ -63,10 +67,10 @@ class Bench:
         self.used: dict[int, Operation] = {}
         find = self.http.adapter._router.find
 
-        def found(call: Call) -> tuple[Operation, Call]:
-            operation, known = find(call)
-            self.used[id(operation)] = operation
-            return operation, known
+        def found(method: str, path: Sequence[str], query: Pairs) -> tuple[Route, Mapping[str, str]]:
+            route, names = find(method, path, query)
+            self.used[id(route.operation)] = route.operation
+            return route, names
 
         self.http.adapter._router.find = found  # type: ignore[method-assign]
         self.client = RwsClient(self.http, clock=clock)

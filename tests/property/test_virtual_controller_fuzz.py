@@ -18,9 +18,10 @@ from soak import FUZZ_PROGRAMS, FUZZ_REQUESTS
 from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.states import Execution
 from yumi.rws.documents import FORM_TYPE
+from yumi.rws.operations.operation import get
 from yumi.virtual.rws import service as rws_service
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.operations import Operation, Router
+from yumi.virtual.rws.router import Route, Router
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World
 
@@ -305,6 +306,6 @@ def test_fault_of_ours_is_refused_and_logged(
     def broken(controller: object, call: object) -> None:
         raise ZeroDivisionError("of ours")
 
-    monkeypatch.setattr(client.service, "_router", Router([Operation("GET", "/rw/broken", broken)]))
+    monkeypatch.setattr(client.service, "_router", Router([Route(get("/rw/broken"), broken)]))
     assert client.asked(HttpRequest("GET", "/rw/broken", (client.cookie,))).status == 400
     assert [record.exc_info is not None for record in caplog.records] == [True]

@@ -15,7 +15,7 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from queue import Queue
 from threading import Lock
 from types import TracebackType
@@ -28,12 +28,29 @@ from yumi.clock import Clock, SystemClock
 from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.rws import documents
 from yumi.rws.documents import Form, Page, Pairs, State, SystemInfo, decode_form, read_page
-from yumi.rws.services.controller import Configuration, Controller, EventLog, Files, Panel, Users
+from yumi.rws.operations import subscriptions as table
+from yumi.rws.operations.system import SYSTEM
+from yumi.rws.operations.users import LOGOUT
+from yumi.rws.services.configuration import Configuration
+from yumi.rws.services.ctrl import Controller
+from yumi.rws.services.event_log import EventLog
+from yumi.rws.services.files import Files
 from yumi.rws.services.io import Io
+from yumi.rws.services.modules import Modules
 from yumi.rws.services.motion import Motion
-from yumi.rws.services.rapid import Queues, Rapid, Symbols
-from yumi.rws.session import BUSY, OnProgress, Request, RwsSession, Transport, get
+from yumi.rws.services.rapid import Rapid
+from yumi.rws.session import BUSY
+from yumi.rws.session import OnProgress
+from yumi.rws.session import Request
+from yumi.rws.session import RwsSession
+from yumi.rws.session import Transport
 from yumi.rws.transport import HttpTransport
+from yumi.rws.services.panel import Panel
+from yumi.rws.services.queues import Queues
+from yumi.rws.services.service import request
+from yumi.rws.services.symbols import Symbols
+from yumi.rws.services.system import System
+from yumi.rws.services.users import Users
 from yumi.rws.types import PROTOCOL, Priority, Resource
 from yumi.rws.web_socket import Listener, Socket
 
@@ -52,7 +69,21 @@ _GROUP = re.compile(r"/poll/(\d+)")
 _SYMBOL_DATA = "/rw/rapid/symbol/data/RAPID/"
 
 
-class RwsClient(Panel, Rapid, Symbols, Io, Motion, Configuration, Controller, Files, Users, Queues, EventLog):
+class RwsClient(
+    Panel,
+    Rapid,
+    Modules,
+    Symbols,
+    Io,
+    Motion,
+    Configuration,
+    Controller,
+    System,
+    Files,
+    Users,
+    Queues,
+    EventLog,
+):
     """A controller at ``address``: host name or IP address, with ``:port`` if not 80; or a transport to one.
 
     Every call waits for its turn (see :mod:`yumi.rws.session`), then ends within ``timeout`` [s], or so long
@@ -93,7 +124,7 @@ class RwsClient(Panel, Rapid, Symbols, Io, Motion, Configuration, Controller, Fi
     def connect(self) -> SystemInfo:
         """Log in, and return which controller answers."""
         try:
-            reply = self._session.exchange(get("/rw/system"))
+            reply = self._session.exchange(request(SYSTEM))
             if not self._session.is_open and reply.status_code != BUSY:
                 reason = message("answers_without_session", status=reply.status_code)
                 raise self._session.not_a_controller(reason)
@@ -124,7 +155,7 @@ class RwsClient(Panel, Rapid, Symbols, Io, Motion, Configuration, Controller, Fi
     def log_out(self) -> None:
         """End the session at the controller; the next call opens another."""
         if self._session.is_open:
-            self._session.exchange(get("/logout"))
+            self._session.exchange(request(LOGOUT))
             self._session.close()
 
     def call(self, method: str, path: str, query: Pairs = (), form: Pairs | None = None) -> Page | None:
@@ -194,7 +225,7 @@ class RwsClient(Panel, Rapid, Symbols, Io, Motion, Configuration, Controller, Fi
         """
         if not resources:
             raise CommandRefused(message("no_resource_named"))
-        reply = self._session.exchange(Request("POST", "/subscription", form=write_resources(resources)))
+        reply = self._session.exchange(replace(request(table.CREATE), form=write_resources(resources)))
         self._accepted(reply, "subscribing")
         subscription = Subscription(self._session, resources, on_change, on_lost)
         subscription.open(reply)
@@ -349,7 +380,7 @@ class Subscription:
 
     def _unsubscribe(self) -> None:
         try:
-            self._session.exchange(Request("DELETE", f"/subscription/{self._group}"))
+            self._session.exchange(request(table.DELETE, str(self._group)))
         except (NoConnection, LoginRefused, ProtocolError) as error:
             log.debug("no end of a subscription: %s", error)
 

@@ -54,9 +54,10 @@ from yumi.virtual.faults import FAULTS_PATH
 from yumi.virtual.mechanics.egm_network import Outgoing
 from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters
 from yumi.virtual.mechanics.path import PREFETCH
-from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
+from yumi.virtual.mechanics.virtual_gripper import CupObject
+from yumi.virtual.mechanics.virtual_gripper import Workpiece
+from yumi.virtual.rws.call import Failure
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.operations import Failure
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.rws.version_2 import ROBOTWARE_7, RwsService2
@@ -327,11 +328,11 @@ class VirtualController:
             if not self._service.may_enter(request, self._clock.now()):
                 return None
         try:
-            operation, call = self._service.find(request)
-            if operation.prepare is None:
+            route, call = self._service.find(request)
+            if route.prepare is None:
                 return None
             with self._lock:
-                work = operation.prepare(self.world.controller, call)
+                work = route.prepare(self.world.controller, call)
         except Failure:  # the answer says what is wrong
             return None
         return None if work is None else self._background.submit(partial(_try_to_prepare, work))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 
 import pytest
@@ -18,9 +19,11 @@ from yumi.clock import ManualClock
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE
 from yumi.rws.client import RwsClient
+from yumi.rws.documents import Pairs
 from yumi.rws.services.rapid import RunCycle
 from yumi.rws.types import Code
-from yumi.virtual.rws.operations import Call, Failure, Operation
+from yumi.virtual.rws.call import Failure
+from yumi.virtual.rws.router import Route
 from yumi.virtual.world import World
 
 PROGRAM = """MODULE Program
@@ -339,10 +342,10 @@ def test_lines_are_listed_where_the_controller_does_not_tell_breakpoints(
     session.enter("main")
     find = session.http.adapter._router.find
 
-    def without_breakpoints(call: Call) -> tuple[Operation, Call]:
-        if call.path[-1] == "breakpoint":
+    def without_breakpoints(method: str, path: Sequence[str], query: Pairs) -> tuple[Route, Mapping[str, str]]:
+        if path[-1] == "breakpoint":
             raise Failure(404, Code.FAIL, "there is no such resource")
-        return find(call)
+        return find(method, path, query)
 
     monkeypatch.setattr(session.http.adapter._router, "find", without_breakpoints)
     assert session.enter("list").splitlines()[4] == "    5 ->         count:=0;"

@@ -22,7 +22,7 @@ from yumi.rws.documents import (
     read_page,
     read_status,
 )
-from yumi.virtual.rws.http import write_page, write_status
+from yumi.virtual.rws.render import write_page, write_status
 
 LEGAL = st.characters(exclude_categories=("Cs", "Cc"), exclude_characters="￾￿")
 texts = st.text(LEGAL | st.sampled_from("\t\n\r\"'<>&;"), max_size=12)

@@ -20,7 +20,7 @@ from yumi.rws.client import (
 )
 from yumi.rws.documents import Link, State, decode_form
 from yumi.rws.types import Priority, Resource
-from yumi.virtual.rws import http as virtual_documents
+from yumi.virtual.rws import render as virtual_documents
 from yumi.virtual.rws.subscriptions import read_resources
 
 RESOURCES = (Resource("/rw/panel/opmode"), signal_state("EGM_STOP"), variable_value("T_ROB_R", "M", "v", Priority.LOW))

@@ -10,7 +10,7 @@ from yumi.errors import ControllerRefused, ProtocolError
 from yumi.rws import documents
 from yumi.rws.documents import Event, Form, Page, Signal, State, Status, SystemInfo, TaskInfo
 from yumi.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
-from yumi.virtual.rws.http import write_status
+from yumi.virtual.rws.render import write_status
 
 JOINTS = {f"rax_{axis}": str(10 * axis) for axis in range(1, 7)}
 EXTERNAL = {"eax_a": "-135"} | {f"eax_{letter}": "8.999999e+009" for letter in "bcdef"}

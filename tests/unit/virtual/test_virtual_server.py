@@ -24,10 +24,11 @@ from yumi.rapid.parser import parse_module
 from yumi.rapid.states import Execution, SystemEvent
 from yumi.rapid.types import RapidSyntaxError
 from yumi.robot.joints import CYCLE, Side
+from yumi.virtual.rws import modules
 from yumi.virtual.rws import rapid as rws_rapid
-from yumi.virtual.rws import service, symbols
+from yumi.virtual.rws.call import Call
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.operations import Call, Router
+from yumi.virtual.rws.router import Router
 from yumi.virtual.rws.version_2 import RwsService2
 from yumi.virtual.server import LONGEST_BEGINNING, LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, VirtualController
 from yumi.virtual.world import World, WorldSettings
@@ -85,8 +86,10 @@ def test_text_of_a_module_is_quoted_once_for_all_who_read_it(monkeypatch: pytest
     rws_rapid.quoted.cache_clear()
     controller = World().controller
     options = (("resource", "module-text"), ("task", "T_ROB_L"))
-    operation, call = Router(symbols.OPERATIONS).find(Call("GET", ("rw", "rapid", "modules", "TRobMain"), options))
-    pages = [operation.handler(controller, call) for _ in range(3)]
+    path = ("rw", "rapid", "modules", "TRobMain")
+    route, names = Router(modules.ROUTES).find("GET", path, options)
+    call = Call("GET", path, options, names=names)
+    pages = [route.handler(controller, call) for _ in range(3)]
     assert (len(texts), pages[1:]) == (1, pages[:-1])
 
 
@@ -302,27 +305,6 @@ def answered(virtual: VirtualController, request: HttpRequest) -> HttpReply:
     reply = virtual._handle(request)
     assert isinstance(reply, HttpReply)
     return reply
-
-
-def test_nothing_is_kept_of_a_request_without_a_session(served: Served) -> None:
-    virtual, _ = served
-    service._kept_parts.cache_clear()
-    router = virtual._service._router
-    router._resolve_kept.cache_clear()
-    for number in range(3):
-        assert virtual._prepare(HttpRequest("POST", f"/rw/rapid/execution/{number}?action=resetpp")) is None
-    assert (service._kept_parts.cache_info().currsize, router._resolve_kept.cache_info().currsize) == (0, 0)
-
-
-def test_long_targets_are_not_kept(served: Served) -> None:
-    virtual, cookie = served
-    service._kept_parts.cache_clear()
-    virtual._service._router._resolve_kept.cache_clear()
-    for long in (f"/rw/{'x' * 300}", f"/rw?{'&' * 300}"):
-        answered(virtual, HttpRequest("GET", long, (cookie, ("Accept", "application/xhtml+xml;v=2.0"))))
-    assert service._kept_parts.cache_info().currsize == 0
-    kept = virtual._service._router._resolve_kept.cache_info().currsize
-    assert kept <= 1, "/rw itself"
 
 
 @pytest.mark.parametrize("path", ["HOME/once.mod", "$home/once.mod", "HOME:/once.mod"])

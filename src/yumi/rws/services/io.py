@@ -9,13 +9,11 @@ from enum import Enum
 from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.rws import documents
-from yumi.rws.documents import Pairs, Signal, State
-from yumi.rws.session import Request, Requests, get, given, post
+from yumi.rws.documents import Page, Signal, State
+from yumi.rws.operations import io as table
+from yumi.rws.services.service import Service
 from yumi.rws.types import SignalType
 
-_SIGNALS = "/rw/iosystem/signals"
-_NETWORKS = "/rw/iosystem/networks"
-_DEVICES = "/rw/iosystem/devices"
 _MS = 1000.0
 
 
@@ -78,27 +76,21 @@ class AccessRights:
     remote_auto: bool
 
 
-class Io(Requests):
+class Io(Service):
     """``/rw/iosystem``."""
 
     def signal(self, name: str) -> Signal:
         """One I/O signal."""
-        return self._read(get(f"{_SIGNALS}/{name}"), documents.read_signal, f"reading signal {name}")
+        return documents.read_signal(self._shown(f"reading signal {name}", table.SIGNAL, name))
 
     def signals(self) -> Mapping[str, float]:
         """The values of all I/O signals by their names, in one request where the controller does not make pages."""
-        found: dict[str, float] = {}
-        query: Pairs | None = ()
-        while query is not None:
-            page = self._page(self._session.exchange(get(_SIGNALS, *query)), "reading all signals")
-            found |= documents.read_signals(page)
-            query = page.next_query if page.states else None
-        return found
+        return documents.read_signals(Page("", "", self._listed("reading all signals", table.SIGNALS)))
 
     def set_signal(self, name: str, value: float) -> None:
         """Write the logical value of an I/O signal; group signals take whole numbers."""
         text = str(int(value)) if float(value).is_integer() else repr(value)
-        self._do(post(f"{_SIGNALS}/{name}", "set", ("lvalue", text)), f"writing signal {name}")
+        self._call(f"writing signal {name}", table.SET_SIGNAL, name, lvalue=text)
 
     def pulse_signal(self, name: str) -> None:
         """Give a rising edge, which is what RAPID interrupts wait for; the signal stays high.
@@ -116,15 +108,12 @@ class Io(Requests):
 
     def signal_details(self, name: str) -> SignalDetails:
         """One signal in full."""
-        request = get(f"{_SIGNALS}/{name}")
-        return self._read(
-            request, lambda page: _signal_details(page.one("ios-signal", "ios-signal-li")), f"reading {name}"
-        )
+        return _signal_details(self._shown(f"reading {name}", table.SIGNAL, name).one("ios-signal", "ios-signal-li"))
 
     def signal_access(self, name: str) -> AccessRights:
         """From where a signal may be written."""
-        query = (("resource", "config"), ("configtype", "1"))
-        return _access_rights(self._state(f"reading {name}", f"{_SIGNALS}/{name}", "ios-signal-config-runtime", *query))
+        page = self._shown(f"reading {name}", table.SIGNAL_CONFIG, name, configtype=1)
+        return _access_rights(page.one("ios-signal-config-runtime"))
 
     def find_signals(
         self,
@@ -138,25 +127,23 @@ class Io(Requests):
         is_blocked: bool | None = None,
     ) -> tuple[Signal, ...]:
         """Signals whose name contains ``name``, and that are as the rest says; or all others."""
-        form = given(
+        page = self._shown(
+            "searching signals",
+            table.SIGNAL_SEARCH,
             name=name or None,
-            type=None if type is None else type.value,
+            type=type,
             device=device or None,
             network=network or None,
             category=category or None,
             invert=all_others or None,
             blocked=is_blocked,
         )
-        request = Request("POST", _SIGNALS, (("action", "signal-search"),), form)
-        return self._read(
-            request, lambda page: tuple(map(documents.signal_of, page.of_type("ios-signal-li"))), "searching signals"
-        )
+        return tuple(map(documents.signal_of, page.of_type("ios-signal-li")))
 
     def find_signal_details(self, name: str = "", other: str = "") -> tuple[SignalDetails, ...]:
         """Signals in full whose name contains ``name``, and ``other``, too."""
-        form = given(name=name or None, name2=other or None)
-        request = Request("POST", _SIGNALS, (("action", "signal-searchex"),), form)
-        return self._read(request, lambda page: tuple(map(_signal_details, page.of_type("ios-signal-li"))), "searching")
+        page = self._shown("searching", table.SIGNAL_SEARCHEX, name=name or None, name2=other or None)
+        return tuple(map(_signal_details, page.of_type("ios-signal-li")))
 
     def change_signal(
         self,
@@ -180,76 +167,80 @@ class Io(Requests):
             passive: time between two pulses [s].
             delay: time before the change [s].
         """
-        times = {"ActivePulse": active, "PassivePulse": passive, "Delay": delay}
-        form = (
-            ("mode", change.value),
-            *given(lvalue=None if value is None else f"{value:g}", Pulses=pulses),
-            *((key, str(round(time * _MS))) for key, time in times.items() if time is not None),
+        self._call(
+            f"writing signal {name}",
+            table.SET_SIGNAL,
+            name,
+            mode=change,
+            lvalue=None if value is None else f"{value:g}",
+            Pulses=pulses,
+            ActivePulse=_milliseconds(active),
+            PassivePulse=_milliseconds(passive),
+            Delay=_milliseconds(delay),
         )
-        self._do(post(f"{_SIGNALS}/{name}", "set", *form), f"writing signal {name}")
 
     def simulate_signal(self, name: str, is_simulated: bool) -> None:
         """Cut a signal off its device, so that its logical value is set by hand, or connect it again."""
-        text = "simulated" if is_simulated else "not simulated"
-        self._do(post(f"{_SIGNALS}/{name}", "set", ("lstate", text)), f"simulating signal {name}")
+        state = "simulated" if is_simulated else "not simulated"
+        self._call(f"simulating signal {name}", table.SET_SIGNAL, name, lstate=state)
 
     def unblock_signals(self) -> None:
         """Connect all simulated signals to their devices again."""
-        self._do(post(_SIGNALS, "unblock-signal"), "connecting all signals")
+        self._call("connecting all signals", table.UNBLOCK_SIGNALS)
 
     def networks(self, name: str = "") -> tuple[Network, ...]:
         """The industrial networks whose name contains ``name``."""
         if not name:
-            return tuple(map(_network, self._states("reading the networks", _NETWORKS)))
-        request = post(_NETWORKS, "search", ("name", name))
-        return self._read(request, lambda page: tuple(map(_network, page.states)), "searching networks")
+            return tuple(map(_network, self._listed("reading the networks", table.NETWORKS)))
+        return tuple(map(_network, self._shown("searching networks", table.SEARCH_NETWORKS, name=name).states))
 
     def network(self, name: str) -> Network:
         """One industrial network."""
-        return _network(self._state(f"reading {name}", f"{_NETWORKS}/{name}", "ios-network"))
+        return _network(self._shown(f"reading {name}", table.NETWORK, name).one("ios-network"))
 
     def network_type(self, name: str) -> str:
         """What kind of network it is, such as ``DEV`` for DeviceNet."""
-        query = (("resource", "config"), ("configtype", "1"))
-        state = self._state(f"reading {name}", f"{_NETWORKS}/{name}", "ios-network-config-runtime", *query)
-        return state.text("networktype")
+        page = self._shown(f"reading {name}", table.NETWORK_CONFIG, name, configtype=1)
+        return page.one("ios-network-config-runtime").text("networktype")
 
     def start_network(self, name: str, is_started: bool) -> None:
         """Start or stop an industrial network."""
-        form = ("lstate", "start" if is_started else "stop")
-        self._do(post(f"{_NETWORKS}/{name}", "set", form), f"{'starting' if is_started else 'stopping'} {name}")
+        what = f"{'starting' if is_started else 'stopping'} {name}"
+        self._call(what, table.SET_NETWORK, name, lstate="start" if is_started else "stop")
 
     def configure_network(self, name: str, kind: str = "SCAN") -> None:
         """Let a network find its devices (``SCAN``, ``UNITS``), or make signals (``BITS``, ``GROUPS``, ``BOTH``)."""
-        self._do(post(f"{_NETWORKS}/{name}", "config", ("config-type", kind)), f"configuring {name}")
+        self._call(f"configuring {name}", table.CONFIGURE_NETWORK, name, config_type=kind)
 
     def devices(self, name: str = "", network: str = "") -> tuple[Network, ...]:
         """The I/O devices whose name contains ``name``, of one network or of all."""
         if name:
-            states = self._read(post(_DEVICES, "search", ("name", name)), lambda page: page.states, "searching devices")
+            states = self._shown("searching devices", table.SEARCH_DEVICES, name=name).states
         else:
-            states = self._states("reading the devices", _DEVICES)
+            states = self._listed("reading the devices", table.DEVICES)
         return tuple(_network(state) for state in states if network in ("", state.title.partition("/")[0]))
 
     def device(self, name: str) -> Network:
         """One I/O device, such as ``DeviceNet/D652_10``."""
-        return _network(self._state(f"reading {name}", f"{_DEVICES}/{name}", "ios-device"))
+        return _network(self._shown(f"reading {name}", table.DEVICE, name).one("ios-device"))
 
     def device_access(self, name: str) -> AccessRights:
         """From where the signals of a device may be written."""
-        query = (("resource", "config"), ("configtype", "1"))
-        return _access_rights(self._state(f"reading {name}", f"{_DEVICES}/{name}", "ios-device-config-runtime", *query))
+        page = self._shown(f"reading {name}", table.DEVICE_CONFIG, name, configtype=1)
+        return _access_rights(page.one("ios-device-config-runtime"))
 
     def has_upgrade(self, network: str, name: str) -> bool:
         """Whether there is newer firmware for a device."""
-        reply = self._session.exchange(get(f"{_DEVICES}/{network}/{name}/upgradeinfo"))
-        self._accepted(reply, f"reading {name}")
-        return bool(reply.content)
+        return bool(self._call(f"reading {name}", table.UPGRADE, network, name).content)
 
     def enable_device(self, name: str, is_enabled: bool) -> None:
         """Enable or disable an I/O device."""
-        form = ("lstate", "enable" if is_enabled else "disable")
-        self._do(post(f"{_DEVICES}/{name}", "set", form), f"{'enabling' if is_enabled else 'disabling'} {name}")
+        what = f"{'enabling' if is_enabled else 'disabling'} {name}"
+        self._call(what, table.SET_DEVICE, name, lstate="enable" if is_enabled else "disable")
+
+
+def _milliseconds(time: float | None) -> int | None:
+    return None if time is None else round(time * _MS)
 
 
 def _signal_details(state: State) -> SignalDetails:

@@ -3,128 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from enum import Enum
 from math import degrees
 
 from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Pose, abb_from_chain, chain_from_abb, joints
-from yumi.rws import documents
-from yumi.rws.documents import (
-    EXTERNAL_AXES,
-    JointTarget,
-    Pairs,
-    RobTarget,
-    State,
-    joint_target_of,
-    pose_of,
-    rob_target_of,
+from yumi.rws.documents import JointTarget, RobTarget
+from yumi.rws.operations import motion as table
+from yumi.rws.operations.motion import (
+    Calibration,
+    Coordinates,
+    Increment,
+    JogMode,
+    MechanicalUnit,
+    MotionSystem,
+    Solution,
+    Supervision,
 )
-from yumi.rws.session import Requests, get, given, post
+from yumi.rws.services.service import Service
 
-_MOTION = "/rw/motionsystem"
-_UNITS = "/rw/motionsystem/mechunits"
 _MM = 1000.0
-_TURNS = ("j1", "j4", "j6", "jx")
 _NO_TOOL = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
-class Coordinates(Enum):
-    """In which coordinates a position is."""
-
-    BASE = "Base"
-    WORLD = "World"
-    TOOL = "Tool"
-    WORK_OBJECT = "Wobj"
-
-
-class JogMode(Enum):
-    """What the axes of a joystick move."""
-
-    AXES_1_TO_3 = "AxisGroup1"
-    AXES_4_TO_6 = "AxisGroup2"
-    CARTESIAN = "Cartesian"
-    ALIGN = "Align"
-    GO_TO_POSITION = "GoToPos"
-    CONFIGURATION = "ConfigurationJog"
-
-
-class Increment(Enum):
-    """Length of a step when jogging."""
-
-    SMALL = "Small"
-    MEDIUM = "Medium"
-    LARGE = "Large"
-    USER = "User"
-
-
-@dataclass(frozen=True, slots=True)
-class MotionSystem:
-    """What is jogged, and the count that a request to jog has to name.
-
-    Attributes:
-        unit: the active mechanical unit.
-        change_count: rises with every change of units and their settings.
-        has_absolute_accuracy: whether that is active.
-    """
-
-    unit: str
-    change_count: int
-    has_absolute_accuracy: bool
-
-
-@dataclass(frozen=True, slots=True)
-class MechanicalUnit:
-    """A mechanical unit.
-
-    Attributes:
-        name: such as ``ROB_R``.
-        task: that moves it.
-        type: ``TCPRobot``, ``Robot``, ``Single`` or ``None``.
-        axes: number of its own.
-        total_axes: number with those of the unit that is integrated in it.
-        integrated_unit: which that is, "" for none.
-        tool, work_object, payload: active names.
-        coordinates: in which it is jogged.
-        jog_mode: what a joystick moves.
-        is_active: whether it may be moved.
-        is_synchronized: whether its revolution counters are right.
-    """
-
-    name: str
-    task: str
-    type: str
-    axes: int
-    total_axes: int
-    integrated_unit: str
-    tool: str
-    work_object: str
-    payload: str
-    coordinates: Coordinates
-    jog_mode: JogMode
-    is_active: bool
-    is_synchronized: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Supervision:
-    """A supervision of an arm, and its level [%]; a higher one is less sensitive."""
-
-    is_on: bool
-    level: int
-
-
-@dataclass(frozen=True, slots=True)
-class Calibration:
-    """How a joint was calibrated."""
-
-    joint: str
-    method: str
-    factory_method: str
-
-
-class Motion(Requests):
+class Motion(Service):
     """``/rw/motionsystem``."""
 
     def joint_target(self, unit: str) -> Joints:
@@ -133,49 +35,28 @@ class Motion(Requests):
 
     def axis_positions(self, unit: str) -> JointTarget:
         """Where the axes of any mechanical unit stand."""
-        return self._read(
-            get(f"{_UNITS}/{unit}/jointtarget"), documents.read_joint_target, f"reading the joints of {unit}"
-        )
+        return self._answer(f"reading the joints of {unit}", table.JOINT_TARGET, unit)
 
     def motion_system(self) -> MotionSystem:
         """What is jogged."""
-        state = self._state("reading the motion system", _MOTION, "ms")
-        return MotionSystem(state.text("mechunit-name"), state.whole("change-count"), state.flag("absacc-active"))
+        return self._answer("reading the motion system", table.MOTION_SYSTEM)
 
     def has_motion_changed(self, change_count: int) -> bool:
         """Whether units or their settings have changed since they were read with that count."""
-        query = ("changecount", str(change_count))
-        state = self._state("reading the change count", f"{_MOTION}/checkchangecount", "ms-change-count", query)
-        return state.flag("changestate")
+        return self._answer("reading the change count", table.CHANGE_COUNT, changecount=change_count)
 
     def motion_error(self) -> tuple[str, int]:
         """State of errors when jogging, ``HPJ_OK`` for none, and how many there were."""
-        state = self._state("reading the error state", f"{_MOTION}/errorstate", "ms-errorstate")
-        return state.text("err-state"), state.whole("err-count")
+        error = self._answer("reading the error state", table.ERROR_STATE)
+        return error.state, error.count
 
     def mechanical_units(self) -> tuple[str, ...]:
         """Names of the mechanical units."""
-        return tuple(state.title for state in self._states("reading the mechanical units", _UNITS))
+        return tuple(state.title for state in self._listed("reading the mechanical units", table.UNITS))
 
     def mechanical_unit(self, unit: str) -> MechanicalUnit:
         """One mechanical unit."""
-        state = self._state(f"reading {unit}", f"{_UNITS}/{unit}", "ms-mechunit")
-        integrated = state.text("has-integrated-unit")
-        return MechanicalUnit(
-            name=state.title,
-            task=state.text("task-name"),
-            type=state.text("type"),
-            axes=state.whole("axes"),
-            total_axes=state.whole("axes-total"),
-            integrated_unit="" if integrated == "NoIntegratedUnit" else integrated,
-            tool=state.text("tool-name"),
-            work_object=state.text("wobj-name"),
-            payload=state.text("payload-name"),
-            coordinates=state.member(Coordinates, "coord-system"),
-            jog_mode=state.member(JogMode, "jog-mode"),
-            is_active=state.text("mode") == "Activated",
-            is_synchronized=state.text("status") == "Synchronized",
-        )
+        return self._answer(f"reading {unit}", table.UNIT, unit)
 
     def set_mechanical_unit(
         self,
@@ -190,115 +71,100 @@ class Motion(Requests):
         is_active: bool | None = None,
     ) -> None:
         """Change what a mechanical unit is jogged with; None leaves it as it is."""
-        form = given(
+        self._call(
+            f"setting up {unit}",
+            table.SET_UNIT,
+            unit,
             tool=tool,
             wobj=work_object,
             payload=payload,
             total_payload=total_payload,
-            coord_system=None if coordinates is None else coordinates.value,
-            jog_mode=None if jog_mode is None else jog_mode.value,
+            coord_system=coordinates,
+            jog_mode=jog_mode,
             mode=None if is_active is None else "Activated" if is_active else "Deactivated",
         )
-        self._do(post(f"{_UNITS}/{unit}", "set", *form), f"setting up {unit}")
 
     def is_lead_through_on(self, unit: str) -> bool:
         """Whether an arm follows a hand that leads it."""
-        query = ("resource", "lead-through")
-        state = self._state(f"reading {unit}", f"{_UNITS}/{unit}", "ms-mechunit-complianceleadthrough", query)
-        return state.flag("status")
+        return self._answer(f"reading {unit}", table.LEAD_THROUGH, unit)
 
     def set_lead_through(self, unit: str, is_on: bool) -> None:
         """Let an arm follow a hand that leads it, or not."""
-        form = ("status", "active" if is_on else "inactive")
-        self._do(post(f"{_UNITS}/{unit}", "set-lead-through", form), f"switching the lead-through of {unit}")
+        status = "active" if is_on else "inactive"
+        self._call(f"switching the lead-through of {unit}", table.SET_LEAD_THROUGH, unit, status=status)
 
     # Positions
 
     def physical_joints(self, unit: str) -> Joints:
         """Where the motors of an arm stand, chain order [rad]."""
-        state = self._state(f"reading the joints of {unit}", f"{_UNITS}/{unit}/pjoints", "ms-pjoints")
-        return joint_target_of(state, "rax_", EXTERNAL_AXES).chain()
+        return self._answer(f"reading the joints of {unit}", table.PHYSICAL_JOINTS, unit).chain()
 
     def rob_target(
         self, unit: str, *, tool: str = "", work_object: str = "", coordinates: Coordinates | None = None
     ) -> RobTarget:
         """Where the tool of an arm stands; tool, work object and coordinates are the active ones if not named."""
-        path = f"{_UNITS}/{unit}/robtarget"
-        query = _frames(tool, work_object, coordinates)
-        return rob_target_of(self._state(f"reading the position of {unit}", path, "ms-robtargets", *query))
+        frames = _frames(tool, work_object, coordinates)
+        return self._answer(f"reading the position of {unit}", table.ROBTARGET, unit, **frames)
 
     def cartesian(
         self, unit: str, *, tool: str = "", work_object: str = "", coordinates: Coordinates | None = None
     ) -> RobTarget:
         """As ``rob_target``, without external axes."""
-        path = f"{_UNITS}/{unit}/cartesian"
-        query = _frames(tool, work_object, coordinates)
-        return rob_target_of(self._state(f"reading the position of {unit}", path, "ms-mechunit-cartesian", *query))
+        frames = _frames(tool, work_object, coordinates)
+        return self._answer(f"reading the position of {unit}", table.CARTESIAN, unit, **frames)
 
     def base_frame(self, unit: str) -> Pose:
         """Base of an arm in the world."""
-        path = f"{_UNITS}/{unit}/baseframe"
-        return pose_of(self._state(f"reading the base frame of {unit}", path, "ms-mechunit-baseframe"))
+        return self._answer(f"reading the base frame of {unit}", table.BASE_FRAME, unit)
 
     def set_base_frame(self, unit: str, base_to_world: Pose) -> None:
         """Say where an arm is mounted; it acts after a restart."""
-        form = _pose_fields(base_to_world, ("x", "y", "z"), ("q1", "q2", "q3", "q4"))
-        self._do(post(f"{_UNITS}/{unit}/baseframe", "set", *form), f"setting the base frame of {unit}")
+        frame = _pose_fields(base_to_world, ("x", "y", "z"), ("q1", "q2", "q3", "q4"))
+        self._call(f"setting the base frame of {unit}", table.SET_BASE_FRAME, unit, **frame)
 
     def axes(self, unit: str) -> int:
         """Number of axes of a mechanical unit."""
-        return self._state(f"reading {unit}", f"{_UNITS}/{unit}/axes", "ms-mechunit-axes").whole("axes")
+        return self._answer(f"reading {unit}", table.AXES, unit)
 
     def is_axis_synchronized(self, unit: str, axis: int) -> bool:
         """Whether the revolution counter of an axis (from 1) is right."""
-        state = self._state(f"reading axis {axis} of {unit}", f"{_UNITS}/{unit}/axes/{axis}", "ms-axis")
-        return state.text("axisstatus") == "Synchronized"
+        return self._answer(f"reading axis {axis} of {unit}", table.AXIS, unit, str(axis)).is_synchronized
 
     def axis_pose(self, unit: str, axis: int) -> Pose:
         """Where an axis (from 1) is, in the base of the arm."""
-        path = f"{_UNITS}/{unit}/axes/{axis}"
-        return pose_of(self._state(f"reading {unit}", path, "ms-axis-pose", ("resource", "axis-pose")))
+        return self._answer(f"reading {unit}", table.AXIS_POSE, unit, str(axis))
 
     # Kinematics of the controller
 
     def pose_of_joints(self, unit: str, position: Joints, tool_to_flange: Pose = _NO_TOOL) -> RobTarget:
         """Where the tool is with the joints at ``position``, chain order [rad]."""
-        form = (*_joint_fields(position, "rob_joints", "ext_joints"), *_tool_fields(tool_to_flange))
-        request = post(f"{_UNITS}/{unit}", "CalcPoseFromJoints", *form, ("elog_at_error", "FALSE"))
-        return self._read(request, lambda page: _calculated(page.states[0]), f"computing the position of {unit}")
+        form = {**_joint_fields(position, "rob_joints", "ext_joints"), **_tool_fields(tool_to_flange)}
+        what = f"computing the position of {unit}"
+        return self._first(what, table.POSE_FROM_JOINTS, unit, **form, elog_at_error="FALSE")
 
     def joints_of_pose(self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = _NO_TOOL) -> Joints:
         """Joints with which the tool is at ``target``, near the joints ``near``; chain order [rad]."""
-        form = (
-            *_target_fields(target),
-            *_tool_fields(tool_to_flange),
-            *_joint_fields(near, "old_rob_joints", "old_ext_joints"),
-        )
-        request = post(f"{_UNITS}/{unit}", "CalcJointsFromPose", *form, ("elog_at_error", "FALSE"))
-        return self._read(request, lambda page: _solution(page.states[0]), f"computing the joints of {unit}")
+        form = _search_fields(target, near, tool_to_flange)
+        return _joints(self._first(f"computing the joints of {unit}", table.JOINTS_FROM_POSE, unit, **form))
 
     def joints_of_cartesian(
         self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = _NO_TOOL
     ) -> Joints:
         """As ``joints_of_pose``, whatever the configuration of ``target`` is."""
-        form = (
-            *_target_fields(target),
-            *_tool_fields(tool_to_flange),
-            *_joint_fields(near, "old_rob_joints", "old_ext_joints"),
-        )
-        request = post(f"{_UNITS}/{unit}", "JointsFromCartesian", *form, ("elog_at_error", "FALSE"))
-        return self._read(request, lambda page: _solution(page.states[0]), f"computing the joints of {unit}")
+        form = _search_fields(target, near, tool_to_flange)
+        return _joints(self._first(f"computing the joints of {unit}", table.JOINTS_FROM_CARTESIAN, unit, **form))
 
     def all_joints_of_pose(self, unit: str, target: RobTarget, tool_to_flange: Pose = _NO_TOOL) -> tuple[Joints, ...]:
         """All joints with which the tool is at ``target``, in each configuration; chain order [rad]."""
-        request = post(f"{_UNITS}/{unit}", "AllJointSolutions", *_target_fields(target), *_tool_fields(tool_to_flange))
-        return self._read(request, lambda page: tuple(map(_solution, page.states)), f"computing the joints of {unit}")
+        form = {**_target_fields(target), **_tool_fields(tool_to_flange)}
+        page = self._shown(f"computing the joints of {unit}", table.ALL_SOLUTIONS, unit, **form)
+        return tuple(_joints(table.ALL_SOLUTIONS.answered.read(state)) for state in page.states)
 
     # Jogging
 
     def select_unit(self, unit: str) -> None:
         """Make a mechanical unit the one that is jogged."""
-        self._do(post(_MOTION, "set-mechunit", ("mechunit-name", unit)), f"selecting {unit}")
+        self._call(f"selecting {unit}", table.SET_ACTIVE, mechunit_name=unit)
 
     def jog(self, axes: Sequence[int], increment: Increment, change_count: int) -> None:
         """Move the active unit by hand as a joystick does; the enabling rules of jogging hold.
@@ -313,142 +179,116 @@ class Motion(Requests):
         """
         if len(axes) != 6:
             raise CommandRefused(message("jog_of_other_length", count=len(axes)))
-        form = [(f"axis{number}", str(value)) for number, value in enumerate(axes, 1)]
-        form += [("ccount", str(change_count)), ("inc-mode", increment.value)]
-        with self.holding("motion"):
-            self._do(post(_MOTION, "jog", *form), "jogging")
+        deflections = {f"axis{number}": value for number, value in enumerate(axes, 1)}
+        self._call("jogging", table.JOG, **deflections, ccount=change_count, inc_mode=increment)
 
     def jog_to(self, target: RobTarget) -> None:
         """Move the active unit to a position in its base, as jogging in GO_TO_POSITION does; RAPID must be stopped."""
         pose = target.tool_to_object
-        form = list(_pose_fields(pose, ("pos-x", "pos-y", "pos-z"), (f"orient-q{number}" for number in range(1, 5))))
-        form += zip(
-            (f"config-{name}" for name in ("j1", "j4", "j6", "jx")), map(str, target.configuration), strict=True
-        )
+        names = ("pos_x", "pos_y", "pos_z"), [f"orient_q{number}" for number in range(1, 5)]
+        form: dict[str, object] = {**_pose_fields(pose, *names)}
+        form |= {f"config_{name}": turns for name, turns in zip(table.TURNS, target.configuration, strict=True)}
         external = [*target.external, *(None,) * 6][:6]
-        form += [
-            (f"extjoint-{number}", "9E+09" if angle is None else repr(degrees(angle)))
+        form |= {
+            f"extjoint_{number}": "9E+09" if angle is None else repr(degrees(angle))
             for number, angle in enumerate(external, 1)
-        ]
-        with self.holding("motion"):
-            self._do(post(_MOTION, "positiontarget", *form), "jogging to a position")
+        }
+        self._call("jogging to a position", table.POSITION_TARGET, **form)
 
     # Supervision
 
     def motion_supervision(self, unit: str) -> Supervision:
         """Collision detection of an arm while it moves."""
-        path = f"{_MOTION}/motionsupervision"
-        state = self._state(f"reading the supervision of {unit}", path, "ms-motionsupervision", ("mechunit", unit))
-        return Supervision(state.flag("mode"), state.whole("sensitivity"))
+        return self._answer(f"reading the supervision of {unit}", table.MOTION_SUPERVISION, mechunit=unit)
 
     def set_motion_supervision(self, unit: str, supervision: Supervision) -> None:
         """Switch the collision detection of an arm, and set its level."""
-        path, name = f"{_MOTION}/motionsupervision", ("mechunit-name", unit)
         what = f"setting the supervision of {unit}"
-        self._do(post(path, "set-mode", name, ("mode", str(supervision.is_on))), what)
-        self._do(post(path, "set-level", name, ("sensitivity", str(supervision.level))), what)
+        self._call(what, table.SET_MOTION_SUPERVISION, mechunit_name=unit, mode=str(supervision.is_on))
+        self._call(what, table.SET_MOTION_SENSITIVITY, mechunit_name=unit, sensitivity=supervision.level)
 
     def path_supervision(self, unit: str) -> Supervision:
         """Supervision that an arm is on its path."""
-        path = f"{_MOTION}/pathsupervision"
-        state = self._state(f"reading the supervision of {unit}", path, "ms-pathsupervision", ("mechunit", unit))
-        return Supervision(state.flag("mode"), state.whole("level"))
+        return self._answer(f"reading the supervision of {unit}", table.PATH_SUPERVISION, mechunit=unit)
 
     def set_path_supervision(self, unit: str, supervision: Supervision) -> None:
         """Switch the supervision that an arm is on its path, and set its level."""
-        path, name, what = f"{_MOTION}/pathsupervision", ("mechunit", unit), f"setting the supervision of {unit}"
-        self._do(post(path, "set-mode", name, ("mode", "ON" if supervision.is_on else "OFF")), what)
-        self._do(post(path, "set-level", name, ("level", str(supervision.level))), what)
+        what = f"setting the supervision of {unit}"
+        self._call(what, table.SET_PATH_SUPERVISION, mechunit=unit, mode="ON" if supervision.is_on else "OFF")
+        self._call(what, table.SET_PATH_LEVEL, mechunit=unit, level=supervision.level)
 
     def is_collision_predicted(self) -> bool:
         """Whether the controller stops before arms collide (Collision Avoidance)."""
-        path, query = f"{_MOTION}/motionsupervision", ("action", "collision-prediction-mode")
-        return self._state("reading the collision prediction", path, "ms-colpred-mode", query).flag("mode")
+        return self._answer("reading the collision prediction", table.COLLISION_PREDICTION)
 
     def predict_collisions(self, is_on: bool) -> None:
         """Whether the controller stops before arms collide."""
-        form = ("mode", "true" if is_on else "false")
-        self._do(post(f"{_MOTION}/motionsupervision", "set-colpred-mode", form), "setting the collision prediction")
+        self._call("setting the collision prediction", table.SET_COLLISION_PREDICTION, mode=is_on)
 
     def is_motion_skipped(self) -> bool:
         """Whether programs run without moving the robot (non-motion execution)."""
-        path = f"{_MOTION}/nonmotionexecution"
-        return self._state("reading non-motion execution", path, "ms-nonmotionexecution").flag("mode")
+        return self._answer("reading non-motion execution", table.NON_MOTION)
 
     def skip_motion(self, is_on: bool) -> None:
         """Let programs run without moving the robot, or not."""
-        form = ("mode", "ON" if is_on else "OFF")
-        self._do(post(f"{_MOTION}/nonmotionexecution", "set-mode", form), "setting non-motion execution")
+        self._call("setting non-motion execution", table.SET_NON_MOTION, mode="ON" if is_on else "OFF")
 
     # Calibration
 
     def calibration(self, unit: str) -> tuple[Calibration, ...]:
         """How each joint was calibrated."""
-        states = self._states(f"reading the calibration of {unit}", f"{_UNITS}/{unit}/calibrationinfo")
-        names = ("jointname", "currentcalibrationmethod", "factorycalibrationmethod")
-        return tuple(
-            Calibration(*(state.text(name) for name in names))
-            for state in states
-            if state.type == "ms-calibrationinfo-joint"
-        )
+        return tuple(self._answers(f"reading the calibration of {unit}", table.CALIBRATION, unit).values())
 
     def is_measurement_memory_valid(self, unit: str) -> bool:
         """Whether the data in the robot's measurement board (SMB) and in the controller are the same and valid."""
-        state = self._state(f"reading the memory of {unit}", f"{_UNITS}/{unit}/smbdata", "ms-smbdata")
+        state = self._shown(f"reading the memory of {unit}", table.SMB_DATA, unit).one("ms-smbdata")
         return all(text in ("0", "3") for text in state.fields.values())  # 3: there is none of that kind
 
     def calibrated_motors(self, unit: str) -> tuple[str, ...]:
         """Names of the motors that can be calibrated."""
-        states = self._states(f"reading the motors of {unit}", f"{_UNITS}/{unit}/motorcalib")
-        return tuple(state.text("name") for state in states)
+        return tuple(self._answers(f"reading the motors of {unit}", table.MOTOR_CALIBRATION, unit).values())
 
 
-def _frames(tool: str, work_object: str, coordinates: Coordinates | None) -> Pairs:
-    return given(
-        tool=tool or None, wobj=work_object or None, coordinate=None if coordinates is None else coordinates.value
-    )
+def _frames(tool: str, work_object: str, coordinates: Coordinates | None) -> dict[str, object]:
+    return {"tool": tool or None, "wobj": work_object or None, "coordinate": coordinates}
 
 
-def _pose_fields(pose: Pose, position: Iterable[str], orientation: Iterable[str]) -> Pairs:
+def _pose_fields(pose: Pose, position: Iterable[str], orientation: Iterable[str]) -> dict[str, str]:
     lengths = zip(position, (repr(value * _MM) for value in pose.position), strict=True)
-    return (*lengths, *zip(orientation, map(repr, pose.orientation), strict=True))
+    return dict((*lengths, *zip(orientation, map(repr, pose.orientation), strict=True)))
 
 
 def _vector(values: Iterable[float]) -> str:
     return f"[{','.join(map(repr, values))}]"
 
 
-def _joint_fields(position: Joints, robot: str, external: str) -> Pairs:
+def _joint_fields(position: Joints, robot: str, external: str) -> dict[str, str]:
     axes, axis_7 = abb_from_chain(position)
-    return ((robot, _vector(axes)), (external, _vector((axis_7, 0.0, 0.0, 0.0, 0.0, 0.0))))
+    return {robot: _vector(axes), external: _vector((axis_7, 0.0, 0.0, 0.0, 0.0, 0.0))}
 
 
-def _tool_fields(tool_to_flange: Pose) -> Pairs:
-    return (
-        ("tool_frame_position", _vector(tool_to_flange.position)),
-        ("tool_frame_orientation", _vector(tool_to_flange.orientation)),
-        ("robot_fixed_object", "FALSE"),
-    )
+def _tool_fields(tool_to_flange: Pose) -> dict[str, str]:
+    return {
+        "tool_frame_position": _vector(tool_to_flange.position),
+        "tool_frame_orientation": _vector(tool_to_flange.orientation),
+        "robot_fixed_object": "FALSE",
+    }
 
 
-def _target_fields(target: RobTarget) -> Pairs:
+def _target_fields(target: RobTarget) -> dict[str, str]:
     external = [0.0 if angle is None else angle for angle in (*target.external, *(None,) * 6)][:6]
-    return (
-        ("curr_position", _vector(target.tool_to_object.position)),
-        ("curr_orientation", _vector(target.tool_to_object.orientation)),
-        ("curr_ext_joints", _vector(external)),
-        ("robot_configuration", f"[{','.join(map(str, target.configuration))}]"),
-    )
+    return {
+        "curr_position": _vector(target.tool_to_object.position),
+        "curr_orientation": _vector(target.tool_to_object.orientation),
+        "curr_ext_joints": _vector(external),
+        "robot_configuration": f"[{','.join(map(str, target.configuration))}]",
+    }
 
 
-def _calculated(state: State) -> RobTarget:
-    x, y, z = (state.number(f"position-{name}") for name in "xyz")
-    w, i, j, k = (state.number(f"robtargetorientation-u{number}") for number in range(4))
-    one, four, six, last = (state.whole(f"quarter-rev-{name}") for name in _TURNS)
-    external = tuple(state.number(name) for name in state.fields if name.startswith("extjoint-"))
-    return RobTarget(Pose((x, y, z), (w, i, j, k)), (one, four, six, last), external)
+def _search_fields(target: RobTarget, near: Joints, tool_to_flange: Pose) -> dict[str, str]:
+    old = _joint_fields(near, "old_rob_joints", "old_ext_joints")
+    return {**_target_fields(target), **_tool_fields(tool_to_flange), **old, "elog_at_error": "FALSE"}
 
 
-def _solution(state: State) -> Joints:
-    axes = [state.number(f"robotjoint-{number}") for number in range(1, 7)]
-    return joints(chain_from_abb(axes, state.number("extjoint-1")))
+def _joints(found: Solution) -> Joints:
+    return joints(chain_from_abb(found.robot, found.axis_7))

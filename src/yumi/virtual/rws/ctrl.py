@@ -13,22 +13,30 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from yumi.errors import RapidError, SettingsError
 from yumi.rws.documents import Link, Page, State
-from yumi.rws.types import Code, Grant
-from yumi.virtual.controller.backup import check_backup, restore_backup, write_backup
+from yumi.rws.types import Code
+from yumi.virtual.controller.backup import check_backup
+from yumi.virtual.controller.backup import restore_backup
+from yumi.virtual.controller.backup import write_backup
 from yumi.virtual.controller.file_store import DEVICES
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refusal, Refused
-from yumi.virtual.rws.configuration import path_of_file
-from yumi.virtual.rws.http import HttpReply, entry, resource
-from yumi.virtual.rws.operations import Call, Failure, Operation, invalid, not_there
+from yumi.virtual.event_log import Refusal
+from yumi.virtual.event_log import Refused
+from yumi.virtual.rws.http import HttpReply
+from yumi.rws.operations import ctrl as table
+from yumi.virtual.rws.call import Call
+from yumi.virtual.rws.call import Failure
+from yumi.virtual.rws.call import invalid
+from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.render import entry
+from yumi.virtual.rws.render import resource
+from yumi.virtual.rws.router import Routes
+from yumi.virtual.rws.router import absent
 
 _BASE = "/ctrl/"
-_NO_VIRTUAL_TIME = "virtual time, which RobotStudio's controllers alone have"
-_NO_SAFETY = "a safety controller (SafeMove)"
 _DURATION = 2.0  # of a backup and other jobs [s]
-_RESTARTS = ("restart", "istart", "pstart", "bstart", "shutdown", "xstart")
-_LANGUAGES = ("en", "de", "sv", "fr", "it", "es", "pt", "da", "fi", "nl", "cs", "ja", "ko", "zh", "ru", "hu", "pl")
-_TRUTH = ("true", "false", "TRUE", "FALSE")
+
+
+ROUTES = Routes()
 
 
 def identity_fields(controller: Irc5) -> dict[str, str]:
@@ -42,6 +50,7 @@ def identity_fields(controller: Irc5) -> dict[str, str]:
     }
 
 
+@ROUTES.answer(table.CONTROLLER)
 def get_controller(controller: Irc5, call: Call) -> Page:
     links = (Link("self", "identity"),)
     states = (
@@ -53,6 +62,7 @@ def get_controller(controller: Irc5, call: Call) -> Page:
     return resource("ctrl", _BASE, "", *states)
 
 
+@ROUTES.answer(table.IDENTITY)
 def get_identity(controller: Irc5, call: Call) -> Page:
     fields = identity_fields(controller)
     if not controller.identity.is_virtual:
@@ -61,6 +71,7 @@ def get_identity(controller: Irc5, call: Call) -> Page:
     return resource("ctrl", _BASE, "identity", State("ctrl-identity-info", "identity", fields))
 
 
+@ROUTES.answer(table.SET_IDENTITY)
 def set_identity(controller: Irc5, call: Call) -> None:
     name = call.parameter("ctrl-name", "") or call.parameter("ctrl-id", "")
     if not name:
@@ -68,6 +79,7 @@ def set_identity(controller: Irc5, call: Call) -> None:
     controller.identity = replace(controller.identity, controller_name=name)
 
 
+@ROUTES.answer(table.ENVIRONMENT)
 def get_environment(controller: Irc5, call: Call) -> Page:
     """What an environment variable stands for: our devices stand for themselves."""
     name = call.names["variable"].upper()
@@ -76,6 +88,7 @@ def get_environment(controller: Irc5, call: Call) -> Page:
     return resource("ctrl", _BASE, f"${name}", State("ctrl-env", f"${name}", {"value": f"{name}:"}))
 
 
+@ROUTES.answer(table.RESTART)
 def restart(controller: Irc5, call: Call) -> None:
     """Restart in one of the modes; bstart finds the state that was saved last, which is the present one."""
     mode = call.required("restart-mode")
@@ -86,6 +99,7 @@ def restart(controller: Irc5, call: Call) -> None:
         controller.restart(discards_programs=discards, discards_settings=mode == "istart")
 
 
+@ROUTES.answer(table.SET_LANGUAGE)
 def set_language(controller: Irc5, call: Call) -> None:
     controller.own_settings.language = call.parameter("lang", "") or call.required("lang-code")
 
@@ -103,12 +117,14 @@ def _shown_time(controller: Irc5) -> str:
     return datetime.fromtimestamp(controller.time, _zone(controller)).strftime("%Y-%m-%d T %H:%M:%S")
 
 
+@ROUTES.answer(table.CLOCK)
 def get_clock(controller: Irc5, call: Call) -> Page:
     links = (entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
     state = State("ctrl-clock-info", "clock", {"datetime": _shown_time(controller)})
     return resource("ctrl", _BASE, "clock", state, *links)
 
 
+@ROUTES.answer(table.SET_CLOCK)
 def set_clock(controller: Irc5, call: Call) -> None:
     parts = [call.number(f"sys-clock-{part}") for part in ("year", "month", "day", "hour", "min", "sec")]
     year, month, day, hour, minute, second = (int(part) for part in parts)
@@ -118,11 +134,13 @@ def set_clock(controller: Irc5, call: Call) -> None:
         raise invalid(f"there is no such time: {error}") from error
 
 
+@ROUTES.answer(table.TIMEZONE)
 def get_timezone(controller: Irc5, call: Call) -> Page:
     zone = controller.own_settings.timezone or datetime.now().astimezone().tzname() or "UTC"
     return resource("ctrl", "/ctrl/clock/", "timezone", State("ctrl-timezone", "timezone", {"timezone": zone}))
 
 
+@ROUTES.answer(table.SET_TIMEZONE_TOO, table.SET_TIMEZONE)
 def set_timezone(controller: Irc5, call: Call) -> None:
     name = call.required("timezone")
     try:
@@ -132,15 +150,18 @@ def set_timezone(controller: Irc5, call: Call) -> None:
     controller.own_settings.timezone = name
 
 
+@ROUTES.answer(table.TIMESERVER)
 def get_timeserver(controller: Irc5, call: Call) -> Page:
     fields = {"timeserver": controller.own_settings.timeserver}
     return resource("ctrl", "/ctrl/clock/", "timeserver", State("ctrl-timeserver", "timeserver", fields))
 
 
+@ROUTES.answer(table.SERVER_TIME)
 def get_server_time(controller: Irc5, call: Call) -> Page:
     raise Failure(400, Code.TIMEOUT, f"no time server answers at {call.option('server-ip') or 'that address'}")
 
 
+@ROUTES.answer(table.SET_TIMESERVER)
 def set_timeserver(controller: Irc5, call: Call) -> None:
     controller.own_settings.timeserver = call.required("timeserver")
 
@@ -148,6 +169,7 @@ def set_timeserver(controller: Irc5, call: Call) -> None:
 # Network: what is set is shown, and does not change this machine's own
 
 
+@ROUTES.answer(table.NETWORK)
 def get_network(controller: Irc5, call: Call) -> Page:
     own = controller.own_settings
     fields = {
@@ -162,6 +184,7 @@ def get_network(controller: Irc5, call: Call) -> Page:
     return resource("ctrl", _BASE, "network", *states)
 
 
+@ROUTES.answer(table.SET_NETWORK)
 def set_network(controller: Irc5, call: Call) -> HttpReply:
     own, method = controller.own_settings, call.required("method")
     if method == "fixip":
@@ -179,11 +202,13 @@ def _address(call: Call, name: str) -> str:
         raise invalid(f"{name} is an IPv4 address, not {text[:50]!r}") from error
 
 
+@ROUTES.answer(table.DNS)
 def get_dns(controller: Irc5, call: Call) -> Page:
     fields = {"name": controller.identity.controller_name, "addr": controller.own_settings.dns, "port": "53"}
     return resource("ctrl", "/ctrl/network/", "dns", State("ctrl-netw", "dns", fields))
 
 
+@ROUTES.answer(table.ROUTES)
 def get_routes(controller: Irc5, call: Call) -> Page:
     states = (
         State("ctrl-netw-route", destination, {"destination": destination, "gateway": gateway})
@@ -192,10 +217,12 @@ def get_routes(controller: Irc5, call: Call) -> Page:
     return resource("ctrl", "/ctrl/network/", "routes", *states)
 
 
+@ROUTES.answer(table.ADD_ROUTE)
 def add_route(controller: Irc5, call: Call) -> None:
     controller.own_settings.routes[_destination(call)] = _address(call, "gateway")
 
 
+@ROUTES.answer(table.REMOVE_ROUTE)
 def remove_route(controller: Irc5, call: Call) -> HttpReply:
     if controller.own_settings.routes.pop(_destination(call), None) is None:
         raise invalid("there is no route to that destination")
@@ -210,6 +237,7 @@ def _destination(call: Call) -> str:
         raise invalid(f"destination is an IPv4 address or network, not {text[:50]!r}") from error
 
 
+@ROUTES.answer(table.ADD_ROUTE_OPTIONS, table.REMOVE_ROUTE_OPTIONS)
 def get_route_options(controller: Irc5, call: Call) -> Page:
     names = ("destination", "gateway") if call.path[-1] == "add" else ("destination",)
     fields = {"method": "POST", **dict.fromkeys(names, "")}
@@ -226,6 +254,7 @@ def _begin(controller: Irc5, work: Callable[[], None]) -> HttpReply:
     return HttpReply(202, headers)
 
 
+@ROUTES.answer(table.PROGRESS)
 def get_progress(controller: Irc5, call: Call) -> Page:
     job = controller.jobs.find(call.names["job"])
     if job is None:
@@ -238,6 +267,7 @@ def get_progress(controller: Irc5, call: Call) -> Page:
     )
 
 
+@ROUTES.answer(table.PROGRESS_LIST)
 def get_progress_list(controller: Irc5, call: Call) -> Page:
     return resource("progress", "/", "progress")
 
@@ -249,16 +279,19 @@ def _backup_path(call: Call, text: str) -> str:
     return path
 
 
+@ROUTES.answer(table.BACKUP)
 def get_backup(controller: Irc5, call: Call) -> Page:
     state = entry("ctrl-backup-li", "backup", "backup", backup_state=controller.own_settings.backup_state)
     return resource("ctrl", _BASE, "backup", state)
 
 
+@ROUTES.answer(table.BACKUP_STATE)
 def get_backup_state(controller: Irc5, call: Call) -> Page:
     fields = {"backup-state": controller.own_settings.backup_state}
     return resource("ctrl", _BASE, "backup", State("ctrl-backup-state", "backup-state", fields))
 
 
+@ROUTES.answer(table.BACK_UP)
 def back_up(controller: Irc5, call: Call) -> HttpReply:
     path = _backup_path(call, call.required("backup"))
     own = controller.own_settings
@@ -276,6 +309,7 @@ def back_up(controller: Irc5, call: Call) -> HttpReply:
     return _begin(controller, work)
 
 
+@ROUTES.answer(table.RESTORE)
 def restore(controller: Irc5, call: Call) -> None:
     """Become as in a backup; then the controller restarts. The backup stays unless ``delete-dir`` is true."""
     path = _backup_path(call, call.required("backup"))
@@ -298,22 +332,26 @@ def _check_restore(controller: Irc5, call: Call, path: str, ignored: str) -> Non
         raise invalid(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
 
 
+@ROUTES.answer(table.CHECK_RESTORE)
 def check_restore(controller: Irc5, call: Call) -> Page:
     path = _backup_path(call, call.option("backup") or "")
     _check_restore(controller, call, path, call.option("ignore") or "none")
     return resource("ctrl", _BASE, "backup", State("ctrl-check-restore", "check-restore", {"status": "Accepted"}))
 
 
+@ROUTES.answer(table.BACKUP_INFO)
 def get_backup_info(controller: Irc5, call: Call) -> Page:
     asked = call.option("backup-path") or ""
     fields = {"system-name": check_backup(controller, _backup_path(call, asked))}
     return resource("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", State("ctrl-backup-info", "info", fields))
 
 
+@ROUTES.answer(table.COMPRESSION)
 def get_compress(controller: Irc5, call: Call) -> Page:
     return resource("ctrl", _BASE, "compress", entry("ctrl-compress-li", "compress"))
 
 
+@ROUTES.answer(table.COMPRESS)
 def compress(controller: Irc5, call: Call) -> HttpReply:
     """Pack a file or directory; the archive has the format of our own, since ABB's is not known."""
     source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
@@ -333,6 +371,7 @@ def compress(controller: Irc5, call: Call) -> HttpReply:
     return _begin(controller, work)
 
 
+@ROUTES.answer(table.DECOMPRESS)
 def decompress(controller: Irc5, call: Call) -> HttpReply:
     source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
     content = controller.files.get_file(source).content
@@ -354,10 +393,12 @@ def _is_directory(controller: Irc5, path: str) -> bool:
         return False
 
 
+@ROUTES.answer(table.DIAGNOSTICS)
 def get_diagnostics(controller: Irc5, call: Call) -> Page:
     return resource("ctrl", _BASE, "diagnostics", entry("ctrl-diagnostics-li", "diagnostics"))
 
 
+@ROUTES.answer(table.SAVE_DIAGNOSTICS)
 def save_diagnostics(controller: Irc5, call: Call) -> HttpReply:
     target = path_of_file(call.required("dstpath"))
 
@@ -377,11 +418,13 @@ def save_diagnostics(controller: Irc5, call: Call) -> HttpReply:
 # Systems, options, safety
 
 
+@ROUTES.answer(table.SYSTEMS)
 def get_systems(controller: Irc5, call: Call) -> Page:
     name = controller.identity.system_name
     return resource("ctrl", _BASE, "system", entry("ctrl-system-li", name, f"system/{name}"))
 
 
+@ROUTES.answer(table.SYSTEM)
 def get_one_system(controller: Irc5, call: Call) -> Page:
     _check_system(controller, call)
     identity = controller.identity
@@ -394,25 +437,30 @@ def _check_system(controller: Irc5, call: Call) -> None:
         raise Failure(404, Code.FAIL, f"there is no system {call.names['system'][:50]!r}")
 
 
+@ROUTES.answer(table.RENAME_SYSTEM)
 def rename_system(controller: Irc5, call: Call) -> None:
     _check_system(controller, call)
     controller.identity = replace(controller.identity, system_name=call.required("newname"))
 
 
+@ROUTES.answer(table.ACTIVATE_SYSTEM)
 def activate_system(controller: Irc5, call: Call) -> None:
     _check_system(controller, call)
     raise Failure(409, Code.INVALID_STATE, "the system is active already")
 
 
+@ROUTES.answer(table.DELETE_SYSTEM)
 def delete_system(controller: Irc5, call: Call) -> None:
     _check_system(controller, call)
     raise invalid("the active system cannot be deleted")
 
 
+@ROUTES.answer(table.OPTIONS)
 def get_options(controller: Irc5, call: Call) -> None:
     """Whether there are options: which, is asked one by one."""
 
 
+@ROUTES.answer(table.OPTION)
 def get_option(controller: Irc5, call: Call) -> Page | HttpReply:
     """An option that is installed; no content (204) says that it is not."""
     name = call.names["option"]
@@ -421,6 +469,7 @@ def get_option(controller: Irc5, call: Call) -> Page | HttpReply:
     return resource("ctrl", "/ctrl/options/", name, State("ctrl-option", name, {"option": name}))
 
 
+@ROUTES.answer(table.COMPATIBLE, table.COMPATIBILITY)
 def get_compatible(controller: Irc5, call: Call) -> Page:
     """Whether a version of RobotWare runs on this controller: an IRC5 runs RobotWare 5 and 6."""
     version = call.names.get("version", controller.identity.robotware)
@@ -432,195 +481,10 @@ def get_compatible(controller: Irc5, call: Call) -> Page:
     return resource("ctrl", "/ctrl/compatibility/", version, state)
 
 
+@ROUTES.answer(table.SAFETY)
 def get_safety(controller: Irc5, call: Call) -> Page:
     """A robot without a safety controller has the resource and nothing in it."""
     return resource("ctrl", _BASE, "safety")
 
 
-_ACCEPTED = 202
-_BACKUP = "/ctrl/backup"
-_CLOCK = "/ctrl/clock"
-_NETWORK = "/ctrl/network"
-_SYSTEM = "/ctrl/system"
-_SAFETY = "/ctrl/safety"
-_VIRTUAL_TIME = "/ctrl/virtualtime"
-OPERATIONS = (
-    Operation("GET", "/ctrl", get_controller),
-    Operation(
-        "POST", "/ctrl", restart, values={"restart-mode": _RESTARTS}, status=200, needs_grant=Grant.REMOTE_WARMSTART
-    ),
-    Operation(
-        "POST", "/ctrl", set_language, "set-lang", {"lang": _LANGUAGES}, needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE
-    ),
-    Operation("GET", "/ctrl/${variable}", get_environment),
-    Operation("GET", "/ctrl/identity", get_identity),
-    Operation(
-        "PUT",
-        "/ctrl/identity",
-        set_identity,
-        values={"ctrl-name": (), "ctrl-id": ()},
-        status=204,
-        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
-    ),
-    Operation("GET", _CLOCK, get_clock),
-    Operation(
-        "PUT",
-        _CLOCK,
-        set_clock,
-        values={f"sys-clock-{part}": () for part in ("year", "month", "day", "hour", "min", "sec")},
-        status=204,
-        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
-    ),
-    Operation("GET", f"{_CLOCK}/timezone", get_timezone),
-    Operation(
-        "POST",
-        f"{_CLOCK}/timezone",
-        set_timezone,
-        values={"timezone": ()},
-        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
-    ),
-    Operation(
-        "POST",
-        f"{_CLOCK}/timezone",
-        set_timezone,
-        "set-timezone",
-        {"timezone": ()},
-        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
-    ),
-    Operation("GET", f"{_CLOCK}/timeserver", get_timeserver),
-    Operation(
-        "GET", f"{_CLOCK}/timeserver", get_server_time, resource="servertime", query={"server-ip": ()}, status=400
-    ),
-    Operation(
-        "POST",
-        f"{_CLOCK}/timeserver",
-        set_timeserver,
-        "set-timeserver",
-        {"timeserver": ()},
-        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
-    ),
-    Operation("GET", _NETWORK, get_network),
-    Operation(
-        "POST",
-        _NETWORK,
-        set_network,
-        "set",
-        {"method": ("fixip", "dhcp", "noip"), "address": (), "mask": (), "gateway": ()},
-        status=_ACCEPTED,
-    ),
-    Operation("GET", f"{_NETWORK}/dns", get_dns),
-    Operation("GET", f"{_NETWORK}/routes", get_routes),
-    Operation("POST", f"{_NETWORK}/route/add", add_route, values={"destination": (), "gateway": ()}),
-    Operation("OPTIONS", f"{_NETWORK}/route/add", get_route_options),
-    Operation("POST", f"{_NETWORK}/route/remove", remove_route, values={"destination": ()}, status=_ACCEPTED),
-    Operation("OPTIONS", f"{_NETWORK}/route/remove", get_route_options),
-    Operation("GET", _BACKUP, get_backup),
-    Operation("GET", _BACKUP, get_backup_state, "backupstate"),
-    Operation("GET", _BACKUP, check_restore, "check-restore", query={"backup": (), "ignore": ()}),
-    Operation(
-        "POST",
-        _BACKUP,
-        back_up,
-        "backup",
-        {"backup": (), "archive": _TRUTH},
-        status=_ACCEPTED,
-        needs_grant=Grant.BACKUP,
-    ),
-    Operation(
-        "POST",
-        _BACKUP,
-        restore,
-        "restore",
-        {
-            "backup": (),
-            "ignore": ("all", "system-id", "template-id", "none"),
-            "delete-dir": _TRUTH,
-            "include-cs": _TRUTH,
-            "include-ss": _TRUTH,
-            "include": ("cfg", "modules", "all"),
-        },
-        needs_grant=Grant.RESTORE,
-    ),
-    Operation("GET", f"{_BACKUP}/info", get_backup_info, query={"backup-path": ()}),
-    Operation("GET", "/progress", get_progress_list),
-    Operation("GET", "/progress/{job}", get_progress),
-    Operation("GET", "/ctrl/compress", get_compress),
-    Operation(
-        "POST",
-        "/ctrl/compress",
-        compress,
-        "comp",
-        {"srcpath": (), "dstpath": ()},
-        status=_ACCEPTED,
-        needs_grant=Grant.FTP_WRITE,
-    ),
-    Operation(
-        "POST",
-        "/ctrl/compress",
-        decompress,
-        "dcomp",
-        {"srcpath": (), "dstpath": ()},
-        status=_ACCEPTED,
-        needs_grant=Grant.FTP_WRITE,
-    ),
-    Operation("GET", "/ctrl/diagnostics", get_diagnostics),
-    Operation(
-        "POST",
-        "/ctrl/diagnostics",
-        save_diagnostics,
-        "save",
-        {"dstpath": ()},
-        status=_ACCEPTED,
-        needs_grant=Grant.FTP_WRITE,
-    ),
-    Operation("GET", _SYSTEM, get_systems, query={"type": ("selected",)}),
-    Operation("GET", f"{_SYSTEM}/{{system}}", get_one_system),
-    Operation(
-        "POST",
-        f"{_SYSTEM}/{{system}}",
-        rename_system,
-        "rename",
-        {"newname": ()},
-        status=201,
-        needs_grant=Grant.SYSTEM_ADMINISTRATION,
-    ),
-    Operation(
-        "POST",
-        f"{_SYSTEM}/{{system}}",
-        activate_system,
-        "activate",
-        status=409,
-        needs_grant=Grant.SYSTEM_ADMINISTRATION,
-    ),
-    Operation("DELETE", f"{_SYSTEM}/{{system}}", delete_system, status=400, needs_grant=Grant.SYSTEM_ADMINISTRATION),
-    Operation("GET", "/ctrl/options", get_options, status=204),
-    Operation("GET", "/ctrl/options/{option:.+}", get_option),
-    Operation("GET", "/ctrl/compatible", get_compatible),
-    Operation("GET", "/ctrl/compatibility/{version}", get_compatible),
-    Operation("GET", _SAFETY, get_safety),
-    Operation("GET", f"{_SAFETY}/zones", not_there, lacks=_NO_SAFETY),
-    Operation("POST", f"{_SAFETY}/cyclic-brake-check", not_there, lacks=_NO_SAFETY),
-    *(
-        Operation("GET", _SAFETY, not_there, resource=name, lacks=_NO_SAFETY)
-        for name in (
-            "config-status",
-            "safety-mode",
-            "cbc-status",
-            "loadoperation-status",
-            "safety-config",
-            "violation-info",
-        )
-    ),
-    *(
-        Operation("POST", _SAFETY, not_there, action, lacks=_NO_SAFETY)
-        for action in ("load", "set-mode", "unlock", "syncack", "validate-cfg", "invalidate-cfg", "reset")
-    ),
-    *(
-        Operation("GET", f"{_VIRTUAL_TIME}{name}", not_there, lacks=_NO_VIRTUAL_TIME)
-        for name in ("", "/vttime", "/vtstate", "/vtspeed", "/vttimeslice")
-    ),
-    *(
-        Operation("POST", f"{_VIRTUAL_TIME}{name}", not_there, lacks=_NO_VIRTUAL_TIME)
-        for name in ("/vtstate", "/vtspeed", "/vttimeslice", "/vtrun")
-    ),
-)
+ROUTES += absent(table.ABSENT)

@@ -14,40 +14,46 @@ from yumi.rapid.types import Variable
 from yumi.robot.arms import Arm
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_from_abb
 from yumi.robot.kinematics import compose, inverse, matrix
-from yumi.rws.documents import Link, Page, State, first_value
-from yumi.rws.types import Code, Grant, decode
+from yumi.rws.documents import Link
+from yumi.rws.documents import Page
+from yumi.rws.documents import State
+from yumi.rws.documents import first_value
+from yumi.rws.types import Code
+from yumi.rws.types import decode
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.instructions.robot_data import pose_from_rapid, rapid_from_pose, robtarget, wobj_from_rapid
+from yumi.virtual.instructions.robot_data import pose_from_rapid
+from yumi.virtual.instructions.robot_data import rapid_from_pose
+from yumi.virtual.instructions.robot_data import robtarget
+from yumi.virtual.instructions.robot_data import wobj_from_rapid
+from yumi.rws.documents import JointTarget
+from yumi.rws.documents import RobTarget
+from yumi.rws.operations import motion as table
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.units import MechanicalUnit, Supervision
-from yumi.virtual.rws.http import entry, resource
-from yumi.virtual.rws.operations import Call, Failure, Operation, Values, invalid, refuse_in_manual_mode
+from yumi.virtual.mechanics.units import MechanicalUnit
+from yumi.virtual.mechanics.units import Supervision
+from yumi.virtual.rws.call import Call
+from yumi.virtual.rws.call import Failure
+from yumi.virtual.rws.call import invalid
+from yumi.virtual.rws.render import entry
+from yumi.virtual.rws.render import resource
+from yumi.virtual.rws.router import Routes
+from yumi.virtual.rws.users import refuse_in_manual_mode
 
 _BASE = "/rw/motionsystem/"
-_NO_AXIS = 8.9e9  # 9E9 and above in RAPID: not connected
-_LETTERS = "abcdef"
 _STEPS_DEG = {"Small": 0.005, "Medium": 0.023, "Large": 0.143, "User": 0.5}  # of incremental jogging
 _CONTINUOUS_DEG = 2.0  # that an axis is jogged for each request without increments, at full deflection
 _FULL = 1000.0  # deflection of the joystick
 _UNIT_TOLERANCE = 1e-3  # of the length of a quaternion
 _HALL = "Hall Sensor Calibration"
 _LEAD_THROUGH = "Leadthrough"
-_COORDINATES = ("Base", "Word", "World", "Tool", "Wobj")
+
+ROUTES = Routes()
 
 
-def printed(value: float) -> str:
-    """A number as the controller prints it: seven digits, 9E+09 for what is not there."""
-    return "9E+09" if value > _NO_AXIS else f"{value:.7g}"
-
-
+@ROUTES.answer(table.MOTION_SYSTEM)
 def get_motion_system(controller: Irc5, call: Call) -> Page:
-    fields = {
-        "change-count": str(controller.motion.changes),
-        "mechunit-name": _active(controller).name,
-        "poll-rate": "500",
-        "modal-payload-mode": "ON",
-        "absacc-active": "FALSE",
-    }
+    shown = table.MotionSystem(controller.motion.changes, _active(controller).name)
+    fields = table.MOTION_SYSTEM.answered.write(shown)
     asked = call.option("resource")
     if asked is not None:
         return resource("motionsystem", "/rw/", "motionsystem", State("ms", "motionsystem", {asked: fields[asked]}))
@@ -89,11 +95,13 @@ def _changed(controller: Irc5) -> None:
 # Jogging
 
 
+@ROUTES.answer(table.SET_ACTIVE)
 def set_active(controller: Irc5, call: Call) -> None:
     controller.motion.active_unit = _unit(controller, call.required("mechunit-name")).name
     _changed(controller)
 
 
+@ROUTES.answer(table.JOG)
 def jog(controller: Irc5, call: Call) -> None:
     """Move the axes of the active unit by a step each; the axis values are the deflection of the joystick."""
     _check_jogging(controller, call)
@@ -145,6 +153,7 @@ def _move(arm: VirtualArm, target: Joints) -> None:
         raise Failure(403, Code.INVALID_STATE, str(error)) from error
 
 
+@ROUTES.answer(table.POSITION_TARGET, table.SET_TARGET)
 def go_to_position(controller: Irc5, call: Call) -> None:
     """Move the active unit to a robtarget in its base."""
     _check_jogging(controller, call)
@@ -156,7 +165,7 @@ def go_to_position(controller: Irc5, call: Call) -> None:
     unit = _active(controller)
     arm = controller.arm_of(unit)
     near = arm.planned
-    wanted = _arm_angle(arm.kinematics, near) if angle > _NO_AXIS else radians(angle)
+    wanted = _arm_angle(arm.kinematics, near) if angle > table.NO_AXIS else radians(angle)
     _move(arm, _nearest(arm.kinematics, _pose(position, orientation), wanted, near))
 
 
@@ -181,34 +190,35 @@ def _nearest(kinematics: Arm, pose: Pose, angle: float, near: Joints) -> Joints:
 # State and supervision
 
 
-def get_change_count(controller: Irc5, call: Call) -> Page:
-    has_changed = call.number_option("changecount", 0) != controller.motion.changes
-    fields = {"changestate": "TRUE" if has_changed else "FALSE"}
-    return resource("motionsystem", _BASE, "checkchangecount", State("ms-change-count", "checkchangecount", fields))
+@ROUTES.answer(table.CHANGE_COUNT)
+def get_change_count(controller: Irc5, call: Call) -> bool:
+    return call.number_option("changecount", 0) != controller.motion.changes
 
 
-def get_error_state(controller: Irc5, call: Call) -> Page:
-    state = State("ms-errorstate", "errorstate", {"err-state": "HPJ_OK", "err-count": "0"})
-    return resource("motionsystem", _BASE, "errorstate", state)
+@ROUTES.answer(table.ERROR_STATE)
+def get_error_state(controller: Irc5, call: Call) -> table.MotionError:
+    return table.MotionError()
 
 
 def _supervision(controller: Irc5, unit: MechanicalUnit) -> Supervision:
     return controller.motion.supervision.setdefault(unit.name, Supervision())
 
 
-def get_motion_supervision(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.MOTION_SUPERVISION)
+def get_motion_supervision(controller: Irc5, call: Call) -> Mapping[str, table.Supervision]:
     unit = _asked_unit(controller, call)
     found = _supervision(controller, unit)
-    fields = {"mode": "TRUE" if found.jogging else "FALSE", "sensitivity": str(found.jog_level)}
-    return resource("motionsystem", _BASE, "motionsupervision", State("ms-motionsupervision", unit.name, fields))
+    return {unit.name: table.Supervision(found.jogging, found.jog_level)}
 
 
+@ROUTES.answer(table.SET_MOTION_SUPERVISION)
 def set_motion_supervision(controller: Irc5, call: Call) -> None:
     unit = _unit(controller, call.required("mechunit-name"))
     _supervision(controller, unit).jogging = call.required("mode").lower() == "true"
     _changed(controller)
 
 
+@ROUTES.answer(table.SET_MOTION_SENSITIVITY)
 def set_motion_sensitivity(controller: Irc5, call: Call) -> None:
     unit = _unit(controller, call.required("mechunit-name"))
     _supervision(controller, unit).jog_level = _level(call, "sensitivity")
@@ -222,40 +232,42 @@ def _level(call: Call, name: str) -> int:
     return int(level)
 
 
-def get_collision_prediction(controller: Irc5, call: Call) -> Page:
-    fields = {"mode": str(controller.motion.predicts_collisions).lower()}
-    state = State("ms-colpred-mode", "collision-prediction-mode", fields)
-    return resource("motionsystem", _BASE, "motionsupervision", state)
+@ROUTES.answer(table.COLLISION_PREDICTION)
+def get_collision_prediction(controller: Irc5, call: Call) -> Mapping[str, bool]:
+    return {"collision-prediction-mode": controller.motion.predicts_collisions}
 
 
+@ROUTES.answer(table.SET_COLLISION_PREDICTION)
 def set_collision_prediction(controller: Irc5, call: Call) -> None:
     controller.motion.predicts_collisions = call.required("mode") == "true"
     _changed(controller)
 
 
-def get_path_supervision(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.PATH_SUPERVISION)
+def get_path_supervision(controller: Irc5, call: Call) -> Mapping[str, table.Supervision]:
     unit = _asked_unit(controller, call)
     found = _supervision(controller, unit)
-    fields = {"mode": "ON" if found.path else "OFF", "level": str(found.path_level)}
-    return resource("motionsystem", _BASE, "pathsupervision", State("ms-pathsupervision", unit.name, fields))
+    return {unit.name: table.Supervision(found.path, found.path_level)}
 
 
+@ROUTES.answer(table.SET_PATH_SUPERVISION)
 def set_path_supervision(controller: Irc5, call: Call) -> None:
     _supervision(controller, _unit(controller, call.required("mechunit"))).path = call.required("mode") == "ON"
     _changed(controller)
 
 
+@ROUTES.answer(table.SET_PATH_LEVEL)
 def set_path_level(controller: Irc5, call: Call) -> None:
     _supervision(controller, _unit(controller, call.required("mechunit"))).path_level = _level(call, "level")
     _changed(controller)
 
 
-def get_non_motion(controller: Irc5, call: Call) -> Page:
-    fields = {"mode": "ON" if controller.motion.is_non_motion else "OFF"}
-    state = State("ms-nonmotionexecution", "nonmotionexecution", fields)
-    return resource("motionsystem", _BASE, "nonmotionexecution", state)
+@ROUTES.answer(table.NON_MOTION)
+def get_non_motion(controller: Irc5, call: Call) -> bool:
+    return controller.motion.is_non_motion
 
 
+@ROUTES.answer(table.SET_NON_MOTION, table.SET_NON_MOTION_TOO)
 def set_non_motion(controller: Irc5, call: Call) -> None:
     if call.required("mode") == "ON":
         raise Failure(400, Code.NOTIMPL, "this virtual controller always moves its arms")
@@ -265,6 +277,7 @@ def set_non_motion(controller: Irc5, call: Call) -> None:
 # Units
 
 
+@ROUTES.answer(table.UNITS)
 def get_units(controller: Irc5, call: Call) -> Page:
     entries = (
         entry(
@@ -281,31 +294,32 @@ def get_units(controller: Irc5, call: Call) -> Page:
 
 
 _SUB_RESOURCES = ("pjoints", "robtarget", "jointtarget", "cartesian", "axes", "baseframe", "calibrationinfo", "smbdata")
+_STATIC_FIELDS = 6  # of a unit, which come first
 
 
+@ROUTES.answer(table.UNIT)
 def get_unit(controller: Irc5, call: Call) -> Page:
     """A unit's fields: all, or the groups and single fields in ``resource``, joined by ``;``."""
     unit = _find(controller, call)
-    groups = {
-        "static": {
-            "task-name": unit.task,
-            "type": unit.type,
-            "axes": str(unit.axes),
-            "axes-total": str(unit.axes_total),
-            "is-integrated-unit": unit.is_integrated_unit,
-            "has-integrated-unit": unit.has_integrated_unit,
-        },
-        "dynamic": {
-            "tool-name": unit.tool,
-            "wobj-name": unit.wobj,
-            "payload-name": unit.payload,
-            "total-payload-name": unit.total_payload,
-            "status": unit.status,
-            "mode": unit.mode,
-            "jog-mode": unit.jog_mode,
-            "coord-system": unit.coord_system,
-        },
-    }
+    shown = table.MechanicalUnit(
+        name=unit.name,
+        task=unit.task,
+        type=unit.type,
+        axes=unit.axes,
+        total_axes=unit.axes_total,
+        containing_unit=unit.is_integrated_unit,
+        integrated_unit=unit.has_integrated_unit,
+        tool=unit.tool,
+        work_object=unit.wobj,
+        payload=unit.payload,
+        total_payload=unit.total_payload,
+        is_synchronized=unit.status == "Synchronized",
+        is_active=unit.mode == "Activated",
+        jog_mode=table.JogMode(unit.jog_mode),
+        coordinates=table.Coordinates(unit.coord_system),
+    )
+    members = list(table.UNIT.answered.write(shown).items())
+    groups = {"static": dict(members[:_STATIC_FIELDS]), "dynamic": dict(members[_STATIC_FIELDS:])}
     asked = (call.option("resource") or "static;dynamic").split(";")
     known = {*groups, *(_short(name) for members in groups.values() for name in members)}
     unknown = [each for each in asked if each not in known and f"{each}-name" not in known]
@@ -326,6 +340,7 @@ def _short(name: str) -> str:
     return name.removesuffix("-name").removesuffix("-unit")
 
 
+@ROUTES.answer(table.SET_UNIT)
 def set_unit(controller: Irc5, call: Call) -> None:
     """Change what jogging uses: tool, work object, loads, mode and coordinate system."""
     unit = _find(controller, call)
@@ -358,13 +373,13 @@ def _led_unit(controller: Irc5, call: Call) -> MechanicalUnit:
     return _find(controller, call)
 
 
-def get_lead_through(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.LEAD_THROUGH)
+def get_lead_through(controller: Irc5, call: Call) -> Mapping[str, bool]:
     unit = _led_unit(controller, call)
-    fields = {"status": "active" if unit.name in controller.motion.lead_through else "inactive"}
-    state = State("ms-mechunit-complianceleadthrough", unit.name, fields)
-    return resource("motionsystem", f"{_BASE}mechunits/", unit.name, state)
+    return {unit.name: unit.name in controller.motion.lead_through}
 
 
+@ROUTES.answer(table.SET_LEAD_THROUGH)
 def set_lead_through(controller: Irc5, call: Call) -> None:
     """Let an arm be led by hand; no hand leads this one, so that it stands still all the same."""
     unit = _led_unit(controller, call)
@@ -375,6 +390,7 @@ def set_lead_through(controller: Irc5, call: Call) -> None:
     _changed(controller)
 
 
+@ROUTES.answer(table.FINE_CALIBRATE, table.UPDATE_REVOLUTION_COUNTER, table.SET_SMB_DATA, table.CLEAR_SMB_DATA)
 def refuse_calibration(controller: Irc5, call: Call) -> None:
     """Calibration changes what the controller takes for the arm's zero; there is nothing to be calibrated here."""
     _find(controller, call)
@@ -386,26 +402,17 @@ def refuse_calibration(controller: Irc5, call: Call) -> None:
 # Positions
 
 
-def _axis_fields(values: list[float], prefix: str = "eax_") -> dict[str, str]:
-    return {f"{prefix}{letter}": printed(value) for letter, value in zip(_LETTERS, values, strict=True)}
-
-
-def joint_fields(controller: Irc5, unit: str) -> dict[str, str]:
-    """The jointtarget of a unit's arm [deg]."""
+def joint_target(controller: Irc5, unit: str) -> JointTarget:
+    """Where the axes of a unit's arm stand."""
     robax, extax = controller.joint_target(unit)
-    return {f"rax_{axis}": printed(angle) for axis, angle in enumerate(robax, 1)} | _axis_fields(list(extax))
+    a1, a2, a3, a4, a5, a6 = robax
+    return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if at > table.NO_AXIS else at for at in extax))
 
 
-def get_joint_target(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.JOINT_TARGET, table.PHYSICAL_JOINTS)
+def get_joint_target(controller: Irc5, call: Call) -> Mapping[str, JointTarget]:
     unit = _find(controller, call)
-    state = State("ms-jointtarget", unit.name, joint_fields(controller, unit.name))
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "jointtarget", state)
-
-
-def get_physical_joints(controller: Irc5, call: Call) -> Page:
-    unit = _find(controller, call)
-    state = State("ms-pjoints", unit.name, joint_fields(controller, unit.name))
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "pjoints", state)
+    return {unit.name: joint_target(controller, unit.name)}
 
 
 def _datum(controller: Irc5, unit: MechanicalUnit, name: str, kind: str) -> Any:
@@ -426,54 +433,45 @@ def _datum(controller: Irc5, unit: MechanicalUnit, name: str, kind: str) -> Any:
     return value
 
 
-def target_fields(
-    controller: Irc5, call: Call, unit: MechanicalUnit
-) -> tuple[dict[str, str], tuple[float, ...], tuple[float, ...]]:
-    """Position and orientation of a unit's tool as the call asks for them, with configuration and extra axes."""
+def target(controller: Irc5, call: Call, unit: MechanicalUnit) -> RobTarget:
+    """The position of a unit's tool as the call asks for it."""
     tool = pose_from_rapid(_datum(controller, unit, call.option("tool") or unit.tool, "tool").tframe)
     system = call.option("coordinate") or unit.coord_system
     wobj = wobj_from_rapid(_datum(controller, unit, call.option("wobj") or unit.wobj, "wobj"))
-    position = controller.arm_of(unit).position
-    trans, rot, turns, extra = robtarget(
-        controller.arm_of(unit).kinematics, position, tool, wobj if system == "Wobj" else None
-    )
-    fields = {axis: printed(value) for axis, value in zip("xyz", trans, strict=True)}
-    return fields | {f"q{n}": printed(value) for n, value in enumerate(rot, 1)}, turns, extra
+    arm = controller.arm_of(unit)
+    trans, rot, turns, extra = robtarget(arm.kinematics, arm.position, tool, wobj if system == "Wobj" else None)
+    one, four, six, last = map(int, turns)
+    external = tuple(None if angle > table.NO_AXIS else radians(angle) for angle in extra)
+    return RobTarget(pose_from_rapid((trans, rot)), (one, four, six, last), external)
 
 
-def get_robtarget(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.ROBTARGET)
+def get_robtarget(controller: Irc5, call: Call) -> Mapping[str, RobTarget]:
     unit = _find(controller, call)
-    fields, turns, extra = target_fields(controller, call, unit)
-    fields |= {name: printed(value) for name, value in zip(("cf1", "cf4", "cf6", "cfx"), turns, strict=True)}
-    state = State("ms-robtargets", unit.name, fields | _axis_fields(list(extra)))
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "robtarget", state)
+    return {unit.name: target(controller, call, unit)}
 
 
-def get_cartesian(controller: Irc5, call: Call) -> Page:
-    unit = _find(controller, call)
-    fields, turns, _ = target_fields(controller, call, unit)
-    fields |= {name: printed(value) for name, value in zip(("j1", "j4", "j6", "jx"), turns, strict=True)}
-    state = State("ms-mechunit-cartesian", "cartesian", fields)
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "cartesian", state)
+@ROUTES.answer(table.CARTESIAN)
+def get_cartesian(controller: Irc5, call: Call) -> Mapping[str, RobTarget]:
+    return {"cartesian": target(controller, call, _find(controller, call))}
 
 
 def _frame_instance(unit: MechanicalUnit) -> tuple[str, str, str]:
     return "MOC", "ROBOT" if unit.type == "TCPRobot" else "SINGLE", unit.name
 
 
-def get_base_frame(controller: Irc5, call: Call) -> Page:
-    """The base frame in the world [mm], of the system parameters."""
+@ROUTES.answer(table.BASE_FRAME)
+def get_base_frame(controller: Irc5, call: Call) -> Mapping[str, Pose]:
+    """The base frame in the world, of the system parameters."""
     unit = _find(controller, call)
     instance = controller.effective.find(*_frame_instance(unit))
     given: Mapping[str, str] = instance.attributes if instance else {}
-    fields = {axis: printed(1e3 * float(given.get(f"base_frame_pos_{axis}") or 0.0)) for axis in "xyz"}
-    for number in range(4):
-        default = "1" if number == 0 else "0"
-        fields[f"q{number + 1}"] = printed(float(given.get(f"base_frame_orient_u{number}") or default))
-    state = State("ms-mechunit-baseframe", unit.name, fields)
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "baseframe", state)
+    x, y, z = (float(given.get(f"base_frame_pos_{axis}") or 0.0) for axis in "xyz")
+    w, i, j, k = (float(given.get(f"base_frame_orient_u{number}") or (number == 0)) for number in range(4))
+    return {unit.name: Pose((x, y, z), (w, i, j, k))}
 
 
+@ROUTES.answer(table.SET_BASE_FRAME)
 def set_base_frame(controller: Irc5, call: Call) -> None:
     """Change the system parameters of the base frame; they act after a restart."""
     unit = _find(controller, call)
@@ -484,9 +482,10 @@ def set_base_frame(controller: Irc5, call: Call) -> None:
     controller.configuration.change(*_frame_instance(unit), changes)
 
 
+@ROUTES.answer(table.AXES)
 def get_axes(controller: Irc5, call: Call) -> Page:
     unit = _find(controller, call)
-    states = [State("ms-mechunit-axes", "axes", {"axes": str(unit.axes)})]
+    states = [State("ms-mechunit-axes", "axes", table.AXES.answered.write(unit.axes))]
     states += [entry("ms-mechunit-axis-li", str(number), f"axes/{number}") for number in range(1, unit.axes + 1)]
     return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "axes", *states)
 
@@ -498,68 +497,55 @@ def _axis(controller: Irc5, call: Call) -> tuple[MechanicalUnit, int]:
     return unit, int(text) if unit.axes > 1 else 7
 
 
-def get_axis(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.AXIS)
+def get_axis(controller: Irc5, call: Call) -> table.Axis:
     unit, logical = _axis(controller, call)
-    number = call.names["axis"]
-    fields = {"axisstatus": unit.status, "axispose": number, "logicalaxis": str(logical)}
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/axes/", number, State("ms-axis", number, fields))
+    return table.Axis(unit.status == "Synchronized", int(call.names["axis"]), logical)
 
 
-def get_axis_pose(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.AXIS_POSE)
+def get_axis_pose(controller: Irc5, call: Call) -> Pose:
     """Where an axis is: the flange when all axes after it stand at zero, as the kinematic chain counts them."""
     unit, logical = _axis(controller, call)
     arm = controller.arm_of(unit)
     last = arm.kinematics.axes.index(logical)
     position = tuple(angle if index <= last else 0.0 for index, angle in enumerate(arm.position))
-    trans, rot = rapid_from_pose(arm.kinematics.tool0(cast("Joints", position)))
-    fields = {axis: printed(value) for axis, value in zip("xyz", trans, strict=True)}
-    fields |= {f"q{n}": printed(value) for n, value in enumerate(rot, 1)}
-    number = call.names["axis"]
-    return resource(
-        "motionsystem", f"{_BASE}mechunits/{unit.name}/axes/", number, State("ms-axis-pose", number, fields)
-    )
+    return arm.kinematics.tool0(cast("Joints", position))
 
 
+@ROUTES.answer(table.SET_AXIS_POSE, table.UPDATE_COMMUTATE, table.UPDATE_SYNC_COUNTER)
 def refuse_axis(controller: Irc5, call: Call) -> None:
     _axis(controller, call)
     refuse_calibration(controller, call)
 
 
+@ROUTES.answer(table.SET_POSITION)
 def set_position(controller: Irc5, call: Call) -> None:
     """Put an arm somewhere while the motors are off; RobotStudio's controllers alone can."""
     _find(controller, call)
     raise Failure(400, Code.SERVICE_NOT_SUPPORTED, "a position is set in RobotStudio's controllers alone")
 
 
+@ROUTES.answer(table.CALIBRATION)
 def get_calibration(controller: Irc5, call: Call) -> Page:
     unit = _find(controller, call)
     method = _HALL if _HALL in controller.identity.options else "Undefined"
-    head = State(
-        "ms-calibrationinfo",
-        unit.name,
-        {"usecalibrationwindowtype": "0", "noactivejoints": str(unit.axes), "count": str(unit.axes)},
-    )
+    count = str(unit.axes)
+    head = {"usecalibrationwindowtype": "0", "noactivejoints": count, "count": count}
     prefix = unit.name.replace("ROB", "rob", 1).removesuffix("_7")
-    states = (
-        State(
-            "ms-calibrationinfo-joint",
-            str(number),
-            {
-                "calibrationmethodused": method,
-                "showaxis": "1",
-                "jointname": f"{prefix}_{number if unit.axes > 1 else 7}",
-                "factorycalibrationmethod": method,
-                "currentcalibrationmethod": method,
-            },
-        )
-        for number in range(1, unit.axes + 1)
-    )
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "calibrationinfo", head, *states)
+    states = []
+    for number in range(1, unit.axes + 1):
+        joint = f"{prefix}_{number if unit.axes > 1 else 7}"
+        shown = table.Calibration(method, joint=joint, factory_method=method, method=method)
+        states.append(State("ms-calibrationinfo-joint", str(number), table.CALIBRATION.answered.write(shown)))
+    base = f"{_BASE}mechunits/{unit.name}/"
+    return resource("motionsystem", base, "calibrationinfo", State("ms-calibrationinfo", unit.name, head), *states)
 
 
 _SMB = ("sis", "abs_acc", "calib", "axis_cal")
 
 
+@ROUTES.answer(table.SMB_DATA)
 def get_smb_data(controller: Irc5, call: Call) -> Page:
     """Controller and robot agree (0, SMB_VALID); there is no absolute accuracy (3, SMB_NOT_USED)."""
     unit = _find(controller, call)
@@ -571,12 +557,12 @@ def get_smb_data(controller: Irc5, call: Call) -> Page:
     return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "smbdata", State("ms-smbdata", unit.name, fields))
 
 
-def get_motor_calibration(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.MOTOR_CALIBRATION)
+def get_motor_calibration(controller: Irc5, call: Call) -> Mapping[str, str]:
     unit = _find(controller, call)
     prefix = unit.name.replace("ROB", "rob", 1).removesuffix("_7")
     numbers = range(1, unit.axes + 1) if unit.axes > 1 else (7,)
-    states = (State("ms-motorcalib", f"{prefix}_{number}", {"name": f"{prefix}_{number}"}) for number in numbers)
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "motorcalib", *states)
+    return {f"{prefix}_{number}": f"{prefix}_{number}" for number in numbers}
 
 
 # Calculations, in metres and radians
@@ -604,28 +590,18 @@ def _given(kinematics: Arm, call: Call, prefix: str = "") -> Joints:
     return _chain(kinematics, robot, extra[0])
 
 
-def pose_from_joints(controller: Irc5, call: Call) -> Page:
-    unit = _find(controller, call)
-    kinematics = controller.arm_of(unit).kinematics
+@ROUTES.answer(table.POSE_FROM_JOINTS, table.ROBTARGET_FROM_JOINTS)
+def pose_from_joints(controller: Irc5, call: Call) -> Mapping[str, RobTarget]:
+    kinematics = controller.arm_of(_find(controller, call)).kinematics
     position = _given(kinematics, call)
     pose = compose(kinematics.tool0(position), _tool(call))
-    fields = {f"position-{axis}": f"{value:.7g}" for axis, value in zip("xyz", pose.position, strict=True)}
-    fields |= {f"robtargetorientation-u{n}": f"{value:.7g}" for n, value in enumerate(pose.orientation)}
-    fields |= _turns(kinematics, position)
-    fields["extjoint-1"] = f"{_arm_angle(kinematics, position):.7g}"
-    state = State("position-from-joint", "positionData", fields)
-    return resource("motionsystem", f"{_BASE}mechunits/", unit.name, state)
+    one, four, six, last = kinematics.configuration(position)
+    return {"positionData": RobTarget(pose, (one, four, six, last), (_arm_angle(kinematics, position),))}
 
 
-def _turns(kinematics: Arm, position: Joints) -> dict[str, str]:
-    numbers = zip(("j1", "j4", "j6", "jx"), kinematics.configuration(position), strict=True)
-    return {f"quarter-rev-{name}": str(value) for name, value in numbers}
-
-
-def _joints_fields(position: Joints) -> dict[str, str]:
-    robax, eax_a = _abb(position)
-    fields = {f"robotjoint-{n}": f"{value:.7g}" for n, value in enumerate(robax, 1)}
-    return fields | {f"extjoint-{n}": f"{value:.7g}" for n, value in enumerate((eax_a, *(0.0,) * 5), 1)}
+def _solution(kinematics: Arm, position: Joints, *, with_configuration: bool = False) -> table.Solution:
+    robot, axis_7 = _abb(position)
+    return table.Solution(tuple(robot), axis_7, tuple(kinematics.configuration(position)) if with_configuration else ())
 
 
 def _wanted(call: Call) -> tuple[Pose, float, list[float]]:
@@ -635,217 +611,22 @@ def _wanted(call: Call) -> tuple[Pose, float, list[float]]:
     return compose(pose, inverse(_tool(call))), extra[0], _numbers(call, "robot_configuration", 4)
 
 
-def joints_from_pose(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.JOINTS_FROM_POSE, table.JOINTS_FROM_CARTESIAN)
+def joints_from_pose(controller: Irc5, call: Call) -> Mapping[str, table.Solution]:
     """The posture nearest to the old one; the first extra axis of the pose is the arm angle."""
-    unit = _find(controller, call)
-    kinematics = controller.arm_of(unit).kinematics
+    kinematics = controller.arm_of(_find(controller, call)).kinematics
     pose, angle, _ = _wanted(call)
     near = _given(kinematics, call, "old_")
     outside = kinematics.limits.outside(near)
     if outside is not None:
         number = f"{outside + 1} of {kinematics.joint_count}"
         raise invalid(f"old_rob_joints and old_ext_joints are outside of the range of joint {number}")
-    state = State("joints-from-position", "jointData", _joints_fields(_nearest(kinematics, pose, angle, near)))
-    return resource("motionsystem", f"{_BASE}mechunits/", unit.name, state)
+    return {"jointData": _solution(kinematics, _nearest(kinematics, pose, angle, near))}
 
 
-def all_solutions(controller: Irc5, call: Call) -> Page:
-    unit = _find(controller, call)
-    kinematics = controller.arm_of(unit).kinematics
+@ROUTES.answer(table.ALL_SOLUTIONS)
+def all_solutions(controller: Irc5, call: Call) -> Mapping[str, table.Solution]:
+    kinematics = controller.arm_of(_find(controller, call)).kinematics
     pose, angle, _ = _wanted(call)
-    states = (
-        State("all-joint-solutions", f"solution{number}", _joints_fields(each) | _turns(kinematics, each))
-        for number, each in enumerate(kinematics.postures(pose, angle), 1)
-    )
-    return resource("motionsystem", f"{_BASE}mechunits/", unit.name, *states)
-
-
-_UNIT = "/rw/motionsystem/mechunits/{unit}"
-_AXIS = f"{_UNIT}/axes/{{axis}}"
-_SUPERVISION = "/rw/motionsystem/motionsupervision"
-_PATH_SUPERVISION = "/rw/motionsystem/pathsupervision"
-_NON_MOTION = "/rw/motionsystem/nonmotionexecution"
-_FRAME: Values = dict.fromkeys(("x", "y", "z", "q1", "q2", "q3", "q4"), ())
-_TRUTH = ("TRUE", "FALSE", "true", "false")
-_FORWARD: Values = {
-    **dict.fromkeys(("tool_frame_position", "tool_frame_orientation", "rob_joints", "ext_joints"), ()),
-    "robot_fixed_object": _TRUTH,
-    "elog_at_error": _TRUTH,
-}
-_ALL: Values = {
-    **dict.fromkeys(("curr_position", "curr_ext_joints", "tool_frame_position", "curr_orientation"), ()),
-    **dict.fromkeys(("tool_frame_orientation", "robot_configuration"), ()),
-    "robot_fixed_object": _TRUTH,
-}
-_INVERSE: Values = {**_ALL, "old_rob_joints": (), "old_ext_joints": (), "elog_at_error": _TRUTH}
-_TARGET: Values = {"tool": (), "wobj": (), "coordinate": _COORDINATES}
-_POSITION: Values = dict.fromkeys(
-    (
-        *(f"pos-{axis}" for axis in "xyz"),
-        *(f"orient-q{number}" for number in range(1, 5)),
-        *(f"config-{name}" for name in ("j1", "j4", "j6", "jx")),
-        *(f"extjoint-{number}" for number in range(1, 7)),
-    ),
-    (),
-)
-_SET: Values = {
-    **dict.fromkeys(("tool", "wobj", "payload", "total-payload"), ()),
-    "mode": ("Activated", "Deactivated"),
-    "jog-mode": ("AxisGroup1", "AxisGroup2", "Align", "GoToPos", "ConfigurationJog", "Cartesian"),
-    "coord-system": ("Wobj", "Base", "Tool", "Word", "World"),
-}
-_JOG: Values = {**{f"axis{n}": () for n in range(1, 7)}, "ccount": (), "inc-mode": tuple(_STEPS_DEG)}
-_FIELDS = ("modal-payload-mode", "absacc-active", "poll-rate", "change-count", "mechunit-name")
-OPERATIONS = (
-    Operation("GET", "/rw/motionsystem", get_motion_system, query={"resource": _FIELDS, "continue-on-err": ("0", "1")}),
-    Operation(
-        "POST", "/rw/motionsystem", set_active, "set-mechunit", {"mechunit-name": ()}, respects_mastership="motion"
-    ),
-    Operation("POST", "/rw/motionsystem", jog, "jog", _JOG, needs_mastership="motion"),
-    Operation("POST", "/rw/motionsystem", go_to_position, "positiontarget", _POSITION, needs_mastership="motion"),
-    Operation("POST", "/rw/motionsystem", go_to_position, "set-target", _POSITION, needs_mastership="motion"),
-    Operation("GET", "/rw/motionsystem/checkchangecount", get_change_count, query={"changecount": ()}),
-    Operation("GET", "/rw/motionsystem/errorstate", get_error_state),
-    Operation("GET", _SUPERVISION, get_motion_supervision, query={"mechunit": ()}),
-    Operation("GET", _SUPERVISION, get_collision_prediction, "collision-prediction-mode"),
-    Operation(
-        "POST",
-        _SUPERVISION,
-        set_motion_supervision,
-        "set-mode",
-        {"mechunit-name": (), "mode": ("True", "False", *_TRUTH)},
-        respects_mastership="motion",
-    ),
-    Operation(
-        "POST",
-        _SUPERVISION,
-        set_motion_sensitivity,
-        "set-level",
-        {"mechunit-name": (), "sensitivity": ()},
-        respects_mastership="motion",
-    ),
-    Operation(
-        "POST",
-        _SUPERVISION,
-        set_collision_prediction,
-        "set-colpred-mode",
-        {"mode": ("true", "false")},
-        respects_mastership="motion",
-    ),
-    Operation("GET", _PATH_SUPERVISION, get_path_supervision, query={"mechunit": ()}),
-    Operation(
-        "POST",
-        _PATH_SUPERVISION,
-        set_path_supervision,
-        "set-mode",
-        {"mechunit": (), "mode": ("ON", "OFF")},
-        respects_mastership="motion",
-    ),
-    Operation(
-        "POST",
-        _PATH_SUPERVISION,
-        set_path_level,
-        "set-level",
-        {"mechunit": (), "level": ()},
-        respects_mastership="motion",
-    ),
-    Operation("GET", _NON_MOTION, get_non_motion),
-    Operation(
-        "POST",
-        _NON_MOTION,
-        set_non_motion,
-        "set-mode",
-        {"mode": ("ON", "OFF")},
-        respects_mastership="motion",
-        needs_grant=Grant.RAPID_DEBUG,
-    ),
-    Operation(
-        "POST",
-        _NON_MOTION,
-        set_non_motion,
-        "set",
-        {"mode": ("ON", "OFF")},
-        respects_mastership="motion",
-        needs_grant=Grant.RAPID_DEBUG,
-    ),
-    Operation("GET", "/rw/motionsystem/mechunits", get_units),
-    Operation("GET", _UNIT, get_unit, query={"resource": (), "continue-on-err": ("0", "1")}),
-    Operation("GET", _UNIT, get_lead_through, resource="lead-through"),
-    Operation("POST", _UNIT, set_unit, "set", _SET, respects_mastership="motion"),
-    Operation(
-        "POST",
-        _UNIT,
-        set_lead_through,
-        "set-lead-through",
-        {"status": ("active", "inactive")},
-        respects_mastership="motion",
-    ),
-    Operation(
-        "POST", _UNIT, refuse_calibration, "fine-calibrate", {"axis": ()}, status=400, needs_grant=Grant.CALIBRATE
-    ),
-    Operation(
-        "POST",
-        _UNIT,
-        refuse_calibration,
-        "update-revcounter",
-        {"axis": ()},
-        status=400,
-        needs_grant=Grant.REVOLUTION_COUNTER_UPDATE,
-    ),
-    Operation("POST", _UNIT, set_position, "mechunit-position", {"rob_joint": (), "ext_joint": ()}, status=400),
-    Operation("POST", _UNIT, pose_from_joints, "CalcPoseFromJoints", _FORWARD, status=200),
-    Operation("POST", _UNIT, pose_from_joints, "CalcRobTFromJoints", _FORWARD, status=200),
-    Operation("POST", _UNIT, joints_from_pose, "CalcJointsFromPose", _INVERSE, status=200),
-    Operation("POST", _UNIT, joints_from_pose, "JointsFromCartesian", _INVERSE, status=200),
-    Operation("POST", _UNIT, all_solutions, "AllJointSolutions", _ALL, status=200),
-    Operation("GET", f"{_UNIT}/pjoints", get_physical_joints),
-    Operation("GET", f"{_UNIT}/cartesian", get_cartesian, query={**_TARGET, "elog-at-err": ("0", "1")}),
-    Operation("GET", f"{_UNIT}/robtarget", get_robtarget, query=_TARGET),
-    Operation("GET", f"{_UNIT}/jointtarget", get_joint_target, query={"ignore": ("0", "1")}),
-    Operation("GET", f"{_UNIT}/calibrationinfo", get_calibration),
-    Operation("GET", f"{_UNIT}/baseframe", get_base_frame),
-    Operation(
-        "POST",
-        f"{_UNIT}/baseframe",
-        set_base_frame,
-        "set",
-        _FRAME,
-        respects_mastership="cfg",
-        status=202,
-        needs_grant=Grant.CALIBRATE,
-    ),
-    Operation("GET", f"{_UNIT}/axes", get_axes),
-    Operation("GET", _AXIS, get_axis),
-    Operation("GET", _AXIS, get_axis_pose, resource="axis-pose"),
-    Operation("POST", _AXIS, refuse_axis, "set-axispose", _FRAME, status=400, needs_grant=Grant.CALIBRATE),
-    Operation("POST", _AXIS, refuse_axis, "update-commutate", status=400, needs_grant=Grant.CALIBRATE),
-    Operation(
-        "POST",
-        _AXIS,
-        refuse_axis,
-        "update-syncrevcounter",
-        {"syncType": ("1",)},
-        status=400,
-        needs_grant=Grant.REVOLUTION_COUNTER_UPDATE,
-    ),
-    Operation("GET", f"{_UNIT}/smbdata", get_smb_data),
-    Operation(
-        "POST",
-        f"{_UNIT}/smbdata",
-        refuse_calibration,
-        "set",
-        {"type": ("robot-to-controller", "controller-to-robot")},
-        status=400,
-        needs_grant=Grant.CALIBRATE,
-    ),
-    Operation(
-        "POST",
-        f"{_UNIT}/smbdata",
-        refuse_calibration,
-        "clear",
-        {"type": ("robot", "controller")},
-        status=400,
-        needs_grant=Grant.CALIBRATE,
-    ),
-    Operation("GET", f"{_UNIT}/motorcalib", get_motor_calibration),
-)
+    found = kinematics.postures(pose, angle)
+    return {f"solution{n}": _solution(kinematics, each, with_configuration=True) for n, each in enumerate(found, 1)}

@@ -19,20 +19,31 @@ from yumi.rapid.parser import parse_module
 from yumi.rapid.states import Execution
 from yumi.rapid.task import StackEntry, StepKind, Task
 from yumi.rapid.types import RapidReferenceError
-from yumi.rws.documents import Link, Page, State
-from yumi.rws.types import Code, Grant
+from yumi.rws.documents import Link
+from yumi.rws.documents import Page
+from yumi.rws.documents import State
+from yumi.rws.types import Code
 from yumi.virtual.controller.irc5 import Irc5
+from yumi.rws.documents import JointTarget
+from yumi.rws.documents import RobTarget
+from yumi.rws.operations import rapid as table
+from yumi.rws.operations.operation import get
 from yumi.virtual.controller.tasks import InstalledTask
 from yumi.virtual.faults import DISPLAY_PATH
-from yumi.virtual.rws.configuration import path_of_file
-from yumi.virtual.rws.http import HttpReply, entry, resource
-from yumi.virtual.rws.motion import joint_fields, target_fields
-from yumi.virtual.rws.operations import Call, Failure, Operation, Values, invalid
+from yumi.virtual.rws.call import Call, Failure, invalid
+from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.motion import joint_target, target
+from yumi.virtual.rws.render import entry, resource
+from yumi.virtual.rws.router import Routes
 
 _BASE = "/rw/rapid/"
 _DISPLAYED = 30  # lines of a task
 _NO_CONTENT = 204
 _MOST_PAGE = 30
+
+
+ROUTES = Routes()
 
 
 def execution_state(controller: Irc5) -> str:
@@ -56,6 +67,7 @@ def _installed(controller: Irc5, call: Call) -> InstalledTask:
     return controller.execution.installed[_task(controller, call).name]
 
 
+@ROUTES.answer(table.RAPID)
 def get_rapid(controller: Irc5, call: Call) -> Page:
     names = ("tasks", "modules", "symbols", "execution", "uiinstr", "taskselection", "aliasio")
     return resource("rapid", "/rw/", "rapid", *(entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
@@ -64,11 +76,13 @@ def get_rapid(controller: Irc5, call: Call) -> Page:
 # Execution
 
 
+@ROUTES.answer(table.EXECUTION)
 def get_execution(controller: Irc5, call: Call) -> Page:
     fields = {"ctrlexecstate": execution_state(controller), "cycle": controller.cycle}
     return resource("rapid", _BASE, "execution", State("rap-execution", "execution", fields))
 
 
+@ROUTES.answer(table.START)
 def start(controller: Irc5, call: Call) -> None:
     cycle, mode = call.parameter("cycle", "asis"), call.parameter("execmode", "continue")
     step = None
@@ -80,12 +94,25 @@ def start(controller: Irc5, call: Call) -> None:
     controller.start_rapid("" if cycle == "asis" else cycle, step, stop_at_breakpoints=is_stopping)
 
 
+def prepare_compiled(controller: Irc5, call: Call) -> Callable[[], None]:
+    """Compile the programs of all tasks, which moving a program pointer then finds done."""
+    tasks = tuple(controller.tasks.values())
+
+    def compile_all() -> None:
+        for task in tasks:
+            task.compile()
+
+    return compile_all
+
+
+@ROUTES.answer(table.START_PRODUCTION, prepare=prepare_compiled)
 def start_production(controller: Irc5, call: Call) -> None:
     """Start from the production entry, which is the main of each task."""
     controller.move_pp_to_main()
     controller.start_rapid()
 
 
+@ROUTES.answer(table.SET_CYCLE)
 def set_cycle(controller: Irc5, call: Call) -> None:
     cycle = call.required("cycle")
     if cycle != "asis":
@@ -95,6 +122,7 @@ def set_cycle(controller: Irc5, call: Call) -> None:
                 each.task.repeats = cycle == "forever"
 
 
+@ROUTES.answer(table.HOLD_TO_RUN, table.HOLD_TASK_TO_RUN)
 def hold_to_run(controller: Irc5, call: Call) -> None:
     call.required("state")
     raise Failure(403, Code.MODE_REJECT, "hold-to-run is pressed on the FlexPendant; RobotStudio alone has it here")
@@ -103,6 +131,7 @@ def hold_to_run(controller: Irc5, call: Call) -> None:
 # Tasks
 
 
+@ROUTES.answer(table.TASKS)
 def get_tasks(controller: Irc5, call: Call) -> Page:
     states = (
         State("rap-task-li", name, task_fields(each), (Link("self", f"tasks/{name}"),))
@@ -111,6 +140,7 @@ def get_tasks(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, "tasks", *states)
 
 
+@ROUTES.answer(table.TASK)
 def get_task(controller: Irc5, call: Call) -> Page:
     installed = _installed(controller, call)
     name, settings = installed.task.name, installed.settings
@@ -144,6 +174,7 @@ def task_fields(installed: InstalledTask) -> dict[str, str]:
     }
 
 
+@ROUTES.answer(table.ACTIVATE_ALL, table.DEACTIVATE_ALL, table.ACTIVATE, table.DEACTIVATE)
 def activate(controller: Irc5, call: Call) -> None:
     """Select a task on the task panel, or all."""
     tasks = [_installed(controller, call)] if "task" in call.names else controller.execution.installed.values()
@@ -152,16 +183,17 @@ def activate(controller: Irc5, call: Call) -> None:
             controller.execution.select(each.task.name, is_active=call.option("action") == "activate")
 
 
-def load_module(controller: Irc5, call: Call) -> None:
-    is_replacing = call.parameter("replace", "false") == "true"
-    path = path_of_file(call.required("modulepath"))
-    controller.load_module(_task(controller, call).name, path, replace=is_replacing)
-
-
 def prepare_module(controller: Irc5, call: Call) -> Callable[[], None] | None:
     path = path_of_file(call.required("modulepath"))
     text = controller.files.get(path)
     return None if text is None else partial(prepare_modules, _task(controller, call), {path: text})
+
+
+@ROUTES.answer(table.LOAD_MODULE, prepare=prepare_module)
+def load_module(controller: Irc5, call: Call) -> None:
+    is_replacing = call.parameter("replace", "false") == "true"
+    path = path_of_file(call.required("modulepath"))
+    controller.load_module(_task(controller, call).name, path, replace=is_replacing)
 
 
 def prepare_modules(task: Task, texts: Mapping[str, str], *, replaces_program: bool = False) -> None:
@@ -185,21 +217,12 @@ def quoted(text: str) -> str:
     return quote(text, encoding="latin-1", errors="replace")
 
 
-def prepare_compiled(controller: Irc5, call: Call) -> Callable[[], None]:
-    """Compile the programs of all tasks, which moving a program pointer then finds done."""
-    tasks = tuple(controller.tasks.values())
-
-    def compile_all() -> None:
-        for task in tasks:
-            task.compile()
-
-    return compile_all
-
-
+@ROUTES.answer(table.UNLOAD_MODULE)
 def unload_module(controller: Irc5, call: Call) -> None:
     controller.unload_module(_task(controller, call).name, call.required("module"))
 
 
+@ROUTES.answer(table.ABORT_LEVEL)
 def abort_level(controller: Irc5, call: Call) -> None:
     """Leave the execution level that a service routine or trap has: the normal one stays, as nothing is above it."""
     task = _task(controller, call)
@@ -209,6 +232,7 @@ def abort_level(controller: Irc5, call: Call) -> None:
         raise Failure(400, Code.NO_PP, f"{task.name} has no program pointer")
 
 
+@ROUTES.answer(table.BUILD)
 def build(controller: Irc5, call: Call) -> None:
     """Link a task; its errors are at ``program/builderror``."""
     faults = _task(controller, call).faults()
@@ -216,6 +240,7 @@ def build(controller: Irc5, call: Call) -> None:
         raise Failure(400, Code.SEMANTIC, str(faults[0]))
 
 
+@ROUTES.answer(table.SYNC_STATE, table.TASK_SYNC_STATE)
 def get_sync_state(controller: Irc5, call: Call) -> Page:
     """Whether the pointers of motion tasks are on synchronized motion, which this robot does not have."""
     states = (
@@ -225,14 +250,17 @@ def get_sync_state(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, "tasks", *states)
 
 
+@ROUTES.answer(table.SPY)
 def get_spy(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, "tasks", State("rap-spy-status", "spy-status", {"status": "Not Logging"}))
 
 
+@ROUTES.answer(table.START_SPY, table.STOP_SPY)
 def refuse_spy(controller: Irc5, call: Call) -> None:
     raise Failure(400, Code.SERVICE_NOT_SUPPORTED, "execution is not logged statement by statement here")
 
 
+@ROUTES.answer(table.STACK_FRAME, table.ACTIVATION_RECORD)
 def get_stack_frame(controller: Irc5, call: Call) -> Page:
     """A routine under way: 1 is that of the program pointer."""
     task = _task(controller, call)
@@ -266,6 +294,7 @@ def _place(task: Task, at: StackEntry, names: Sequence[str]) -> dict[str, str]:
     return dict(zip(names, map(str, (at.line, begin, at.line, max(len(line.rstrip()), begin))), strict=True))
 
 
+@ROUTES.answer(table.CHANGE_COUNT_TOO, table.CHANGE_COUNT)
 def get_change_count(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     count = str(controller.program_changes(task.name))
@@ -274,6 +303,7 @@ def get_change_count(controller: Irc5, call: Call) -> Page:
     return resource("rapid", f"{_BASE}tasks/", task.name, state)
 
 
+@ROUTES.answer(table.PREFERRED_TYPES)
 def get_preferred_types(controller: Irc5, call: Call) -> Page:
     """The data types a parameter of an instruction takes."""
     task = _task(controller, call)
@@ -286,6 +316,7 @@ def get_preferred_types(controller: Irc5, call: Call) -> Page:
     return resource("rapid", f"{_BASE}tasks/", task.name, State("task-pref-data-types", parameter, fields))
 
 
+@ROUTES.answer(table.ROUTINES_OF_TASK)
 def get_routines_of_task(controller: Irc5, call: Call) -> Page:
     """The procedures that may be called as service routines: those without parameters."""
     task = _task(controller, call)
@@ -312,6 +343,7 @@ def _is_entry(routine: UserRoutine) -> bool:
     return routine.syntax.kind is s.RoutineKind.PROC and not routine.syntax.parameters
 
 
+@ROUTES.answer(table.TASK_EXECUTION)
 def get_task_execution(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     fields = {"excstate": task.execution.value}
@@ -340,6 +372,7 @@ def pointer_fields(task: Task) -> dict[str, str]:
     }
 
 
+@ROUTES.answer(table.POINTERS)
 def get_pointers(controller: Irc5, call: Call) -> Page:
     """Both pointers: the motion pointer is where the program pointer is, as no motion runs ahead of it."""
     task = _task(controller, call)
@@ -349,6 +382,7 @@ def get_pointers(controller: Irc5, call: Call) -> Page:
     return resource("rapid", f"{_BASE}tasks/{task.name}/", "pcp", *states)
 
 
+@ROUTES.answer(table.SET_PP_CURSOR, table.SET_PP_ROUTINE, table.SET_PP_ROUTINE_FROM_URL, prepare=prepare_compiled)
 def move_pp(controller: Irc5, call: Call) -> None:
     """Set the program pointer to a procedure; a line has to be one of its beginning, or it is refused."""
     task = _task(controller, call)
@@ -370,6 +404,7 @@ def move_pp(controller: Irc5, call: Call) -> None:
     controller.execution.move_pp_to_routine(task.name, routine, module)
 
 
+@ROUTES.answer(table.SET_PP_PREV_INST, table.SET_PP_NEXT_INST)
 def refuse_pp_step(controller: Irc5, call: Call) -> None:
     _task(controller, call)
     raise Failure(400, Code.ILLEGAL_PCP_MOVE, "the pointer moves by steps of execution: start with execmode=stepover")
@@ -378,6 +413,7 @@ def refuse_pp_step(controller: Irc5, call: Call) -> None:
 # Motion of a task
 
 
+@ROUTES.answer(table.MOTION)
 def get_motion(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     unit = _unit_of(controller, task)
@@ -394,24 +430,20 @@ def _unit_of(controller: Irc5, task: Task) -> str:
     return found
 
 
-def get_motion_target(controller: Irc5, call: Call) -> Page:
+@ROUTES.answer(table.MOTION_TARGET)
+def get_motion_target(controller: Irc5, call: Call) -> Mapping[str, RobTarget]:
     task = _task(controller, call)
     unit = next(each for each in controller.units if each.name == _unit_of(controller, task))
-    fields, turns, extra = target_fields(controller, call, unit)
-    fields |= {name: f"{value:.7g}" for name, value in zip(("cf1", "cf4", "cf6", "cfx"), turns, strict=True)}
-    fields |= {f"ej{n}": "9E+09" if value > 8.9e9 else f"{value:.7g}" for n, value in enumerate(extra, 1)}
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", State("rapid-robtarget", unit.name, fields))
+    return {unit.name: target(controller, call, unit)}
 
 
-def get_motion_joints(controller: Irc5, call: Call) -> Page:
-    task = _task(controller, call)
-    unit = _unit_of(controller, task)
-    values = list(joint_fields(controller, unit).values())
-    fields = {f"j{n}": value for n, value in enumerate(values[:6], 1)}
-    fields |= {f"ej{n}": value for n, value in enumerate(values[6:], 1)}
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", State("rapid-jointtarget", unit, fields))
+@ROUTES.answer(table.MOTION_JOINTS)
+def get_motion_joints(controller: Irc5, call: Call) -> Mapping[str, JointTarget]:
+    unit = _unit_of(controller, _task(controller, call))
+    return {unit: joint_target(controller, unit)}
 
 
+@ROUTES.answer(table.MOTION_UNITS)
 def get_motion_units(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     states = (
@@ -422,6 +454,7 @@ def get_motion_units(controller: Irc5, call: Call) -> Page:
     return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", *states)
 
 
+@ROUTES.answer(table.EXTRA_JOINTS)
 def get_extra_joints(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     _unit_of(controller, task)
@@ -433,6 +466,7 @@ def get_extra_joints(controller: Irc5, call: Call) -> Page:
 # Program
 
 
+@ROUTES.answer(table.PROGRAM)
 def get_program(controller: Irc5, call: Call) -> Page | HttpReply:
     task = _task(controller, call)
     if not task.modules:
@@ -445,6 +479,12 @@ def get_program(controller: Irc5, call: Call) -> Page | HttpReply:
     return resource("rapid", f"{_BASE}tasks/{task.name}/", "program", state, *links)
 
 
+def prepare_program(controller: Irc5, call: Call) -> Callable[[], None]:
+    texts = _program_files(controller, path_of_file(call.required("progpath")))
+    return partial(prepare_modules, _task(controller, call), texts, replaces_program=_is_replacing(call))
+
+
+@ROUTES.answer(table.LOAD_PROGRAM, prepare=prepare_program)
 def load_program(controller: Irc5, call: Call) -> None:
     """Load the modules that a program file (.pgf) lists, all or none, for the program modules or beside them."""
     task, path = _task(controller, call), path_of_file(call.required("progpath"))
@@ -452,11 +492,6 @@ def load_program(controller: Irc5, call: Call) -> None:
     controller.execution.load_program(task.name, texts, replace=_is_replacing(call))
     controller.name_program(task.name, path.rpartition("/")[2].rpartition(".")[0])
     controller.program_loaded(task.name)
-
-
-def prepare_program(controller: Irc5, call: Call) -> Callable[[], None]:
-    texts = _program_files(controller, path_of_file(call.required("progpath")))
-    return partial(prepare_modules, _task(controller, call), texts, replaces_program=_is_replacing(call))
 
 
 def _is_replacing(call: Call) -> bool:
@@ -480,6 +515,7 @@ def _program_files(controller: Irc5, path: str) -> dict[str, str]:
     return {each: module for each, module in texts.items() if module is not None}
 
 
+@ROUTES.answer(table.UNLOAD_PROGRAM)
 def unload_program(controller: Irc5, call: Call) -> None:
     task = _task(controller, call)
     for module in task.modules:
@@ -487,6 +523,7 @@ def unload_program(controller: Irc5, call: Call) -> None:
             controller.unload_module(task.name, module.name)
 
 
+@ROUTES.answer(table.SAVE_PROGRAM)
 def save_program(controller: Irc5, call: Call) -> None:
     """Write the program modules and the program file that lists them into a directory."""
     task, folder = _task(controller, call), path_of_file(call.required("path"))
@@ -499,10 +536,12 @@ def save_program(controller: Irc5, call: Call) -> None:
         controller.files.write(f"{folder}/{module.name}.mod", module.text.encode("latin-1", "replace"))
 
 
+@ROUTES.answer(table.SET_PROGRAM_NAME)
 def set_program_name(controller: Irc5, call: Call) -> None:
     controller.name_program(_task(controller, call).name, call.required("name"))
 
 
+@ROUTES.answer(table.SET_ENTRY)
 def set_entry(controller: Irc5, call: Call) -> None:
     task, name = _task(controller, call), call.required("routine")
     if not any(_is_entry(each) and each.name.lower() == name.lower() for each in task.program.routines):
@@ -510,6 +549,7 @@ def set_entry(controller: Irc5, call: Call) -> None:
     task.entry = name
 
 
+@ROUTES.answer(table.BUILD_ERRORS)
 def get_build_errors(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     faults = task.faults()
@@ -533,6 +573,7 @@ def get_build_errors(controller: Irc5, call: Call) -> Page:
     return resource("rapid", f"{_BASE}tasks/{task.name}/program/", "builderror", *states, next_href=more)
 
 
+@ROUTES.answer(table.BREAKPOINTS, table.TASK_BREAKPOINTS)
 def get_breakpoints(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     names = {module.name.lower(): module.name for module in task.modules}
@@ -551,6 +592,7 @@ def get_breakpoints(controller: Irc5, call: Call) -> Page:
     return resource("rapid", f"{_BASE}tasks/{task.name}/program/", "breakpoint", *states)
 
 
+@ROUTES.answer(table.SET_BREAKPOINT)
 def set_breakpoint(controller: Irc5, call: Call) -> None:
     """Set a breakpoint on a line; one that is there stays."""
     task, module, row = _task(controller, call), call.required("module"), int(call.number("row"))
@@ -565,174 +607,16 @@ def set_breakpoint(controller: Irc5, call: Call) -> None:
 # Task panel, alias I/O
 
 
+@ROUTES.answer(table.TASK_SELECTION)
 def get_task_selection(controller: Irc5, call: Call) -> Page:
     state = State("rap-taskselection", "taskselection", {"user-modify": "TRUE"})
     return resource("rapid", _BASE, "taskselection", state)
 
 
+@ROUTES.answer(table.ALIASES)
 def get_aliases(controller: Irc5, call: Call) -> Page:
     """Signals that programs call by other names (AliasIO); none is listed, as an alias is a name of one program."""
     return resource("rapid", _BASE, "aliasio")
-
-
-_EXECUTION = "/rw/rapid/execution"
-_TASKS = "/rw/rapid/tasks"
-_TASK = "/rw/rapid/tasks/{task}"
-_PROGRAM = f"{_TASK}/program"
-_PCP = f"{_TASK}/pcp"
-_START: Values = {
-    "regain": ("continue", "regain", "clear"),
-    "execmode": ("continue", "stepin", "stepover", "stepout", "stepback", "steplast", "stepmotion"),
-    "cycle": ("forever", "asis", "once"),
-    "condition": ("none", "callchain"),
-    "stopatbp": ("disabled", "enabled"),
-    "alltaskbytsp": ("true", "false"),
-}
-_STOP: Values = {"stopmode": ("cycle", "instr", "stop", "qstop"), "usetsp": ("normal", "alltsk")}
-_CONTINUE: Values = {"continue-on-err": ("0", "1")}
-_POINTERS: Values = {"type": ("program-pointer", "motion-pointer")}
-_CURSOR: Values = {"module": (), "routine": (), "line": (), "column": ()}
-_ROUTINE: Values = {"module": (), "routine": (), "userlevel": ("true", "false")}
-_PAGES: Values = {"start": (), "limit": ()}
-OPERATIONS = (
-    Operation("GET", "/rw/rapid", get_rapid),
-    Operation("GET", _EXECUTION, get_execution, query=_CONTINUE),
-    Operation("POST", _EXECUTION, start, "start", _START, needs_grant=Grant.RAPID_EXECUTE),
-    Operation("POST", _EXECUTION, lambda controller, _: controller.stop_rapid(), "stop", _STOP),
-    Operation(
-        "POST",
-        _EXECUTION,
-        start_production,
-        "startprodentry",
-        needs_grant=Grant.RAPID_EXECUTE,
-        prepare=prepare_compiled,
-    ),
-    Operation(
-        "POST",
-        _EXECUTION,
-        lambda controller, _: controller.move_pp_to_main(),
-        "resetpp",
-        needs_grant=Grant.RAPID_EXECUTE,
-        prepare=prepare_compiled,
-    ),
-    Operation(
-        "POST",
-        _EXECUTION,
-        set_cycle,
-        "setcycle",
-        {"cycle": ("once", "forever", "asis")},
-        "rapid",
-        needs_grant=Grant.RAPID_EXECUTE,
-    ),
-    Operation(
-        "POST",
-        _EXECUTION,
-        hold_to_run,
-        "holdtorun-state",
-        {"state": ("press", "held", "release")},
-        status=403,
-        needs_grant=Grant.RAPID_DEBUG,
-    ),
-    Operation("GET", _TASKS, get_tasks, query=_CONTINUE),
-    Operation("GET", _TASKS, get_spy, resource="spy-status"),
-    Operation("GET", _TASKS, get_sync_state, resource="sync-state", query=_POINTERS),
-    Operation("POST", _TASKS, activate, "activate", respects_mastership="rapid", needs_grant=Grant.RAPID_DEBUG),
-    Operation("POST", _TASKS, activate, "deactivate", respects_mastership="rapid", needs_grant=Grant.RAPID_DEBUG),
-    Operation("POST", _TASKS, refuse_spy, "start-spy", {"log-file": ()}, status=400),
-    Operation("POST", _TASKS, refuse_spy, "stop-spy", status=400),
-    Operation("GET", _TASK, get_task, query=_CONTINUE),
-    Operation("GET", _TASK, get_stack_frame, resource="activation-record", query={"stackframe": ()}),
-    Operation("GET", _TASK, get_change_count, resource="task-struc-change-count"),
-    Operation(
-        "GET", _TASK, get_preferred_types, resource="pref-data-types", query={"instruction": (), "parameter": ()}
-    ),
-    Operation("GET", _TASK, get_sync_state, resource="task-sync-state", query=_POINTERS),
-    Operation("POST", _TASK, activate, "activate", respects_mastership="rapid", needs_grant=Grant.RAPID_DEBUG),
-    Operation("POST", _TASK, activate, "deactivate", respects_mastership="rapid", needs_grant=Grant.RAPID_DEBUG),
-    Operation(
-        "POST",
-        _TASK,
-        load_module,
-        "loadmod",
-        {"modulepath": (), "replace": ("true", "false")},
-        "rapid",
-        needs_grant=Grant.RAPID_LOADPROGRAM,
-        prepare=prepare_module,
-    ),
-    Operation("POST", _TASK, unload_module, "unloadmod", {"module": ()}, "rapid", needs_grant=Grant.RAPID_LOADPROGRAM),
-    Operation("POST", _TASK, abort_level, "abortexeclevel", needs_mastership="rapid", needs_grant=Grant.RAPID_EXECUTE),
-    Operation("POST", _TASK, build, "build", needs_mastership="rapid"),
-    Operation(
-        "POST",
-        _TASK,
-        hold_to_run,
-        "holdtorun",
-        {"state": ("press", "held", "release")},
-        status=403,
-        needs_grant=Grant.RAPID_DEBUG,
-    ),
-    Operation("GET", f"{_TASK}/structural-changecount", get_change_count),
-    Operation("GET", f"{_TASK}/activation-record", get_stack_frame, query={"stackframe": ()}),
-    Operation("GET", f"{_TASK}/serviceroutine", get_routines_of_task, query={**_PAGES, "allread": ("TRUE", "FALSE")}),
-    Operation("GET", f"{_TASK}/execution", get_task_execution),
-    Operation("GET", f"{_TASK}/motion", get_motion),
-    Operation("GET", f"{_TASK}/motion", get_motion_target, resource="robtarget", query={"tool": (), "wobj": ()}),
-    Operation("GET", f"{_TASK}/motion", get_motion_joints, resource="jointtarget"),
-    Operation("GET", f"{_TASK}/motion", get_motion_units, resource="mechunit"),
-    Operation("GET", f"{_TASK}/motion", get_extra_joints, resource="extjointstate"),
-    Operation("GET", _PROGRAM, get_program, query=_CONTINUE),
-    Operation(
-        "POST",
-        _PROGRAM,
-        load_program,
-        "loadprog",
-        {"progpath": (), "loadmode": ("add", "replace")},
-        "rapid",
-        needs_grant=Grant.RAPID_LOADPROGRAM,
-        prepare=prepare_program,
-    ),
-    Operation(
-        "POST", _PROGRAM, unload_program, "unloadprog", needs_mastership="rapid", needs_grant=Grant.RAPID_LOADPROGRAM
-    ),
-    Operation("POST", _PROGRAM, save_program, "save", {"path": ()}, needs_grant=Grant.BACKUP),
-    Operation(
-        "POST",
-        _PROGRAM,
-        set_program_name,
-        "setname",
-        {"name": ()},
-        respects_mastership="rapid",
-        needs_grant=Grant.RAPID_EDIT,
-    ),
-    Operation("POST", _PROGRAM, set_entry, "set-entrypoint", {"routine": ()}, "rapid", needs_grant=Grant.RAPID_EDIT),
-    Operation("GET", f"{_PROGRAM}/builderror", get_build_errors, query=_PAGES),
-    Operation("GET", f"{_PROGRAM}/breakpoint", get_breakpoints, query=_PAGES),
-    Operation(
-        "POST",
-        f"{_PROGRAM}/breakpoint",
-        set_breakpoint,
-        "set",
-        {"module": (), "row": (), "column": ()},
-        "rapid",
-        needs_grant=Grant.RAPID_DEBUG,
-    ),
-    Operation("GET", f"{_TASK}/breakpoints", get_breakpoints),
-    Operation("GET", _PCP, get_pointers),
-    *(
-        Operation(
-            "POST", _PCP, move_pp, action, values, "rapid", needs_grant=Grant.RAPID_DEBUG, prepare=prepare_compiled
-        )
-        for action, values in (
-            ("set-pp-cursor", _CURSOR),
-            ("set-pp-routine", _ROUTINE),
-            ("set-pp-routine-from-url", _ROUTINE),
-        )
-    ),
-    Operation("POST", _PCP, refuse_pp_step, "set-pp-prev-inst", status=400, needs_grant=Grant.RAPID_DEBUG),
-    Operation("POST", _PCP, refuse_pp_step, "set-pp-next-inst", status=400, needs_grant=Grant.RAPID_DEBUG),
-    Operation("GET", "/rw/rapid/taskselection", get_task_selection),
-    Operation("GET", "/rw/rapid/aliasio", get_aliases, query=_PAGES),
-)
 
 
 # Questions to the operator
@@ -741,10 +625,12 @@ _ANSWER = "Result"
 """The parameter of a question that is its answer."""
 
 
+@ROUTES.answer(table.DIALOGS)
 def get_dialogs(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, "uiinstr", entry("rap-uiactive-li", "active", "uiinstr/active"))
 
 
+@ROUTES.answer(table.ACTIVE_DIALOG)
 def get_active_dialog(controller: Irc5, call: Call) -> Page:
     """The newest question without an answer."""
     found = controller.devices.pendant.active
@@ -764,6 +650,7 @@ def dialog_fields(dialog: Dialog) -> dict[str, str]:
     }
 
 
+@ROUTES.answer(table.DIALOG_PARAMETERS)
 def get_dialog_parameters(controller: Irc5, call: Call) -> Page:
     """What the question shows, and the parameter that takes the answer."""
     values = _dialog_values(_dialog_at(controller, call.names["stack"]))
@@ -771,6 +658,7 @@ def get_dialog_parameters(controller: Irc5, call: Call) -> Page:
     return resource("rapid", f"{_BASE}uiinstr/active/", f"params/{call.names['stack']}", *states)
 
 
+@ROUTES.answer(table.DIALOG_PARAMETER)
 def get_dialog_parameter(controller: Irc5, call: Call) -> Page:
     stack, _, parameter = call.names["stack"].rpartition("/")
     for name, value in _dialog_values(_dialog_at(controller, stack)).items():
@@ -799,6 +687,7 @@ def _dialog_values(dialog: Dialog) -> dict[str, str]:
     }
 
 
+@ROUTES.answer(table.ANSWER_DIALOG)
 def answer_dialog(controller: Irc5, call: Call) -> None:
     """Answer the question."""
     stack, _, parameter = call.names["stack"].rpartition("/")
@@ -822,6 +711,7 @@ def _dialog_at(controller: Irc5, stack: str) -> Dialog:
     raise Failure(404, Code.FAIL, f"no program asks anything at {stack!r}")
 
 
+@ROUTES.answer(get(DISPLAY_PATH))
 def get_display(controller: Irc5, call: Call) -> Page:
     """What each task wrote to the FlexPendant last (TPWrite), lines numbered from 1; no ABB controller has this."""
     states = (
@@ -834,11 +724,11 @@ def get_display(controller: Irc5, call: Call) -> Page:
     return resource("virtual", "/virtual/", "display", *states)
 
 
-DIALOG_OPERATIONS = (
-    Operation("GET", DISPLAY_PATH, get_display),
-    Operation("GET", "/rw/rapid/uiinstr", get_dialogs),
-    Operation("GET", "/rw/rapid/uiinstr/active", get_active_dialog),
-    Operation("GET", "/rw/rapid/uiinstr/active/params/{stack:.+}", get_dialog_parameters),
-    Operation("GET", "/rw/rapid/uiinstr/active/param/{stack:.+}", get_dialog_parameter),
-    Operation("POST", "/rw/rapid/uiinstr/active/param/{stack:.+}", answer_dialog, "set", {"value": ()}),
-)
+@ROUTES.answer(table.STOP)
+def stop(controller: Irc5, call: Call) -> None:
+    controller.stop_rapid()
+
+
+@ROUTES.answer(table.MOVE_PP_TO_MAIN, prepare=prepare_compiled)
+def move_pp_to_main(controller: Irc5, call: Call) -> None:
+    controller.move_pp_to_main()

@@ -13,14 +13,30 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import lru_cache
 from math import inf
-from urllib.parse import unquote
+from typing import Any
 
 from yumi.errors import ProtocolError, RapidError, SettingsError
-from yumi.rws.documents import FORM_TYPE, Form, Page, Pairs, State, Status, decode_form
+from yumi.rws.documents import FORM_TYPE, Form, Page, Pairs, State, Status, decode_form, first_value
+from yumi.rws.operations.operation import Operation
+from yumi.rws.operations.users import LOGOUT
 from yumi.rws.types import GRANTS, Code, Grant
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.event_log import Refused
-from yumi.virtual.rws import configuration, ctrl, io, motion, rapid, symbols, system
+from yumi.virtual.rws import configuration
+from yumi.virtual.rws import ctrl
+from yumi.virtual.rws import io
+from yumi.virtual.rws import motion
+from yumi.virtual.rws import rapid
+from yumi.virtual.rws import system
+from yumi.virtual.rws import event_log
+from yumi.virtual.rws import files
+from yumi.virtual.rws import modules
+from yumi.virtual.rws import panel
+from yumi.virtual.rws.call import Call
+from yumi.virtual.rws.call import Failure
+from yumi.virtual.rws.call import Shown
+from yumi.virtual.rws.call import invalid
+from yumi.virtual.rws.call import refusal
 from yumi.virtual.rws.http import (
     NONCE_LIFE,
     Challenge,
@@ -34,35 +50,25 @@ from yumi.virtual.rws.http import (
     nonce_age,
     read_cookies,
     read_credentials,
-    resource,
-    write_page,
-    write_status,
 )
-from yumi.virtual.rws.io import MessageService
-from yumi.virtual.rws.operations import (
-    LONGEST_KEPT,
-    OWN_DOMAINS,
-    Answer,
-    Call,
-    Failure,
-    Mastership,
-    Operation,
-    Router,
-    Users,
-    invalid,
-    refusal,
-)
+from yumi.virtual.rws.mastership import OWN_DOMAINS, Mastership
+from yumi.virtual.rws.queues import MessageService
+from yumi.virtual.rws.render import resource, write_page, write_status
+from yumi.virtual.rws.router import Route, Router
 from yumi.virtual.rws.subscriptions import Rules, Subscriptions, Upgrade
+from yumi.virtual.rws.users import Users
 
-OPERATIONS = (
-    *system.OPERATIONS,
-    *ctrl.OPERATIONS,
-    *rapid.OPERATIONS,
-    *symbols.OPERATIONS,
-    *rapid.DIALOG_OPERATIONS,
-    *io.OPERATIONS,
-    *motion.OPERATIONS,
-    *configuration.OPERATIONS,
+ROUTES = (
+    *system.ROUTES,
+    *panel.ROUTES,
+    *event_log.ROUTES,
+    *ctrl.ROUTES,
+    *rapid.ROUTES,
+    *modules.ROUTES,
+    *io.ROUTES,
+    *motion.ROUTES,
+    *configuration.ROUTES,
+    *files.ROUTES,
 )
 """All that depend on the controller alone; mastership and subscriptions belong to the sessions of one server."""
 
@@ -82,7 +88,7 @@ class RwsService:
         scheme, default_port: of its addresses.
         domains: of mastership.
         rules: of subscriptions.
-        operations: the table.
+        routes: of all its operations.
     """
 
     scheme = "http"
@@ -110,13 +116,13 @@ class RwsService:
         self._mastership = Mastership(self._users, self.domains)
         self._messages = MessageService(controller)
         self._subscriptions = Subscriptions(self._mastership, self._users, self._messages, self.rules)
-        self.operations: tuple[Operation, ...] = (
-            *OPERATIONS,
-            *self._users.operations,
-            *self._mastership.operations,
-            *self._messages.operations,
-            *self._subscriptions.operations,
-            Operation("GET", "/logout", lambda *_: None, status=204),
+        self.routes: tuple[Route, ...] = (
+            *ROUTES,
+            *self._users.routes,
+            *self._mastership.routes,
+            *self._messages.routes,
+            *self._subscriptions.routes,
+            Route(LOGOUT, lambda *_: None),
         )
         self._router = self._build_router()
         self._hang_up = hang_up
@@ -124,8 +130,13 @@ class RwsService:
         self._now = -inf
         self._busy_until = -inf
 
+    @property
+    def operations(self) -> tuple[Operation[Any], ...]:
+        """All that clients may ask for."""
+        return tuple(route.operation for route in self.routes)
+
     def _build_router(self) -> Router:
-        return Router(self.operations)
+        return Router(self.routes)
 
     def handle(self, request: HttpRequest, now: float) -> HttpReply | Upgrade | None:
         """The answer to ``request``, which arrived at ``now`` [s]; None while the controller restarts."""
@@ -227,31 +238,24 @@ class RwsService:
 
     # Answering
 
-    def find(self, request: HttpRequest) -> tuple[Operation, Call]:
-        """The operation of a request, and its call, neither authorized nor checked.
+    def find(self, request: HttpRequest) -> tuple[Route, Call]:
+        """The route of a request, and its call, neither authorized nor checked; its form only where work is prepared.
 
         Raises:
             Failure: there is none.
         """
-        operation, call = self._router.find(_call(request))
-        if operation.prepare is None:
-            return operation, call
-        return operation, replace(call, form=form_of(request.body))
+        route, names = self._router.find(request.method, request.path, request.query)
+        form = () if route.prepare is None else form_of(request.body)
+        return route, Call(request.method, request.path, request.query, form, names)
 
     def _answer(self, request: HttpRequest, session: Session) -> HttpReply | Upgrade:
-        host = request.header("Host") or ""
-        call = replace(
-            _call(request),
-            session=session.id,
-            host=_with_port(host, self.default_port),
-            privilege=self._users.privilege(session.id),
-        )
         form = Form.XHTML
         try:
-            if call.path[:1] == ("poll",) and _is_upgrade(request):
-                return self._subscriptions.upgrade(call, request.header("Sec-WebSocket-Protocol") or "")
-            form = self._form(call, request)
-            return self._operate(call, request, form, session)
+            if request.path[:1] == ("poll",) and _is_upgrade(request):
+                protocols = request.header("Sec-WebSocket-Protocol") or ""
+                return self._subscriptions.upgrade(request.path, session.id, protocols)
+            form = self._form(request)
+            return self._operate(request, form, session)
         except Failure as error:
             failure = error
         except Refused as error:
@@ -261,59 +265,67 @@ class RwsService:
         except SettingsError as error:
             failure = invalid(str(error))
         except Exception:  # whatever a client sends, the controller goes on
-            log.exception("%s %s met a fault of the virtual controller", call.method, request.target.partition("?")[0])
+            log.exception("%s /%s met a fault of the virtual controller", request.method, "/".join(request.path))
             failure = Failure(400, Code.FAIL, "a fault of the virtual controller")
-        service = next((part for part in call.path if part != "rw"), "rw")
+        service = next((part for part in request.path if part != "rw"), "rw")
         title = "Error" if service == "fileservice" else "rw"
+        host = request.header("Host") or ""
         content_type = (("Content-Type", self._content_type(form)),)
         return HttpReply(failure.status, content_type, self._status(failure.document(service), form, host, title))
 
-    def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
-        """Check a call against the table, carry it out, and show its result in the client's format."""
-        call = replace(call, content=request.body, form=self._pairs(call, request))
-        answer: Answer
-        if self._wants_forms(call):
-            operation, answer = None, self._forms(call)
+    def _operate(self, request: HttpRequest, form: Form, session: Session) -> HttpReply:
+        """Check a request against the table, carry it out, and show its result in the client's format."""
+        pairs = self._pairs(request)
+        host = request.header("Host") or ""
+        method, path, query = request.method, request.path, request.query
+        status = 200
+        answer: Shown
+        if self._wants_forms(request):
+            answer = self._forms(path)
         else:
-            operation, call = self._router.find(call)
+            route, names = self._router.find(method, path, query)
+            operation = route.operation
+            privilege = self._users.privilege(session.id)
+            own = _with_port(host, self.default_port)
+            call = Call(method, path, query, pairs, names, request.body, session.id, own, privilege)
             self._users.check(operation, self._controller, call)
             self._check_mastership(operation, call)
-            operation.check_values(call)
-            answer = operation.handler(self._controller, call)
-            if operation.path == "/logout":
+            call.check(operation)
+            answer = route.answer(self._controller, call)
+            status = operation.success
+            if operation.path == LOGOUT.path:
                 self._sessions.close(session)
                 self._forget_ended()
         if isinstance(answer, HttpReply):
             return answer
-        status = 200 if operation is None else operation.success
         content_type = (("Content-Type", self._content_type(form)),)
         if answer is None:
             return HttpReply(status, () if status == NO_CONTENT else content_type)
-        return HttpReply(status, content_type, self._page(answer, form, request.header("Host") or ""))
+        return HttpReply(status, content_type, self._page(answer, form, host))
 
-    def _form(self, call: Call, request: HttpRequest) -> Form:
+    def _form(self, request: HttpRequest) -> Form:
         """The representation a client asks for."""
-        return Form.JSON if call.option("json") == "1" else Form.XHTML
+        return Form.JSON if first_value(request.query, "json") == "1" else Form.XHTML
 
-    def _pairs(self, call: Call, request: HttpRequest) -> Pairs:
+    def _pairs(self, request: HttpRequest) -> Pairs:
         """The form in the body.
 
         Raises:
             Failure: 415, the body is of another type.
         """
-        if call.method == "PUT" and call.path[:1] == ("fileservice",):  # which is a file
+        if request.method == "PUT" and request.path[:1] == ("fileservice",):  # which is a file
             return ()
         kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
         if request.body and kind != FORM_TYPE:  # only a body that is there must have its type
             raise Failure(415, Code.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
         return form_of(request.body)
 
-    def _wants_forms(self, call: Call) -> bool:
+    def _wants_forms(self, request: HttpRequest) -> bool:
         """Whether a client asks what it can do with a resource."""
-        is_group = call.path[:1] == ("subscription",) and len(call.path) > 1  # which shows its values
-        return call.method == "GET" and call.option("action") == "show" and not is_group
+        is_group = request.path[:1] == ("subscription",) and len(request.path) > 1  # which shows its values
+        return request.method == "GET" and first_value(request.query, "action") == "show" and not is_group
 
-    def _check_mastership(self, operation: Operation, call: Call) -> None:
+    def _check_mastership(self, operation: Operation[Any], call: Call) -> None:
         self._mastership.check(operation, self._controller, call)
 
     def _content_type(self, form: Form) -> str:
@@ -326,16 +338,16 @@ class RwsService:
     def _status(self, status: Status, form: Form, host: str, title: str) -> bytes:
         return write_status(status, form, base=f"{self.scheme}://{host}/", title=title)
 
-    def _forms(self, call: Call) -> Page:
+    def _forms(self, path: tuple[str, ...]) -> Page:
         """What can be done with a resource, as a form for each of its actions."""
-        operations = self._router.actions(call)
+        operations = self._router.actions(path)
         if not operations:
-            raise Failure(404, Code.FAIL, f"there is nothing to do with /{'/'.join(call.path)}")
+            raise Failure(404, Code.FAIL, f"there is nothing to do with /{'/'.join(path)}")
         states = []
         for each in operations:
             fields = {name: "|".join(allowed) for name, allowed in each.values.items()}
             states.append(State("form", each.action or each.method.lower(), {"method": each.method, **fields}))
-        return resource(call.path[0], "/", "/".join(call.path), *states)
+        return resource(path[0], "/", "/".join(path), *states)
 
 
 def form_of(body: bytes) -> Pairs:
@@ -346,24 +358,6 @@ def form_of(body: bytes) -> Pairs:
 @lru_cache(2)
 def _long_form(body: bytes) -> Pairs:
     return decode_form(body.decode("utf-8", "replace"))
-
-
-def _split(target: str) -> tuple[tuple[str, ...], Pairs]:
-    """The segments of a path, without a sub-property behind ``;``, and the parameters of its query.
-
-    A sub-property shows in the page of its resource anyway.
-    """
-    path, _, query = target.partition("?")
-    return tuple(unquote(part).partition(";")[0] for part in path.split("/") if part), decode_form(query)
-
-
-_kept_parts = lru_cache(1024)(_split)
-
-
-def _call(request: HttpRequest) -> Call:
-    """The head of a request."""
-    target = request.target
-    return Call(request.method, *(_kept_parts(target) if len(target) <= LONGEST_KEPT else _split(target)))
 
 
 @lru_cache(64)

@@ -17,15 +17,22 @@ from yumi.errors import ProtocolError
 from yumi.rapid.task import Task
 from yumi.rapid.types import UnknownSymbol
 from yumi.rws.documents import Form, Link, Pairs, State, first_value
+from yumi.rws.operations import subscriptions as table
 from yumi.rws.types import PROTOCOL, Code, Priority, Resource
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.signals import path_of, printed
 from yumi.virtual.event_log import Refused
-from yumi.virtual.rws import system
-from yumi.virtual.rws.http import HttpReply, write_event, write_group
-from yumi.virtual.rws.io import MessageService
-from yumi.virtual.rws.operations import Call, Failure, Mastership, Operation, Users, invalid
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.call import Call
+from yumi.virtual.rws.call import Failure
+from yumi.virtual.rws.call import invalid
+from yumi.virtual.rws.mastership import Mastership
+from yumi.virtual.rws.panel import PANEL_VALUES
+from yumi.virtual.rws.queues import MessageService
 from yumi.virtual.rws.rapid import dialog_fields, execution_state, pointer_fields
+from yumi.virtual.rws.render import write_event, write_group
+from yumi.virtual.rws.router import Route
+from yumi.virtual.rws.users import Users
 
 Event = tuple[State, ...]
 """One event: a state, or two that belong together."""
@@ -131,7 +138,7 @@ def _field(path: str, type: str, name: str, title: str, read: Callable[[], str])
 def panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     name = names["name"].lower()
     title = "collisiondetectstate" if name == "coldetstate" else name
-    return _field(path, f"pnl-{name}-ev", name, title, lambda: system.PANEL_VALUES[name](controller))
+    return _field(path, f"pnl-{name}-ev", name, title, lambda: PANEL_VALUES[name](controller))
 
 
 def execution_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
@@ -561,12 +568,12 @@ class Subscriptions:
         self._messages = messages
         self._groups: dict[int, Group] = {}
         self._opened = 0
-        self.operations = (
-            Operation("POST", "/subscription", self.create, values={"resources": ()}, status=201),
-            Operation("GET", "/subscription/{group}", lambda _, call: _shown(self._find(call), 200)),
-            Operation("PUT", "/subscription/{group}", self.replace, values={"resources": ()}),
-            Operation("DELETE", "/subscription/{group}", self.delete, status=200),
-            Operation("DELETE", "/subscription/{group}/{resource:.+}", self.delete_resource, status=200),
+        self.routes = (
+            Route(table.CREATE, self.create),
+            Route(table.GROUP, self.show),
+            Route(table.REPLACE, self.replace),
+            Route(table.DELETE, self.delete),
+            Route(table.DELETE_RESOURCE, self.delete_resource),
         )
 
     def listening(self) -> set[str]:
@@ -595,7 +602,7 @@ class Subscriptions:
         for group in self._groups.values():
             group.advance(now)
 
-    def upgrade(self, call: Call, protocols: str) -> Upgrade:
+    def upgrade(self, path: Sequence[str], session: str, protocols: str) -> Upgrade:
         """The WebSocket of ``/poll/{group}``; a client that leaves the number out gets its latest group.
 
         Raises:
@@ -604,10 +611,10 @@ class Subscriptions:
         protocol = self._rules.protocol
         if protocol not in (each.strip() for each in protocols.split(",")):
             raise invalid(f"Unsupported Sec-WebSocket-Protocol {protocols!r}; it is {protocol}")
-        if len(call.path) > 1:
-            group = self._find(call, call.path[1])
+        if len(path) > 1:
+            group = self._find(path[1], session)
         else:
-            own = [group for group in self._groups.values() if group.session == call.session]
+            own = [group for group in self._groups.values() if group.session == session]
             if not own:
                 raise Failure(404, Code.FAIL, "there is no subscription of this client")
             group = own[-1]
@@ -631,18 +638,21 @@ class Subscriptions:
         )
         return _shown(group, 201)
 
+    def show(self, controller: Irc5, call: Call) -> HttpReply:
+        return _shown(self._find(call.names["group"], call.session), 200)
+
     def replace(self, controller: Irc5, call: Call) -> HttpReply:
-        group = self._find(call)
+        group = self._find(call.names["group"], call.session)
         watches = self._watches(controller, call, group)
         group.watches = {**group.watches, **watches} if self._rules.is_adding else watches
         return _shown(group, 200)
 
     def delete(self, controller: Irc5, call: Call) -> HttpReply:
-        self._close(self._find(call))
+        self._close(self._find(call.names["group"], call.session))
         return HttpReply(200, (("Content-Type", Form.XHTML.value),))
 
     def delete_resource(self, controller: Irc5, call: Call) -> HttpReply:
-        group = self._find(call)
+        group = self._find(call.names["group"], call.session)
         deleted = f"/{call.names['resource'].strip('/')}".lower()
         for path in [path for path in group.watches if path.partition(";")[0].lower() == deleted]:
             del group.watches[path]
@@ -678,12 +688,11 @@ class Subscriptions:
             sources[path.lower()] = _queue_source(self._messages, path, queue[1], with_message=queue[2] is None)
         return sources
 
-    def _find(self, call: Call, number: str | None = None) -> Group:
-        number = call.names["group"] if number is None else number
+    def _find(self, number: str, session: str) -> Group:
         group = next((group for known, group in self._groups.items() if str(known) == number), None)
         if group is None:
             raise Failure(404, Code.FAIL, f"there is no subscription {number}")
-        if group.session != call.session:
+        if group.session != session:
             raise Failure(403, Code.DENIED, f"Group {number} does not belong to this client")
         return group
 

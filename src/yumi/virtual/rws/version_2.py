@@ -13,25 +13,30 @@ from base64 import b64decode
 from binascii import Error as Base64Error
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from hmac import compare_digest
+from typing import Any
 from urllib.parse import quote, unquote, urljoin
 
 from yumi.rws.documents import FORM_TYPE, Form, Link, Page, Pairs, State, Status, decode_form, encode_form, first_value
+from yumi.rws.operations.operation import Operation, Values
+from yumi.rws.operations.rapid import LOAD_MODULE
 from yumi.rws.types import REALM, Code
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.configuration import path_of_file
-from yumi.virtual.rws.http import (
-    HttpReply,
-    HttpRequest,
-    Session,
-    resource,
-    write_hal,
-    write_hal_status,
-    write_page,
-    write_status,
-)
-from yumi.virtual.rws.operations import Answer, Call, Domains, Failure, Operation, Router, Values
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.http import HttpRequest
+from yumi.virtual.rws.http import Session
+from yumi.virtual.rws.call import Call
+from yumi.virtual.rws.call import Failure
+from yumi.virtual.rws.call import Shown
+from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.mastership import Domains
+from yumi.virtual.rws.render import resource
+from yumi.virtual.rws.render import write_hal
+from yumi.virtual.rws.render import write_hal_status
+from yumi.virtual.rws.render import write_page
+from yumi.virtual.rws.render import write_status
+from yumi.virtual.rws.router import Route
+from yumi.virtual.rws.router import Router
 from yumi.virtual.rws.service import RwsService, form_of
 from yumi.virtual.rws.subscriptions import Rules
 
@@ -287,19 +292,37 @@ class Translation:
     """One operation of 2.0.
 
     Attributes:
-        operation: as the router finds it, by its path and action of 2.0; it answers as ``rws1`` does.
-        rws1: the operation of 1.0.
+        operation: by its path and action of 2.0; it is answered as ``rws1`` is.
+        rws1: the route of the operation of 1.0.
         query: parameters in the URL of 1.0, beside those of the request; ``{name}`` stands for a part of the path, or a
             parameter of the body that is none in 1.0.
         form: parameters in its body, likewise.
         names: names of parameters in the body of 1.0, by those of 2.0.
     """
 
-    operation: Operation
-    rws1: Operation
+    operation: Operation[Any]
+    rws1: Route
     query: Pairs
     form: Pairs
     names: Mapping[str, str]
+
+    @property
+    def route(self) -> Route:
+        """What the router finds."""
+        return Route(self.operation, self._answer, self._prepare if self.rws1.prepare else None)
+
+    def _answer(self, controller: Irc5, call: Call) -> Shown:
+        rws1_call = self.rws1_call(call)
+        answer = self.rws1.answer(controller, rws1_call)
+        if self.rws1.operation is LOAD_MODULE:  # which shows what it has loaded
+            text = controller.files[path_of_file(rws1_call.required("modulepath"))]
+            name = next(iter(re.findall(r"^\s*MODULE\s+(\w+)", text, re.MULTILINE | re.IGNORECASE)), "")
+            return resource("rapid", "/rw/rapid/", "tasks", State("rap-task-module-li", name, {"name": name}))
+        return answer
+
+    def _prepare(self, controller: Irc5, call: Call) -> Callable[[], object] | None:
+        assert self.rws1.prepare is not None
+        return self.rws1.prepare(controller, self.rws1_call(call))
 
     def rws1_call(self, call: Call) -> Call:
         """The call of 1.0 that a call of 2.0 stands for.
@@ -307,7 +330,7 @@ class Translation:
         Raises:
             Failure: 400, the body lacks what 1.0 has in the path.
         """
-        templates = (self.rws1.path, *(text for _, text in (*self.query, *self.form)))
+        templates = (self.rws1.operation.path, *(text for _, text in (*self.query, *self.form)))
         missing = {match[1] for text in templates for match in _PLACE.finditer(text)} - set(call.names)
         fixed = {name: text for name, text in self.form if name in missing}
         names = {**call.names, **fixed, **{name: call.required(name) for name in missing - set(fixed)}}
@@ -318,22 +341,22 @@ class Translation:
             for name, text in call.form
             if name not in missing
         ]
-        if self.rws1.path.startswith("/rw/cfg/"):
+        if self.rws1.operation.path.startswith("/rw/cfg/"):
             form = [(name, _CFG_VALUE.sub(r"\1", text)) for name, text in form]
         return replace(
             call,
-            method=self.rws1.method,
-            path=tuple(part for part in _filled(self.rws1.path, names).split("/") if part),
+            method=self.rws1.operation.method,
+            path=tuple(part for part in _filled(self.rws1.operation.path, names).split("/") if part),
             query=(*((name, _filled(text, names)) for name, text in self.query), *kept),
             form=(*((name, _filled(text, names)) for name, text in self.form), *form),
             names=names,
         )
 
-    def rws2_target(self, call: Call) -> str | None:
-        """Path and query of 2.0 for a call of 1.0, whose placeholders have values; None if that lacks one of them."""
-        names = dict(call.names)
+    def rws2_target(self, places: Mapping[str, str], query: Pairs) -> str | None:
+        """Path and query of 2.0 for those of 1.0, whose placeholders have values; None where it lacks one of them."""
+        names = dict(places)
         rest = []
-        for name, text in call.query:
+        for name, text in query:
             place = _PLACE.fullmatch(dict(self.query).get(name, ""))
             if place:
                 names[place[1]] = text
@@ -349,14 +372,16 @@ def _filled(template: str, names: Mapping[str, str]) -> str:
     return _PLACE.sub(lambda match: names[match[1]], template)
 
 
-def translations(operations: Sequence[Operation]) -> tuple[Translation, ...]:
+def translations(routes: Sequence[Route]) -> tuple[Translation, ...]:
     """The operations of 2.0, in order, of those of 1.0."""
-    known = {(each.method, _plain(each.path), each.action, each.resource): each for each in operations}
+    known = {
+        (own.method, _plain(own.path), own.action, own.resource): each for each in routes for own in [each.operation]
+    }
     lines = re.sub(r"\n +", " ", _TABLE.strip()).splitlines()
     return tuple(_translation(line, known) for line in lines)
 
 
-def _translation(line: str, known: Mapping[tuple[str, str, str | None, str | None], Operation]) -> Translation:
+def _translation(line: str, known: Mapping[tuple[str, str, str | None, str | None], Route]) -> Translation:
     mark, target, *rest = line.split()
     method, path, own = mark.rstrip("!"), *target.partition("?")[::2]
     other, *body = rest or [path]
@@ -364,7 +389,8 @@ def _translation(line: str, known: Mapping[tuple[str, str, str | None, str | Non
     first_path, _, first_query = (f"/{first_target}" if colon else other).partition("?")
     query = decode_form(first_query)
     key = (first_method if colon else method, first_path, first_value(query, "action"), first_value(query, "resource"))
-    rws1 = known[key]
+    route = known[key]
+    rws1 = route.operation
     form = tuple((name, text) for name, sign, text in (each.partition("=") for each in body) if sign)
     names = {rws2: name for name, sign, rws2 in (each.partition("<") for each in body) if sign}
     spelled = {name: rws2 for rws2, name in names.items()}
@@ -390,24 +416,7 @@ def _translation(line: str, known: Mapping[tuple[str, str, str | None, str | Non
         needs_mastership=needed or rws1.needs_mastership,
         respects_mastership="" if needed else rws1.respects_mastership,
     )
-    found = Translation(operation, rws1, query, form, names)
-    prepare = partial(_prepare, found) if rws1.prepare else None
-    return replace(found, operation=replace(operation, handler=partial(_answer, found), prepare=prepare))
-
-
-def _answer(translation: Translation, controller: Irc5, call: Call) -> Answer:
-    rws1_call = translation.rws1_call(call)
-    answer = translation.rws1.handler(controller, rws1_call)
-    if translation.rws1.action == "loadmod":  # which shows what it has loaded
-        text = controller.files[path_of_file(rws1_call.required("modulepath"))]
-        name = next(iter(re.findall(r"^\s*MODULE\s+(\w+)", text, re.MULTILINE | re.IGNORECASE)), "")
-        return resource("rapid", "/rw/rapid/", "tasks", State("rap-task-module-li", name, {"name": name}))
-    return answer
-
-
-def _prepare(translation: Translation, controller: Irc5, call: Call) -> Callable[[], object] | None:
-    assert translation.rws1.prepare is not None
-    return translation.rws1.prepare(controller, translation.rws1_call(call))
+    return Translation(operation, route, query, form, names)
 
 
 def _plain(path: str) -> str:
@@ -453,11 +462,11 @@ class RwsService2(RwsService):
     rules = RULES
 
     def _build_router(self) -> Router:
-        self._rws1_router = Router(self.operations)
-        self.translations = translations(self.operations)
+        self._rws1_router = Router(self.routes)
+        self.translations = translations(self.routes)
         self._by_rws1 = {id(each.rws1): each for each in reversed(self.translations)}
-        self.operations = tuple(each.operation for each in self.translations)
-        return Router(self.operations)
+        self.routes = tuple(each.route for each in self.translations)
+        return Router(self.routes)
 
     # Logging in
 
@@ -476,33 +485,33 @@ class RwsService2(RwsService):
 
     # Representations
 
-    def _form(self, call: Call, request: HttpRequest) -> Form:
+    def _form(self, request: HttpRequest) -> Form:
         form = preferred_form(request.header_values("Accept"))
         if form is not None:
             return form
-        if call.path[:1] == ("fileservice",) and call.method in ("GET", "HEAD"):
+        if request.path[:1] == ("fileservice",) and request.method in ("GET", "HEAD"):
             return Form.XHTML  # the content of a file is what it is
         raise Failure(
             406, Code.FAIL, f"Server cannot generate response for given accept header; it makes {XHTML} and {HAL}"
         )
 
-    def _pairs(self, call: Call, request: HttpRequest) -> Pairs:
+    def _pairs(self, request: HttpRequest) -> Pairs:
         kind = _media_type(request.header("Content-Type") or "")
-        is_file = call.method == "PUT" and call.path[:1] == ("fileservice",)
+        is_file = request.method == "PUT" and request.path[:1] == ("fileservice",)
         allowed = FILES if is_file else (FORM,)
-        if (request.body or (kind and call.method in ("POST", "PUT"))) and kind not in allowed:
+        if (request.body or (kind and request.method in ("POST", "PUT"))) and kind not in allowed:
             raise Failure(415, Code.INVALIDARG, f"a body is {' or '.join(allowed)}, not {kind or 'of no type'}")
         return () if is_file else form_of(request.body)
 
-    def _wants_forms(self, call: Call) -> bool:
-        return call.method == "OPTIONS"
+    def _wants_forms(self, request: HttpRequest) -> bool:
+        return request.method == "OPTIONS"
 
-    def _check_mastership(self, operation: Operation, call: Call) -> None:
+    def _check_mastership(self, operation: Operation[Any], call: Call) -> None:
         is_implicit = call.option("mastership") == "implicit"
         self._mastership.check(operation, self._controller, call, is_implicit=is_implicit)
 
-    def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
-        reply = super()._operate(call, request, form, session)
+    def _operate(self, request: HttpRequest, form: Form, session: Session) -> HttpReply:
+        reply = super()._operate(request, form, session)
         headers = tuple((name, XHTML if text == Form.XHTML.value else text) for name, text in reply.headers)
         return replace(reply, headers=headers)
 
@@ -539,14 +548,14 @@ class RwsService2(RwsService):
             path, _, query = urljoin(base, link.href).partition("?")
             segments = tuple(unquote(part) for part in path.split("/") if part)
             try:
-                rws1, call = self._rws1_router.find(Call("GET", segments, decode_form(query)))
+                rws1, names = self._rws1_router.find("GET", segments, decode_form(query))
             except Failure:
                 continue
             translation = self._by_rws1.get(id(rws1))
-            target = translation.rws2_target(call) if translation is not None else None
+            target = translation.rws2_target(names, decode_form(query)) if translation is not None else None
             if translation is None or target is None:
                 continue
-            is_same = _plain(translation.operation.path) == _plain(rws1.path)
+            is_same = _plain(translation.operation.path) == _plain(rws1.operation.path)
             found.append(link if is_same else Link(link.rel, target))
         return tuple(found)
 

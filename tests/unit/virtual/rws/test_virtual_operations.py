@@ -3,33 +3,47 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 import pytest
 
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.operations import Call, Failure, Operation, Router
-from yumi.virtual.rws.service import OPERATIONS
+from yumi.rws.operations.operation import Operation
+from yumi.rws.operations.operation import get
+from yumi.rws.operations.operation import post
+from yumi.virtual.rws.call import Call
+from yumi.virtual.rws.call import Failure
+from yumi.virtual.rws.router import Route
+from yumi.virtual.rws.router import Router
+from yumi.virtual.rws.service import ROUTES
 
 
 def nothing(controller: Irc5, call: Call) -> None: ...
 
 
 ROUTER = Router(
-    [
-        Operation("GET", "/rw/thing", nothing),
-        Operation("GET", "/rw/thing", nothing, resource="part"),
-        Operation("POST", "/rw/thing", nothing, "start", {"mode": ("slow", "fast")}),
-        Operation("POST", "/rw/thing", nothing, "stop"),
-        Operation("GET", "/rw/thing/{name}", nothing),
-        Operation("GET", "/rw/thing/{name}/parts/{part:.+}", nothing),
-    ]
+    Route(each, nothing)
+    for each in (
+        get("/rw/thing"),
+        get("/rw/thing", resource="part"),
+        post("/rw/thing", "start", "mode=slow|fast"),
+        post("/rw/thing", "stop"),
+        get("/rw/thing/{name}"),
+        post("/rw/thing/{name}/parts/first"),
+        get("/rw/thing/{name}/parts/{part:.+}"),
+        get("/rw/thing/{name}/parts/{part:.+}/size"),
+        get("/rw/thing/${variable}/shown"),
+    )
 )
 
 
-def found(method: str, path: str, action: str | None = None, resource: str | None = None) -> tuple[Operation, Call]:
+def found(
+    method: str, path: str, action: str | None = None, resource: str | None = None
+) -> tuple[Operation, Mapping[str, str]]:
     given = {"action": action, "resource": resource}
     query = tuple((name, value) for name, value in given.items() if value is not None)
-    return ROUTER.find(Call(method, tuple(part for part in path.split("/") if part), query))
+    route, names = ROUTER.find(method, [part for part in path.split("/") if part], query)
+    return route.operation, names
 
 
 def test_operations_of_one_path_differ_in_their_action() -> None:
@@ -43,10 +57,14 @@ def test_operations_of_one_path_differ_in_their_action() -> None:
         ("/rw/thing/a b%", {"name": "a b%"}),
         ("/rw/thing/x/parts/y", {"name": "x", "part": "y"}),
         ("/rw/thing/x/parts/y/../S{1},2?#", {"name": "x", "part": "y/../S{1},2?#"}),
+        ("/rw/thing/x/parts/y/z/size", {"name": "x", "part": "y/z"}),
+        ("/rw/thing/x/parts/size", {"name": "x", "part": "size"}),
+        ("/rw/thing/x/parts/first", {"name": "x", "part": "first"}),
+        ("/rw/thing/$HOME/shown", {"variable": "HOME"}),
     ],
 )
 def test_placeholders_have_the_text_of_the_path(path: str, names: dict[str, str]) -> None:
-    assert dict(found("GET", path)[1].names) == names
+    assert found("GET", path)[1] == names
 
 
 @pytest.mark.parametrize(
@@ -69,14 +87,16 @@ def test_call_without_an_operation_is_refused(
 
 
 def test_parameter_outside_its_values_is_refused() -> None:
-    operation, call = found("POST", "/rw/thing", "start")
-    operation.check_values(call)
+    operation, _ = found("POST", "/rw/thing", "start")
+    Call("POST", ("rw", "thing"), form=(("mode", "slow"),)).check(operation)
     with pytest.raises(Failure, match="mode is slow or fast, not 'wild'"):
-        operation.check_values(Call("POST", call.path, form=(("mode", "wild"),)))
+        Call("POST", ("rw", "thing"), form=(("mode", "wild"),)).check(operation)
 
 
 def test_every_operation_is_in_the_table_once() -> None:
-    counts = Counter((each.method, each.path, each.action, each.resource) for each in OPERATIONS)
+    counts = Counter(
+        (each.method, each.path, each.action, each.resource) for each in (route.operation for route in ROUTES)
+    )
     assert [key for key, count in counts.items() if count > 1] == []
 
 
@@ -92,5 +112,5 @@ def test_action_of_a_request_that_changes_nothing_is_ignored() -> None:
 
 
 def test_operations_of_a_path_are_those_of_its_forms() -> None:
-    actions = ROUTER.actions(Call("GET", ("rw", "thing")))
+    actions = ROUTER.actions(("rw", "thing"))
     assert [each.action for each in actions] == ["start", "stop"]

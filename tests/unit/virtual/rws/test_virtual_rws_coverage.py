@@ -12,7 +12,8 @@ import pytest
 
 from rws_examples import EXAMPLES, Example, Session, content_type, operation_of
 from yumi.rws.documents import Link, State, read_page, read_status
-from yumi.virtual.rws.http import _JSON_FIELD_NAMES, _JSON_TYPES, HttpReply
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.render import _JSON_FIELD_NAMES, _JSON_TYPES
 
 
 @pytest.fixture(scope="module")

@@ -18,12 +18,21 @@ from yumi.rapid.parser import parse_expression
 from yumi.rapid.task import Task
 from yumi.rapid.types import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol, Variable
 from yumi.rws.documents import Form, Page, State
-from yumi.rws.types import Code, Grant, RapidValue, decode
+from yumi.rws.types import Code
+from yumi.rws.types import RapidValue
+from yumi.rws.types import decode
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.configuration import path_of_file
-from yumi.virtual.rws.http import HttpReply, entry, resource
-from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, invalid, refuse_in_manual_mode
+from yumi.virtual.rws.http import HttpReply
+from yumi.rws.operations import modules as table
+from yumi.virtual.rws.call import Call
+from yumi.virtual.rws.call import Failure
+from yumi.virtual.rws.call import Shown
+from yumi.virtual.rws.call import invalid
+from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.rapid import find_task, prepare_modules, quoted
+from yumi.virtual.rws.render import entry, resource
+from yumi.virtual.rws.router import Routes
+from yumi.virtual.rws.users import refuse_in_manual_mode
 
 T = TypeVar("T")
 
@@ -47,6 +56,9 @@ _MOST_REPEATS = 3
 _LONG_VALUE = 180  # characters that take milliseconds to parse
 
 
+ROUTES = Routes()
+
+
 # Modules
 
 
@@ -64,6 +76,7 @@ def _module_page(task: Task, module: LoadedModule, state: State) -> Page:
     return resource("rapid", f"{_BASE}modules/", f"{module.name}?task={task.name}", state)
 
 
+@ROUTES.answer(table.MODULES)
 def get_modules(controller: Irc5, call: Call) -> Page:
     task = find_task(controller, call.option("task") or "")
     states = (
@@ -79,6 +92,7 @@ def get_modules(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, f"modules?task={task.name}", *states)
 
 
+@ROUTES.answer(table.MODULE)
 def get_module(controller: Irc5, call: Call) -> Page:
     """Attributes of a module, a range of its text, or where a text is."""
     task, module = _module(controller, call)
@@ -163,6 +177,7 @@ def _object(task: Task, module: LoadedModule, call: Call) -> State:
     return State("rap-object", module.name, fields)
 
 
+@ROUTES.answer(table.MODULE_TEXT)
 def get_module_text(controller: Irc5, call: Call) -> Page:
     """The text, URL-encoded."""
     task, module = _module(controller, call)
@@ -175,12 +190,14 @@ def get_module_text(controller: Irc5, call: Call) -> Page:
     return _module_page(task, module, state)
 
 
+@ROUTES.answer(table.MODULE_CHANGES)
 def get_module_changes(controller: Irc5, call: Call) -> Page:
     task, module = _module(controller, call)
     state = State("rap-module-changecount", module.name, {"count": str(controller.program_changes(task.name))})
     return _module_page(task, module, state)
 
 
+@ROUTES.answer(table.EXTENSION)
 def get_extension(controller: Irc5, call: Call) -> Page:
     task, module = _module(controller, call)
     lines = module.syntax.text.splitlines()
@@ -192,6 +209,7 @@ def get_extension(controller: Irc5, call: Call) -> Page:
     return _module_page(task, module, State("rap-module-extension", module.name, fields))
 
 
+@ROUTES.answer(table.SYNC_STATUS)
 def get_sync_status(controller: Irc5, call: Call) -> Page:
     """Whether the text has the present values of its persistents."""
     task, module = _module(controller, call)
@@ -199,6 +217,7 @@ def get_sync_status(controller: Irc5, call: Call) -> Page:
     return _module_page(task, module, state)
 
 
+@ROUTES.answer(table.SAVE_MODULE)
 def save_module(controller: Irc5, call: Call) -> None:
     _, module = _module(controller, call)
     name, folder = call.required("name"), path_of_file(call.required("path"))
@@ -207,13 +226,14 @@ def save_module(controller: Irc5, call: Call) -> None:
     controller.files.write(f"{folder}/{name}.mod", module.syntax.text.encode("latin-1", "replace"))
 
 
-def set_module_text(controller: Irc5, call: Call) -> None:
-    _replace_text(controller, *_module(controller, call), call.required("text"))
-
-
 def prepare_module_text(controller: Irc5, call: Call) -> Callable[[], None]:
     task, module = _module(controller, call)
     return functools.partial(prepare_modules, task, {module.syntax.filename: call.required("text")})
+
+
+@ROUTES.answer(table.SET_MODULE_TEXT, prepare=prepare_module_text)
+def set_module_text(controller: Irc5, call: Call) -> None:
+    _replace_text(controller, *_module(controller, call), call.required("text"))
 
 
 def _replace_text(controller: Irc5, task: Task, module: LoadedModule, text: str) -> None:
@@ -222,6 +242,12 @@ def _replace_text(controller: Irc5, task: Task, module: LoadedModule, text: str)
     controller.execution.load_module(task.name, text, module.syntax.filename, replace=True)
 
 
+def prepare_text_range(controller: Irc5, call: Call) -> Callable[[], None]:
+    task, module = _module(controller, call)
+    return functools.partial(prepare_modules, task, {module.syntax.filename: _changed_text(module, call)})
+
+
+@ROUTES.answer(table.SET_TEXT_RANGE, prepare=prepare_text_range)
 def set_text_range(controller: Irc5, call: Call) -> None:
     """Replace a range of a module's text, or put a text before or after it."""
     task, module = _module(controller, call)
@@ -239,11 +265,6 @@ def set_text_range(controller: Irc5, call: Call) -> None:
         task.clear_breakpoints(module.name, rows)
 
 
-def prepare_text_range(controller: Irc5, call: Call) -> Callable[[], None]:
-    task, module = _module(controller, call)
-    return functools.partial(prepare_modules, task, {module.syntax.filename: _changed_text(module, call)})
-
-
 def _changed_text(module: LoadedModule, call: Call) -> str:
     call.required("task")
     text, new = module.syntax.text, call.required("text")
@@ -256,6 +277,7 @@ def _changed_text(module: LoadedModule, call: Call) -> str:
     return text[:begin] + new + text[end:]
 
 
+@ROUTES.answer(table.ROUTINES)
 def get_routines(controller: Irc5, call: Call) -> Page:
     task, module = _module(controller, call)
     states = (_routine_state(task, each, "-li") for each in module.routines)
@@ -277,6 +299,7 @@ def _routine_state(task: Task, routine: UserRoutine, suffix: str = "") -> State:
     return State(f"{_ROUTINE_TYPES[kind]}{suffix}", url, fields)
 
 
+@ROUTES.answer(table.ROUTINE_AT)
 def get_routine_at(controller: Irc5, call: Call) -> Page:
     """The routine that a row is in."""
     task, module = _module(controller, call)
@@ -296,6 +319,7 @@ def get_routine_at(controller: Irc5, call: Call) -> Page:
     )
 
 
+@ROUTES.answer(table.SYMBOL_AT)
 def get_symbol_at(controller: Irc5, call: Call) -> Page:
     """The symbol whose name stands at a row and column."""
     task, module = _module(controller, call)
@@ -317,6 +341,7 @@ def get_symbol_at(controller: Irc5, call: Call) -> Page:
     return _module_page(task, module, state)
 
 
+@ROUTES.answer(table.MOD_POSSIBLE_ALL, table.MODIFY_ALL_POSITION, table.MOD_POSSIBLE, table.MODIFY_POSITION)
 def refuse_positions(controller: Irc5, call: Call) -> Page:
     raise Failure(400, Code.SERVICE_NOT_SUPPORTED, "positions are modified on the FlexPendant")
 
@@ -324,7 +349,8 @@ def refuse_positions(controller: Irc5, call: Call) -> Page:
 # Data
 
 
-def get_symbol(controller: Irc5, call: Call) -> Answer:
+@ROUTES.answer(table.SYMBOL)
+def get_symbol(controller: Irc5, call: Call) -> Shown:
     url = call.names["symbol"]
     value = _at(controller, url, _read, missing=400)
     if call.option("value") == "raw" and call.option("json") == "1":  # a value of JSON, not its text
@@ -355,6 +381,12 @@ def _plain(text: str) -> RapidValue:
         return text
 
 
+def prepare_value(controller: Irc5, call: Call) -> Callable[[], None] | None:
+    literal = call.required("value")
+    return functools.partial(_parse, literal) if len(literal) > _LONG_VALUE else None
+
+
+@ROUTES.answer(table.SET_SYMBOL, prepare=prepare_value)
 def set_symbol(controller: Irc5, call: Call) -> None:
     refuse_in_manual_mode(controller, call, "writing RAPID data")
     literal = call.required("value")
@@ -365,17 +397,13 @@ def set_symbol(controller: Irc5, call: Call) -> None:
     controller.settle()
 
 
-def prepare_value(controller: Irc5, call: Call) -> Callable[[], None] | None:
-    literal = call.required("value")
-    return functools.partial(_parse, literal) if len(literal) > _LONG_VALUE else None
-
-
 def _parse(literal: str) -> None:
     """Parse a value, so that the parser has it when it is set; that raises the same errors."""
     with suppress(RapidSyntaxError):
         parse_expression(literal)
 
 
+@ROUTES.answer(table.SET_INITIAL_VALUE)
 def set_initial_value(controller: Irc5, call: Call) -> None:
     """The value a datum begins with: that of a persistent is its value at all times."""
     kind = _at(controller, call.names["symbol"], lambda task, module, name: task.kind_of(module, name), 404)
@@ -386,6 +414,7 @@ def set_initial_value(controller: Irc5, call: Call) -> None:
     set_symbol(controller, call)
 
 
+@ROUTES.answer(table.VALIDATE)
 def validate(controller: Irc5, call: Call) -> None:
     """Whether a literal is a value of a type."""
     task, name = find_task(controller, call.required("task")), call.required("datatype")
@@ -399,6 +428,7 @@ def validate(controller: Irc5, call: Call) -> None:
         raise Failure(400, Code.SEMANTIC, str(error)) from error
 
 
+@ROUTES.answer(table.SYMBOL_PROPERTIES)
 def get_symbol_properties(controller: Irc5, call: Call) -> Page:
     url = call.names["symbol"]
     state = _at(controller, url, _symbol_state, missing=400)
@@ -450,11 +480,13 @@ def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], T], missing:
     raise Failure(missing, code, f"Symbol not found: RAPID/{url}")
 
 
+@ROUTES.answer(table.SYMBOLS)
 def get_symbols(controller: Irc5, call: Call) -> Page:
     """Nothing: symbols are searched, since a robot has thousands."""
     return resource("rapid", _BASE, "symbols")
 
 
+@ROUTES.answer(table.SEARCH)
 def search(controller: Irc5, call: Call) -> Page:
     """The symbols of a block that fit; at least one parameter has to say which."""
     if not call.form:
@@ -550,120 +582,3 @@ def _pattern(text: str) -> re.Pattern[str]:
         return re.compile(text, re.IGNORECASE)
     except re.error as error:
         raise invalid(f"regexp is not a regular expression: {error}") from error
-
-
-_MODULES = "/rw/rapid/modules"
-_MODULE = "/rw/rapid/modules/{module}"
-_SYMBOL = "/rw/rapid/symbol/data/RAPID/{symbol:.+}"
-_OF_TASK: Values = {"task": ()}
-_RANGE: Values = dict.fromkeys(("startrow", "startcol", "endrow", "endcol"), ())
-_TRUTH = ("TRUE", "FALSE", "true", "false")
-_TEXT: Values = {
-    **_OF_TASK,
-    **_RANGE,
-    "replace-mode": ("After", "Before", "Replace"),
-    "query-mode": ("Force", "Try"),
-    "text": (),
-}
-_POSITIONS: Values = {**_RANGE, "checklimit": _TRUTH, "checkdeactaxes": _TRUTH, "allowdeact": _TRUTH}
-_SEARCH: Values = {
-    "view": ("block", "scope", "stack"),
-    "vartyp": ("udef", "rw", "ro", "loop", "any"),
-    "blockurl": (),
-    "recursive": _TRUTH,
-    "posl": (),
-    "posc": (),
-    "stack": (),
-    "onlyused": _TRUTH,
-    "skipshared": _TRUTH,
-    "regexp": (),
-    "symtyp": (),
-    "dattyp": (),
-}
-_MODULE_QUERY: Values = {
-    **_OF_TASK,
-    **_RANGE,
-    "text": (),
-    "attribute": (),
-    "destination": (),
-    "continue-on-err": ("0", "1"),
-}
-OPERATIONS = (
-    Operation("GET", _MODULES, get_modules, query=_OF_TASK),
-    Operation("GET", _MODULES, refuse_positions, resource="mod-possible-all", status=400),
-    Operation(
-        "POST",
-        _MODULES,
-        refuse_positions,
-        "modify-all-position",
-        _POSITIONS,
-        status=400,
-        needs_grant=Grant.RAPID_MODPOS,
-    ),
-    Operation("GET", _MODULE, get_module, query=_MODULE_QUERY),
-    Operation("GET", _MODULE, get_module_text, resource="module-text", query=_OF_TASK),
-    Operation("GET", _MODULE, get_module_changes, resource="change-count", query=_OF_TASK),
-    Operation("GET", _MODULE, get_extension, resource="module-extension", query=_OF_TASK),
-    Operation("GET", _MODULE, get_sync_status, resource="syncper-status", query=_OF_TASK),
-    Operation("GET", _MODULE, get_symbol_at, resource="module-symbol", query={**_OF_TASK, "row": (), "col": ()}),
-    Operation("GET", _MODULE, refuse_positions, resource="mod-possible", query=_RANGE, status=400),
-    Operation("POST", _MODULE, save_module, "save", {"name": (), "path": ()}, query=_OF_TASK, needs_grant=Grant.BACKUP),
-    Operation(
-        "POST",
-        _MODULE,
-        set_text_range,
-        "set-text-range",
-        _TEXT,
-        "rapid",
-        needs_grant=Grant.RAPID_EDIT,
-        prepare=prepare_text_range,
-    ),
-    Operation(
-        "POST",
-        _MODULE,
-        set_module_text,
-        "set-module-text",
-        {"text": ()},
-        "rapid",
-        query=_OF_TASK,
-        status=200,
-        needs_grant=Grant.RAPID_EDIT,
-        prepare=prepare_module_text,
-    ),
-    Operation(
-        "POST",
-        _MODULE,
-        refuse_positions,
-        "modify-position",
-        _POSITIONS,
-        query=_OF_TASK,
-        status=400,
-        needs_grant=Grant.RAPID_MODPOS,
-    ),
-    Operation("GET", f"{_MODULE}/routine", get_routine_at, query={**_OF_TASK, "row": (), "column": ()}),
-    Operation("GET", "/rw/rapid/modules/{task}/{module}/routines", get_routines),
-    Operation("GET", "/rw/rapid/symbols", get_symbols),
-    Operation("POST", "/rw/rapid/symbols", search, "search-symbols", _SEARCH, status=200),
-    Operation("GET", _SYMBOL, get_symbol, query={"value": ("raw",)}),
-    Operation(
-        "POST",
-        _SYMBOL,
-        set_symbol,
-        "set",
-        {"value": ()},
-        respects_mastership="rapid",
-        needs_grant=Grant.RAPID_CURRVALUE,
-        prepare=prepare_value,
-    ),
-    Operation(
-        "POST",
-        _SYMBOL,
-        set_initial_value,
-        "setInitValue",
-        {"value": ()},
-        respects_mastership="rapid",
-        needs_grant=Grant.RAPID_EDIT,
-    ),
-    Operation("POST", "/rw/rapid/symbol/data", validate, "validate", {"task": (), "value": (), "datatype": ()}),
-    Operation("GET", "/rw/rapid/symbol/properties/RAPID/{symbol:.+}", get_symbol_properties),
-)

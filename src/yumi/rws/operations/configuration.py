@@ -1,0 +1,31 @@
+"""The system parameters."""
+
+from __future__ import annotations
+
+from yumi.rws.operations.operation import delete, get, post
+from yumi.rws.types import Grant
+
+_TYPE = "/rw/cfg/{domain}/{type}"
+_DOMAIN = "/rw/cfg/{domain}"
+
+DOMAINS = get("/rw/cfg")
+LOAD_FILE = post(
+    "/rw/cfg", "load", "filepath, action-type=add|replace|add-with-reset", needs="cfg", grant=Grant.CFG_WRITE
+)
+VALIDATE_FILE = post("/rw/cfg", "validate", "filepath, action-type=add|replace|add-with-reset", status=200)
+VALIDATE_REMOVAL = post("/rw/cfg", "validate-inst-at-del", "name")
+VALIDATE_INSTANCES = post(
+    "/rw/cfg", "validate-instances", "operation=0|1, cfgdomain, cfgtype, instances, instancescount"
+)
+KEYLESS = post("/rw/cfg", "keyless", "state=run", status=403)
+TYPES = get(_DOMAIN, "start, limit")
+SAVE_DOMAIN = post(_DOMAIN, "saveas", "filepath, save-mode", grant=Grant.BACKUP)
+RESET_DOMAIN = post(_DOMAIN, "reset", needs="cfg", grant=Grant.CFG_WRITE, status=200)
+TYPE = get(_TYPE)
+ATTRIBUTES = get(f"{_TYPE}/attributes")
+INSTANCES = get(f"{_TYPE}/instances", "start, limit")
+RESET_INSTANCES = post(f"{_TYPE}/instances", "reset", needs="cfg", grant=Grant.CFG_WRITE)
+CREATE_INSTANCE = post(f"{_TYPE}/instances", "create-default", "name", needs="cfg", grant=Grant.CFG_WRITE, status=201)
+INSTANCE = get(f"{_TYPE}/instances/{{instance}}")
+SET_INSTANCE = post(f"{_TYPE}/instances/{{instance}}", "set", needs="cfg", grant=Grant.CFG_WRITE)
+REMOVE_INSTANCE = delete(f"{_TYPE}/instances/{{instance}}", needs="cfg", grant=Grant.CFG_WRITE)

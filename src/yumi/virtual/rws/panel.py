@@ -1,0 +1,102 @@
+"""``/rw/panel``: motors, operating mode, speed ratio, collision detection, restart (reference/rws.md §5)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+
+from yumi.rws.documents import Page, State
+from yumi.rws.operations import panel as table
+from yumi.rws.types import Code, OperatingMode
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.rws import ctrl
+from yumi.virtual.rws.call import Call, Failure, invalid
+from yumi.virtual.rws.render import entry, resource
+from yumi.virtual.rws.router import Routes
+
+PANEL_VALUES: Mapping[str, Callable[[Irc5], str]] = {
+    "ctrlstate": lambda controller: controller.controller_state.value,
+    "opmode": lambda controller: controller.mode.value,
+    "speedratio": lambda controller: str(controller.speed_ratio),
+    "coldetstate": lambda controller: controller.collision_state.value,
+}
+"""What the panel shows, to read and to subscribe to."""
+
+_MODES = {"auto": OperatingMode.AUTO, "man": OperatingMode.MANUAL_REDUCED, "manfs": OperatingMode.MANUAL_FULL}
+ROUTES = Routes()
+ROUTES.answer(table.RESTART)(ctrl.restart)
+ROUTES.answer(table.SET_LANGUAGE)(ctrl.set_language)
+
+
+@ROUTES.answer(table.PANEL)
+def get_panel(controller: Irc5, call: Call) -> Page:
+    return resource(
+        "panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in PANEL_VALUES)
+    )
+
+
+@ROUTES.answer(table.CONTROLLER_STATE, table.OPERATING_MODE, table.SPEED_RATIO, table.COLLISION_STATE)
+def get_panel_value(controller: Irc5, call: Call) -> Page:
+    name = call.path[-1]
+    text = PANEL_VALUES[name](controller)
+    if name == "coldetstate":  # the other title and the trailing blank are ABB's
+        state = State("pnl-coldetstate", "collisiondetectstate", {"coldetstate ": text})
+    else:
+        state = State(f"pnl-{name}", name, {name: text})
+    return resource("panel", "/rw/panel/", name, state)
+
+
+@ROUTES.answer(table.SET_CONTROLLER_STATE)
+def set_controller_state(controller: Irc5, call: Call) -> None:
+    controller.set_motors(call.required("ctrl-state") == "motoron")
+
+
+@ROUTES.answer(table.SET_SPEED_RATIO)
+def set_speed_ratio(controller: Irc5, call: Call) -> None:
+    controller.set_speed_ratio(int(call.number("speed-ratio")))
+
+
+@ROUTES.answer(table.ACKNOWLEDGE)
+def acknowledge(controller: Irc5, call: Call) -> None:
+    what = call.required("opmode")
+    if what != "coldet":
+        raise Failure(403, Code.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
+    controller.acknowledge_collision()
+
+
+@ROUTES.answer(table.MODE_LOCK)
+def get_mode_lock(controller: Irc5, call: Call) -> Page:
+    fields = {"lock-state": controller.own_settings.mode_lock}
+    return resource("panel", "/rw/panel/", "opmode", State("pnl-opmode-lock", "lock-state", fields))
+
+
+@ROUTES.answer(table.LOCK_MODE)
+def lock_mode(controller: Irc5, call: Call) -> None:
+    own, pin = controller.own_settings, call.required("pin")
+    if not re.fullmatch(r"\d{4}", pin):
+        raise invalid("pin has four digits")
+    if own.mode_lock != "unlocked":
+        raise Failure(403, Code.DENIED, "the operating mode is locked already")
+    own.pin = pin
+    own.mode_lock = "permlocked" if call.required("permanent") == "1" else "locked"
+
+
+@ROUTES.answer(table.UNLOCK_MODE)
+def unlock_mode(controller: Irc5, call: Call) -> None:
+    own = controller.own_settings
+    if own.mode_lock == "unlocked":
+        raise invalid("the operating mode is not locked")
+    if call.required("pin") != own.pin:
+        raise Failure(403, Code.DENIED, "the pin is another one")
+    own.mode_lock, own.pin = "unlocked", ""
+
+
+@ROUTES.answer(table.SELECT_MODE)
+def select_mode(controller: Irc5, call: Call) -> None:
+    """The mode is selected by a key on the controller; RobotStudio's controllers alone have none."""
+    mode = _MODES[call.required("opmode")]
+    if not controller.identity.is_virtual:
+        raise Failure(403, Code.MODE_REJECT, "the operating mode is selected by the key on the controller")
+    if controller.own_settings.mode_lock != "unlocked":
+        raise Failure(403, Code.MODE_REJECT, "the operating mode is locked")
+    controller.select_mode(mode)
