@@ -18,7 +18,7 @@ from rich.table import Table
 
 from yumi.catalogue import Message, clause
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT
-from yumi.virtual.mechanics.motion import MODELS, unlimited
+from yumi.virtual.mechanics.arm_motion import MODELS, unlimited
 from yumi.virtual.mechanics.parameters import EgmParameters, write_egm_parameters
 from yumi_evaluation.identification import (
     Dynamics,

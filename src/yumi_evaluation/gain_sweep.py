@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation.experiments import TOLERANCE_DEG, Mode, StepFigures, System, proportional, step, step_figures_of
 from yumi_evaluation.virtual_time import run_virtually
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from yumi.process.realtime import paused_collector
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation.experiments import (
     PREDICTION,
     Experiment,

@@ -13,7 +13,8 @@ from yumi.egm.codec import RobotMessage, SensorCodec
 from yumi.robot.joints import Joints, Side, abb_from_chain, home
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.motion import ArmModel, EgmActivation, EgmRun, ExternalMotionData
+from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

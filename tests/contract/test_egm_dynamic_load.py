@@ -19,7 +19,7 @@ from yumi.egm.codec import MciState, MotorState
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, home
 from yumi.rws.types import ControllerState
 from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.world import WorldSettings
 
 HOME = home(Side.LEFT)

@@ -17,7 +17,7 @@ from yumi.egm.udp import UdpClient
 from yumi.robot.joints import CYCLE, Side, abb_from_chain, chain_from_abb
 from yumi.robot.kinematics import euler_zyx, tool0_to_body
 from yumi.virtual.controller.egm import VIRTUAL_CYCLE, EgmOptions, EgmOutcome, RobotWare
-from yumi.virtual.mechanics.motion import EgmActivation, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.egm_motion import EgmActivation, ExternalMotionData, StopMode
 from yumi.virtual.world import World, WorldSettings
 
 

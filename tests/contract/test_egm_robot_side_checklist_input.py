@@ -26,7 +26,7 @@ from yumi.robot.joints import CYCLE, Side
 from yumi.robot.kinematics import quaternion_from_euler_zyx
 from yumi.rws.types import ControllerState
 from yumi.virtual.controller.egm import EgmOptions, EgmOutcome, InvalidReference
-from yumi.virtual.mechanics.motion import EgmActivation, ExternalMotionData
+from yumi.virtual.mechanics.egm_motion import EgmActivation, ExternalMotionData
 
 
 @pytest.fixture

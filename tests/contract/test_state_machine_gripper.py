@@ -5,7 +5,7 @@ from state_machine_bench import ARMS, Bench
 
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side
-from yumi.virtual.mechanics.gripper import Workpiece
+from yumi.virtual.mechanics.virtual_gripper import Workpiece
 from yumi.virtual.world import WorldSettings
 
 CALIBRATE, MOVE_TO, GRIP_IN, VACUUM_ON_1 = 2, 3, 4, 10

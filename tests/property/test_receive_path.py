@@ -33,7 +33,7 @@ from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMe
 from yumi.egm.session import SILENCE
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmState, Joints, Side, joints
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 
 VELOCITY_CONTROLLER = "joint_velocity_controller"
 OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)

@@ -39,7 +39,7 @@ from yumi.robot.joints import CYCLE, Side, finger_names
 from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.nodes import TimerThread
 from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.gripper import CupObject, Workpiece
+from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 from yumi.robot.joints import CYCLE
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation import results as evaluation_results
 from yumi_evaluation.experiments import (
     PREDICTION,

@@ -34,7 +34,7 @@ from yumi.robot.gripper import (
 from yumi.robot.joints import CYCLE, Side, home
 from yumi.rws.types import ExecutionState
 from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.gripper import CupObject, Workpiece
+from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
 
 CLOSE = grip(Direction.INWARDS, 10.0)
 SPREAD = grip(Direction.OUTWARDS, 8.0)

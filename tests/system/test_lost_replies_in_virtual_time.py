@@ -20,7 +20,7 @@ from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import ReferencesIgnored
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmRig
 
 NAME = "controller"

@@ -22,7 +22,7 @@ import yumi
 from yumi.recording.mcap import read_recording
 from yumi.robot.joints import CHAIN_AXES, CYCLE, Joints, Side
 from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters, write_egm_parameters
 from yumi_evaluation.identification import Dynamics, answer
 from yumi_evaluation.logs import read_logs

@@ -20,7 +20,7 @@ from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState, ExecutionState
 from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 
 TIMEOUT = 1.5
 RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 0.2 s

@@ -25,7 +25,7 @@ from yumi.egm.udp import MemoryLink, memory_links
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
-from yumi.virtual.mechanics.gripper import Workpiece
+from yumi.virtual.mechanics.virtual_gripper import Workpiece
 from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 CONTROLLER = "joint_position_controller"

@@ -12,7 +12,7 @@ from yumi.egm.udp import Poller, UdpClient
 from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.motion import EgmActivation, EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun
 
 SIX = (0.1, -0.2, 0.3, 0.0, 0.5, 0.0)
 MESSAGE = RobotMessage(

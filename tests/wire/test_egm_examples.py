@@ -19,7 +19,7 @@ from egm_robots import ObedientRobot, VirtualArmRig, Wired
 from yumi import EgmServer
 from yumi.catalogue import FrontEnd, message, sentence
 from yumi.egm.udp import free_port
-from yumi.virtual.mechanics.motion import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmRun
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -64,9 +64,9 @@ from yumi.recording.ros_messages import (
     joint_state_message,
     text_message,
 )
-from yumi.robot.description import read_frames, robot_description
 from yumi.robot.gripper import GripperState
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side, finger_names, joint_names, joints, prefixed
+from yumi.robot.urdf import read_frames, robot_description
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,9 +52,9 @@ from yumi.rws.types import GRANTS, EventType, Grant
 from yumi.virtual.controller.egm import Outgoing
 from yumi.virtual.controller.system import System
 from yumi.virtual.faults import FAULTS_PATH
-from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters
 from yumi.virtual.mechanics.path import PREFETCH
+from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.operations import Failure
 from yumi.virtual.rws.service import RwsService

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, NoConnection, YumiError
-from yumi.robot.arms import Arm
+from yumi.robot.arm_kinematics import Arm
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
 from yumi.rws.documents import Pairs, decode_form, first_value
@@ -28,10 +28,11 @@ from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import ROBOTWARE_6, Identity, Robot, System, delivered_system
 from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.faults import FAULTS_PATH, Fault, FaultKind, Way, fault_named
-from yumi.virtual.mechanics.arm import ContactDetector, VirtualArm
-from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.virtual.mechanics.contacts import ContactDetector
 from yumi.virtual.mechanics.parameters import EgmParameters
+from yumi.virtual.mechanics.virtual_gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import Frame
 from yumi.recording.mcap import RecordingWriter
 from yumi.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.parameters import read_egm_parameters
 from yumi_evaluation.cli import compare
 from yumi_evaluation.comparison import compare as compared

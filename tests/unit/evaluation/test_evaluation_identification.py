@@ -11,7 +11,7 @@ from virtual_logs import HOME, VirtualRobot, motions, random_robot, times
 
 from yumi.catalogue import message
 from yumi.robot.joints import CYCLE
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation.identification import Dynamics, Identified, answer, identify, limited
 
 EXPECTED = Dynamics()

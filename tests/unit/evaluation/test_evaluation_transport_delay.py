@@ -12,7 +12,7 @@ from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, joints
 from yumi.settings import Values
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 

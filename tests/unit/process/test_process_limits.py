@@ -35,7 +35,7 @@ from yumi.process import supervision
 from yumi.process.supervision import DRIVER_READY, PROCESSES, ChildProcess, Command, PipeEnd
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.rws.subscriptions import Upgrade
 from yumi.virtual.server import HttpServer
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd

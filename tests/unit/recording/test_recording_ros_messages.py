@@ -18,10 +18,10 @@ from yumi.clock import ManualClock
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.shared_state import JointStates
 from yumi.recording.mcap import FullRecorder, RecordingWriter, Sources, read_recording, recorded_event
-from yumi.robot.description import read_frames, robot_description
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import Pose, Side, finger_names, home, joint_names
 from yumi.robot.kinematics import compose, tool0_to_body
+from yumi.robot.urdf import read_frames, robot_description
 
 EPOCH = 1_800_000_000.0
 GRIPPER = GripperState(ServoState.KEEP_OBJECT, 0, True, 0.01, -0.02, 20.0)

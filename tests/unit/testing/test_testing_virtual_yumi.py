@@ -14,7 +14,7 @@ from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from yumi.rws.types import ControllerState
 from yumi.testing.virtual_yumi import VirtualYumi
 from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.gripper import Workpiece
+from yumi.virtual.mechanics.virtual_gripper import Workpiece
 
 
 def test_time_passes_in_whole_cycles_when_the_test_waits(virtual_yumi: VirtualYumi) -> None:

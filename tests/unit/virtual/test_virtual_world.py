@@ -4,7 +4,7 @@ import pytest
 
 from yumi.errors import NoConnection
 from yumi.robot.joints import CYCLE, Joints, Side, home
-from yumi.virtual.mechanics.gripper import Workpiece
+from yumi.virtual.mechanics.virtual_gripper import Workpiece
 from yumi.virtual.world import World, WorldSettings
 
 BENT: Joints = (0.0, -1.5, -2.0, 0.5, 0.0, 0.7, 0.1)

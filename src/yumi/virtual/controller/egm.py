@@ -13,18 +13,18 @@ from dataclasses import dataclass, replace
 from enum import Enum, IntEnum, auto
 from math import degrees, hypot, inf, isfinite, radians
 from random import Random
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from yumi.egm.codec import MciState, MotorState, PartialJoints, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.errors import CommandRefused, ProtocolError, RobotNotReady
-from yumi.robot.arms import rotation_vectors
 from yumi.robot.joints import CYCLE, Joints, Pose, Quaternion, Side, Vector
 from yumi.robot.kinematics import compose, inverse, matrix
+from yumi.robot.rotations import rotation_vectors
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.motion import (
+from yumi.virtual.mechanics.egm_motion import (
     DEFAULT_BANDS,
     EgmActivation,
     EgmRun,
@@ -218,8 +218,8 @@ class EgmClient:
         limits = arm.model.limits
         self._bounds = replace(
             limits,
-            lower=cast("Joints", tuple(value - _LIMIT_ROUNDING for value in limits.lower)),
-            upper=cast("Joints", tuple(value + _LIMIT_ROUNDING for value in limits.upper)),
+            lower=tuple(value - _LIMIT_ROUNDING for value in limits.lower),
+            upper=tuple(value + _LIMIT_ROUNDING for value in limits.upper),
         )
         self._session: EgmSession | None = None
         self._comm_timeout = 1.0
@@ -605,7 +605,7 @@ class EgmClient:
         if egm is None or session.use is not EgmUse.GUIDANCE:
             return
         goal = None if position is None else _completed(position, egm.reference)
-        speed = None if velocity is None else _completed(velocity, cast("Joints", (0.0,) * len(egm.reference)))
+        speed = None if velocity is None else _completed(velocity, (0.0,) * len(egm.reference))
         if not _is_finite(goal, speed):
             self._shut_down(
                 EgmOutcome.SYSTEM_FAILURE,
@@ -665,7 +665,7 @@ class EgmClient:
 def _completed(values: PartialJoints, last: Joints) -> Joints:
     """Axes that the sensor leaves out keep their last value (reference/egm.md §10 item 18)."""
     complete = tuple(old if new is None else new for new, old in zip(values, last, strict=True))
-    return cast("Joints", complete)
+    return complete
 
 
 def _is_finite(*parts: PartialJoints | None) -> bool:
@@ -747,7 +747,7 @@ class EgmNetwork:
         self._sent: dict[Side, deque[bytes]] = {side: deque(maxlen=MOST_REMEMBERED) for side in Side}
         self._under_way: dict[tuple[Way, Side], list[tuple[float, bytes]]] = {}
         self._count = dict.fromkeys(Side, 0)
-        self._reader, self._writer = SensorCodec(axes=7), RobotCodec()
+        self._reader, self._writer = SensorCodec(), RobotCodec()
 
     def inject(
         self, fault: Fault, side: Side, amount: float = 0.0, way: Way = Way.BOTH, duration: float | None = None

@@ -22,8 +22,10 @@ import yumi.controller_files
 import yumi.virtual.controller
 from yumi.errors import SettingsError, YumiError
 from yumi.rapid.program import SystemEvent
-from yumi.robot.arms import Arm, irb120, irb14050, yumi_arm
+from yumi.robot.arm_kinematics import Arm
+from yumi.robot.irb120 import irb120
 from yumi.robot.joints import Side
+from yumi.robot.yumi_arms import irb14050, yumi_arm
 from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.files import DEVICES, ENCODING, decoded
 from yumi.virtual.controller.signals import Configuration, Instance

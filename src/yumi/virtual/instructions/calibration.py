@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side, abb_from_chain
 from yumi.robot.kinematics import compose, matrix, quaternion_from_matrix
 from yumi.virtual.controller.units import ArmUnit, unit_of
 from yumi.virtual.instructions.data import NOT_PRESENT, chain_from_jointtarget, pose_from_rapid, unit_quaternion
 from yumi.virtual.instructions.motion import FATAL, MotionInstructions
+from yumi.virtual.mechanics.dynamics import ArmDynamics
 
 Array = NDArray[np.float64]
 

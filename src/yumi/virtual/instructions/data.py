@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, degrees, dist, hypot, radians, sin
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
 
 from yumi.rapid.builtins.data import DATA
 from yumi.rapid.library import Call, Library
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.arms import Arm
+from yumi.robot.arm_kinematics import Arm
 from yumi.robot.joints import (
     JOINT_COUNT,
     JointLimits,
@@ -41,7 +41,7 @@ from yumi.robot.kinematics import (
 )
 from yumi.virtual.controller.egm import EgmState
 from yumi.virtual.controller.units import MechanicalUnit
-from yumi.virtual.mechanics.motion import StopMode
+from yumi.virtual.mechanics.egm_motion import StopMode
 
 T = TypeVar("T")
 
@@ -141,7 +141,7 @@ def chain_from_jointtarget(target: Any, now: Joints, limits: JointLimits) -> Joi
         is_now if value_deg >= NOT_PRESENT else _within(radians(value_deg), low, high)
         for value_deg, is_now, low, high in zip(chain_deg, now, limits.lower, limits.upper, strict=True)
     ]
-    return cast("Joints", tuple(position))
+    return tuple(position)
 
 
 def chain_order(axes: Sequence[T]) -> tuple[T, T, T, T, T, T, T]:

@@ -22,7 +22,7 @@ from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.instructions.data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
 from yumi.virtual.instructions.motion import SPEED, Build, MotionInstructions, check_may_move
 from yumi.virtual.instructions.motion_settings import PathCorrection
-from yumi.virtual.mechanics.motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.egm_motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
 from yumi.virtual.mechanics.path import Offset, Passage
 
 MOST_IDENTITIES = 4

@@ -18,8 +18,8 @@ from yumi.errors import RobotNotReady
 from yumi.rapid.builtins.information import OF_TASK, task_meant
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.arms import Arm
-from yumi.robot.inverse_kinematics import Configuration
+from yumi.robot.arm_kinematics import Arm
+from yumi.robot.confdata import Configuration
 from yumi.robot.joints import Joints, Pose
 from yumi.robot.kinematics import compose, matrix, quaternion_from_matrix
 from yumi.rws.types import EventType
@@ -34,7 +34,7 @@ from yumi.virtual.instructions.data import (
     unit_quaternion,
     wobj_from_rapid,
 )
-from yumi.virtual.mechanics.motion import (
+from yumi.virtual.mechanics.legs import (
     STOP,
     Frames,
     Leg,

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, radians
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from yumi.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.program import SystemEvent
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.arms import Lost
+from yumi.robot.arm_kinematics import Lost
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose
 from yumi.robot.kinematics import compose, inverse
 from yumi.rws.types import EventType
@@ -32,7 +32,7 @@ from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, jointtarget, rapid_from_pose, unit_quaternion
 from yumi.virtual.instructions.motion import FATAL, MotionInstructions, check_may_move, place_of
 from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
-from yumi.virtual.mechanics.motion import CircleMode, Frames, Leg, MotionFault, Speed, Zone, followed, retraced_leg
+from yumi.virtual.mechanics.legs import CircleMode, Frames, Leg, MotionFault, Speed, Zone, followed, retraced_leg
 from yumi.virtual.mechanics.path import Acceleration, Passage
 
 Array = NDArray[np.float64]
@@ -826,12 +826,12 @@ class PathCorrection:
             found = kinematics.follow(at, turned, np.array([angle]), self._start(near))[0]
         except Lost:
             return None
-        position = cast("Joints", tuple(found.tolist()))
+        position = tuple(found.tolist())
         return None if kinematics.limits.outside(position) is not None else position
 
     def _start(self, near: Joints) -> Joints:
         """The posture [rad] that the corrected one is looked for from: as far beside the path as the last one was."""
-        return near if self._beside is None else cast("Joints", tuple((near + self._beside).tolist()))
+        return near if self._beside is None else tuple((near + self._beside).tolist())
 
     def _returning(self, point: Array, leg: Leg, near: Joints, dt: float) -> Joints:
         """The joint positions [rad] on the way back to the path, where not even the correction before is in reach."""
@@ -842,8 +842,8 @@ class PathCorrection:
         kinematics = self._unit.arm.kinematics
         beside = near + self._beside * max(0.0, 1.0 - dt / _CORRECTION_TIME)
         found = tuple(np.clip(beside, kinematics.limits.lower, kinematics.limits.upper).tolist())
-        self._offset = self._axes @ (place_of(kinematics, cast("Joints", found), leg.frames)[0] - point)
-        return cast("Joints", found)
+        self._offset = self._axes @ (place_of(kinematics, found, leg.frames)[0] - point)
+        return found
 
 
 def add_corrections(library: Library, motion: MotionInstructions) -> PathCorrection:

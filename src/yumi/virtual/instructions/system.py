@@ -25,8 +25,8 @@ from yumi.virtual.controller.files import SystemParameters
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.units import ArmUnit, MechanicalUnit, SyncPoints, unit_of
 from yumi.virtual.instructions.motion import FATAL
-from yumi.virtual.mechanics.gripper import CHANNELS, SETTLING_TIME, VirtualGripper
 from yumi.virtual.mechanics.path import Box, JointRange, Outside, Shape, Sphere, UprightCylinder, WorldZone
+from yumi.virtual.mechanics.virtual_gripper import CHANNELS, SETTLING_TIME, VirtualGripper
 
 
 class SystemInstructions:
@@ -341,7 +341,7 @@ class WorldZoneInstructions:
         """WZHomeJointDef: joints beside a middle."""
         middle, delta = (self._joints(call[name]) for name in ("MiddleJointVal", "DeltaJointVal"))
         low, high = (tuple(m + sign * abs(d) for m, d in zip(middle, delta, strict=True)) for sign in (-1.0, 1.0))
-        self._define(call, JointRange(cast("Joints", low), cast("Joints", high)))
+        self._define(call, JointRange(low, high))
 
     def define_limits(self, call: Call) -> None:
         """WZLimJointDef: joints between two positions."""
@@ -388,8 +388,8 @@ class WorldZoneInstructions:
     def _joints(self, target: Any) -> Joints:
         """Joint positions [rad] of a jointtarget in chain order."""
         if self._unit.arm.kinematics.reference is None:
-            return cast("Joints", tuple(map(radians, target.robax)))
-        return cast("Joints", tuple(map(radians, chain_from_abb(target.robax, target.extax[0]))))
+            return tuple(map(radians, target.robax))
+        return tuple(map(radians, chain_from_abb(target.robax, target.extax[0])))
 
     def _add(self, call: Call, changed: Callable[[bool], None]) -> None:
         shape, data = call["Shape"].shape, call["WorldZone"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import radians
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from yumi.errors import CommandRefused, ProtocolError, RobotNotReady
 from yumi.rapid.types import Variable
-from yumi.robot.arms import Arm
+from yumi.robot.arm_kinematics import Arm
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_from_abb
 from yumi.robot.kinematics import compose, inverse, matrix
 from yumi.rws.documents import Link, Page, State, first_value
@@ -122,7 +122,7 @@ def _abb(position: Joints) -> tuple[Sequence[float], float]:
 
 
 def _chain(kinematics: Arm, robot: Sequence[float], axis_7: float) -> Joints:
-    return cast("Joints", tuple(robot)) if kinematics.joint_count < JOINT_COUNT else chain_from_abb(robot, axis_7)
+    return tuple(robot) if kinematics.joint_count < JOINT_COUNT else chain_from_abb(robot, axis_7)
 
 
 def _arm_angle(kinematics: Arm, position: Joints) -> float:
@@ -511,7 +511,7 @@ def get_axis_pose(controller: Irc5, call: Call) -> Page:
     arm = controller.arm_of(unit)
     last = arm.kinematics.axes.index(logical)
     position = tuple(angle if index <= last else 0.0 for index, angle in enumerate(arm.position))
-    trans, rot = rapid_from_pose(arm.kinematics.tool0(cast("Joints", position)))
+    trans, rot = rapid_from_pose(arm.kinematics.tool0(position))
     fields = {axis: printed(value) for axis, value in zip("xyz", trans, strict=True)}
     fields |= {f"q{n}": printed(value) for n, value in enumerate(rot, 1)}
     number = call.names["axis"]

@@ -15,7 +15,7 @@ from yumi.robot.joints import CYCLE, Joints, Pose, Side, abb_from_chain, home
 from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.controller.egm import EgmClient, EgmOptions, EgmOutcome, EgmState, InvalidReference, RobotWare
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.motion import EgmActivation, EgmRun, ExternalMotionData, StopMode, same_band
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData, StopMode, same_band
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

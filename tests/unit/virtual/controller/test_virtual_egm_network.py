@@ -13,7 +13,7 @@ from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.controller.egm import EgmClient, EgmNetwork, Outgoing, field_borders
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.motion import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmRun
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 

@@ -17,7 +17,7 @@ from yumi.rws.types import ControllerState, EventType
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.controller.system import ROBOTS, delivered_system, factory_system, with_programs
-from yumi.virtual.mechanics.motion import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.rws.operations import Call
 from yumi.virtual.rws.rapid import get_task
 from yumi.virtual.world import World, WorldSettings

@@ -17,7 +17,7 @@ from yumi.virtual.controller.signals import Configuration, Signal, Signals
 from yumi.virtual.controller.tasks import TaskHost
 from yumi.virtual.controller.units import YUMI_UNITS, ArmUnit, SyncPoints
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.gripper import VirtualGripper, Workpiece
+from yumi.virtual.mechanics.virtual_gripper import VirtualGripper, Workpiece
 
 FOLDER = Path(next(iter(yumi.controller_files.__path__)))
 STOCK = FOLDER.parent / "virtual" / "controller" / "stock"

@@ -12,7 +12,7 @@ from yumi.rws.types import SignalType
 from yumi.virtual.controller.egm import EgmOutcome, EgmState
 from yumi.virtual.controller.signals import Signal
 from yumi.virtual.instructions.data import jointtarget
-from yumi.virtual.mechanics.motion import EgmActivation
+from yumi.virtual.mechanics.egm_motion import EgmActivation
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
 SETUP = 'EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","ROB_R"\\Joint\\CommTimeout:=0.5; '

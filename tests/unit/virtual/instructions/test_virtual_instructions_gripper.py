@@ -4,7 +4,7 @@ import pytest
 from instruction_bench import InstructionBench
 
 from yumi.robot.gripper import MAX_FORCE, ServoState
-from yumi.virtual.mechanics.gripper import CupObject, Workpiece
+from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.gripper import GripperModules, ServoCommand, ServoState
-from yumi.virtual.mechanics.gripper import VirtualGripper, Workpiece
+from yumi.virtual.mechanics.virtual_gripper import VirtualGripper, Workpiece
 
 CUBE = Workpiece(0.020)
 RING = Workpiece(0.030, is_hollow=True)

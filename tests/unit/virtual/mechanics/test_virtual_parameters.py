@@ -10,7 +10,7 @@ import pytest
 from yumi.catalogue import Message, message
 from yumi.errors import SettingsError
 from yumi.robot.joints import CHAIN_AXES, Side
-from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters, write_egm_parameters
 from yumi.virtual.world import World, WorldSettings
 

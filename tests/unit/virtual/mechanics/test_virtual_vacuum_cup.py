@@ -3,7 +3,7 @@
 import pytest
 
 from yumi.robot.gripper import ATMOSPHERE
-from yumi.virtual.mechanics.gripper import DEEPEST, OPEN, CupObject, VacuumCup
+from yumi.virtual.mechanics.virtual_gripper import DEEPEST, OPEN, CupObject, VacuumCup
 
 
 def sucking(under: CupObject | None, seconds: float = 2.0) -> VacuumCup:
