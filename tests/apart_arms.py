@@ -17,7 +17,9 @@ from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Pose, Side, change_rate, joints
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel, EgmSettings
+from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.egm_motion import EgmSettings
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 TABLE = Obstacle("table", Pose((0.40, 0.0, -0.13), UPRIGHT), (0.60, 1.20, 0.05))

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import yumi.robot
-from yumi.planning.planner import disabled_pairs
+from yumi.planning.scene_description import disabled_pairs
 from yumi.robot.collision import Obstacle
-from yumi.robot.description import robot_description
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.kinematics import matrix
+from yumi.robot.urdf import robot_description
 
 
 class MeshJudge:

@@ -18,8 +18,12 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from yumi.robot.joints import CYCLE
-from yumi.virtual.mechanics.arm import follow_references
-from yumi.virtual.mechanics.arm_motion import MODELS, ArmModel, EgmSettings, unlimited
+from yumi.virtual.mechanics.arm_motion import MODELS
+from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.arm_motion import unlimited
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.servo import follow_references
 
 GAINS = (5.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0)
 """PosCorrGain times 5, which ABB allows up to 20, and beyond [1/s]."""

@@ -24,9 +24,10 @@ from yumi.control.shared_state import ControllerReport
 from yumi.control.tool_path import Waypoint, plan_path
 from yumi.planning.planner import Plan, Planner
 from yumi.robot.collision import Obstacle
-from yumi.robot.description import FINGERTIPS, robot_description
+from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, finger_names, joint_names, joints, named_pose
 from yumi.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
+from yumi.robot.urdf import robot_description
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 HERE = Path(__file__).parent

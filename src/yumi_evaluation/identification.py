@@ -21,15 +21,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import inf, nan, radians, sqrt
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from yumi.catalogue import Message, clause, message
 from yumi.robot.joints import Joints
-from yumi.virtual.mechanics.arm import follow_references
-from yumi.virtual.mechanics.arm_motion import ArmModel, EgmSettings, unlimited
+from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.arm_motion import unlimited
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.servo import follow_references
 from yumi_evaluation.logs import Array, RobotLog
 
 Mask = NDArray[np.bool_]
@@ -97,7 +100,7 @@ class Dynamics:
 
     def limited_to(self, velocity: Sequence[float]) -> Dynamics:
         """The same with other highest speeds [rad/s], (k,)."""
-        limits = replace(self.model.limits, velocity=cast("Joints", tuple(velocity)))
+        limits = replace(self.model.limits, velocity=tuple(velocity))
         return replace(self, model=replace(self.model, limits=limits))
 
     @property
@@ -109,7 +112,7 @@ class Dynamics:
         """That of some joints."""
 
         def some(values: Joints) -> Joints:
-            return cast("Joints", tuple(values[joint] for joint in which))
+            return tuple(values[joint] for joint in which)
 
         limits = self.model.limits
         few = replace(
@@ -194,7 +197,7 @@ def _responses(model: ArmModel, settings: EgmSettings, cycle: float, count: int,
         count: of cycles.
         is_speed: whether the unit is a speed that is sent, for one cycle, and not a step of the reference.
     """
-    one, zero = cast("Joints", (1.0,)), cast("Joints", (0.0,))
+    one, zero = (1.0,), (0.0,)
     references, speeds = [zero] * count, [zero] * count
     if is_speed:
         speeds[0] = one
@@ -214,7 +217,7 @@ def _convolved(inputs: Array, response: Array) -> Array:
 
 
 def _joints(values: Array) -> Joints:
-    return cast("Joints", tuple(values.tolist()))
+    return tuple(values.tolist())
 
 
 def _held(sent: Array, cycles: int) -> Array:

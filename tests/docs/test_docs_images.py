@@ -10,9 +10,10 @@ import pytest
 from doc_pages import ROOT
 
 from mesh_judge import MeshJudge
-from yumi.robot.description import FINGERTIPS, robot_description
+from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import Side, home, joint_names, joints
 from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.urdf import robot_description
 
 sys.path.append(str(ROOT / "docs" / "images"))
 

@@ -50,8 +50,8 @@ from yumi.control.shared_state import (
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
 from yumi.errors import RobotNotReady
-from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
+from yumi.robot.urdf import robot_description
 from yumi.ros import nodes
 from yumi.ros.controller_manager import ArmManager, ControllerNodes, DescriptionWait
 from yumi.ros.nodes import TimerThread

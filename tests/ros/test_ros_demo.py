@@ -26,7 +26,9 @@ from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Side, change_rate, home, joints
 from yumi.ros.move_and_grab import CLOSE_ENOUGH, GOALS, MEETING, MoveAndGrab
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel, EgmSettings
+from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.egm_motion import EgmSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 

@@ -12,9 +12,9 @@ from tf2_msgs.msg import TFMessage
 from refusals import refused
 from yumi.control.shared_state import JointStates
 from yumi.errors import CommandRefused
-from yumi.robot.description import robot_description
 from yumi.robot.joints import ZERO, Joints, Pose, Side, home
 from yumi.robot.kinematics import IDENTITY, compose, rotation_vector, tool0_to_body
+from yumi.robot.urdf import robot_description
 from yumi.ros.topics import RobotFrames
 
 pytestmark = pytest.mark.ros

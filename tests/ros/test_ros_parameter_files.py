@@ -25,8 +25,8 @@ from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.wiring import CONTROLLER_KINDS, Place
-from yumi.robot.description import robot_description
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side, home, joint_names
+from yumi.robot.urdf import robot_description
 from yumi.ros.controller_manager import ArmManager
 from yumi.ros.nodes import TimerThread
 

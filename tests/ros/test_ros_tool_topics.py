@@ -16,9 +16,9 @@ from yumi.control.controller import GoalKind, MemoryBuffer, ParameterInfo
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.errors import CommandRefused
-from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
+from yumi.robot.urdf import robot_description
 from yumi.ros.cartesian import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
 from yumi.ros.topics import RobotFrames
 

@@ -50,7 +50,7 @@ from yumi.driver.stops import Cause
 from yumi.egm.udp import free_port
 from yumi.errors import YumiError
 from yumi.planning.planner import Planner
-from yumi.robot.dynamics import HAND
+from yumi.robot.description import HAND
 from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, go_to, grip
 from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
 from yumi.rws.client import RwsClient

@@ -19,9 +19,9 @@ from yumi.driver import bringup
 from yumi.driver.readiness import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
-from yumi.robot.description import Mass, Tool, principal_inertia
-from yumi.robot.dynamics import HAND
+from yumi.robot.description import HAND, Mass
 from yumi.robot.joints import CYCLE, Pose, Side, joints
+from yumi.robot.load import Tool, principal_inertia
 from yumi.rws import types as rapid_values
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 from yumi.virtual.faults import Fault, Way

@@ -19,7 +19,8 @@ from egm_robots import ObedientRobot, VirtualArmRig, Wired
 from yumi import EgmServer
 from yumi.catalogue import FrontEnd, message, sentence
 from yumi.egm.udp import free_port
-from yumi.virtual.mechanics.arm_motion import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmRun
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

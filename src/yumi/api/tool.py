@@ -13,13 +13,12 @@ from yumi.control.tool_path import SPEED, TURNING, ZONE, ToolLimits, Waypoint, c
 from yumi.control.trajectory import ArmPlan, stretched
 from yumi.errors import CommandRefused, GoalNotReached, YumiError
 from yumi.robot.collision import Obstacle
+from yumi.robot.confdata import Configuration, configuration
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, Outcome, go_to, grip
 from yumi.robot.inverse_kinematics import (
-    Configuration,
     Unreachable,
     arm_angle,
-    configuration,
     nearest_posture,
     postures,
     postures_of_each,

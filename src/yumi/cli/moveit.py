@@ -16,9 +16,10 @@ import yaml
 from yumi.catalogue import message
 from yumi.cli.options import gripper_options
 from yumi.errors import SettingsError
-from yumi.robot.description import FINGER_SPEED, robot_description
+from yumi.robot.description import FINGER_SPEED
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Side, finger_names, joint_names
+from yumi.robot.urdf import robot_description
 
 
 @click.command("moveit-config")
@@ -119,7 +120,7 @@ def moveit_files(
         grippers: the modules of each arm's gripper.
         limits: of the joints; MoveIt plans with them.
     """
-    from yumi.planning.planner import GROUPS, semantic_description  # noqa: PLC0415 - a quick --help
+    from yumi.planning.scene_description import GROUPS, semantic_description  # noqa: PLC0415 - a quick --help
 
     modules = grippers or dict.fromkeys(Side, GripperModules.SERVO)
     joint_limits: dict[str, Any] = {}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 from struct import Struct
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from yumi.control.controller import MARK_COUNT, StageClock, StageTimes
 from yumi.control.cycle import Cycle
@@ -148,7 +148,7 @@ def _frame(values: Sequence[float]) -> Frame:
     number, time, dt, session, is_running = values[: 1 + _SCALARS]
     marks = values[1 + _SCALARS : 1 + _SCALARS + MARK_COUNT]
     begin = 1 + _SCALARS + MARK_COUNT
-    vectors = [cast("Joints", tuple(values[start : start + JOINT_COUNT])) for start in range(begin, _SLOT_SIZE - 1, 7)]
+    vectors = [tuple(values[start : start + JOINT_COUNT]) for start in range(begin, _SLOT_SIZE - 1, 7)]
     position, velocity, planned, desired, sent, sent_velocity, reference = vectors
     return Frame(
         number=int(number),

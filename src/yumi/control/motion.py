@@ -28,7 +28,7 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
 from math import exp, inf, isnan, sqrt
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Synchronization, Trajectory
 
@@ -97,7 +97,7 @@ class Setpoint(NamedTuple):
 
 def fixed(values: Sequence[float]) -> Joints:
     """Seven values that were calculated, as a tuple; :func:`joints` checks what comes from elsewhere."""
-    return cast("Joints", tuple(values))
+    return tuple(values)
 
 
 def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, top_speed: float = inf) -> JointLimits:

@@ -44,6 +44,7 @@ from ruckig import InputParameter, Result, Ruckig, Trajectory
 from yumi.catalogue import Message, message
 from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
 from yumi.errors import CommandRefused
+from yumi.robot.differential_kinematics import rotated_to_foot, target_error, wrist_of, wrist_target
 from yumi.robot.inverse_kinematics import Unreachable
 from yumi.robot.joints import CYCLE, JointLimits, Joints, Pose, Side, Vector, joint_names, joints, rotate
 from yumi.robot.kinematics import (
@@ -53,12 +54,8 @@ from yumi.robot.kinematics import (
     inverse,
     multiply,
     quaternion_of,
-    rotated_to_foot,
     rotation_vector,
-    target_error,
     tool0_to_body,
-    wrist_of,
-    wrist_target,
 )
 
 Array = NDArray[np.float64]

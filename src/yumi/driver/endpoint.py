@@ -174,7 +174,7 @@ class Jog(Request, frozen=True):
     """
 
     arm: Arm
-    speeds: tuple[float, float, float, float, float, float, float]
+    speeds: Joints
 
 
 class JogTool(Request, frozen=True):
@@ -647,7 +647,7 @@ def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_faul
         session=it.session,
         position=it.position,
         velocity=it.velocity,
-        planned=planned,  # type: ignore[arg-type]
+        planned=planned,
         sent=it.sent,
         goal=it.reference,
         pose=tool0_to_body(side, it.position),

@@ -37,9 +37,10 @@ from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
 from yumi.driver.readiness import Mode, Report, RobotState
 from yumi.driver.stops import StopLog
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.description import Mass, Tool
+from yumi.robot.description import Mass
 from yumi.robot.gripper import ServoCommand
 from yumi.robot.joints import Pose, Side
+from yumi.robot.load import Tool
 from yumi.rws.client import RwsClient
 from yumi.rws.documents import SystemInfo
 from yumi.rws.types import ControllerState
@@ -408,7 +409,7 @@ class RobotManager:
         return self.run_routine(side, routine)
 
     def set_tool(self, side: Side, tcp: Pose, load: Mass) -> str:
-        """Have the next EGM motion of an arm use a tool, see :class:`yumi.robot.description.Tool`. Raises YumiError."""
+        """Have the next EGM motion of an arm use a tool, see :class:`yumi.robot.load.Tool`. Raises YumiError."""
         return self._write_tool(side, lambda tool: Tool(tcp, load, tool.payload) if tool else Tool(tcp, load))
 
     def set_payload(self, side: Side, payload: Mass) -> str:

@@ -23,8 +23,9 @@ from yumi.control.controller import Buffer
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import FULL
 from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady, SettingsError, YumiError
-from yumi.robot.description import Mass, Tool, inertia_of, principal_inertia
+from yumi.robot.description import Mass
 from yumi.robot.joints import Pose, Quaternion, Side, Vector
+from yumi.robot.load import Tool, inertia_of, principal_inertia
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
 from yumi.rws.types import Code, RapidValue

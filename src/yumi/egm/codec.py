@@ -469,7 +469,7 @@ class JointCodec:
         if not self._library.codec_decode(datagram, len(datagram), self._report, self._unreadable):
             raise ProtocolError(_unreadable(len(datagram), *UNREADABLE.unpack(self._unreadable.raw)))
         seqno, *values, time, motors, mci, rapid = REPORT.unpack(self._report.raw)
-        measured, planned = (cast("Joints", tuple(each)) for each in (values[:7], values[7:]))
+        measured, planned = (tuple(each) for each in (values[:7], values[7:]))
         states = _MOTOR_STATES[motors], _MCI_STATES[mci], _RAPID_STATES[rapid]
         return JointReport(seqno, measured, planned, time, *states)
 

@@ -11,32 +11,20 @@ RoboPlan, and its corners are rounded as far as there is room. A path is passed 
 accelerations and jerks allow (:func:`yumi.control.tool_path.fastest_along`), and slower where the limiter
 (:mod:`yumi.control.collisions`) would not let it pass.
 Why RoboPlan: docs/explanation/decisions/0040-planning-with-roboplan.md.
-A :class:`PlanningProcess` plans in a process of its own, which loads this module alone.
-
-Planners read the robot as a URDF of the shapes that are kept apart (:func:`planning_description`) and an SRDF with
-groups and exceptions (:func:`semantic_description`). The shapes are those of :mod:`yumi.robot.collision`, so that what
-was planned is what the limiter lets pass.
+The robot is read as :mod:`yumi.planning.scene_description` writes it.
 """
 
 from __future__ import annotations
 
-import asyncio
-import multiprocessing
-import os
-import signal
 import time
 import weakref
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
 from importlib.util import find_spec
 from itertools import chain, islice, product
-from math import atan2, dist, hypot, pi
+from math import pi
 from operator import itemgetter
 from typing import Any, NoReturn
-from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,33 +35,11 @@ from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.tool_path import UNLIMITED, MotionLimits, RoundedPath, fastest_along
 from yumi.control.trajectory import SplineSampler, TrajectoryPoint, smooth_spline_through, spline_through
 from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan, missing_extra
-from yumi.robot.collision import PADDING, CollisionModel, Obstacle, Part, gripper_parts, link_parts, middle_and_size
-from yumi.robot.description import (
-    BODY_SHAPES,
-    FLANGE_ORIGIN,
-    JOINT_EFFORT,
-    JOINT_ORIGINS,
-    TOOL0_ORIGIN,
-    Origin,
-    joint_1_origin,
-)
+from yumi.planning.scene_description import GROUPS, planning_description, semantic_description
+from yumi.robot.collision import CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
 from yumi.robot.inverse_kinematics import arm_angle, postures_of_each
-from yumi.robot.joints import (
-    CYCLE,
-    JOINT_COUNT,
-    YUMI_LIMITS,
-    JointLimits,
-    Joints,
-    Pose,
-    Side,
-    Vector,
-    finger_names,
-    joint_names,
-    joints,
-    prefixed,
-)
-from yumi.robot.kinematics import euler_zyx
+from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
 
 Array = NDArray[np.float64]
 
@@ -514,245 +480,3 @@ def _not_found(spent: float, work: float, *, is_cut_short: bool) -> PlanNotFound
 
 def _way(start: Joints, end: Joints) -> float:
     return max(abs(b - a) for a, b in zip(start, end, strict=True))
-
-
-# ---- the robot as planners read it
-
-GROUPS: Mapping[str, tuple[Side, ...]] = {
-    "right_arm": (Side.RIGHT,),
-    "left_arm": (Side.LEFT,),
-    "both_arms": (Side.RIGHT, Side.LEFT),
-}
-"""The groups of joints that are planned for together."""
-
-# Pairs of links of one arm that need not be checked, counted in chain order from 1, the gripper as 8. Both arms have
-# the same shapes. Neighbours overlap by construction, and so do the capsules of links with one short link between them.
-_ADJACENT_LINKS = ((1, 2), (2, 3), (2, 4), (3, 4), (4, 5), (4, 6), (5, 6), (5, 7), (5, 8), (6, 7), (6, 8), (7, 8))
-# These did not touch in 100,000 random postures; tests/unit/planning looks again, with Pinocchio and Coal.
-_NEVER_TOUCHING_LINKS = ((1, 3), (3, 5), (3, 6), (3, 7), (3, 8), (4, 7))
-
-
-def _body_link() -> str:
-    """The link of everything that stands still."""
-    return prefixed("yumi_body")
-
-
-def _link_names(side: Side) -> tuple[str, ...]:
-    """The arm's links in chain order, then its gripper, as in the robot's description."""
-    return (*(prefixed(f"yumi_link_{number}_{side.value}") for number in range(1, 8)), _gripper_link(side))
-
-
-def _gripper_link(side: Side) -> str:
-    return prefixed(f"gripper_{side.value}_base")
-
-
-def planning_description(
-    grippers: Mapping[Side, GripperModules],
-    *,
-    tools: Mapping[Side, Sequence[Part]] | None = None,
-    obstacles: Sequence[Obstacle] = (),
-    clearance: float,
-    to_boxes: float,
-    limits: JointLimits = YUMI_LIMITS,
-) -> str:
-    """A URDF of both arms, whose shapes are larger by ``clearance``: free in it is that far apart in truth.
-
-    Args:
-        grippers: the modules of each arm's gripper.
-        tools: more parts of an arm.
-        obstacles: what stands around the robot.
-        clearance: of the arms from each other and from the body, at least [m]; half of it is added to each.
-        to_boxes: of the arms from obstacles [m].
-        limits: of the joints.
-    """
-    grown = clearance / 2.0
-    boxes = [_box(*middle_and_size(box), grown) for box in BODY_SHAPES]
-    boxes += [_box(obstacle.centre, obstacle.size, to_boxes - grown) for obstacle in obstacles]
-    parts = [_link(_body_link(), boxes)]
-    for side in Side:
-        own = (*link_parts(), *gripper_parts(grippers[side]), *(tools or {}).get(side, ()))
-        names, parent = _link_names(side), _body_link()
-        for index, origin in enumerate((joint_1_origin(side), *JOINT_ORIGINS)):
-            lower, upper, speed = limits.lower[index], limits.upper[index], limits.velocity[index]
-            limit = f'<limit lower="{lower}" upper="{upper}" effort="{JOINT_EFFORT}" velocity="{speed}"/>'
-            parts.append(_link(names[index], _capsules(own, index, grown)))
-            inside = f'<axis xyz="0 0 1"/>{limit}'
-            parts.append(_joint(joint_names(side)[index], "revolute", parent, names[index], origin, inside))
-            parent = names[index]
-        flange, tool0 = (prefixed(f"yumi_{name}_{side.value}") for name in ("flange", "tool0"))
-        parts += [_link(flange), _joint(f"{flange}_joint", "fixed", parent, flange, FLANGE_ORIGIN)]
-        parts += [_link(tool0), _joint(f"{tool0}_joint", "fixed", flange, tool0, TOOL0_ORIGIN)]
-        parts.append(_link(names[-1], _capsules(own, len(names) - 1, grown)))
-        parts.append(_joint(f"{names[-1]}_joint", "fixed", tool0, names[-1], Origin()))
-    return f'<?xml version="1.0"?>\n<robot name="yumi">{"".join(parts)}</robot>'
-
-
-def semantic_description(*, with_fingers: bool = True) -> str:
-    """The SRDF: groups, end effectors, named states, and the pairs of links that need not be checked.
-
-    Args:
-        with_fingers: the fingers are links of their own, as in the robot's description; else the gripper is one link.
-    """
-    robot = ET.Element("robot", name="yumi")
-    for name, sides in GROUPS.items():
-        group = ET.SubElement(robot, "group", name=name)
-        if len(sides) > 1:
-            for each in ("right_arm", "left_arm"):
-                ET.SubElement(group, "group", name=each)
-        else:
-            tip = prefixed(f"yumi_tool0_{sides[0].value}")
-            ET.SubElement(group, "chain", base_link=_body_link(), tip_link=tip)
-    if with_fingers:
-        for side in Side:
-            group = ET.SubElement(robot, "group", name=f"{side.word}_gripper")
-            for finger in finger_names(side):
-                ET.SubElement(group, "joint", name=finger)
-            ET.SubElement(
-                robot,
-                "end_effector",
-                name=f"{side.word}_gripper",
-                parent_link=prefixed(f"yumi_tool0_{side.value}"),
-                group=f"{side.word}_gripper",
-                parent_group=f"{side.word}_arm",
-            )
-            ET.SubElement(robot, "passive_joint", name=finger_names(side)[1])  # the first one's motor moves it
-    for first, second, reason in disabled_pairs(with_fingers=with_fingers):
-        ET.SubElement(robot, "disable_collisions", link1=first, link2=second, reason=reason)
-    ET.indent(robot)
-    return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode")
-
-
-def disabled_pairs(*, with_fingers: bool = True) -> Iterator[tuple[str, str, str]]:
-    """Pairs of links that need not be checked, with MoveIt's word for the reason."""
-    for side in Side:
-        names = _link_names(side)
-        yield _body_link(), names[0], "Adjacent"
-        # The shoulder turns it beside the body, a few millimetres away at home.
-        yield _body_link(), names[1], "Adjacent"
-        for pairs, reason in ((_ADJACENT_LINKS, "Adjacent"), (_NEVER_TOUCHING_LINKS, "Never")):
-            for first, second in pairs:
-                yield names[first - 1], names[second - 1], reason
-        if with_fingers:
-            fingers = ["finger".join(name.rsplit("joint", 1)) for name in finger_names(side)]
-            yield fingers[0], fingers[1], "Adjacent"
-            for finger in fingers:
-                yield names[-1], finger, "Adjacent"
-                for first, second in (*_ADJACENT_LINKS, *_NEVER_TOUCHING_LINKS):
-                    if second == len(names):
-                        yield names[first - 1], finger, "Never"
-    yield _link_names(Side.RIGHT)[0], _link_names(Side.LEFT)[0], "Never"  # bolted to one body, next to each other
-
-
-def _link(name: str, solids: Iterable[str] = ()) -> str:
-    return f'<link name="{name}">{"".join(f"<collision>{solid}</collision>" for solid in solids)}</link>'
-
-
-def _joint(name: str, kind: str, parent: str, child: str, origin: Origin, rest: str = "") -> str:
-    ends = f'<parent link="{parent}"/><child link="{child}"/>'
-    return f'<joint name="{name}" type="{kind}">{_origin(origin.xyz, origin.rpy)}{ends}{rest}</joint>'
-
-
-def _origin(xyz: Vector, rpy: Vector = (0.0, 0.0, 0.0)) -> str:
-    return f'<origin xyz="{" ".join(map(repr, xyz))}" rpy="{" ".join(map(repr, rpy))}"/>'
-
-
-def _box(centre: Pose, size: Vector, grown: float) -> str:
-    sizes = " ".join(repr(edge + 2.0 * grown) for edge in size)
-    return f'{_origin(centre.position, euler_zyx(centre.orientation))}<geometry><box size="{sizes}"/></geometry>'
-
-
-def _capsules(parts: Iterable[Part], frame: int, grown: float) -> Iterator[str]:
-    """The parts of one frame, each as a cylinder and a ball at each end: URDF has no capsule."""
-    for part in parts:
-        if part.frame != frame:
-            continue
-        radius = part.radius + PADDING + grown
-        x, y, z = (b - a for a, b in zip(part.start, part.end, strict=True))
-        mx, my, mz = ((a + b) / 2.0 for a, b in zip(part.start, part.end, strict=True))
-        turn = (0.0, atan2(hypot(x, y), z), atan2(y, x))  # z along the axis
-        size = f'radius="{radius}" length="{dist(part.start, part.end)}"'
-        yield f"{_origin((mx, my, mz), turn)}<geometry><cylinder {size}/></geometry>"
-        for point in (part.start, part.end):
-            yield f'{_origin(point)}<geometry><sphere radius="{radius}"/></geometry>'
-
-
-# ---- planning beside other work
-
-_LOWEST_PRIORITY = 19
-
-
-class PlanningProcess:
-    """Plans in a process of its own, at the lowest priority; it is started with the first plan.
-
-    A search takes all of a processor for seconds, which other threads would have to wait for.
-    """
-
-    def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
-        self._worker = 0  # its number
-
-    async def plan(
-        self,
-        start: Mapping[Side, Joints],
-        goal: Mapping[Side, Goal],
-        *,
-        timeout: float,
-        speed_scale: float,
-        grippers: Mapping[Side, GripperModules],
-        tools: Mapping[Side, tuple[Part, ...]],
-        obstacles: tuple[Obstacle, ...],
-        limits: JointLimits,
-    ) -> Plan:
-        """As :meth:`Planner.plan` of a :class:`Planner` of these shapes and limits; the last one is kept."""
-        loop = asyncio.get_running_loop()
-        try:
-            if self._pool is None:
-                context = multiprocessing.get_context("spawn")  # a fork would have copies of this process's sockets
-                self._pool = ProcessPoolExecutor(1, context, _begin_worker)
-                self._worker = await loop.run_in_executor(self._pool, os.getpid)
-            shapes = tuple(grippers.items()), tuple(tools.items()), obstacles, limits
-            work = partial(_plan_in_worker, shapes, dict(start), dict(goal), timeout=timeout, speed_scale=speed_scale)
-            return await loop.run_in_executor(self._pool, work)
-        except BrokenProcessPool as error:
-            self._pool = None
-            raise CommandRefused(message("planning_process_ended")) from error
-
-    def close(self) -> None:
-        """End it, without waiting for a plan that is being made."""
-        if self._pool is not None:
-            for process in multiprocessing.active_children():
-                if process.pid == self._worker:
-                    process.terminate()
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool = None
-
-
-_Shapes = tuple[
-    tuple[tuple[Side, GripperModules], ...],
-    tuple[tuple[Side, tuple[Part, ...]], ...],
-    tuple[Obstacle, ...],
-    JointLimits,
-]
-"""What a planner is made of, to be compared with that of the last one: grippers, tools, obstacles, limits."""
-
-
-def _begin_worker() -> None:
-    os.nice(_LOWEST_PRIORITY)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that has started this one
-
-
-@lru_cache(maxsize=1)  # reading the shapes takes a while
-def _planner(shapes: _Shapes) -> Planner:
-    grippers, tools, obstacles, limits = shapes
-    return Planner(dict(grippers), tools=dict(tools), obstacles=obstacles, limits=limits)
-
-
-def _plan_in_worker(
-    shapes: _Shapes,
-    start: Mapping[Side, Joints],
-    goal: Mapping[Side, Goal],
-    *,
-    timeout: float,
-    speed_scale: float,
-) -> Plan:
-    return _planner(shapes).plan(start, goal, timeout=timeout, speed_scale=speed_scale)

@@ -45,7 +45,7 @@ from yumi.recording.ros_messages import (
     joint_state_message,
     text_message,
 )
-from yumi.robot.description import read_frames, robot_description
+from yumi.robot.urdf import read_frames, robot_description
 from yumi.robot.gripper import GripperState
 from yumi.robot.joints import Joints, Pose, Side, finger_names, joint_names, joints, prefixed
 

@@ -35,7 +35,7 @@ from yumi.robot.description import (
     joint_1_origin,
 )
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Joints, Pose, Quaternion, Side, Vector
+from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Quaternion, Side, Vector
 from yumi.robot.kinematics import IDENTITY, matrix, quaternion_from_euler_zyx
 
 Array = NDArray[np.float64]
@@ -44,8 +44,7 @@ PADDING = 0.004
 """Added to every radius: cables, labels, and castings that differ from the meshes [m]."""
 
 _ROUND_END = 0.002  # [m]
-_LINKS = 7
-TOOL_FRAME = _LINKS
+TOOL_FRAME = JOINT_COUNT
 """Index of tool0's frame, behind those of the links."""
 
 
@@ -55,7 +54,7 @@ class Part:
 
     Attributes:
         name: of the part, as it is shown, e.g. ``forearm``.
-        frame: index of the link from 0 in chain order, or 7 for tool0.
+        frame: index of the link from 0 in chain order, or :data:`TOOL_FRAME`.
         start: one end of its axis in that frame [m].
         end: the other end [m].
         radius: around the axis, without padding [m].
@@ -194,7 +193,7 @@ CONTACT = np.dtype(
         ("normal", float, 3),
         ("points", float, (2, 3)),
         ("behind", float, (2, 2)),
-        ("slopes", float, (2, 2, _LINKS)),
+        ("slopes", float, (2, 2, JOINT_COUNT)),
         ("parts", np.int64, 2),
     ]
 )
@@ -232,7 +231,7 @@ class CollisionModel:
         names: of all parts, those of the right arm first, then the left arm's, then what stands still.
         arms: the parts of each arm.
         body: those of the robot's body.
-        frames: the link that a part moves with, from 0 in chain order, or 7 for tool0; -1 for what stands still.
+        frames: the link that a part moves with, from 0 in chain order, or :data:`TOOL_FRAME`; -1 for what stands still.
         handle: what the library calls it.
     """
 
@@ -290,12 +289,12 @@ class CollisionModel:
         """The pairs of parts that are near each other.
 
         Args:
-            positions: of both arms, right, left [rad], (14,).
+            positions: of all arms, one after the other [rad], (14,).
             within: pairs further apart than this are left out [m].
             alone: the arm whose parts are compared with what stands still; None: both arms with each other.
         """
-        if positions.shape != (2 * _LINKS,) or not np.isfinite(positions).all():
-            raise ValueError(f"positions of {2 * _LINKS} joints, not {positions}")
+        if positions.shape != (len(Side) * JOINT_COUNT,) or not np.isfinite(positions).all():
+            raise ValueError(f"positions of {len(Side) * JOINT_COUNT} joints, not {positions}")
         postures, side = np.ascontiguousarray(positions, dtype=float), alone or Side.RIGHT
         arguments = postures.ctypes.data, within, list(Side).index(side), alone is not None, self._found.ctypes.data
         count: int = self._library.model_contacts(self.handle, *arguments)
@@ -313,7 +312,7 @@ class CollisionModel:
             within: how near they are [m].
             ignore: the name of what stands still and does not count.
         """
-        both = np.array([*positions[Side.RIGHT], *positions[Side.LEFT]])
+        both = np.concatenate([positions[side] for side in Side])
         nearest: list[Distance] = []
         for found in (self.contacts(both, within, alone) for alone in (None, *Side)):
             rows = (found[name].tolist() for name in ("distance", "parts", "points"))
@@ -338,11 +337,11 @@ def _axes(position: Vector, orientation: Quaternion) -> list[float]:
 
 def _reach(part: Part, side: Side) -> list[float]:
     """By how much a radian of each joint moves the axis of a part, at most, (7,) [m/rad]."""
-    reach, behind = [0.0] * _LINKS, max(hypot(*part.start), hypot(*part.end))
+    reach, behind = [0.0] * JOINT_COUNT, max(hypot(*part.start), hypot(*part.end))
     if part.frame == TOOL_FRAME:
         behind += hypot(*FLANGE_ORIGIN.xyz) + hypot(*TOOL0_ORIGIN.xyz)
     origins = (joint_1_origin(side), *JOINT_ORIGINS)
-    for index in reversed(range(min(part.frame, _LINKS - 1) + 1)):
+    for index in reversed(range(min(part.frame, JOINT_COUNT - 1) + 1)):
         reach[index] = behind
         behind += hypot(*origins[index].xyz)
     return reach

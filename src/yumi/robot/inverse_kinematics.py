@@ -22,11 +22,10 @@ Poses are in the body frame, which RAPID and EGM call world; the arm angle is ``
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
-from math import floor, pi, tau
-from typing import NamedTuple
+from math import pi, tau
 
 import numpy as np
 import numpy.ma  # np.unique imports it when called first, 80 ms in the middle of a motion
@@ -34,47 +33,46 @@ from numpy.typing import NDArray
 
 from yumi.catalogue import Message, message
 from yumi.errors import CommandRefused
+from yumi.robot.chain import Chain, wrapped
+from yumi.robot.differential_kinematics import CONVERGED, posture_near, wrist_of, wrist_target
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joints
 from yumi.robot.kinematics import (
     ARM_ANGLE_REFERENCES,
-    CONVERGED,
+    ELBOW,
     ELBOW_OFFSET,
     FLANGE,
     FOREARM,
-    SHOULDER_HEIGHT,
+    OFFSETS,
     SHOULDER_OFFSET,
+    TURNS_ABOUT,
     UPPER_ARM,
+    WRIST,
     WRIST_OFFSET,
     compose,
     foot_to_body,
     inverse,
     matrix,
     multiply,
-    posture_near,
     rotation_vector,
     tool0_to_body,
-    wrist_target,
 )
+from yumi.robot.rotations import cross
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_X, _Y, _Z = range(3)
-# Each joint in the all-zero pose, from body to flange: the axis it turns about and the offset in front of it [m].
-_AXES = (_Z, _Y, _Z, _Y, _X, _Y, _X)
-_OFFSETS = np.array(
-    [
-        (0.0, 0.0, SHOULDER_HEIGHT),
-        (-SHOULDER_OFFSET, 0.0, 0.0),
-        (SHOULDER_OFFSET, 0.0, 0.0),
-        (ELBOW_OFFSET, 0.0, UPPER_ARM),
-        (0.0, 0.0, ELBOW_OFFSET),
-        (FOREARM, 0.0, -WRIST_OFFSET),
-        (0.0, 0.0, WRIST_OFFSET),
-    ]
-)
-_SHOULDER = _OFFSETS[0]
+_SHOULDER = np.array(OFFSETS[0])
 _TOOL0_TO_AXIS_6 = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])  # Ry(90°): tool z along axis 6
+TO_WRIST: Mapping[Side, Chain] = {
+    side: Chain(TURNS_ABOUT, np.array([*OFFSETS, (0.0, 0.0, 0.0)]), np.eye(3), reference, ELBOW, WRIST)
+    for side, reference in ARM_ANGLE_REFERENCES.items()
+}
+"""The chain of each arm from its foot to the wrist, where axis 6 begins, turned as axis 6."""
+TO_TOOL0: Mapping[Side, Chain] = {
+    side: replace(chain, offsets=np.array([*OFFSETS, (FLANGE, 0.0, 0.0)]), end=_TOOL0_TO_AXIS_6)
+    for side, chain in TO_WRIST.items()
+}
+"""The same to tool0, the flange's length further."""
 
 _GRID = (128, 72)  # cells over the ranges of axes 1 and 2: 2.7° a cell
 _GRID_MARGIN = 0.02  # [rad] beyond the ranges: a root on the edge lies inside a cell
@@ -85,11 +83,6 @@ _NEAR_ROOT = 0.1  # of either equation; what is no root after all, polishing lea
 _NEARLY_SINGULAR = 0.01  # smallest singular value below which postures may lie closer together than a cell
 _SAME = 1e-7  # [rad]
 _AT_LIMIT = 1e-10  # [rad] a joint that is calculated to be so little beyond its limit is at it
-CONFIGURATION_TOLERANCE = 1e-4
-"""So far below zero, or below another border of a configuration, an arm that stands there may be [rad].
-
-Ten times the difference from the plan with which it counts as standing: axis 4 at 0 is not in the quarter below.
-"""
 
 
 class Unreachable(CommandRefused):
@@ -112,51 +105,17 @@ class _Targets:
         wrist: where axis 6 starts, the flange's length behind tool0 [m], (n, 3).
         rotation: of axis 6's frame at a6 = 0; its first column runs along axis 6, (n, 3, 3).
         angle: the arm angle [rad], (n,).
-        reference: the direction the arm angles are counted from, (3,).
+        chain: the one of the arm.
     """
 
     wrist: Array
     rotation: Array
     angle: Array
-    reference: Array
+    chain: Chain
 
     def of(self, rows: Rows) -> _Targets:
         """The targets with these numbers, in this order; a number may come more than once."""
-        return _Targets(self.wrist[rows], self.rotation[rows], self.angle[rows], self.reference)
-
-
-class Configuration(NamedTuple):
-    """RAPID's ``confdata``: which of the postures of a pose and an arm angle is meant (reference/robots.md).
-
-    Attributes:
-        cf1: quarter turn of axis 1, rounded down: 0 from 0° to 90°, -1 from -90° to 0°.
-        cf4: the same of axis 4.
-        cf6: the same of axis 6.
-        cfx: the branch, 0 to 7: 4 if a2 < 0°, 2 if a5 < 0°, 1 if a3 < -90°, added up.
-    """
-
-    cf1: int
-    cf4: int
-    cf6: int
-    cfx: int
-
-
-def quarter_turn(angle: float) -> int:
-    """The quarter turn an angle [rad] is in, for ``confdata``: 0 from 0° to 90°, -1 below."""
-    return floor((angle + CONFIGURATION_TOLERANCE) / (pi / 2.0))
-
-
-def configuration(position: Joints) -> Configuration:
-    """The configuration of a posture [rad].
-
-    Quarter turns rounded down are ABB's rule. Between two branches the arm passes a singularity.
-    That a2 counts 4 and a3 counts 1 is inferred from public targets of YuMi arms, that a5 counts 2 from what is left;
-    ABB's manual was not at hand.
-    """
-    a1, a2, _, a3, a4, a5, a6 = position
-    below = -CONFIGURATION_TOLERANCE
-    cfx = 4 * (a2 < below) + 2 * (a5 < below) + (a3 < below - pi / 2.0)
-    return Configuration(quarter_turn(a1), quarter_turn(a4), quarter_turn(a6), cfx)
+        return _Targets(self.wrist[rows], self.rotation[rows], self.angle[rows], self.chain)
 
 
 def arm_angle(side: Side, position: Joints) -> float:
@@ -164,18 +123,7 @@ def arm_angle(side: Side, position: Joints) -> float:
 
     Not defined where the line runs along the body's y axis or along axis 3; what is returned there is finite.
     """
-    return arm_angle_from(np.array(ARM_ANGLE_REFERENCES[side]), position)
-
-
-def arm_angle_from(reference: NDArray[np.float64], position: Joints) -> float:
-    """The arm angle counted from another direction in the foot frame, (3,); a single-arm robot counts from z."""
-    _, axes, wrist, _ = _chain(np.array([position]))
-    line = _unit(wrist - _SHOULDER)[0]
-    sine, cosine = (
-        _cross(line, reference) @ axes[0, 3],
-        axes[0, 3] @ reference - (axes[0, 3] @ line) * (line @ reference),
-    )
-    return float(_wrapped(np.arctan2(sine, cosine) + pi / 2.0))
+    return wrist_of(side, position).angle
 
 
 def jacobian(side: Side, position: Joints, tool: Pose | None = None) -> Array:
@@ -189,12 +137,11 @@ def jacobian(side: Side, position: Joints, tool: Pose | None = None) -> Array:
     Returns:
         Rows x, y, z of the velocity and of the angular velocity, in the body frame; columns in chain order.
     """
-    points, axes, wrist, rotation = (value[0] for value in _chain(np.array([position])))
-    tip = wrist + rotation[:, _X] * FLANGE
+    points, axes, tip, rotation = (value[0] for value in TO_TOOL0[side].places(np.array([position])))
     if tool is not None:
-        tip = tip + rotation @ _TOOL0_TO_AXIS_6 @ np.array(tool.position)
+        tip = tip + rotation @ np.array(tool.position)
     foot = matrix(foot_to_body(side).orientation)
-    return np.concatenate([foot @ _cross(axes, tip - points).T, foot @ axes.T])
+    return np.concatenate([foot @ cross(axes, tip - points).T, foot @ axes.T])
 
 
 def postures(side: Side, tool0: Pose, angle: float, limits: JointLimits = YUMI_LIMITS) -> tuple[Joints, ...]:
@@ -231,7 +178,7 @@ def postures_of_each(
     found, of = _polished(*_candidates(targets), targets)
     new, of_new = found, of
     while len(new):
-        derivative = _residual(new, targets.of(of_new))[1]
+        derivative = _missing(new, targets.of(of_new))[1]
         singular = np.linalg.svd(derivative, compute_uv=False)[:, -1] < _NEARLY_SINGULAR
         turned, of_turned = _turned_over(new), np.tile(of_new, 3)
         beside, of_beside = _beside(new[singular], of_new[singular], targets)
@@ -314,7 +261,7 @@ def nearest_reachable_posture(
         here = tool0_to_body(side, joints(position.tolist()))
         return np.asarray(np.concatenate(_difference(tool0, here)) * weights)
 
-    starts = [np.clip(seed, lower, upper), *np.random.default_rng(0).uniform(lower, upper, (_DESCENTS - 1, 7))]
+    starts = [np.clip(seed, lower, upper), *np.random.default_rng(0).uniform(lower, upper, (_DESCENTS - 1, len(lower)))]
     found = [_descended(side, each, missing_at, (lower, upper), weights) for each in starts]
     best = joints(min(found, key=lambda each: float(np.linalg.norm(missing_at(each)))).tolist())
     return best, tool0_to_body(side, best)
@@ -337,7 +284,7 @@ def _descended(
         down = derivative.T @ left
         is_free = ~((position <= ends[0]) & (down < 0.0)) & ~((position >= ends[1]) & (down > 0.0))
         own = derivative[:, is_free]
-        step = np.zeros(7)
+        step = np.zeros(len(position))
         step[is_free] = np.linalg.solve(own.T @ own + damping * np.eye(own.shape[1]), own.T @ left)
         after = np.clip(position + step, *ends)
         still = missing_at(after)
@@ -370,79 +317,27 @@ def _targets(side: Side, tool0s: Sequence[Pose], angles: Sequence[float]) -> _Ta
     in_foot = [compose(body_to_foot, tool0) for tool0 in tool0s]
     rotation = np.array([matrix(each.orientation) for each in in_foot]).reshape(-1, 3, 3) @ _TOOL0_TO_AXIS_6.T
     tip = np.array([each.position for each in in_foot]).reshape(-1, 3)
-    wrist, reference = tip - rotation[:, :, _X] * FLANGE, np.array(ARM_ANGLE_REFERENCES[side])
-    return _Targets(wrist, rotation, np.array(angles, dtype=float), reference)
+    wrist = tip - rotation[:, :, 0] * FLANGE
+    return _Targets(wrist, rotation, np.array(angles, dtype=float), TO_WRIST[side])
 
 
-# -- Forward kinematics and the seven equations, of n postures at once ------------------------------------------------
-
-
-def _chain(positions: Array) -> tuple[Array, Array, Array, Array]:
-    """In the foot frame: points on axes and their directions (n, 7, 3), wrist (n, 3), frame of axis 6 (n, 3, 3)."""
-    count = len(positions)
-    sines, cosines = np.sin(positions), np.cos(positions)
-    rotation, point = np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3))
-    points, axes = np.empty((count, 7, 3)), np.empty((count, 7, 3))
-    for index, axis in enumerate(_AXES):
-        point = point + rotation @ _OFFSETS[index]
-        points[:, index], axes[:, index] = point, rotation[:, :, axis]
-        # A turn about one axis mixes the other two columns.
-        second, third = (axis + 1) % 3, (axis + 2) % 3
-        sine, cosine = sines[:, index, None], cosines[:, index, None]
-        turned = np.empty((count, 3, 3))
-        turned[:, :, axis] = rotation[:, :, axis]
-        turned[:, :, second] = cosine * rotation[:, :, second] + sine * rotation[:, :, third]
-        turned[:, :, third] = cosine * rotation[:, :, third] - sine * rotation[:, :, second]
-        rotation = turned
-    return points, axes, point, rotation
-
-
-def _residual(positions: Array, targets: _Targets) -> tuple[Array, Array]:
-    """What is missing to the targets, one for each posture, and how it shrinks with the joints.
-
-    Returns:
-        Position [m], rotation [rad] and arm angle [rad] missing, (n, 7), and their derivatives, (n, 7, 7).
-    """
-    points, axes, wrist, rotation = _chain(positions)
-    turn = targets.rotation @ np.swapaxes(rotation, 1, 2)
-    vector = 0.5 * np.stack(
-        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], -1
-    )
-    sine, cosine = np.linalg.norm(vector, axis=1), (turn[:, 0, 0] + turn[:, 1, 1] + turn[:, 2, 2] - 1.0) / 2.0
-    vector *= np.where(sine > 1e-9, np.arctan2(sine, cosine) / np.maximum(sine, 1e-9), 1.0)[:, None]
-
-    from_shoulder = wrist - _SHOULDER
-    length = np.linalg.norm(from_shoulder, axis=1)[:, None]
-    line, elbow, reference = from_shoulder / length, axes[:, 3], targets.reference
-    normal = _cross(line, reference)
-    along, along_reference = np.sum(line * elbow, 1)[:, None], (line @ reference)[:, None]
-    y, x = np.sum(normal * elbow, 1)[:, None], (elbow @ reference)[:, None] - along * along_reference
-    missing = _wrapped(targets.angle[:, None] - np.arctan2(y, x) - pi / 2.0)
-
-    d_wrist = _cross(axes, wrist[:, None] - points)
-    d_line = (d_wrist - line[:, None] * np.sum(d_wrist * line[:, None], 2, keepdims=True)) / length[:, None]
-    d_elbow = np.zeros_like(axes)
-    d_elbow[:, :3] = _cross(axes[:, :3], elbow[:, None])
-    d_y = np.sum(_cross(d_line, reference) * elbow[:, None], 2) + np.sum(d_elbow * normal[:, None], 2)
-    d_along = np.sum(d_elbow * line[:, None], 2) + np.sum(d_line * elbow[:, None], 2)
-    d_x = d_elbow @ reference - d_along * along_reference - along * (d_line @ reference)
-    d_angle = (x * d_y - y * d_x) / np.maximum(x * x + y * y, 1e-30)
-    derivative = np.concatenate([np.swapaxes(d_wrist, 1, 2), np.swapaxes(axes, 1, 2), d_angle[:, None]], 1)
-    return np.concatenate([targets.wrist - wrist, vector, missing], 1), derivative
+def _missing(positions: Array, targets: _Targets) -> tuple[Array, Array]:
+    """What is missing to the targets, one for each posture, and how it shrinks with the joints."""
+    return targets.chain.missing(positions, targets.wrist, targets.rotation, targets.angle)
 
 
 def _polish(positions: Array, targets: _Targets) -> tuple[Array, Array]:
     """Newton's method on all seven equations: positions [rad], and the largest of what is still missing, (n,)."""
     positions, left = positions.copy(), np.arange(len(positions))
     for _ in range(16):
-        missing, derivative = _residual(positions[left], targets.of(left))
+        missing, derivative = _missing(positions[left], targets.of(left))
         step = _solve(derivative, missing)
         largest = np.max(np.abs(step), 1)
         positions[left] += step * np.minimum(1.0, 0.5 / np.maximum(largest, 1e-30))[:, None]
         left = left[largest > 1e-9]  # quadratic: the next step would be rounding
         if not len(left):
             break
-    return positions, np.max(np.abs(_residual(positions, targets)[0]), 1)
+    return positions, np.max(np.abs(_missing(positions, targets)[0]), 1)
 
 
 def _solve(derivative: Array, missing: Array) -> Array:
@@ -459,7 +354,7 @@ def _polished(positions: Array, of: Rows, targets: _Targets) -> tuple[Array, Row
         return positions, of
     positions, errors = _polish(positions, targets.of(of))
     good = errors < CONVERGED
-    positions, of = _wrapped(positions[good]), of[good]
+    positions, of = wrapped(positions[good]), of[good]
     kept = _distinct(positions, of)
     return positions[kept], of[kept]
 
@@ -476,8 +371,8 @@ class _TwoEquations:
     def __init__(self, targets: _Targets, a1: Array, a2: Array, sense: Array) -> None:
         line = targets.wrist - _SHOULDER
         along = _unit(line)
-        y = _unit(_cross(along, targets.reference))
-        x = _cross(y, along)
+        y = _unit(cross(along, np.array(targets.chain.reference)))
+        x = cross(y, along)
         beta = targets.angle[:, None] - pi / 2.0
         inside = x * np.cos(beta) + y * np.sin(beta)  # in the half-plane of axis 3, normal to the line
         c1, s1, c2, s2 = np.cos(a1), np.sin(a1), np.cos(a2), np.sin(a2)
@@ -487,7 +382,7 @@ class _TwoEquations:
             return c1 * x + s1 * y, c1 * y - s1 * x, z
 
         # Axis 7: e lies in the plane, e·normal = 0.
-        normal_x, normal_y, normal_z = behind_axis_1(_cross(along, inside))
+        normal_x, normal_y, normal_z = behind_axis_1(cross(along, inside))
         across = c2 * normal_x - s2 * normal_z
         size = np.hypot(normal_y, across) + 1e-300
         s7, c7 = sense * normal_y / size, sense * across / size
@@ -499,7 +394,7 @@ class _TwoEquations:
         d_x = d_x - (SHOULDER_OFFSET * (c2 - 1.0) + ELBOW_OFFSET * c2 * c7 + UPPER_ARM * s2)
         d_y = d_y - ELBOW_OFFSET * s7
         d_z = d_z - (UPPER_ARM * c2 - SHOULDER_OFFSET * s2 - ELBOW_OFFSET * s2 * c7)
-        n_x, n_y, n_z = behind_axis_1(targets.rotation[:, :, _X])
+        n_x, n_y, n_z = behind_axis_1(targets.rotation[:, :, 0])
         n_e, d_n = n_x * e_x + n_y * e_y + n_z * e_z, d_x * n_x + d_y * n_y + d_z * n_z
         distance_squared = d_x * d_x + d_y * d_y + d_z * d_z
         numerator = distance_squared - ELBOW_OFFSET**2 - FOREARM**2
@@ -524,7 +419,7 @@ class _TwoEquations:
         a3 = np.arctan2(arm_x * z - arm_z * x, arm_x * x + arm_z * z)
         a1, a2 = self._a1_a2
         result = np.stack([a1, a2, np.arctan2(s7, c7), a3, a4, np.arctan2(s5, c5), np.zeros_like(a1)], 1)
-        *_, rotation = _chain(result)
+        *_, rotation = targets.chain.places(result)
         left = np.swapaxes(rotation, 1, 2) @ targets.rotation
         result[:, 6] = np.arctan2(left[:, 2, 1], left[:, 1, 1])
         return result
@@ -601,7 +496,7 @@ def _beside(positions: Array, of: Rows, targets: _Targets, step: float = 0.08, s
     """
     if not len(positions):
         return positions, of
-    left, _, right = np.linalg.svd(_residual(positions, targets.of(of))[1])
+    left, _, right = np.linalg.svd(_missing(positions, targets.of(of))[1])
     weak, others = (np.concatenate([each, each]) for each in (left[:, :, -1], np.swapaxes(left[:, :, :-1], 1, 2)))
     at, direction = np.concatenate([positions, positions]), np.concatenate([right[:, -1], -right[:, -1]])
     of = np.concatenate([of, of])
@@ -609,11 +504,11 @@ def _beside(positions: Array, of: Rows, targets: _Targets, step: float = 0.08, s
 
     def followed(at: Array, direction: Array) -> tuple[Array, Array, Array]:
         """The step back onto the curve, the curve's direction, and how far off the weak combination is."""
-        missing, derivative = _residual(at, own)
+        missing, derivative = _missing(at, own)
         rows = np.concatenate([others @ derivative, direction[:, None]], 1)
         off = np.einsum("nij,nj->ni", others, missing)
         back = _solve(rows, np.concatenate([off, np.zeros((len(at), 1))], 1))
-        tangent = _solve(rows, np.broadcast_to(np.eye(7)[6], at.shape))
+        tangent = _solve(rows, np.broadcast_to(np.eye(at.shape[1])[-1], at.shape))
         return np.clip(back, -0.2, 0.2), _unit(tangent), np.sum(weak * missing, 1)
 
     path, off = [at], [np.zeros(len(at))]
@@ -645,7 +540,7 @@ def _distinct(positions: Array, of: Rows) -> Rows:
     kept = []
     for rows in np.split(order, np.flatnonzero(np.diff(of[order])) + 1):
         own = positions[rows]
-        is_same = np.max(np.abs(_wrapped(own[:, None] - own)), 2, initial=0.0) <= _SAME
+        is_same = np.max(np.abs(wrapped(own[:, None] - own)), 2, initial=0.0) <= _SAME
         kept.append(rows[~np.any(np.tril(is_same, -1), 1)])
     return np.sort(np.concatenate(kept))
 
@@ -662,16 +557,6 @@ def _turns(position: Array, limits: JointLimits) -> Iterator[tuple[float, ...]]:
         for value, low, high in ranges
     ]
     yield from product(*choices)
-
-
-def _wrapped(angles: Array) -> Array:
-    return np.asarray((angles + pi) % tau - pi)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """As numpy's, in a fifth of its time: most arrays here are small."""
-    ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], -1)
 
 
 def _unit(vectors: Array) -> Array:

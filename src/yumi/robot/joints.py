@@ -15,16 +15,19 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from math import degrees, isfinite, radians
 from operator import le
-from typing import Literal, NamedTuple, SupportsFloat
+from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsFloat
 
 from yumi.catalogue import message
 from yumi.errors import CommandRefused
 
-Joints = tuple[float, float, float, float, float, float, float]
-"""Seven joint values in chain order; [rad] or [rad/s] unless the name says otherwise."""
-
-JOINT_COUNT = 7
 CHAIN_AXES = (1, 2, 7, 3, 4, 5, 6)
+JOINT_COUNT = len(CHAIN_AXES)
+
+if TYPE_CHECKING:  # other robots' arms have other counts
+    Joints = tuple[float, ...]
+else:  # what msgspec reads from a message or a file is checked for the count of this one's
+    Joints = tuple[(float,) * JOINT_COUNT]
+"""Values of all joints of an arm in chain order; [rad] or [rad/s] unless the name says otherwise."""
 
 
 class Side(Enum):
@@ -85,26 +88,15 @@ def finger_names(side: Side) -> tuple[str, str]:
 
 
 def joints(values: Sequence[float]) -> Joints:
-    """Check the count of ``values`` (7, chain order) and fix them as a tuple."""
+    """Check the count of ``values``, those of one of this robot's arms in chain order, and fix them as a tuple."""
     if len(values) != JOINT_COUNT:
         raise ValueError(f"an arm has {JOINT_COUNT} joints, got {len(values)} values")
-    a, b, c, d, e, f, g = map(float, values)
-    return (a, b, c, d, e, f, g)
+    return tuple(map(float, values))
 
 
 def change_rate(new: Joints, old: Joints, dt: float) -> Joints:
-    """How fast the joints have changed from ``old`` to ``new`` within ``dt`` [s]; written out, as every cycle asks."""
-    a, b, c, d, e, f, g = new
-    oa, ob, oc, od, oe, of, og = old
-    return (
-        (a - oa) / dt,
-        (b - ob) / dt,
-        (c - oc) / dt,
-        (d - od) / dt,
-        (e - oe) / dt,
-        (f - of) / dt,
-        (g - og) / dt,
-    )
+    """How fast the joints have changed from ``old`` to ``new`` within ``dt`` [s]."""
+    return tuple([(after - before) / dt for after, before in zip(new, old, strict=True)])
 
 
 def chain_from_abb(robax: Sequence[float], eax_a: float) -> Joints:
@@ -119,7 +111,7 @@ def abb_from_chain(chain: Joints) -> tuple[tuple[float, float, float, float, flo
     return (a1, a2, a3, a4, a5, a6), a7
 
 
-ZERO: Joints = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+ZERO: Joints = (0.0,) * JOINT_COUNT
 
 Vector = tuple[float, float, float]
 """x, y, z; [m] or [rad] as the name says."""

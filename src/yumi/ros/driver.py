@@ -46,8 +46,8 @@ from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError
-from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import JointLimits, Side, prefixed
+from yumi.robot.urdf import MESHES, robot_description
 from yumi.ros.cartesian import cartesian_interfaces
 from yumi.ros.controller_manager import ArmHardware, ArmManager
 from yumi.ros.gripper import GripperParts, Grippers

@@ -51,9 +51,9 @@ from yumi.driver.settings import RosSettings
 from yumi.driver.stops import Cause, because
 from yumi.errors import CommandRefused
 from yumi.process.supervision import Failures, SupervisedThread
-from yumi.robot.description import Frame, read_frames
 from yumi.robot.joints import ZERO, Joints, Pose, Side, finger_names, joint_names, prefixed
 from yumi.robot.kinematics import IDENTITY, compose, inverse, tool0_to_body
+from yumi.robot.urdf import Frame, read_frames
 from yumi.ros.controller_manager import MakeInterface
 from yumi.ros.messages import (
     LATCHED,

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, NoConnection, YumiError
-from yumi.robot.arms import Arm
+from yumi.robot.arm_kinematics import Arm
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
 from yumi.rws.documents import Pairs, decode_form, first_value
@@ -26,13 +26,20 @@ from yumi.virtual.controller.identity import Identity
 from yumi.virtual.controller.installed_system import ROBOTWARE_6, Robot, System, delivered_system
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.faults import FAULTS_PATH, Fault, FaultKind, Way, fault_named
-from yumi.virtual.mechanics.arm import ContactDetector, VirtualArm
+from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_client import EgmClient, EgmOptions
-from yumi.virtual.mechanics.egm_network import LASTING, SINGLE, EgmNetwork, Outgoing
+from yumi.virtual.mechanics.egm_client import EgmClient
+from yumi.virtual.mechanics.egm_client import EgmOptions
+from yumi.virtual.mechanics.egm_network import LASTING
+from yumi.virtual.mechanics.egm_network import SINGLE
+from yumi.virtual.mechanics.egm_network import EgmNetwork
+from yumi.virtual.mechanics.egm_network import Outgoing
+from yumi.virtual.mechanics.contacts import ContactDetector
 from yumi.virtual.mechanics.parameters import EgmParameters
 from yumi.virtual.mechanics.units import ArmUnit
-from yumi.virtual.mechanics.virtual_gripper import CupObject, VirtualGripper, Workpiece
+from yumi.virtual.mechanics.virtual_gripper import CupObject
+from yumi.virtual.mechanics.virtual_gripper import VirtualGripper
+from yumi.virtual.mechanics.virtual_gripper import Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.system_parameters import Configuration
 

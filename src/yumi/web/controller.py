@@ -28,9 +28,11 @@ from yumi.driver.bringup import LaunchChecks, other_robot
 from yumi.driver.endpoint import EventReport, Surroundings
 from yumi.driver.settings import RobotSettings
 from yumi.errors import ControllerRefused, ProtocolError, RobotNotReady, YumiError
-from yumi.robot.arms import Arm, irb120, irb14050
+from yumi.robot.arm_kinematics import Arm
+from yumi.robot.irb120 import irb120
 from yumi.robot.joints import CHAIN_AXES, Side
 from yumi.robot.kinematics import matrix
+from yumi.robot.yumi_arms import irb14050
 from yumi.rws.client import RwsClient
 from yumi.rws.documents import Event, JointTarget, TaskInfo
 from yumi.rws.session import BUSY

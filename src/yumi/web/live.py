@@ -56,22 +56,14 @@ from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.collision import BODY, CollisionModel, Distance
 from yumi.robot.description import FINGERTIPS
+from yumi.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
 from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, rotate
-from yumi.robot.kinematics import (
-    DifferentialSolver,
-    compose,
-    inverse,
-    multiply,
-    quaternion_of,
-    target_error,
-    tool0_to_body,
-    wrist_of,
-    wrist_target,
-)
+from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
 from yumi.virtual.faults import fault_named, inject_fault
 
 if TYPE_CHECKING:
-    from yumi.planning.planner import Plan, PlanningProcess
+    from yumi.planning.planner import Plan
+    from yumi.planning.planning_process import PlanningProcess
 
 log = logging.getLogger(__name__)
 

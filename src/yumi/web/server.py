@@ -35,12 +35,14 @@ from yumi.control.flight_recorder import Frame
 from yumi.driver.endpoint import EventReport, StopEgm
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
-from yumi.planning.planner import PlanningProcess
-from yumi.recording.message_types import EVENTS, STATE, RecordedEvent
+from yumi.recording.message_types import EVENTS
+from yumi.recording.message_types import STATE
+from yumi.recording.message_types import RecordedEvent
 from yumi.recording.reader import recorded_messages
-from yumi.robot.description import MESHES, robot_description
+from yumi.planning.planning_process import PlanningProcess
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
 from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Joints, Side, finger_names, joint_names, set_prefix
+from yumi.robot.urdf import MESHES, robot_description
 from yumi.virtual.faults import Fault
 from yumi.web.controller import ControllerReader, ControllerView, LogMessage, chain_model
 from yumi.web.live import (

@@ -31,8 +31,9 @@ from yumi.api.tool import (
 from yumi.catalogue import message
 from yumi.control.tool_path import SPEED, TURNING, ToolLimits, Waypoint
 from yumi.errors import CommandRefused
+from yumi.robot.confdata import configuration
 from yumi.robot.description import FINGERTIPS
-from yumi.robot.inverse_kinematics import Unreachable, arm_angle, configuration
+from yumi.robot.inverse_kinematics import Unreachable, arm_angle
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, joints
 from yumi.robot.kinematics import IDENTITY, compose, euler_zyx, inverse, tool0_to_body
 

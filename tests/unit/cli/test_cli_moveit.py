@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from yumi.catalogue import message, sentence
 from yumi.cli.main import main
 from yumi.cli.moveit import moveit_files
-from yumi.planning.planner import GROUPS
+from yumi.planning.scene_description import GROUPS
 from yumi.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 
 FILES = moveit_files()

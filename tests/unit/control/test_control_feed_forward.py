@@ -25,8 +25,12 @@ from yumi.robot.joints import (
     home,
     joints,
 )
-from yumi.virtual.mechanics.arm import Servo
-from yumi.virtual.mechanics.arm_motion import ArmModel, EgmMotion, EgmSettings
+from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.virtual.mechanics.egm_motion import EgmMotion
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.egm_motion import EgmMotion
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.servo import Servo
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmRig
 
 FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)

@@ -26,7 +26,8 @@ from yumi.control.collisions import BODY_MARGIN
 from yumi.control.motion import SERVO_CYCLES
 from yumi.control.trajectory import JointTrajectory, SplineSampler, plan_trajectory
 from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan
-from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner, disabled_pairs, planning_description
+from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner
+from yumi.planning.scene_description import disabled_pairs, planning_description
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joint_names, joints, named_pose

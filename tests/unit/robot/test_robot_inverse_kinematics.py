@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import degrees, dist, pi, radians
 from time import perf_counter
 
@@ -12,11 +13,11 @@ from refusals import assert_says, refused
 from soak import long, short, tell
 from unit.robot.test_robot_kinematics import ROBOTSTUDIO, rad
 from yumi.catalogue import message
+from yumi.robot.confdata import configuration
 from yumi.robot.inverse_kinematics import (
+    TO_WRIST,
     Unreachable,
     arm_angle,
-    arm_angle_from,
-    configuration,
     jacobian,
     nearest_posture,
     nearest_reachable_posture,
@@ -149,7 +150,8 @@ def test_home_has_the_arm_angle_of_the_controllers_home_target(side: Side) -> No
 @pytest.mark.parametrize(("row", "angles_deg"), list(zip(ROBOTSTUDIO, ARM_ANGLES, strict=True)))
 def test_arm_angle_is_robotstudios(row, angles_deg) -> None:
     for axis, expected in zip(((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)), angles_deg, strict=True):
-        angle = degrees(arm_angle_from(np.array(axis), rad(row[0])))
+        chain = replace(TO_WRIST[Side.RIGHT], reference=axis)
+        angle = degrees(chain.angles(np.array([rad(row[0])]))[0])
         assert (angle - expected + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=0.0055)
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from soak import long, short
 from unit.robot.test_robot_inverse_kinematics import random_postures
-from yumi.robot.description import robot_description
 from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures
 from yumi.robot.joints import Joints, Pose, Side, joint_names
 from yumi.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
+from yumi.robot.urdf import robot_description
 
 pin = pytest.importorskip("pinocchio", reason="needs yumi-ros2[planning]")
 

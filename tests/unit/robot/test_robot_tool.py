@@ -7,9 +7,9 @@ import pytest
 
 from refusals import refused
 from yumi.errors import CommandRefused
-from yumi.robot.description import Mass, Tool, principal_inertia
-from yumi.robot.dynamics import HAND
+from yumi.robot.description import HAND, Mass
 from yumi.robot.joints import Pose, rotate
+from yumi.robot.load import Tool, principal_inertia
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 NO_INERTIA = (0.0,) * 6

@@ -18,7 +18,8 @@ from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
 from yumi.virtual.faults import Fault
 from yumi.virtual.instructions.robot_data import robtarget
-from yumi.virtual.mechanics.arm_motion import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 Array = NDArray[np.float64]

@@ -20,9 +20,11 @@ from yumi.catalogue import Message
 from yumi.catalogue import message as say
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused
-from yumi.robot.arms import Arm, irb120, irb14050
+from yumi.robot.arm_kinematics import Arm
+from yumi.robot.irb120 import irb120
 from yumi.robot.joints import Joints, Side, home
 from yumi.robot.kinematics import matrix
+from yumi.robot.yumi_arms import irb14050
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.installed_system import ROBOTS, factory_system, with_programs
 from yumi.virtual.faults import DISPLAY_PATH

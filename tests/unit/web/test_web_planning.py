@@ -9,7 +9,8 @@ import pytest
 
 from yumi.api.connection import limits_of, shapes_of
 from yumi.driver.endpoint import BoxReport, Surroundings, ToolReport
-from yumi.planning.planner import Plan, PlanningProcess
+from yumi.planning.planner import Plan
+from yumi.planning.planning_process import PlanningProcess
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, home
 from yumi.robot.kinematics import IDENTITY
 

@@ -11,8 +11,8 @@ import pytest
 import yumi.robot
 from yumi.catalogue import FrontEnd, message, sentence
 from yumi.errors import StopNotConfirmed
-from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import Side, joint_names, named_pose
+from yumi.robot.urdf import MESHES, robot_description
 from yumi.web.live import failure_for_page, words_for_page
 from yumi.web.server import robot_model
 

@@ -28,21 +28,13 @@ from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import Surroundings, find_driver
 from yumi.errors import SettingsError
-from yumi.planning.planner import Plan, PlanningProcess
+from yumi.planning.planner import Plan
+from yumi.planning.planning_process import PlanningProcess
 from yumi.robot.collision import Obstacle
 from yumi.robot.description import FINGERTIPS
+from yumi.robot.differential_kinematics import posture_near, wrist_of, wrist_target
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
-from yumi.robot.kinematics import (
-    IDENTITY,
-    compose,
-    inverse,
-    multiply,
-    posture_near,
-    quaternion_of,
-    tool0_to_body,
-    wrist_of,
-    wrist_target,
-)
+from yumi.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, tool0_to_body
 from yumi.web import live, server
 from yumi.web.live import (
     MAX_JOINT_SPEED,

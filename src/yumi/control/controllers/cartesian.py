@@ -3,8 +3,8 @@
 Lines are planned before they begin (:mod:`yumi.control.tool_path`) and arrive as trajectories: this controller follows
 them as the joint trajectory controllers do. Streams are followed here, in every cycle: the tool's target moves
 smoothly, within the tool's limits, and the joints follow it by one step of the inverse kinematics
-(:class:`yumi.robot.kinematics.DifferentialSolver`). What would be too fast for a joint, as near a singularity, slows
-all of them down; a joint at the end of its range stays there, and the elbow gives way first.
+(:mod:`yumi.robot.differential_kinematics`). What would be too fast for a joint, as near a singularity, slows all of
+them down; a joint at the end of its range stays there, and the elbow gives way first.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_path import ToolLimited, ToolLimits
 from yumi.control.trajectory import ResultCode
 from yumi.errors import CommandRefused
+from yumi.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
 from yumi.robot.joints import (
     JOINT_COUNT,
     YUMI_LIMITS,
@@ -45,18 +46,7 @@ from yumi.robot.joints import (
     joints,
     rotate,
 )
-from yumi.robot.kinematics import (
-    DifferentialSolver,
-    compose,
-    inverse,
-    multiply,
-    quaternion_of,
-    rotation_vector,
-    target_error,
-    tool0_to_body,
-    wrist_of,
-    wrist_target,
-)
+from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, rotation_vector, tool0_to_body
 from yumi.settings import Parameter, Values, number
 
 TOOL0: Joints = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)

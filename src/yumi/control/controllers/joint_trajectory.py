@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 from itertools import pairwise
 from math import inf, isnan
-from typing import Protocol, cast
+from typing import Protocol
 
 from yumi.catalogue import Message, message
 from yumi.control.controller import Buffer, Controller, check_joints
@@ -811,7 +811,7 @@ def _resting(position: Joints) -> SplineSampler:
 
 
 def _scaled(values: Joints, factor: float) -> Joints:
-    return cast("Joints", tuple([value * factor for value in values]))
+    return tuple([value * factor for value in values])
 
 
 class DualArmTrajectoryController(JointTrajectoryController):

@@ -16,7 +16,8 @@ from xml.etree import ElementTree
 import yumi.controller_files
 import yumi.virtual.controller
 from yumi.errors import SettingsError
-from yumi.robot.arms import Arm, irb120, irb14050, yumi_arm
+from yumi.robot.arm_kinematics import Arm
+from yumi.robot.irb120 import irb120
 from yumi.robot.joints import Side
 from yumi.virtual.controller.file_store import DEVICES, decoded
 from yumi.virtual.controller.task_settings import TaskSettings, task_settings

@@ -20,8 +20,8 @@ from yumi.rapid.builtins.information import OF_TASK, task_meant
 from yumi.rapid.call import Call, Wait
 from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.arms import Arm
-from yumi.robot.inverse_kinematics import Configuration
+from yumi.robot.arm_kinematics import Arm
+from yumi.robot.confdata import Configuration
 from yumi.robot.joints import Joints, Pose
 from yumi.robot.kinematics import compose, matrix, quaternion_from_matrix
 from yumi.rws.types import EventType
@@ -36,21 +36,7 @@ from yumi.virtual.instructions.robot_data import (
     wobj_from_rapid,
 )
 from yumi.virtual.mechanics.path import Offset, Passage
-from yumi.virtual.mechanics.path_geometry import (
-    STOP,
-    Frames,
-    Leg,
-    MotionFault,
-    MotionRefused,
-    Piece,
-    Speed,
-    Zone,
-    circle,
-    corner,
-    joint_leg,
-    line,
-    tool_leg,
-)
+from yumi.virtual.mechanics.legs import STOP, Frames, Leg, MotionFault, MotionRefused, Piece, Speed, Zone, circle, corner, joint_leg, line, tool_leg
 from yumi.virtual.mechanics.units import ArmUnit
 
 SpeedRatio = Callable[[], float]

@@ -15,16 +15,13 @@ from numpy.typing import NDArray
 from yumi.rapid.call import Call
 from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.arms import Lost
+from yumi.robot.arm_kinematics import Lost
 from yumi.robot.joints import Joints
 from yumi.rws.types import EventType
 from yumi.virtual.event_log import EventLog
 from yumi.virtual.instructions.moves import MOVES, place_of
 from yumi.virtual.mechanics.path import Passage
-from yumi.virtual.mechanics.path_geometry import (
-    Leg,
-    MotionFault,
-)
+from yumi.virtual.mechanics.legs import Leg, MotionFault
 from yumi.virtual.mechanics.units import ArmUnit
 
 Array = NDArray[np.float64]

@@ -11,6 +11,7 @@ from yumi.rapid import STANDARD
 from yumi.rapid.call import Call
 from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
+from yumi.robot.arm_kinematics import Arm
 from yumi.robot.joints import (
     Pose,
     Quaternion,

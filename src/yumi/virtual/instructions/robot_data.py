@@ -16,7 +16,7 @@ from yumi.rapid import STANDARD
 from yumi.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
 from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.arms import Arm
+from yumi.robot.arm_kinematics import Arm
 from yumi.robot.joints import (
     JOINT_COUNT,
     JointLimits,
@@ -32,7 +32,7 @@ from yumi.robot.kinematics import (
     inverse,
     upper_half,
 )
-from yumi.virtual.mechanics.arm_motion import StopMode
+from yumi.virtual.mechanics.egm_motion import StopMode
 from yumi.virtual.mechanics.egm_client import EgmState
 
 T = TypeVar("T")

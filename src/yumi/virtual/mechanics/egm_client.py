@@ -9,25 +9,30 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum, auto
-from math import degrees, hypot, inf, isfinite
-from typing import cast
+from math import degrees
+from math import hypot
+from math import inf
+from math import isfinite
 
 import numpy as np
 
-from yumi.egm.codec import MciState, MotorState, PartialJoints, RapidState, RobotCodec, RobotMessage
-from yumi.errors import ProtocolError, RobotNotReady
-from yumi.robot.arms import rotation_vectors
-from yumi.robot.joints import CYCLE, Joints, Pose, Quaternion, Vector
+from yumi.egm.codec import MciState
+from yumi.egm.codec import MotorState
+from yumi.egm.codec import PartialJoints
+from yumi.egm.codec import RapidState
+from yumi.egm.codec import RobotCodec
+from yumi.egm.codec import RobotMessage
+from yumi.errors import ProtocolError
+from yumi.errors import RobotNotReady
+from yumi.robot.joints import CYCLE
+from yumi.robot.joints import Joints
+from yumi.robot.joints import Pose
+from yumi.robot.joints import Quaternion
+from yumi.robot.joints import Vector
 from yumi.robot.kinematics import compose, inverse, matrix
+from yumi.robot.rotations import rotation_vectors
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import (
-    DEFAULT_BANDS,
-    EgmActivation,
-    EgmRun,
-    EgmSettings,
-    ExternalMotionData,
-    StopMode,
-)
+from yumi.virtual.mechanics.egm_motion import DEFAULT_BANDS, EgmActivation, EgmRun, EgmSettings, ExternalMotionData, StopMode
 from yumi.virtual.mechanics.path import Passage
 
 VIRTUAL_CYCLE = 0.004
@@ -214,8 +219,8 @@ class EgmClient:
         limits = arm.model.limits
         self._bounds = replace(
             limits,
-            lower=cast("Joints", tuple(value - _LIMIT_ROUNDING for value in limits.lower)),
-            upper=cast("Joints", tuple(value + _LIMIT_ROUNDING for value in limits.upper)),
+            lower=tuple(value - _LIMIT_ROUNDING for value in limits.lower),
+            upper=tuple(value + _LIMIT_ROUNDING for value in limits.upper),
         )
         self._session: EgmSession | None = None
         self._comm_timeout = 1.0
@@ -601,7 +606,7 @@ class EgmClient:
         if egm is None or session.use is not EgmUse.GUIDANCE:
             return
         goal = None if position is None else _completed(position, egm.reference)
-        speed = None if velocity is None else _completed(velocity, cast("Joints", (0.0,) * len(egm.reference)))
+        speed = None if velocity is None else _completed(velocity, (0.0,) * len(egm.reference))
         if not _is_finite(goal, speed):
             self._shut_down(
                 EgmOutcome.SYSTEM_FAILURE,
@@ -661,7 +666,7 @@ class EgmClient:
 def _completed(values: PartialJoints, last: Joints) -> Joints:
     """Axes that the sensor leaves out keep their last value (reference/egm.md §10 item 18)."""
     complete = tuple(old if new is None else new for new, old in zip(values, last, strict=True))
-    return cast("Joints", complete)
+    return complete
 
 
 def _is_finite(*parts: PartialJoints | None) -> bool:

@@ -22,7 +22,7 @@ from typing import cast
 
 from yumi.catalogue import message, quoted, said_by
 from yumi.errors import CommandRefused, SettingsError
-from yumi.robot.joints import Joints
+from yumi.robot.joints import CHAIN_AXES
 from yumi.settings import Parameter, read_mapping
 from yumi.virtual.mechanics.arm_motion import ArmModel
 
@@ -43,7 +43,7 @@ _MEANINGS = {
     "delay": "[s] from the planned to the measured position",
     "lag": "[s] time constant of the servo behind the delay",
 }
-_HIGHEST_AXIS = 7
+_HIGHEST_AXIS = max(CHAIN_AXES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class EgmParameters:
         speeds = [self.speed_limits.get(axis, most) for axis, most in zip(axes, model.limits.velocity, strict=True)]
         return replace(
             model,
-            limits=replace(model.limits, velocity=cast("Joints", tuple(speeds))),
+            limits=replace(model.limits, velocity=tuple(speeds)),
             reference_delay=model.reference_delay if self.reference_delay is None else self.reference_delay,
             delay=model.delay if self.delay is None else self.delay,
             lag=model.lag if self.lag is None else self.lag,
@@ -101,7 +101,9 @@ def read_egm_parameters(path: Path) -> EgmParameters:
     limits = {}
     for axis, value in speeds.items():
         if not axis.isdecimal() or not 1 <= int(axis) <= _HIGHEST_AXIS:
-            raise SettingsError(f"{path.name}: {_SPEED_LIMITS} names axis {quoted(axis)}; allowed are 1 to 7.")
+            raise SettingsError(
+                f"{path.name}: {_SPEED_LIMITS} names axis {quoted(axis)}; allowed are 1 to {_HIGHEST_AXIS}."
+            )
         limits[int(axis)] = radians(_number(path, _SPEED_LIMIT, value))
     return EgmParameters(**numbers, speed_limits=limits)
 

@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 
 from yumi.robot.joints import CYCLE, JointLimits, Joints, Vector
 from yumi.virtual.mechanics.arm_motion import MotionState
-from yumi.virtual.mechanics.path_geometry import Leg, Piece, Speed
+from yumi.virtual.mechanics.legs import Leg
+from yumi.virtual.mechanics.legs import Piece
+from yumi.virtual.mechanics.legs import Speed
+from yumi.virtual.mechanics.legs import Leg
+from yumi.virtual.mechanics.legs import Piece
+from yumi.virtual.mechanics.legs import Speed
 
 Array = NDArray[np.float64]
 SMOOTHING = 12  # cycles
@@ -501,7 +506,7 @@ class PathMotion:
             position = self.corrector.corrected(position, self._passages[0], dt)
         velocity = tuple((a - b) / dt for a, b in zip(position, old.position, strict=True))
         change = tuple((a - b) / dt for a, b in zip(velocity, old.velocity, strict=True))
-        self.state = MotionState(position, cast("Joints", velocity), cast("Joints", change))
+        self.state = MotionState(position, velocity, change)
         if run.triggers:
             rate = (shown - before) / dt
             for trigger in [
@@ -579,7 +584,7 @@ class PathMotion:
         span = places[index + 1] - places[index]
         t = (at - places[index]) / span
         if t >= 1.0:
-            return cast("Joints", run.rows[index + 1])
+            return run.rows[index + 1]
         back = 1.0 - t
         of_first, of_second = (1.0 + 2.0 * t) * back * back, t * t * (3.0 - 2.0 * t)
         slope_first, slope_second = t * back * back * span, -t * t * back * span

@@ -14,13 +14,14 @@ from enum import Enum, auto
 from typing import Any
 
 from yumi.errors import RapidError
-from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import Pose, Side
 from yumi.robot.kinematics import compose
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.egm_client import EgmClient
+from yumi.virtual.mechanics.dynamics import ArmDynamics
+from yumi.virtual.mechanics.legs import CircleMode
 from yumi.virtual.mechanics.path import NO_LIMIT, Acceleration, SpeedLimit, StoredPath, WorldZone
-from yumi.virtual.mechanics.path_geometry import CircleMode
+from yumi.virtual.mechanics.legs import CircleMode
 from yumi.virtual.mechanics.virtual_gripper import VirtualGripper
 
 NO_UNIT = "NoIntegratedUnit"
@@ -76,12 +77,7 @@ def _seventh_axis(side: Side) -> MechanicalUnit:
     return MechanicalUnit(f"{side.unit}_7", side, "Single", 1, 1, side.unit, NO_UNIT)
 
 
-YUMI_UNITS = (
-    _six_axes(Side.RIGHT),
-    _six_axes(Side.LEFT),
-    _seventh_axis(Side.RIGHT),
-    _seventh_axis(Side.LEFT),
-)
+YUMI_UNITS = (*map(_six_axes, Side), *map(_seventh_axis, Side))
 
 
 @dataclass(slots=True)

@@ -9,7 +9,7 @@ from yumi.rws.documents import Page, State
 from yumi.rws.operations import mastership as table
 from yumi.rws.operations.operation import Operation
 from yumi.rws.types import Code
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.call import Call, Failure
 from yumi.virtual.rws.render import entry, resource
 from yumi.virtual.rws.router import Route

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import radians
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from yumi.errors import CommandRefused, ProtocolError, RobotNotReady
 from yumi.rapid.types import Variable
-from yumi.robot.arms import Arm
+from yumi.robot.arm_kinematics import Arm
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_from_abb
 from yumi.robot.kinematics import compose, inverse, matrix
 from yumi.rws.documents import Link
@@ -130,7 +130,7 @@ def _abb(position: Joints) -> tuple[Sequence[float], float]:
 
 
 def _chain(kinematics: Arm, robot: Sequence[float], axis_7: float) -> Joints:
-    return cast("Joints", tuple(robot)) if kinematics.joint_count < JOINT_COUNT else chain_from_abb(robot, axis_7)
+    return tuple(robot) if kinematics.joint_count < JOINT_COUNT else chain_from_abb(robot, axis_7)
 
 
 def _arm_angle(kinematics: Arm, position: Joints) -> float:

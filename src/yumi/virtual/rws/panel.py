@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from yumi.rws.documents import Page, State
 from yumi.rws.operations import panel as table
 from yumi.rws.types import Code, OperatingMode
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws import ctrl
 from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.render import entry, resource

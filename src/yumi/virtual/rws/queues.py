@@ -12,7 +12,7 @@ from yumi.rapid.types import RapidRuntimeError
 from yumi.rws.documents import Page, State
 from yumi.rws.operations import queues as table
 from yumi.rws.types import Code
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.render import entry, resource
 from yumi.virtual.rws.router import Route

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from yumi.rws.documents import Page, Pairs, first_value
 from yumi.rws.operations.operation import Operation
 from yumi.rws.types import Code
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.call import Call, Failure, Handler, Preparation, Shown, invalid
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.render import page_of

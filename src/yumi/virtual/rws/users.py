@@ -11,7 +11,7 @@ from yumi.rws.documents import Link, Page, State
 from yumi.rws.operations import users as table
 from yumi.rws.operations.operation import Operation
 from yumi.rws.types import GRANTS, Code, Grant, OperatingMode
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.render import resource

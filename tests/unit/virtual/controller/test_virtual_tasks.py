@@ -20,8 +20,9 @@ from yumi.virtual.controller.installed_system import factory_system
 from yumi.virtual.controller.installed_system import with_programs
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.event_log import Refused
-from yumi.virtual.mechanics.arm_motion import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.rws.call import Call
+from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.rws.rapid import get_task
 from yumi.virtual.world import World, WorldSettings
 

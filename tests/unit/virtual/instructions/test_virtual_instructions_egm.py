@@ -11,8 +11,10 @@ from yumi.robot.joints import Side, home
 from yumi.rws.types import SignalType
 from yumi.virtual.controller.signals import Signal
 from yumi.virtual.instructions.robot_data import jointtarget
-from yumi.virtual.mechanics.arm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_client import EgmOutcome, EgmState
+from yumi.virtual.mechanics.egm_motion import EgmActivation
+from yumi.virtual.mechanics.egm_client import EgmOutcome
+from yumi.virtual.mechanics.egm_client import EgmState
+from yumi.virtual.mechanics.egm_motion import EgmActivation
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
 SETUP = 'EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","ROB_R"\\Joint\\CommTimeout:=0.5; '

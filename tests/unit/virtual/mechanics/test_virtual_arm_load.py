@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
 
 import pytest
 
-from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import ZERO, Joints, Side, home
-from yumi.virtual.mechanics.arm import LoadSupervision, Overload, VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel, EgmSettings, MotionState
+from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.arm_motion import MotionState
+from yumi.virtual.mechanics.dynamics import ArmDynamics
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.load_supervision import LoadSupervision
+from yumi.virtual.mechanics.load_supervision import Overload
 
 HOME = home(Side.LEFT)
 MODEL = ArmModel(supervises_load=True)
@@ -121,8 +125,8 @@ def test_step_after_motion_within_the_limits_overloads_as_if_all_torques_had_bee
     found: list[Overload] = []
     for index in range(120):
         change = 600.0 if index >= 100 else 0.2
-        position = cast("Joints", (HOME[0] + 0.002 * min(index, 100), *HOME[1:]))
-        state = MotionState(position, cast("Joints", (0.5, *ZERO[1:])), cast("Joints", (change, *ZERO[1:])))
+        position = (HOME[0] + 0.002 * min(index, 100), *HOME[1:])
+        state = MotionState(position, (0.5, *ZERO[1:]), (change, *ZERO[1:]))
         overloads = [load.advance(state, CYCLE) for load in (always, seldom)]
         assert (overloads[0] is None) == (overloads[1] is None)
         if None not in overloads:

@@ -10,7 +10,7 @@ import pytest
 
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import ZERO, Joints, Side, abb_from_chain, home, joints
-from yumi.virtual.mechanics.arm import ContactDetector
+from yumi.virtual.mechanics.contacts import ContactDetector
 from yumi.virtual.world import World, WorldSettings
 
 APART: dict[Side, Joints] = {

@@ -11,7 +11,7 @@ import pytest
 
 from rws_examples import _TOOL, EXAMPLES, Example, Session, content_type
 from rws_examples_2 import EXAMPLES_2, Session2
-from yumi.robot.arms import irb120
+from yumi.robot.irb120 import irb120
 from yumi.robot.joints import Side
 from yumi.virtual.controller.installed_system import ROBOTS, factory_system
 from yumi.virtual.world import World, WorldSettings

@@ -1,4 +1,4 @@
-"""The geometry of RAPID's moves: legs of a path, straight lines, circles and joint motions, and corners between them.
+"""The way of RAPID's move instructions: lines, circles, joint motions, and the corners between them.
 
 What one move instruction describes is a `Leg`: a straight line, a circle or a joint motion, and the corner to the next,
 sampled close enough that what lies between two samples follows from them; :mod:`yumi.virtual.mechanics.path` adds the
@@ -12,18 +12,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from math import atan2, ceil, degrees, inf, pi, radians
-from typing import cast
 
 import numpy as np
 import numpy.ma  # np.unique imports it when called first, 80 ms in the middle of a motion
 from numpy.typing import NDArray
 
 from yumi.errors import YumiError
-from yumi.robot.arms import Arm, Lost, rotation_vectors, rotations_about
+from yumi.robot.arm_kinematics import Arm, Lost
 from yumi.robot.joints import Joints, Pose
 from yumi.robot.kinematics import IDENTITY, matrix, quaternion_from_matrix
+from yumi.robot.rotations import rotation_vectors, rotations_about
 
 Array = NDArray[np.float64]
+
 ORIGIN = Pose((0.0, 0.0, 0.0), IDENTITY)
 _SAMPLE_LENGTH = 0.004  # between two samples [m]: at a radius of 0.2 m the chord is 0.01 mm off
 _SAMPLE_TURN = 0.05  # the same of the tool and of joints [rad]
@@ -180,7 +181,7 @@ class Leg:
     @property
     def end(self) -> Joints:
         """Where it ends [rad]."""
-        return cast("Joints", tuple(self.piece.joints[-1].tolist()))
+        return tuple(self.piece.joints[-1].tolist())
 
     def joints_at(self, shares: Array) -> Array:
         """Joint positions [rad] between the samples, (n, k)."""
@@ -345,8 +346,9 @@ def tool_leg(
     shares = np.unique(np.concatenate([shares, [begin, leave]]))
     points, rotations, angles = place(shares)
     joints = followed(arm, points, rotations, angles, frames, start)
-    if arm.wrist is not None and not passes_wrist and _is_aligned(joints[:, arm.wrist]):
-        sentence = f"The path of the {arm.name} passes axis {arm.axes[arm.wrist]} at 0°. Use MoveJ, or SingArea\\Wrist."
+    if arm.spherical_wrist is not None and not passes_wrist and _is_aligned(joints[:, arm.spherical_wrist]):
+        axis = arm.axes[arm.spherical_wrist]
+        sentence = f"The path of the {arm.name} passes axis {axis} at 0°. Use MoveJ, or SingArea\\Wrist."
         raise MotionRefused(MotionFault.SINGULAR, sentence)
     way, turned = _cumulated(np.linalg.norm(np.diff(points, axis=0), axis=1)), _cumulated(_turns(rotations))
     into, out = int(np.searchsorted(shares, begin)), int(np.searchsorted(shares, leave))
@@ -371,7 +373,7 @@ def corner(arm: Arm, before: Leg, after: Leg) -> Piece:
         (points, rotations, angles), (to, to_rotations, to_angles) = before.place(first), after.place(second)
         points = points + to - to[0]
         rotations = rotations @ to_rotations[0].T @ to_rotations
-        seed = cast("Joints", tuple(before.piece.joints[before.out].tolist()))
+        seed = tuple(before.piece.joints[before.out].tolist())
         joints = followed(arm, points, rotations, angles + to_angles - to_angles[0], after.frames, seed)
         way, turned = _cumulated(np.linalg.norm(np.diff(points, axis=0), axis=1)), _cumulated(_turns(rotations))
     else:

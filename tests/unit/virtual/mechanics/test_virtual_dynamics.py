@@ -7,8 +7,8 @@ import random
 import pytest
 
 from yumi.robot.description import JOINT_FRICTION, Mass
-from yumi.robot.dynamics import DRIVE_INERTIA, ArmDynamics
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
+from yumi.virtual.mechanics.dynamics import DRIVE_INERTIA, ArmDynamics
 
 HALF_KILO = Mass(0.5, (0.0, 0.0, 0.05), (0.0,) * 6)
 
