@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from yumi.control.controller import Buffer, Controller, MemoryBuffer, StageClock, write_goal, write_speeds
-from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import (
     JointGroupPositionController,
     JointGroupVelocityController,
@@ -19,6 +18,7 @@ from yumi.control.controllers.joint_position import (
 from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.limiter import Limiter
+from yumi.control.manager.controller_manager import ControllerManager
 from yumi.robot.joints import (
     CYCLE,
     YUMI_LIMITS,

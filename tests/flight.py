@@ -9,7 +9,7 @@ from pathlib import Path
 from yumi.control.controller import AFTER_REPLY, SEND, StageClock
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
-from yumi.control.shared_state import SessionLost
+from yumi.control.loop_events import SessionLost
 from yumi.recording.mcap import RecordedEvent, RecordingWriter
 from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 

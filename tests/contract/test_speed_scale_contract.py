@@ -18,19 +18,14 @@ from yumi.control.controllers.joint_position import (
     JointPositionController,
     JointVelocityController,
 )
-from yumi.control.controllers.joint_trajectory import (
-    CancelTrajectory,
-    FollowTrajectory,
-    JointTrajectoryController,
-    Outcome,
-    Tolerances,
-    TrajectoryEnded,
-)
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
 from yumi.control.limiter import Limiter
-from yumi.control.shared_state import ControllerReport, Factor
+from yumi.control.loop_events import ControllerReport
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 

@@ -19,8 +19,9 @@ from yumi.control.controllers.joint_position import (
     JointPositionController,
     JointVelocityController,
 )
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joints
 from yumi.settings import Values

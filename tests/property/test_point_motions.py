@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from yumi.control.motion import PointMotion, Setpoint, slower, stop, travel
+from yumi.control.motion.point_motion import PointMotion, stop, travel
+from yumi.control.motion.setpoint import Setpoint, slower
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Side, home, joints
 

@@ -26,8 +26,9 @@ from yumi.catalogue import message
 from yumi.control.controller import MemoryBuffer, State, write_speeds
 from yumi.control.controllers.joint_position import JointVelocityController
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN
-from yumi.control.shared_state import ImplausibleFeedback, Problem, ProblemOver, ReferencesIgnored, SessionResumed
+from yumi.control.loop_events import ImplausibleFeedback, ProblemOver, ReferencesIgnored, SessionResumed
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.shared_state import Problem
 from yumi.driver.settings import EgmSettings
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.egm.session import SILENCE

@@ -16,16 +16,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
-from yumi.api.motion import (
-    GOAL_CONTROLLER,
-    STREAM_CONTROLLER,
-    TRAJECTORY_CONTROLLER,
-    Motion,
-    MotionExecutor,
-    Position,
-    check_ended,
-    halt,
-)
+from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
+from yumi.api.joint_positions import Position
+from yumi.api.motion_executor import MotionExecutor
+from yumi.api.motion_registry import Motion
 from yumi.api.robot import Arm, Robot
 from yumi.api.tool import Gripper, PoseLike
 from yumi.catalogue import message

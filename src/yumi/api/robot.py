@@ -15,22 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.api.connection import Connection
-from yumi.api.motion import (
-    RETREAT_SPEED_SCALE,
-    Motion,
-    MotionExecutor,
-    Position,
-    TimedPosition,
-    checked_goal,
-    in_degrees,
-    wait_for,
-)
+from yumi.api.joint_positions import Position, TimedPosition, checked_goal, in_degrees
+from yumi.api.motion_executor import RETREAT_SPEED_SCALE, MotionExecutor
+from yumi.api.motion_registry import Motion
 from yumi.api.tool import (
     TOOL0,
     Frames,
     Gripper,
     PoseLike,
-    ToolMotion,
     ToolPose,
     boxes_from,
     checked_angle,
@@ -39,19 +31,18 @@ from yumi.api.tool import (
     poses_from,
     posture_for,
     postures_of,
-    tool_planner,
     waypoints_from,
 )
 from yumi.catalogue import message
-from yumi.control.controllers.cartesian import check_twist, pose_goal, twist_goal
 from yumi.control.shared_state import Snapshot
-from yumi.control.tool_path import SPEED, TURNING, ZONE
+from yumi.control.tool_goal import check_twist, pose_goal, twist_goal
 from yumi.driver import gripper as driver
 from yumi.driver.endpoint import ArmMode, ArmReport, arm_report
 from yumi.driver.readiness import RobotState
 from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
+from yumi.planning.tool_path import SPEED, TURNING, ZONE, ToolMotion
 from yumi.robot.inverse_kinematics import arm_angle, jacobian
 from yumi.robot.joints import JOINT_COUNT, POSES, YUMI_LIMITS, Joints, Pose, Side, abb_from_chain, joint_names, joints
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
@@ -255,10 +246,8 @@ class Arm:
             GoalNotReached: the motion ended elsewhere; the arm holds.
         """
         executor = self.executor
-        (motion,) = executor.move({self.side: position}, speed_scale, acceleration)
-        if wait:
-            wait_for((motion,), timeout, executor)
-        return motion
+        motions = executor.move({self.side: position}, speed_scale, acceleration)
+        return executor.awaited(motions, wait=wait, timeout=timeout)[0]
 
     def follow(self, trajectory: Sequence[TimedPosition], *, wait: bool = True, timeout: float | None = None) -> Motion:
         """Follow a trajectory: splines through points that are due at times.
@@ -286,10 +275,7 @@ class Arm:
             GoalNotReached: the motion ended elsewhere; the arm holds.
         """
         executor = self.executor
-        (motion,) = executor.follow({self.side: trajectory})
-        if wait:
-            wait_for((motion,), timeout, executor)
-        return motion
+        return executor.awaited(executor.follow({self.side: trajectory}), wait=wait, timeout=timeout)[0]
 
     def stop(self) -> None:
         """Come to rest as fast as the joints may, and return when the arm stands.
@@ -299,7 +285,7 @@ class Arm:
             GoalNotReached: the arm did not come to rest.
         """
         executor = self.executor
-        wait_for(executor.stop((self.side,)), None, executor)
+        executor.awaited(executor.stop((self.side,)))
 
     def move_to_pose(
         self,
@@ -434,12 +420,8 @@ class Arm:
         """
         executor = self.executor
         points = waypoints_from(self._frames, poses, work_object, arm_angle)
-        path = ToolMotion(self._tool(tool), points, speed, turning, zone, acceleration)
-        plan = tool_planner({self.side: path}, executor.limits, executor.tool_limits)
-        (motion,) = executor.follow_path((self.side,), plan)
-        if wait:
-            wait_for((motion,), timeout, executor)
-        return motion
+        motion = ToolMotion(self._tool(tool), points, speed, turning, zone, acceleration)
+        return executor.awaited(executor.follow_path({self.side: motion}), wait=wait, timeout=timeout)[0]
 
     def servo_pose(
         self,
@@ -642,10 +624,7 @@ class Robot:
         """
         goals: dict[Side, Position] = _named(right, left)
         executor = self.executor
-        motions = executor.move(goals, speed_scale, acceleration)
-        if wait:
-            wait_for(motions, timeout, executor)
-        return motions
+        return executor.awaited(executor.move(goals, speed_scale, acceleration), wait=wait, timeout=timeout)
 
     def follow(
         self,
@@ -666,10 +645,7 @@ class Robot:
         """
         trajectories = _named(right, left)
         executor = self.executor
-        motions = executor.follow(trajectories)
-        if wait:
-            wait_for(motions, timeout, executor)
-        return motions
+        return executor.awaited(executor.follow(trajectories), wait=wait, timeout=timeout)
 
     def plan_to(
         self,
@@ -750,10 +726,7 @@ class Robot:
         Arguments ``wait`` and ``timeout``, the errors and what is returned are those of :meth:`follow`.
         """
         executor = self.executor
-        motions = executor.follow(plan.points, plan.start)
-        if wait:
-            wait_for(motions, timeout, executor)
-        return motions
+        return executor.awaited(executor.follow(plan.points, plan.start), wait=wait, timeout=timeout)
 
     def move_to_pose(
         self,
@@ -813,10 +786,7 @@ class Robot:
             )
             for side, given in poses.items()
         }
-        motions = executor.follow_path(tuple(paths), tool_planner(paths, executor.limits, executor.tool_limits))
-        if wait:
-            wait_for(motions, timeout, executor)
-        return motions
+        return executor.awaited(executor.follow_path(paths), wait=wait, timeout=timeout)
 
     def allow_collision(self, part: str, other: str, *, seconds: float = 10.0) -> ExitStack:
         """Let two parts touch for a while: handing over, gripping between both arms, placing on a declared table.
@@ -884,7 +854,7 @@ class Robot:
             GoalNotReached: an arm did not come to rest.
         """
         executor = self.executor
-        wait_for(executor.stop(executor.arms), None, executor)
+        executor.awaited(executor.stop(executor.arms))
 
     def recover(self, confirm: str = "") -> None:
         """Bring the robot back to where it may move, after an emergency stop, a lost connection, or any other fault.

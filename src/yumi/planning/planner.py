@@ -8,7 +8,7 @@
 
 The straight path in joint space is taken where it is free. Else a path is found by RRT-Connect and shortened by
 RoboPlan, and its corners are rounded as far as there is room. A path is passed as fast as the joints' speeds,
-accelerations and jerks allow (:func:`yumi.control.tool_path.fastest_along`), and slower where the limiter
+accelerations and jerks allow (:func:`yumi.planning.path_timing.fastest_along`), and slower where the limiter
 (:mod:`yumi.control.collisions`) would not let it pass.
 Why RoboPlan: docs/explanation/decisions/0040-planning-with-roboplan.md.
 A :class:`PlanningProcess` plans in a process of its own, which loads this module alone.
@@ -43,10 +43,13 @@ from numpy.typing import NDArray
 
 from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN, DISTANCES, CollisionLimiter
-from yumi.control.motion import EGM_GAIN, Setpoint
-from yumi.control.tool_path import UNLIMITED, MotionLimits, RoundedPath, fastest_along
-from yumi.control.trajectory import SplineSampler, TrajectoryPoint, smooth_spline_through, spline_through
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.motion.setpoint import Setpoint
+from yumi.control.motion.spline import SplineSampler, TrajectoryPoint, spline_through
 from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan, missing_extra
+from yumi.planning.path_timing import UNLIMITED, MotionLimits, fastest_along
+from yumi.planning.rounded_path import RoundedPath
+from yumi.planning.smoothing import smooth_spline_through
 from yumi.robot.collision import PADDING, CollisionModel, Obstacle, Part, gripper_parts, link_parts, middle_and_size
 from yumi.robot.description import (
     BODY_SHAPES,

@@ -20,11 +20,14 @@ from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN, DISTANCES, MARGIN, CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN, SERVO_CYCLES, Setpoint, plan_gain, slower, stop, travel
-from yumi.control.shared_state import KeptApart
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.loop_events import KeptApart
+from yumi.control.motion.point_motion import stop, travel
+from yumi.control.motion.robot_response import EGM_GAIN, SERVO_CYCLES, plan_gain
+from yumi.control.motion.setpoint import Setpoint, slower
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.trajectory_commands import Outcome, Tolerances
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import (

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import pytest
 
 from yumi.control.controller import GoalKind
-from yumi.control.shared_state import Factor, JointStates, Problem, SharedBuffer, SharedBytes, SharedHistory, Snapshot
+from yumi.control.shared_memory import SharedBuffer, SharedBytes, SharedHistory
+from yumi.control.shared_state import Factor, JointStates, Problem, Snapshot
 from yumi.process.supervision import ChildProcess, PipeClosed, PipeEnd
 from yumi.robot.joints import ZERO, Joints
 

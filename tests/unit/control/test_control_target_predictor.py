@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from controller_states import moved
 from yumi.control.controller import UNKNOWN
-from yumi.control.motion import TargetPredictor
+from yumi.control.motion.target_predictor import TargetPredictor
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, joints
 
 PERIOD = 0.004

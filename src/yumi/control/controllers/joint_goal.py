@@ -13,17 +13,10 @@ from enum import Enum
 
 from yumi.catalogue import Message, clause, message, remedy_of
 from yumi.control.controller import Controller, GoalBuffer, check_position, read_goal
-from yumi.control.motion import (
-    STANDING,
-    PointMotion,
-    Setpoint,
-    StandstillDetector,
-    is_held_back,
-    largest_difference,
-    slower,
-    stop,
-    travel,
-)
+from yumi.control.motion.point_motion import PointMotion, stop, travel
+from yumi.control.motion.robot_response import STANDING
+from yumi.control.motion.setpoint import Setpoint, largest_difference, slower
+from yumi.control.motion.standstill import StandstillDetector, is_held_back
 from yumi.control.speed_scale import SpeedScale
 from yumi.errors import CommandRefused
 from yumi.robot.joints import (
@@ -118,7 +111,7 @@ class JointGoalController(Controller):
 
     Commands come by :meth:`receive`, goals also by a buffer; each command's end is an event. An arm that moves when
     the controller is activated is held until it stands, and then sent to its goal
-    (:class:`yumi.control.motion.StandstillDetector`).
+    (:class:`yumi.control.motion.standstill.StandstillDetector`).
 
     Args:
         goals: where goals arrive without an identity, see :mod:`yumi.control.controller`.

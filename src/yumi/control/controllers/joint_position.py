@@ -20,14 +20,11 @@ from __future__ import annotations
 from math import inf
 
 from yumi.control.controller import IDLE, Buffer, Controller, Goal, GoalBuffer, GoalInbox, GoalKind, check_joints
-from yumi.control.motion import (
-    DELAY,
-    SpeedMotion,
-    TargetPredictor,
-    TrackingFilter,
-    fixed,
-    speeds_without_noise,
-)
+from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.setpoint import fixed
+from yumi.control.motion.speed_motion import SpeedMotion, speeds_without_noise
+from yumi.control.motion.target_predictor import TargetPredictor
+from yumi.control.motion.tracking_filter import TrackingFilter
 from yumi.control.shared_state import JointStates
 from yumi.control.speed_scale import SpeedScale
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
