@@ -426,7 +426,8 @@ def test_arms_that_were_stopped_in_front_of_each_other_are_led_home() -> None:
 LEFT_BEHIND = """
 import threading
 from yumi.planning.planner import Planner
-from yumi.control.motion import Setpoint, travel
+from yumi.control.motion.point_motion import travel
+from yumi.control.motion.setpoint import Setpoint
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, home
 from yumi.api.motion_registry import MotionRegistry, Way
 
