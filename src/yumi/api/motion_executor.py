@@ -257,7 +257,7 @@ class MotionExecutor(ArmStreams):
         early, late = 0.0, motion.duration
         for _ in range(20):  # to a millionth
             middle = 0.5 * (early + late)
-            if dist(start, motion.at(middle).position) < progress * whole:
+            if dist(start, motion.setpoint(middle).position) < progress * whole:
                 early = middle
             else:
                 late = middle

@@ -5,18 +5,22 @@ They come through the pipe of the control process.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
 
 from yumi.catalogue import Message, message
 from yumi.control.shared_state import Limited, Problem
 from yumi.robot.joints import Joints, Side
 
 
+@dataclass(frozen=True, slots=True)
 class Happened:
-    """Something that happened to an arm; its string is a sentence for a log."""
+    """Something that happened to an arm; its string is a sentence for a log.
 
-    __slots__ = ()
+    Attributes:
+        side: which arm.
+    """
+
+    side: Side
 
     @property
     def said(self) -> Message:
@@ -36,7 +40,6 @@ class SessionStarted(Happened):
         deactivated: controllers that commanded the arm in the session before, whose end was not seen.
     """
 
-    side: Side
     session: int
     deactivated: tuple[str, ...] = ()
 
@@ -53,7 +56,6 @@ class SessionStarted(Happened):
 class SessionResumed(Happened):
     """The robot's datagrams arrive again after a silence during which it went on with its session."""
 
-    side: Side
     session: int
 
     @property
@@ -71,7 +73,6 @@ class SessionLost(Happened):
         stood_still: how long the control process itself did not run meanwhile [s]; 0 where the robot was silent.
     """
 
-    side: Side
     silence: float
     deactivated: tuple[str, ...]
     stood_still: float = 0.0
@@ -96,8 +97,6 @@ class SessionLost(Happened):
 class RobotFollows(Happened):
     """The robot began to follow commands."""
 
-    side: Side
-
     @property
     def said(self) -> Message:
         return message("robot_follows", arm=self.side.word)
@@ -111,7 +110,6 @@ class RobotStoppedFollowing(Happened):
         deactivated: controllers that commanded the arm until then; none after an ordered stop.
     """
 
-    side: Side
     deactivated: tuple[str, ...]
 
     @property
@@ -134,7 +132,6 @@ class ImplausibleFeedback(Happened):
         is_other_arm: whether that is where the other arm is.
     """
 
-    side: Side
     joint: str
     distance: float
     position: Joints
@@ -164,7 +161,6 @@ class ReferencesIgnored(Happened):
         deactivated: controllers that commanded the arm until then.
     """
 
-    side: Side
     deactivated: tuple[str, ...] = ()
 
     @property
@@ -186,7 +182,6 @@ class ControllersLate(Happened):
         deactivated: those of them that were deactivated, since the core had to answer for too long in a row.
     """
 
-    side: Side
     cycles: int
     controllers: tuple[str, ...]
     deactivated: tuple[str, ...] = ()
@@ -204,7 +199,6 @@ class ControllersLate(Happened):
 class ProblemOver(Happened):
     """What made the arm hold is over; it goes on holding until it is commanded."""
 
-    side: Side
     problem: Problem
 
     @property
@@ -222,7 +216,6 @@ class KeptApart(Happened):
         limited: the two parts and their distance.
     """
 
-    side: Side
     limited: Limited
 
     @property
@@ -232,14 +225,14 @@ class KeptApart(Happened):
 
 @dataclass(frozen=True, slots=True)
 class AllowedCollisionsChanged(Happened):
-    """Other parts may touch than before, of both arms: see :mod:`yumi.control.loop`.
+    """Other parts may touch than before, of both arms: see :mod:`yumi.control.allowed_collisions`.
 
     Attributes:
         side: the arm under which it is recorded; it concerns both.
         pairs: of parts that may touch now.
     """
 
-    side: ClassVar[Side] = Side.RIGHT
+    side: Side = field(default=Side.RIGHT, init=False)
     pairs: tuple[tuple[str, str], ...]
 
     @property
@@ -253,7 +246,6 @@ class AllowedCollisionsChanged(Happened):
 class ControllerFailed(Happened):
     """A controller raised an error in its update."""
 
-    side: Side
     failure: Message
 
     @property
@@ -270,7 +262,6 @@ class ControllerReport(Happened):
         report: a frozen value of the controller's own kind, see :meth:`.Controller.take_reports`.
     """
 
-    side: Side
     controller: str
     report: object
 
@@ -285,7 +276,6 @@ class ControllerReport(Happened):
 class CycleFailed(Happened):
     """A cycle could not be completed; reported at most every few seconds."""
 
-    side: Side
     failure: str
 
     @property
@@ -301,7 +291,6 @@ class ReportsDropped(Happened):
         count: how many events and answers, of both arms, were dropped.
     """
 
-    side: Side
     count: int
 
     @property
@@ -313,7 +302,6 @@ class ReportsDropped(Happened):
 class ControlProcessEnded(Happened):
     """The control process has ended by itself: one event for each arm."""
 
-    side: Side
     exit_code: int | None
 
     @property

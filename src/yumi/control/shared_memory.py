@@ -14,14 +14,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from itertools import chain
-from math import isnan, nan
+from math import isnan
 from multiprocessing.sharedctypes import RawArray
 from operator import attrgetter, itemgetter
 from struct import Struct
 from typing import Any, Generic, Protocol, TypeVar, get_type_hints
 
 from yumi.catalogue import message
-from yumi.control.controller import GoalKind
+from yumi.control.controller import UNKNOWN, GoalKind
 from yumi.errors import MissingPrerequisite
 from yumi.process.supervision import PROCESSES
 from yumi.robot.joints import JOINT_COUNT, Joints
@@ -34,7 +34,6 @@ _BEGUN, _FINISHED = Struct("q"), Struct("q")
 _LENGTH = Struct("q")
 _MESSAGE = _COUNTERS.size + _LENGTH.size  # where the bytes of a message begin
 _TEXT = 64  # of a text, which is cut off there [bytes]
-_UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
 
 
 class _Layout:
@@ -76,7 +75,7 @@ class _Layout:
         self.size = self._struct.size
 
     def pack(self, memory: memoryview, value: Any) -> None:
-        vectors = [each or _UNKNOWN for each in self._vectors(value)]
+        vectors = [each or UNKNOWN for each in self._vectors(value)]
         scalars = list(self._scalars(value))
         for index in self._texts:
             scalars[index] = scalars[index].encode()

@@ -168,7 +168,7 @@ class TrajectoryFeedback(NamedTuple):
         time: of the state, on the machine's monotonic clock [s].
         progress: the desired time on the trajectory [s].
         scale: how fast time goes by on the trajectory.
-        start_skew, worst_skew: of the arms that follow it together, see :class:`Skew`; zeros for one arm.
+        skew: of the arms that follow it together; zeros for one arm.
         desired: where it should be [rad], (7,).
         desired_velocity: [rad/s], (7,).
         actual: where it is [rad], (7,).
@@ -182,8 +182,7 @@ class TrajectoryFeedback(NamedTuple):
     time: float
     progress: float
     scale: float
-    start_skew: float
-    worst_skew: float
+    skew: Skew
     desired: Joints
     desired_velocity: Joints
     actual: Joints
@@ -191,10 +190,6 @@ class TrajectoryFeedback(NamedTuple):
     output: Joints
     output_velocity: Joints
     monitor_period: float
-
-    @property
-    def skew(self) -> Skew:
-        return Skew(self.start_skew, self.worst_skew)
 
 
 class Factor(NamedTuple):

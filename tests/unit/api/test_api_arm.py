@@ -6,7 +6,7 @@ import pytest
 
 from fake_robot import FakeRobot
 from refusals import refused
-from yumi.api.robot import Arm
+from yumi.api.robot_arm import Arm
 from yumi.api.tool import Gripper
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.loop_events import SessionLost

@@ -26,7 +26,7 @@ from yumi.control.loop_events import (
     SessionLost,
 )
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded
 from yumi.driver.stops import Cause
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
@@ -426,7 +426,7 @@ def test_arm_on_a_trajectory_moves_however_slowly(robot: FakeRobot) -> None:
     now = 100.0
 
     def show(buffer: MemoryBuffer, number: int, time: float) -> bool:
-        buffer.write(TrajectoryFeedback(number, time, 1.0, 1.0, 0.0, 0.0, RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02))
+        buffer.write(TrajectoryFeedback(number, time, 1.0, 1.0, Skew(), RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02))
         return robot.executor.is_moving(Side.RIGHT)
 
     assert not robot.executor.is_moving(Side.RIGHT)
@@ -441,7 +441,7 @@ def test_trajectory_knows_how_far_it_is(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     (motion,) = robot.executor.follow({Side.RIGHT: [(4.0, RIGHT)]})
     assert (motion.progress, motion.remaining) == (0.0, None)  # the controller has not begun
-    feedback = TrajectoryFeedback(motion.identity, 0.0, 1.0, 0.5, 0.0, 0.0, RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02)
+    feedback = TrajectoryFeedback(motion.identity, 0.0, 1.0, 0.5, Skew(), RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02)
     robot.feedback[Side.RIGHT].write(feedback)
     assert (motion.progress, motion.remaining) == (0.25, 6.0)
 

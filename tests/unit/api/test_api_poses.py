@@ -15,7 +15,7 @@ from refusals import refused
 from unit.robot.test_robot_kinematics import rad
 from yumi.api import motion_executor
 from yumi.api.arm_access import GOAL_CONTROLLER
-from yumi.api.robot import Arm
+from yumi.api.robot_arm import Arm
 from yumi.api.tool import (
     Frames,
     boxes_from,

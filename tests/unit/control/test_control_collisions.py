@@ -698,7 +698,7 @@ def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_fol
     way, least, late = travel(Setpoint(start), goal, slower(YUMI_LIMITS, 0.95, 0.9)), np.inf, 0.0
 
     def follow(these: ApartArms, side: Side) -> ArmCommand:
-        now = way.at(len(these.costs) * CYCLE)
+        now = way.setpoint(len(these.costs) * CYCLE)
         return ArmCommand(now.position, now.velocity)
 
     behind = (SERVO_CYCLES + 0.5) * CYCLE  # by which a position is sent later than its speed
@@ -707,7 +707,7 @@ def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_fol
         late = max(late, dist(arms.sent[Side.RIGHT].position, arms.arms[Side.RIGHT].planned))
         if cycle % 10 == 0 and cycle * CYCLE < way.duration:
             least = min(least, arms.least_without_links())
-        sent = way.at(max(0.0, len(arms.costs) * CYCLE - behind)).position
+        sent = way.setpoint(max(0.0, len(arms.costs) * CYCLE - behind)).position
         assert arms.sent[Side.RIGHT].position == pytest.approx(sent, abs=0.02)
     assert arms.limiters[Side.RIGHT].counters.kept_apart == 0
     assert late > 0.1

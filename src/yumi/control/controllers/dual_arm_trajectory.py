@@ -8,7 +8,6 @@ from yumi.catalogue import Message, message
 from yumi.control.controller import Buffer
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
-from yumi.control.motion.spline import Spline
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode
@@ -63,8 +62,8 @@ class DualArmTrajectoryController(JointTrajectoryController):
             return 0.0
         return min(0.0, state.time - other._state.time)
 
-    def _follow(self, command: FollowTrajectory, spline: Spline, now: float) -> None:
-        super()._follow(command, spline, now)
+    def _follow(self, command: FollowTrajectory) -> None:
+        super()._follow(command)
         assert self._state is not None
         self._worst_skew = self._start_skew = 0.0
         self._followed_together = max(self._state.time, command.plan.start or -inf)

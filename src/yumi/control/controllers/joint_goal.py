@@ -196,7 +196,7 @@ class JointGoalController(Controller):
                 self._start(self._planned(self._order)[1])
         scale = self._scale
         self._time += min(state.dt, self._period) * (scale if self._time < self._motion.duration else 1.0)
-        self._setpoint = self._motion.at(self._time)
+        self._setpoint = self._motion.setpoint(self._time)
         if self._order is not None:
             self._check_progress(state)
         return ArmCommand(*self._setpoint.scaled(scale)[:2])

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, isnan
-from typing import Protocol, cast
+from typing import Protocol
 
 from yumi.catalogue import Message, message
 from yumi.control.controller import Buffer, Controller
@@ -21,7 +21,7 @@ from yumi.control.controllers.trajectory_parameters import TrajectorySettings, t
 from yumi.control.motion.blending import blend
 from yumi.control.motion.point_motion import PointMotion, stop
 from yumi.control.motion.robot_response import STANDING
-from yumi.control.motion.setpoint import Setpoint
+from yumi.control.motion.setpoint import Setpoint, fixed
 from yumi.control.motion.spline import Segments, Spline, SplineSampler, TrajectoryPoint
 from yumi.control.motion.standstill import StandstillDetector, is_held_back
 from yumi.control.shared_state import Skew, TrajectoryFeedback
@@ -48,23 +48,11 @@ _SETTLING = 0.1  # [s] after a change of pace the measured speeds are those of t
 
 
 class _Source(Protocol):
-    """Where the commanded motion comes from."""
+    """Where the commanded motion comes from: a spline, a tool stream, or a motion to rest."""
 
     def motion(self, time: float) -> tuple[Joints, Joints]: ...
 
     def setpoint(self, time: float) -> Setpoint: ...
-
-
-class _Brake:
-    """Coming to rest."""
-
-    def __init__(self, motion: PointMotion) -> None:
-        self.duration = motion.duration
-        self.setpoint = motion.at
-
-    def motion(self, time: float) -> tuple[Joints, Joints]:
-        position, velocity, _ = self.setpoint(time)
-        return position, velocity
 
 
 class JointTrajectoryController(Controller):
@@ -135,7 +123,7 @@ class JointTrajectoryController(Controller):
 
     def check(self, command: object, state: ArmState | None) -> None:
         if isinstance(command, FollowTrajectory):
-            self._prepared(command, state)
+            self._check_plan(command, state)
         elif isinstance(command, ScaleSpeed):
             if not 0.0 <= command.factor <= 1.0:
                 raise CommandRefused(message("speed_scaling_factor_out_of_range", factor=command.factor))
@@ -152,7 +140,7 @@ class JointTrajectoryController(Controller):
     def receive(self, command: object, state: ArmState | None) -> None:
         self.check(command, state)
         if isinstance(command, FollowTrajectory):
-            self._follow(command, *self._prepared(command, state))
+            self._follow(command)
         elif isinstance(command, ScaleSpeed):
             self._scale = command.factor
         elif isinstance(command, CancelTrajectory):
@@ -180,7 +168,7 @@ class JointTrajectoryController(Controller):
         self._is_judged = False
         if share == 0.0:
             velocity = ZERO
-        self._velocity = velocity if velocity is ZERO or share == 1.0 else _scaled(velocity, share)
+        self._velocity = velocity if velocity is ZERO or share == 1.0 else fixed([share * each for each in velocity])
         return ArmCommand(self._position, self._velocity)
 
     def note_withheld(self, position: Joints) -> None:
@@ -215,14 +203,17 @@ class JointTrajectoryController(Controller):
         """How fast time goes by on a trajectory."""
         return self._rate * self._speed.value
 
-    def _prepared(self, command: FollowTrajectory, state: ArmState | None) -> tuple[Spline, float]:
-        """The whole way, and the time on it that the newest command belongs to."""
+    def _check_plan(self, command: FollowTrajectory, state: ArmState | None) -> None:
+        """Judge a plan, and keep the whole way with the time on it that the newest command belongs to.
+
+        What is left is what only this process can judge: the driver has checked the plan itself.
+        """
         if state is None:
             raise refused(message("arm_without_egm", arm=self._side.word))
         if self._standstill is not None and max(map(abs, state.velocity)) > STANDING:
             raise refused(message("trajectory_while_arm_moves"))
         if self._checked is not None and self._checked[0] is command and self._checked[1] is state:
-            return self._checked[2:]
+            return
         plan, settings = command.plan, self._settings
         if plan.side is not self._side:
             raise refused(message("trajectory_of_other_arm", arm=plan.side.word, own_arm=self._side.word))
@@ -241,12 +232,12 @@ class JointTrajectoryController(Controller):
             now *= self._speed.value
         spline = blend(plan, setpoint, now, self._limits, settings.start_tolerance)
         self._checked = (command, state, spline, now)
-        return spline, now
 
-    def _follow(self, command: FollowTrajectory, spline: Spline, now: float) -> None:
-        assert self._state is not None
+    def _follow(self, command: FollowTrajectory) -> None:
+        assert self._checked is not None
+        spline, now = self._checked[2:]
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
-        if isinstance(self._source, _Brake):
+        if isinstance(self._source, PointMotion):
             self._rate = 1.0 if self._is_braking else self._scale
         self._goal = TrajectoryGoal(
             command.goal, self._names, spline, command.tolerances.applied(self._settings.tolerances)
@@ -329,17 +320,17 @@ class JointTrajectoryController(Controller):
             self._standstill = StandstillDetector(state)
             return
         setpoint = self._source.setpoint(self._time)
-        if self._goal is not None and not isinstance(self._source, _Brake):
+        if self._goal is not None and not isinstance(self._source, PointMotion):
             setpoint = setpoint.scaled(self._pace)
         softer = joints([_BRAKE_SHARE * each for each in self._limits.jerk])
         strength = joints([_BRAKE_SHARE * each for each in self._settings.deceleration])
-        self._source = _Brake(stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer)))
+        self._source = stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer))
         self._time, self._position = 0.0, setpoint.position
         self._times.clear()
 
     @property
     def _is_braking(self) -> bool:
-        return isinstance(self._source, _Brake) and self._time < self._source.duration
+        return isinstance(self._source, PointMotion) and self._time < self._source.duration
 
     def _rest_at(self, position: Joints) -> None:
         self._source = _resting(position)
@@ -357,14 +348,14 @@ class JointTrajectoryController(Controller):
         time = self._measured_time(state) if goal is not None else self._time
         desired, velocity = source.motion(time)
         if goal is not None and not goal.is_cancelled and self._pace != 1.0:
-            velocity = _scaled(velocity, self._pace)
+            velocity = fixed([self._pace * each for each in velocity])
         number, skew = (goal.number, self._skew or Skew()) if goal is not None else (0, Skew())
         return TrajectoryFeedback(
             number,
             state.time,
             time,
             self._pace,
-            *skew,
+            skew,
             desired,
             velocity,
             state.position,
@@ -377,7 +368,3 @@ class JointTrajectoryController(Controller):
 
 def _resting(position: Joints) -> SplineSampler:
     return SplineSampler(Spline(Segments(), TrajectoryPoint(0.0, position)))
-
-
-def _scaled(values: Joints, factor: float) -> Joints:
-    return cast("Joints", tuple([value * factor for value in values]))

@@ -33,7 +33,11 @@ class PointMotion:
         self.end = end
         self.duration = float(trajectory.duration) if trajectory else 0.0
 
-    def at(self, time: float) -> Setpoint:
+    def motion(self, time: float) -> tuple[Joints, Joints]:
+        """Positions [rad] and velocities [rad/s] ``time`` [s] >= 0 after the begin."""
+        return self.setpoint(time)[:2]
+
+    def setpoint(self, time: float) -> Setpoint:
         """Where the joints are ``time`` [s] >= 0 after the begin."""
         if self._at_time is None or time >= self.duration:
             return Setpoint(self.end)
