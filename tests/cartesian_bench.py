@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale

@@ -17,9 +17,11 @@ from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
 from yumi.clock import ManualClock
-from yumi.control.controller import ControllerInfo, MemoryBuffer, ParameterInfo, State
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo, ParameterInfo
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoalController, StopMotion
 from yumi.control.counters import WireCounters
+from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControllerReport
 from yumi.control.shared_state import Snapshot

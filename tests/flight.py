@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from math import sin
 from pathlib import Path
 
-from yumi.control.controller import AFTER_REPLY, SEND, StageClock
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
 from yumi.control.loop_events import SessionLost
+from yumi.control.stage_times import AFTER_REPLY, SEND, StageClock
 from yumi.recording.mcap import RecordedEvent, RecordingWriter
 from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 

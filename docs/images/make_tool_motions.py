@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from yumi.api.tool import boxes_from, posture_for
-from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
 from yumi.control.tool_goal import ToolGoal, twist_goal
 from yumi.control.trajectory_commands import FollowTrajectory, TrajectoryEnded

@@ -25,8 +25,8 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 import yumi
-from yumi.control.controller import StageTimes
 from yumi.control.flight_recorder import Frame
+from yumi.control.stage_times import StageTimes
 from yumi.process.supervision import Command
 from yumi.recording.mcap import RecordingWriter
 from yumi.robot.gripper import GripperState, ServoState

@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 from math import cos, inf, pi, radians, sin
 
 from yumi.clock import ManualClock
-from yumi.control.controller import Controller, MemoryBuffer, SessionGoal, write_goal
+from yumi.control.controller import Controller
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
+from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_events import Event

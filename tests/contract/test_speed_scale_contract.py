@@ -10,7 +10,6 @@ import pytest
 
 from trajectories import moved, planned, swing
 from yumi.catalogue import message
-from yumi.control.controller import MemoryBuffer, write_goal, write_speeds
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.controllers.joint_position import (
     JointGroupPositionController,
@@ -20,6 +19,7 @@ from yumi.control.controllers.joint_position import (
 )
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
+from yumi.control.goals import MemoryBuffer, write_goal, write_speeds
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ControllerReport
 from yumi.control.motion.spline import TrajectoryPoint

@@ -12,10 +12,11 @@ from controller_arms import LimitedArm, PerfectArm
 from refusals import refused
 from trajectories import moved, swing
 from yumi.clock import ManualClock
-from yumi.control.controller import MemoryBuffer, State, write_goal
+from yumi.control.controller import State
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import Commands, ControllerCommand

@@ -7,9 +7,9 @@ from typing import Protocol
 
 from controller_arms import LimitedArm, PerfectArm
 from yumi.clock import ManualClock
-from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_events import ControllerReport, Event

@@ -11,7 +11,7 @@ import pytest
 from egm_loop import EgmLoop
 from soak import long, short
 from trajectories import planned
-from yumi.control.controller import Buffer, Controller, MemoryBuffer, State, write_goal, write_speeds
+from yumi.control.controller import Controller, State
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import (
     JointGroupPositionController,
@@ -20,6 +20,7 @@ from yumi.control.controllers.joint_position import (
     JointVelocityController,
 )
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import Buffer, MemoryBuffer, write_goal, write_speeds
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.errors import CommandRefused

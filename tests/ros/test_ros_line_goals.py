@@ -16,8 +16,8 @@ from yumi_interfaces.action import MoveLinear
 
 from refusals import assert_says, refused
 from yumi.catalogue import message
-from yumi.control.controller import GoalKind, MemoryBuffer
 from yumi.control.counters import WireCounters
+from yumi.control.goals import GoalKind, MemoryBuffer
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
 from yumi.control.motion.spline import TrajectoryPoint

@@ -19,7 +19,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from refusals import refused
 from yumi.clock import ManualClock
-from yumi.control.controller import ControllerInfo, State
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.trajectory_commands import Tolerances
 from yumi.errors import CommandRefused, TrajectoryRefused

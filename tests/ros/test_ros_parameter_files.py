@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from controller_arms import LimitedArm, PerfectArm
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
-from yumi.control.controller import MemoryBuffer
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import Commands, serve

@@ -12,8 +12,9 @@ from test_ros_command_topics import Node, commanded
 
 from unit.robot.test_robot_kinematics import rad
 from yumi.catalogue import message
-from yumi.control.controller import GoalKind, MemoryBuffer, ParameterInfo
+from yumi.control.controller_info import ParameterInfo
 from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.goals import GoalKind, MemoryBuffer
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.errors import CommandRefused
 from yumi.robot.description import robot_description

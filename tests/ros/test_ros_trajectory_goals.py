@@ -17,7 +17,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.catalogue import message
 from yumi.clock import SystemClock
-from yumi.control.controller import ControllerInfo, MemoryBuffer, State
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo
+from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded

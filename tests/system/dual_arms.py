@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import radians
 
-from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
+from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale

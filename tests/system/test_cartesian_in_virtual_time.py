@@ -14,7 +14,7 @@ from soak import long, short, tell
 from trajectories import sent_beside_speeds
 from unit.robot.test_robot_kinematics import rad
 from yumi.catalogue import message
-from yumi.control.controller import MemoryBuffer
+from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale

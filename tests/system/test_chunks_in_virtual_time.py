@@ -9,8 +9,8 @@ import pytest
 
 from cartesian_bench import shares
 from unit.robot.test_robot_kinematics import rad
-from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import MemoryBuffer
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import FollowTrajectory

@@ -15,7 +15,8 @@ import pytest
 
 from refusals import refused
 from yumi.clock import SystemClock, wait_until
-from yumi.control.controller import State, write_goal
+from yumi.control.controller import State
+from yumi.control.goals import write_goal
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import AllowedCollisionsChanged, ControlProcessEnded, Event, SessionLost
 from yumi.control.motion.spline import TrajectoryPoint

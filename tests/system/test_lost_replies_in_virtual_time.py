@@ -11,10 +11,11 @@ import pytest
 
 from controller_arms import CASES, Case
 from trajectories import planned
-from yumi.control.controller import Controller, MemoryBuffer, write_goal, write_speeds
+from yumi.control.controller import Controller
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import MemoryBuffer, write_goal, write_speeds
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ReferencesIgnored
 from yumi.control.motion.robot_response import EGM_GAIN

@@ -8,7 +8,7 @@ from math import radians
 from typing import Any, SupportsFloat
 
 from yumi.catalogue import message, quoted, said_by
-from yumi.control.controller import check_position
+from yumi.control.goals import check_position
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.errors import CommandRefused
 from yumi.planning.trajectory_request import check_count

@@ -13,7 +13,7 @@ from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
 from yumi.clock import Clock
-from yumi.control.controller import Buffer, write_goal, write_speeds
+from yumi.control.goals import Buffer, write_goal, write_speeds
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.tool_goal import ToolGoal, check_twist, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory

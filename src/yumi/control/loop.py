@@ -7,9 +7,9 @@ from math import inf
 
 from yumi.catalogue import message
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import AFTER_REPLY, Buffer, StageClock
 from yumi.control.cycle import ArmPort, Cycle, run_cycle
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.goals import Buffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import (
     ControllerFailed,
@@ -31,6 +31,7 @@ from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.standstill import AT_GOAL
 from yumi.control.shared_state import PROBLEMS, JointStates, Limited, Problem, Snapshot
 from yumi.control.speed_scale import FULL, SpeedScale
+from yumi.control.stage_times import AFTER_REPLY, StageClock
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
 

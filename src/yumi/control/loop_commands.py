@@ -9,7 +9,8 @@ from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 from yumi.catalogue import message, said_by
 from yumi.control.allowed_collisions import AllowedCollisions
-from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.loop import ArmLoop
 from yumi.control.manager.controller_switch import Strictness
 from yumi.errors import CommandRefused, SwitchFailed

@@ -21,7 +21,7 @@ from struct import Struct
 from typing import Any, Generic, Protocol, TypeVar, get_type_hints
 
 from yumi.catalogue import message
-from yumi.control.controller import UNKNOWN, GoalKind
+from yumi.control.goals import UNKNOWN, GoalKind
 from yumi.errors import MissingPrerequisite
 from yumi.process.supervision import PROCESSES
 from yumi.robot.joints import JOINT_COUNT, Joints

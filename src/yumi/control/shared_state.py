@@ -7,8 +7,8 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from yumi.catalogue import Message, clause, message
-from yumi.control.controller import Buffer, GoalKind
 from yumi.control.counters import LimiterCounters, WireCounters
+from yumi.control.goals import Buffer, GoalKind
 from yumi.robot.joints import ZERO, Joints
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from yumi.control.controller import Buffer
+from yumi.control.goals import Buffer
 from yumi.control.motion.joint_steps import ramp_speed
 from yumi.control.shared_state import Factor
 

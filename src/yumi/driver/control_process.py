@@ -21,8 +21,8 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from yumi.catalogue import Message, clause, message, said_by
 from yumi.clock import Clock, SystemClock
-from yumi.control.controller import SessionGoal
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
+from yumi.control.goals import SessionGoal
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import COMMANDS, Commands, serve
 from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event, ReportsDropped

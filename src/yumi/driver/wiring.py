@@ -31,7 +31,7 @@ from typing import NamedTuple
 from yumi.catalogue import message, said_by
 from yumi.clock import Clock, SystemClock
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import Controller, StageClock, find_parameter
+from yumi.control.controller import Controller, find_parameter
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.control.controllers.joint_goal import JointGoalController
@@ -51,6 +51,7 @@ from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.shared_state import read_snapshot
 from yumi.control.speed_scale import FULL, SpeedScale
+from yumi.control.stage_times import StageClock
 from yumi.control.tool_limits import ToolLimits
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess

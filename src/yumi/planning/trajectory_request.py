@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import isfinite
 
 from yumi.catalogue import Message, message
-from yumi.control.controller import looks_like_degrees
+from yumi.control.goals import looks_like_degrees
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import TrajectoryPoint, spline_through
 from yumi.control.motion.spline_limits import ROUNDING, check_motion

@@ -48,10 +48,10 @@ import msgspec
 from yumi import __version__
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
-from yumi.control.controller import StageTimes
 from yumi.control.flight_recorder import FlightRecorder, Frame
 from yumi.control.loop_events import Event, is_fault
 from yumi.control.shared_state import JointStates
+from yumi.control.stage_times import StageTimes
 from yumi.errors import ProtocolError, SettingsError, YumiError, missing_extra
 from yumi.process.supervision import Failures
 from yumi.recording.ros_messages import (

@@ -31,7 +31,9 @@ from yumi.catalogue import Message, clause, quoted, remedy_of
 from yumi.catalogue import message as said  # a message here is one of ROS
 from yumi.catalogue.texts.events import KNOWN_NUMBERS
 from yumi.clock import Clock
-from yumi.control.controller import UNKNOWN, ControllerInfo, HardwareInfo, InterfaceInfo, State, check_position
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo, HardwareInfo, InterfaceInfo
+from yumi.control.goals import UNKNOWN, check_position
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, TrajectoryFeedback
 from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, refused

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 from geometry_msgs.msg import PoseStamped, TwistStamped
 
 from yumi.catalogue import Message, message
-from yumi.control.controller import GoalKind
+from yumi.control.goals import GoalKind
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import largest_difference

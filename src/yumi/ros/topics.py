@@ -40,8 +40,8 @@ from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.catalogue import message
 from yumi.clock import Clock
-from yumi.control.controller import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.controllers.joint_position import FORWARDERS
+from yumi.control.goals import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.loop_commands import Commands
 from yumi.control.shared_state import PROBLEMS, JointStates, Problem, Snapshot
 from yumi.driver.control_process import ArmBuffers, ControlProcess

@@ -25,9 +25,10 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
-from yumi.control.controller import Buffer, State
+from yumi.control.controller import State
 from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import Buffer
 from yumi.control.loop_commands import CommandPort, Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
 from yumi.control.motion.setpoint import Setpoint

@@ -8,7 +8,7 @@ from typing import Any
 from control_msgs.srv import QueryTrajectoryState
 
 from yumi.clock import Clock
-from yumi.control.controller import Buffer
+from yumi.control.goals import Buffer
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import SplineSampler
 from yumi.control.shared_state import TrajectoryFeedback

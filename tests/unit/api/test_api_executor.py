@@ -14,9 +14,9 @@ from yumi.api import motion_executor
 from yumi.api.arm_access import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
-from yumi.control.controller import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
+from yumi.control.goals import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
     ControllerFailed,

@@ -12,9 +12,9 @@ from yumi.catalogue import Message, message
 from yumi.clock import ManualClock
 from yumi.control.allowed_collisions import CONTACT_SPEED_SCALE, AllowedCollisions
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.motion.robot_response import EGM_GAIN

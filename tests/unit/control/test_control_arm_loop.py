@@ -6,8 +6,9 @@ from controller_arms import LimitedArm
 from egm_loop import EgmLoop
 from refusals import assert_says
 from yumi.catalogue import message
-from yumi.control.controller import Controller, MemoryBuffer
+from yumi.control.controller import Controller
 from yumi.control.counters import LimiterCounters, WireCounters
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop import LONGEST_UNANSWERED, ArmLoop
 from yumi.control.loop_commands import Commands

@@ -18,9 +18,9 @@ from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
 from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN, DISTANCES, MARGIN, CollisionLimiter
-from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import KeptApart
 from yumi.control.motion.point_motion import stop, travel

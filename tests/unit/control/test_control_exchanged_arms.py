@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 
 from yumi.catalogue import message
-from yumi.control.controller import MemoryBuffer
 from yumi.control.counters import LimiterCounters, WireCounters
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ImplausibleFeedback
 from yumi.control.shared_state import Problem, Snapshot, read_snapshot

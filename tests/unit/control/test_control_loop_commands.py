@@ -8,7 +8,8 @@ import pytest
 from controller_arms import LimitedArm, PerfectArm
 from unit.control.controller_doubles import RUNNING, Double
 from yumi.catalogue import Message, in_words, message
-from yumi.control.controller import MemoryBuffer, State
+from yumi.control.controller import State
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import COMMANDS, Commands, ControllerCommand, serve

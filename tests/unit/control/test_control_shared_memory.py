@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import pytest
 
-from yumi.control.controller import GoalKind
+from yumi.control.goals import GoalKind
 from yumi.control.shared_memory import SharedBuffer, SharedBytes, SharedHistory
 from yumi.control.shared_state import Factor, JointStates, Problem, Snapshot
 from yumi.process.supervision import ChildProcess, PipeClosed, PipeEnd

@@ -13,9 +13,10 @@ from click.testing import CliRunner, Result
 from virtual_logs import HOME, VirtualRobot, motions, times
 
 from yumi.catalogue import FrontEnd, clause, message
-from yumi.control.controller import MemoryBuffer, SessionGoal, StageTimes, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import Frame
+from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
+from yumi.control.stage_times import StageTimes
 from yumi.recording.mcap import RecordingWriter
 from yumi.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
 from yumi.virtual.mechanics.motion import ArmModel

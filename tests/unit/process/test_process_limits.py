@@ -24,7 +24,7 @@ import pytest
 
 from refusals import refused
 from yumi.clock import ManualClock, SystemClock
-from yumi.control.controller import write_goal
+from yumi.control.goals import write_goal
 from yumi.control.loop_events import Event, is_fault
 from yumi.control.shared_memory import new_cycle_event, shared_numbers
 from yumi.control.shared_state import Snapshot, read_snapshot

@@ -12,9 +12,9 @@ from mcap.reader import make_reader
 
 from flight import CYCLE, LOST, flown, write_flight_record
 from refusals import refused
-from yumi.control.controller import StageTimes
 from yumi.control.flight_recorder import Frame
 from yumi.control.loop_events import RobotFollows
+from yumi.control.stage_times import StageTimes
 from yumi.errors import ProtocolError
 from yumi.recording.mcap import (
     CYCLE_SCHEMA,

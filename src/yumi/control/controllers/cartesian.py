@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from math import inf, sqrt
 
 from yumi.catalogue import message
-from yumi.control.controller import Buffer, GoalKind
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.tool_stream import QUIET, SHARE_OF_SPEED, ToolStream
+from yumi.control.goals import Buffer, GoalKind
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale

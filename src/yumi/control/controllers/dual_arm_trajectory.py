@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import inf
 
 from yumi.catalogue import Message, message
-from yumi.control.controller import Buffer
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
+from yumi.control.goals import Buffer
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode

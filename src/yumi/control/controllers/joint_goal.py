@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from yumi.catalogue import Message, clause, message, remedy_of
-from yumi.control.controller import Controller, GoalBuffer, check_position, read_goal
+from yumi.control.controller import Controller
+from yumi.control.goals import GoalBuffer, check_position, read_goal
 from yumi.control.motion.point_motion import PointMotion, stop, travel
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint, largest_difference, slower
@@ -114,7 +115,7 @@ class JointGoalController(Controller):
     (:class:`yumi.control.motion.standstill.StandstillDetector`).
 
     Args:
-        goals: where goals arrive without an identity, see :mod:`yumi.control.controller`.
+        goals: where goals arrive without an identity, see :mod:`yumi.control.goals`.
         limits: of the joints.
         period: time between two states of the arm [s]; a late one finds the arm no further on its way than that allows.
         speed: the factor on the arm's speed; time on its way to a goal goes by slower by it.

@@ -19,7 +19,8 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.controller import IDLE, Buffer, Controller, Goal, GoalBuffer, GoalInbox, GoalKind, check_joints
+from yumi.control.controller import IDLE, Controller, check_joints
+from yumi.control.goals import Buffer, Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import fixed
 from yumi.control.motion.speed_motion import SpeedMotion, speeds_without_noise
@@ -56,7 +57,7 @@ class JointPositionController(Controller):
     """Takes goals for all joints of an arm from a buffer.
 
     Args:
-        goals: where goals arrive, see :mod:`yumi.control.controller`.
+        goals: where goals arrive, see :mod:`yumi.control.goals`.
         limits: what the joints may do while they follow a stream.
         speed: the factor on their speeds.
     """
@@ -283,7 +284,7 @@ class JointVelocityController(Controller):
     """Takes speeds for all joints of an arm from a buffer.
 
     Args:
-        speeds: where they arrive, see :func:`yumi.control.controller.write_speeds`.
+        speeds: where they arrive, see :func:`yumi.control.goals.write_speeds`.
         limits: what the joints may do.
         speed: the factor on their speeds.
     """

@@ -15,9 +15,10 @@ from math import inf, isnan
 from typing import Protocol
 
 from yumi.catalogue import Message, message
-from yumi.control.controller import Buffer, Controller
+from yumi.control.controller import Controller
 from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
 from yumi.control.controllers.trajectory_parameters import TrajectorySettings, trajectory_parameters
+from yumi.control.goals import Buffer
 from yumi.control.motion.blending import blend
 from yumi.control.motion.point_motion import PointMotion, stop
 from yumi.control.motion.robot_response import STANDING

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import dist, hypot, inf, isnan, pi, tau
 
-from yumi.control.controller import UNKNOWN
+from yumi.control.goals import UNKNOWN
 from yumi.control.motion.joint_steps import ramp_speed, speed_to_stop
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.speed_motion import SpeedMotion

@@ -6,17 +6,9 @@ from collections.abc import Collection, Sequence
 from math import inf
 
 from yumi.catalogue import message
-from yumi.control.controller import (
-    BEGIN,
-    DECODE,
-    LIMIT,
-    SEND,
-    HardwareInfo,
-    InterfaceInfo,
-    RunningStatistics,
-    State,
-    Statistics,
-)
+from yumi.control.controller import State
+from yumi.control.controller_info import HardwareInfo, InterfaceInfo, Statistics
+from yumi.control.stage_times import BEGIN, DECODE, LIMIT, SEND, RunningStatistics
 from yumi.errors import CommandRefused
 
 INTERFACE_KINDS = ("position", "velocity")
@@ -93,7 +85,7 @@ class HardwareComponent:
         Args:
             session: EGM session of the cycle.
             now: when the datagram arrived [s].
-            marks: of the cycle's stages, see :class:`yumi.control.controller.StageClock`.
+            marks: of the cycle's stages, see :class:`yumi.control.stage_times.StageClock`.
         """
         is_new = self._last is None or self._last[0] != session
         if is_new or now - self._begin > STATISTICS_WINDOW:

@@ -5,17 +5,9 @@ from __future__ import annotations
 from sys import intern
 
 from yumi.catalogue import message
-from yumi.control.controller import (
-    TRANSITIONS,
-    Controller,
-    ControllerInfo,
-    ParameterInfo,
-    RunningStatistics,
-    State,
-    Transition,
-    allowed,
-    find_parameter,
-)
+from yumi.control.controller import TRANSITIONS, Controller, State, Transition, allowed, find_parameter
+from yumi.control.controller_info import ControllerInfo, ParameterInfo
+from yumi.control.stage_times import RunningStatistics
 from yumi.errors import CommandRefused
 from yumi.robot.joints import ArmState
 from yumi.settings import Values
