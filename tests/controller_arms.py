@@ -9,12 +9,9 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from yumi.control.controller import Controller
-from yumi.control.controllers.joint_position import (
-    JointGroupPositionController,
-    JointGroupVelocityController,
-    JointPositionController,
-    JointVelocityController,
-)
+from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.goals import Buffer, MemoryBuffer, write_goal, write_speeds

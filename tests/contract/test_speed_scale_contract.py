@@ -10,14 +10,11 @@ import pytest
 
 from trajectories import moved, planned, swing
 from yumi.catalogue import message
+from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
-from yumi.control.controllers.joint_position import (
-    JointGroupPositionController,
-    JointGroupVelocityController,
-    JointPositionController,
-    JointVelocityController,
-)
+from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import Cycle
 from yumi.control.goals import MemoryBuffer, write_goal, write_speeds
 from yumi.control.limiter import Limiter

@@ -24,7 +24,7 @@ from refusals import assert_says, refused
 from soak import RECEIVE_EXAMPLES
 from yumi.catalogue import message
 from yumi.control.controller import State
-from yumi.control.controllers.joint_position import JointVelocityController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer, write_speeds
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ImplausibleFeedback, ProblemOver, ReferencesIgnored, SessionResumed

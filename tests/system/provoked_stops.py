@@ -27,8 +27,8 @@ from yumi.cli.up import _only_under_name
 from yumi.clock import ManualClock
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
-from yumi.control.controllers.joint_position import JointVelocityController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import (

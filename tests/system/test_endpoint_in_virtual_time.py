@@ -27,7 +27,7 @@ from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.cli.main import main
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
-from yumi.control.controllers.joint_position import JointVelocityController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import JOG_HOLDS, find_driver

@@ -34,15 +34,12 @@ from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller, find_parameter
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
+from yumi.control.controllers.forward_command import FORWARDERS, ForwardCommandController
 from yumi.control.controllers.joint_goal import JointGoalController
-from yumi.control.controllers.joint_position import (
-    FORWARDERS,
-    ForwardCommandController,
-    JointPositionController,
-    JointStateBroadcaster,
-    JointVelocityController,
-)
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop

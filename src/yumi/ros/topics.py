@@ -40,7 +40,7 @@ from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.catalogue import message
 from yumi.clock import Clock
-from yumi.control.controllers.joint_position import FORWARDERS
+from yumi.control.controllers.forward_command import FORWARDERS
 from yumi.control.goals import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.loop_commands import Commands
 from yumi.control.shared_state import PROBLEMS, JointStates, Problem, Snapshot

@@ -4,7 +4,7 @@ import pytest
 
 from controller_states import JOINTS, configured, moved, state
 from refusals import refused
-from yumi.control.controllers.joint_position import (
+from yumi.control.controllers.forward_command import (
     FORWARDERS,
     ForwardCommandController,
     JointGroupPositionController,

@@ -12,9 +12,10 @@ from controller_states import configured, state
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller
 from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.controllers.forward_command import JointGroupVelocityController
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController, StopMotion
-from yumi.control.controllers.joint_position import JointGroupVelocityController, JointVelocityController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer, SessionGoal, write_speeds
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ControllerReport

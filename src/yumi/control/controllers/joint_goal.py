@@ -1,7 +1,7 @@
 """The joint goal controller: takes an arm to single points, on ways it plans and may replan at any moment.
 
-The way keeps the joints' speeds, accelerations and jerks (:mod:`yumi.control.motion`). Its speed is fed forward
-beside its position, so that the robot's own loop has no error left to make speed of and follows without lag
+The way keeps the joints' speeds, accelerations and jerks (:mod:`yumi.control.motion.point_motion`). Its speed is fed
+forward beside its position, so that the robot's own loop has no error left to make speed of and follows without lag
 (reference/egm.md §6.1).
 """
 
