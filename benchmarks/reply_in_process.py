@@ -18,8 +18,9 @@ from random import Random
 
 import numpy as np
 
-from yumi.control.controller import AFTER_REPLY, BEGIN, DECODE, ENCODE, LIMIT, RECEIVE, SEND, UPDATE, write_goal
+from yumi.control.goals import write_goal
 from yumi.control.loop import ArmLoop
+from yumi.control.stage_times import AFTER_REPLY, BEGIN, DECODE, ENCODE, LIMIT, RECEIVE, SEND, UPDATE
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.settings import Settings, read_controllers, read_settings
 from yumi.driver.wiring import build_arms, plan_egm

@@ -12,7 +12,8 @@ import numpy as np
 
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN, largest_difference
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.motion.setpoint import largest_difference
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Pose, Side, change_rate, joints

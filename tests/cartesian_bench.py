@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.controller import MemoryBuffer
-from yumi.control.controllers.cartesian import CartesianController, ToolGoal
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
-from yumi.control.shared_state import ControllerReport, TrajectoryFeedback
+from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.goals import MemoryBuffer
+from yumi.control.loop_events import ControllerReport
+from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
-from yumi.control.tool_path import ToolLimits
-from yumi.control.trajectory import ArmPlan
+from yumi.control.tool_goal import ToolGoal
+from yumi.control.tool_limits import ToolLimits
+from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, TrajectoryEnded
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Quaternion, Side, joints
 from yumi.robot.kinematics import multiply, rotation_vector, tool0_to_body

@@ -8,17 +8,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from yumi.control.controller import Buffer, Controller, MemoryBuffer, StageClock, write_goal, write_speeds
-from yumi.control.controller_manager import ControllerManager
-from yumi.control.controllers.joint_position import (
-    JointGroupPositionController,
-    JointGroupVelocityController,
-    JointPositionController,
-    JointVelocityController,
-)
+from yumi.control.controller import Controller
+from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle, run_cycle
+from yumi.control.goals import Buffer, MemoryBuffer, write_goal, write_speeds
 from yumi.control.limiter import Limiter
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.stage_times import StageClock
 from yumi.robot.joints import (
     CYCLE,
     YUMI_LIMITS,

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.session import SILENCE

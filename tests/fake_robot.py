@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-from yumi.api.motion import (
+from yumi.api.arm_access import (
     CARTESIAN_CONTROLLER,
     GOAL_CONTROLLER,
     JOG_CONTROLLER,
     STREAM_CONTROLLER,
     TRAJECTORY_CONTROLLER,
-    MotionExecutor,
-    MotionRegistry,
 )
+from yumi.api.motion_executor import MotionExecutor
+from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
 from yumi.clock import ManualClock
-from yumi.control.controller import ControllerInfo, MemoryBuffer, ParameterInfo, State
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo, ParameterInfo
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoalController, StopMotion
 from yumi.control.counters import WireCounters
-from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import ControllerReport, Snapshot
+from yumi.control.goals import MemoryBuffer
+from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.loop_events import ControllerReport
+from yumi.control.shared_state import Snapshot
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home
 
@@ -42,6 +46,7 @@ class FakeControl:
         self.commands: list[ControllerCommand] = []
         self.switches: list[Switch] = []
         self.refuses = False
+        self.buffers: dict[Side, Any] = {}
         self.on_command: Callable[[ControllerCommand], None] = lambda command: None
         self.snapshots = {
             side: Snapshot(
@@ -98,19 +103,21 @@ class FakeRobot:
         self.motions = MotionRegistry()
         self.feedback = {side: MemoryBuffer() for side in Side}
         self.dual_feedback = {side: MemoryBuffer() for side in Side}
+        self.control.buffers = {
+            side: SimpleNamespace(
+                goals=self.goals[side],
+                speeds=self.speeds[side],
+                tool_goals=self.tool_goals[side],
+                trajectory=self.feedback[side],
+                dual_trajectory=self.dual_feedback[side],
+                tool_path=MemoryBuffer(),
+            )
+            for side in Side
+        }
         self.speed_scale = 1.0
         self.clock = ManualClock(100.0)
         self.executor = MotionExecutor(
-            self.control,
-            self.goals,
-            self.motions,
-            arms,
-            YUMI_LIMITS,
-            self.clock,
-            {side: (buffer, self.dual_feedback[side]) for side, buffer in self.feedback.items()},
-            lambda: self.speed_scale,
-            speeds=self.speeds,
-            tool_goals=self.tool_goals,
+            self.control, self.motions, arms, YUMI_LIMITS, self.clock, lambda: self.speed_scale
         )
 
     def rest(self, command: ControllerCommand) -> None:

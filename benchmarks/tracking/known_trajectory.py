@@ -12,7 +12,7 @@ from math import radians
 
 from tracking_runs import follow_sine
 
-from yumi.control.motion import DELAY
+from yumi.control.motion.robot_response import DELAY
 from yumi.settings import Values
 from yumi_evaluation.virtual_time import PlannedSine
 

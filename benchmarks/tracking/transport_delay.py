@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from yumi.control.flight_recorder import Frame
-from yumi.control.motion import EGM_GAIN
+from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.errors import CommandRefused
 from yumi.recording.reader import read_recording
 from yumi.robot.joints import CYCLE, joint_names

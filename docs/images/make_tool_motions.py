@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from yumi.api.tool import boxes_from, posture_for
-from yumi.control.controller import MemoryBuffer
-from yumi.control.controllers.cartesian import CartesianController, ToolGoal, twist_goal
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
-from yumi.control.shared_state import ControllerReport
-from yumi.control.tool_path import Waypoint, plan_path
+from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.goals import MemoryBuffer
+from yumi.control.loop_events import ControllerReport
+from yumi.control.tool_goal import ToolGoal, twist_goal
+from yumi.control.trajectory_commands import FollowTrajectory, TrajectoryEnded
 from yumi.planning.planner import Plan, Planner
+from yumi.planning.tool_path import Waypoint, plan_path
 from yumi.robot.collision import Obstacle
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, finger_names, joint_names, joints, named_pose

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from yumi import errors
     from yumi.api.connect import connect, connect_async
     from yumi.api.connection import attach
-    from yumi.api.motion import abb_degrees, degrees, in_degrees
+    from yumi.api.joint_positions import abb_degrees, degrees, in_degrees
     from yumi.api.tool import pose
     from yumi.driver.egm_server import EgmServer
     from yumi.recording.tables import read_recording
@@ -31,12 +31,12 @@ __all__ = [
 
 _OFFERS = {
     "EgmServer": "yumi.driver.egm_server",
-    "abb_degrees": "yumi.api.motion",
+    "abb_degrees": "yumi.api.joint_positions",
     "attach": "yumi.api.connection",
     "connect": "yumi.api.connect",
     "connect_async": "yumi.api.connect",
-    "degrees": "yumi.api.motion",
-    "in_degrees": "yumi.api.motion",
+    "degrees": "yumi.api.joint_positions",
+    "in_degrees": "yumi.api.joint_positions",
     "pose": "yumi.api.tool",
     "read_recording": "yumi.recording.tables",
 }

@@ -43,7 +43,7 @@ from yumi.cli.options import (
     user_option,
     yes_option,
 )
-from yumi.control.motion import EGM_GAIN
+from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.driver.settings import read_controllers
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError, missing_extra
 from yumi.robot.joints import Side

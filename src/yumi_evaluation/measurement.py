@@ -20,8 +20,9 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 
 from yumi import __version__
+from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.api.connect import controllers_for
-from yumi.api.motion import TRAJECTORY_CONTROLLER, TimedPosition
+from yumi.api.joint_positions import TimedPosition
 from yumi.api.robot import Robot
 from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN

@@ -28,8 +28,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from yumi_interfaces.srv import LoadModule
 
 from yumi.catalogue import message
-from yumi.control.motion import DELAY
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.spline import TrajectoryPoint
 from yumi.driver.settings import PASSWORD_VARIABLE, address_values, override, read_settings
 from yumi.egm.udp import free_port
 from yumi.errors import RobotNotReady

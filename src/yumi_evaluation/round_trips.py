@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 from yumi.catalogue import message
 from yumi.clock import ManualClock
-from yumi.control.controller import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.driver.bringup import Bringup, RapidRoutines
 from yumi.driver.state_machine import RAPID, RUN_RAPID, EgmMotionSettings
 from yumi.errors import RobotNotReady

@@ -15,20 +15,24 @@ from dataclasses import dataclass, replace
 from math import cos, inf, pi, radians, sin
 
 from yumi.clock import ManualClock
-from yumi.control.controller import Controller, MemoryBuffer, SessionGoal, write_goal
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.controller import Controller
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
+from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
-from yumi.control.shared_state import Event, Snapshot, read_snapshot
+from yumi.control.loop_events import Event
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.control.speed_scale import SpeedScale
-from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
+from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.driver.egm_arm import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.session import SILENCE, Session
 from yumi.egm.udp import memory_links
+from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Side, joint_names, joints
 from yumi.settings import Parameter, Values
 from yumi.virtual.mechanics.arm import VirtualArm

@@ -14,7 +14,7 @@ import pytest
 from state_machine_bench import ARMS, Bench
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, SUPERVISED, EgmLoop, OpenLimiter
-from yumi.control.shared_state import RobotStoppedFollowing
+from yumi.control.loop_events import RobotStoppedFollowing
 from yumi.egm.codec import MciState, MotorState
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, home
 from yumi.rws.types import ControllerState

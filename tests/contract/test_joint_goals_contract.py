@@ -15,12 +15,13 @@ from controller_arms import LimitedArm, PerfectArm
 from egm_loop import CONTROLLER, EgmLoop
 from trajectories import sent_beside_speeds
 from yumi.catalogue import message
-from yumi.control.controller import MemoryBuffer, StageClock
-from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.cycle import Cycle, run_cycle
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
-from yumi.control.shared_state import ControllerReport
+from yumi.control.loop_events import ControllerReport
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.stage_times import StageClock
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Side, joint_names, joints
 
 NAME = "joint_goal_controller"

@@ -10,27 +10,19 @@ import pytest
 
 from trajectories import moved, planned, swing
 from yumi.catalogue import message
-from yumi.control.controller import MemoryBuffer, write_goal, write_speeds
+from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
-from yumi.control.controllers.joint_position import (
-    JointGroupPositionController,
-    JointGroupVelocityController,
-    JointPositionController,
-    JointVelocityController,
-)
-from yumi.control.controllers.joint_trajectory import (
-    CancelTrajectory,
-    FollowTrajectory,
-    JointTrajectoryController,
-    Outcome,
-    Tolerances,
-    TrajectoryEnded,
-)
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import Cycle
+from yumi.control.goals import MemoryBuffer, write_goal, write_speeds
 from yumi.control.limiter import Limiter
-from yumi.control.shared_state import ControllerReport, Factor
+from yumi.control.loop_events import ControllerReport
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import nan, radians
+from math import isfinite, nan, radians
 from sys import getrefcount
 
 import pytest
@@ -12,18 +12,21 @@ from trajectory_arms import NAME, SIDE, TrajectoryArm, perfect_arm, virtual_arm
 
 from refusals import assert_says, refused
 from trajectories import REST, dual_arm_trajectory, moved, planned, swing
-from yumi.control.controllers.joint_trajectory import (
+from yumi.control.cycle import Cycle
+from yumi.control.motion.spline import TrajectoryPoint, spline_through
+from yumi.control.trajectory_commands import (
     UNLIMITED,
+    ArmPlan,
     CancelTrajectory,
     FollowTrajectory,
     Outcome,
+    ResultCode,
     ScaleSpeed,
     Tolerances,
 )
-from yumi.control.cycle import Cycle
-from yumi.control.trajectory import JointTrajectory, ResultCode, TrajectoryPoint, plan_trajectory
 from yumi.errors import CommandRefused, TrajectoryRefused
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side, home, joint_names, joints
+from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names, joints
 
 HOME = home(SIDE)
 HALF_A_DEGREE = joints([radians(0.5)] * 7)
@@ -378,3 +381,20 @@ def test_state_is_published_at_its_rate_with_what_was_sent(arm: TrajectoryArm) -
     assert arm.feedback.output == pytest.approx(cycle.desired.position, abs=1e-12)
     assert arm.feedback.output_velocity == pytest.approx(cycle.desired.velocity, abs=1e-12)
     assert arm.feedback.monitor_period == pytest.approx(0.05)
+
+
+FAULTY = {
+    "too fast": [(0.0, HOME), (0.5, moved(HOME, 0.1)), (0.51, moved(HOME, 1.5)), (1.5, moved(HOME, 1.5))],
+    "not a number": [(0.0, HOME), (0.5, moved(HOME, 0.1)), (1.0, moved(HOME, nan)), (1.5, HOME)],
+    "times not in order": [(0.0, HOME), (0.5, moved(HOME, 0.1)), (0.2, moved(HOME, -0.5)), (1.5, HOME)],
+}
+
+
+@pytest.mark.parametrize("points", FAULTY.values(), ids=FAULTY)
+def test_plan_whose_fault_was_overlooked_moves_no_joint_beyond_its_limits(
+    arm: TrajectoryArm, points: list[tuple[float, Joints]]
+) -> None:
+    through = [TrajectoryPoint(time, position) for time, position in points]
+    arm.follow(ArmPlan(SIDE, through[0], spline_through(through), None))
+    assert_within_limits(arm.run(2.5))
+    assert all(isfinite(value) for cycle in arm.loop.cycles for value in cycle.sent.position)

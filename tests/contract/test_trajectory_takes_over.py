@@ -12,21 +12,17 @@ from controller_arms import LimitedArm, PerfectArm
 from refusals import refused
 from trajectories import moved, swing
 from yumi.clock import ManualClock
-from yumi.control.controller import MemoryBuffer, State, write_goal
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.controller import State
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.controllers.joint_trajectory import (
-    FollowTrajectory,
-    JointTrajectoryController,
-    Outcome,
-    Tolerances,
-    TrajectoryEnded,
-)
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
-from yumi.control.loop import ArmLoop, Commands, ControllerCommand
-from yumi.control.shared_state import ControllerReport, Event
-from yumi.control.trajectory import ArmPlan
+from yumi.control.loop import ArmLoop
+from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.loop_events import ControllerReport, Event
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, home, joint_names, joints
 from yumi_evaluation.virtual_time import VirtualArmRig

@@ -7,19 +7,15 @@ from typing import Protocol
 
 from controller_arms import LimitedArm, PerfectArm
 from yumi.clock import ManualClock
-from yumi.control.controller import MemoryBuffer
-from yumi.control.controller_manager import ControllerManager
-from yumi.control.controllers.joint_trajectory import (
-    FollowTrajectory,
-    JointTrajectoryController,
-    Tolerances,
-    TrajectoryEnded,
-)
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
-from yumi.control.shared_state import ControllerReport, Event, TrajectoryFeedback
-from yumi.control.trajectory import ArmPlan
+from yumi.control.loop_events import ControllerReport, Event
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Tolerances, TrajectoryEnded
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 from yumi.settings import Values
 from yumi_evaluation.virtual_time import VirtualArmRig

@@ -11,16 +11,15 @@ import pytest
 from egm_loop import EgmLoop
 from soak import long, short
 from trajectories import planned
-from yumi.control.controller import Buffer, Controller, MemoryBuffer, State, write_goal, write_speeds
+from yumi.control.controller import Controller, State
+from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_goal import JointGoalController
-from yumi.control.controllers.joint_position import (
-    JointGroupPositionController,
-    JointGroupVelocityController,
-    JointPositionController,
-    JointVelocityController,
-)
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.goals import Buffer, MemoryBuffer, write_goal, write_speeds
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joints
 from yumi.settings import Values

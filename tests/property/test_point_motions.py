@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from yumi.control.motion import PointMotion, Setpoint, slower, stop, travel
+from yumi.control.motion.point_motion import PointMotion, stop, travel
+from yumi.control.motion.setpoint import Setpoint, slower
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Side, home, joints
 
@@ -30,11 +31,11 @@ def limits() -> st.SearchStrategy[JointLimits]:
 def starts(draw: st.DrawFn) -> Setpoint:
     """What the joints do at some moment of a motion that keeps the limits."""
     motion = travel(Setpoint(draw(positions())), draw(positions()), draw(limits()))
-    return motion.at(draw(st.floats(0.0, 1.0)) * motion.duration)
+    return motion.setpoint(draw(st.floats(0.0, 1.0)) * motion.duration)
 
 
 def setpoints(motion: PointMotion) -> Iterator[Setpoint]:
-    return (motion.at(count * STEP) for count in range(int(motion.duration / STEP) + 2))
+    return (motion.setpoint(count * STEP) for count in range(int(motion.duration / STEP) + 2))
 
 
 @settings(deadline=None)
@@ -46,16 +47,16 @@ def test_motion_from_rest_keeps_every_limit_and_ends_at_its_goal(
     for _, velocity, acceleration in setpoints(motion):
         assert all(abs(now) <= top * LOOSE for now, top in zip(velocity, kept.velocity, strict=True))
         assert all(abs(now) <= top * LOOSE for now, top in zip(acceleration, kept.acceleration, strict=True))
-    assert motion.at(motion.duration) == Setpoint(there)
+    assert motion.setpoint(motion.duration) == Setpoint(there)
 
 
 @settings(deadline=None)
 @given(starts(), positions(), limits())
 def test_replanned_motion_begins_where_the_joints_are(start: Setpoint, goal: Joints, kept: JointLimits) -> None:
     try:
-        first = travel(start, goal, kept).at(0.0)
+        first = travel(start, goal, kept).setpoint(0.0)
     except CommandRefused:
-        first = stop(start, YUMI_LIMITS).at(0.0)
+        first = stop(start, YUMI_LIMITS).setpoint(0.0)
     for now, before in zip(first, start, strict=True):
         assert now == pytest.approx(before, abs=1e-6)
 
@@ -76,7 +77,7 @@ def test_replanned_motion_stays_in_range_or_is_refused(start: Setpoint, goal: Jo
 @given(starts())
 def test_stop_ends_at_rest_within_the_shortest_time_of_the_slowest_joint(start: Setpoint) -> None:
     motion = stop(start, YUMI_LIMITS)
-    assert motion.at(motion.duration).velocity == pytest.approx([0.0] * 7)
+    assert motion.setpoint(motion.duration).velocity == pytest.approx([0.0] * 7)
     assert motion.duration < pi / 20.0 + 3.0 * 20.0 / 300.0
 
 
@@ -84,6 +85,6 @@ def test_motion_from_rest_is_a_straight_line_in_joint_space() -> None:
     here = home(Side.RIGHT)
     there = joints([value + step for value, step in zip(here, (0.5, 0.2, -0.3, 0.1, 0.4, -0.2, 1.0), strict=True)])
     motion = travel(Setpoint(here), there, YUMI_LIMITS)
-    on_its_way = zip(motion.at(motion.duration / 3.0).position, here, there, strict=True)
+    on_its_way = zip(motion.setpoint(motion.duration / 3.0).position, here, there, strict=True)
     shares = [(now - old) / (end - old) for now, old, end in on_its_way]
     assert shares == pytest.approx([shares[0]] * 7)

@@ -23,11 +23,13 @@ from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop, Wire
 from refusals import assert_says, refused
 from soak import RECEIVE_EXAMPLES
 from yumi.catalogue import message
-from yumi.control.controller import MemoryBuffer, State, write_speeds
-from yumi.control.controllers.joint_position import JointVelocityController
+from yumi.control.controller import State
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.goals import MemoryBuffer, write_speeds
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN
-from yumi.control.shared_state import ImplausibleFeedback, Problem, ProblemOver, ReferencesIgnored, SessionResumed
+from yumi.control.loop_events import ImplausibleFeedback, ProblemOver, ReferencesIgnored, SessionResumed
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.shared_state import Problem
 from yumi.driver.settings import EgmSettings
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.egm.session import SILENCE

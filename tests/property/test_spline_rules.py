@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.control.motion import Setpoint
-from yumi.control.trajectory import SplineSampler, TrajectoryPoint, derivative, excess, spline_through, value_at
+from yumi.control.motion.setpoint import Setpoint
+from yumi.control.motion.spline import SplineSampler, TrajectoryPoint, spline_through
+from yumi.control.motion.spline_limits import derivative, excess, value_at
 from yumi.robot.joints import ZERO
 
 angles = st.floats(-1.5, 1.5)

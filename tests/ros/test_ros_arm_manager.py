@@ -31,15 +31,16 @@ from std_msgs.msg import String
 from controller_arms import LimitedArm, PerfectArm
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
-from yumi.control.controller import Controller, ControllerInfo, MemoryBuffer, State
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.controller import Controller, State
+from yumi.control.controller_info import ControllerInfo
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
-from yumi.control.loop import ArmLoop, Commands, serve
-from yumi.control.shared_state import (
+from yumi.control.loop import ArmLoop
+from yumi.control.loop_commands import Commands, serve
+from yumi.control.loop_events import (
     ControllerFailed,
     ControllerReport,
     ControlProcessEnded,
-    Problem,
     ProblemOver,
     RobotFollows,
     RobotStoppedFollowing,
@@ -47,6 +48,8 @@ from yumi.control.shared_state import (
     SessionResumed,
     SessionStarted,
 )
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.shared_state import Problem
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
 from yumi.errors import RobotNotReady

@@ -13,8 +13,8 @@ from std_msgs.msg import Float64MultiArray
 
 from yumi.catalogue import Message, message
 from yumi.clock import ManualClock
-from yumi.control.controller import GoalKind, MemoryBuffer, SessionGoal, read_goal
 from yumi.control.counters import WireCounters
+from yumi.control.goals import GoalKind, MemoryBuffer, SessionGoal, read_goal
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
 from yumi.ros.messages import RefusalLog

@@ -19,7 +19,7 @@ from yumi.cli import demo
 from yumi.cli.demo import DemoScreen, motions_ahead, read_positions
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN
+from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.driver.settings import CollisionSettings, RobotSettings, override, read_settings
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.robot.description import SERVO_GRIPPERS

@@ -16,17 +16,27 @@ from yumi_interfaces.action import MoveLinear
 
 from refusals import assert_says, refused
 from yumi.catalogue import message
-from yumi.control.controller import GoalKind, MemoryBuffer
-from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.counters import WireCounters
-from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import ControlProcessEnded, ReportsDropped, Snapshot
-from yumi.control.trajectory import ArmPlan, ResultCode, TrajectoryPoint, smooth_spline_through
+from yumi.control.goals import GoalKind, MemoryBuffer
+from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.shared_state import Snapshot
+from yumi.control.trajectory_commands import (
+    ArmPlan,
+    CancelTrajectory,
+    FollowTrajectory,
+    Outcome,
+    ResultCode,
+    TrajectoryEnded,
+)
 from yumi.driver.control_process import ENDED
 from yumi.errors import CommandRefused
+from yumi.planning.smoothing import smooth_spline_through
 from yumi.robot.joints import ZERO, Joints, Side, home, joints
-from yumi.ros import cartesian
-from yumi.ros.cartesian import LineGoal, MoveLinearAction, TargetPoseTopic
+from yumi.ros import line_actions
+from yumi.ros.line_actions import MoveLinearAction
+from yumi.ros.tool_topics import LineGoal, TargetPoseTopic
 
 pytestmark = pytest.mark.ros
 
@@ -136,8 +146,8 @@ class Bench:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
-    monkeypatch.setattr(cartesian, "ActionServer", lambda *_, **__: SimpleNamespace(destroy=lambda: None))
-    monkeypatch.setattr(cartesian, "_REPORTED_WITHIN", 0.05)
+    monkeypatch.setattr(line_actions, "ActionServer", lambda *_, **__: SimpleNamespace(destroy=lambda: None))
+    monkeypatch.setattr(line_actions, "_REPORTED_WITHIN", 0.05)
     return Bench()
 
 

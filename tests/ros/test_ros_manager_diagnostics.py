@@ -10,7 +10,8 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from yumi.catalogue import clause, message
-from yumi.control.controller import ControllerInfo, HardwareInfo, State, Statistics
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo, HardwareInfo, Statistics
 from yumi.control.counters import LimiterCounters
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.readiness import RobotState

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.control.controller import MemoryBuffer
+from yumi.control.goals import MemoryBuffer
 from yumi.control.shared_state import JointStates
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
 from yumi.ros.nodes import TimerThread

@@ -19,11 +19,12 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from refusals import refused
 from yumi.clock import ManualClock
-from yumi.control.controller import ControllerInfo, State
-from yumi.control.controller_manager import ControllerManager
-from yumi.control.controllers.joint_trajectory import Tolerances
-from yumi.control.trajectory import MOST_POINTS, plan_trajectory
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.trajectory_commands import Tolerances
 from yumi.errors import CommandRefused, TrajectoryRefused
+from yumi.planning.trajectory_request import MOST_POINTS, plan_trajectory
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 from yumi.ros import messages
 from yumi.ros.messages import tolerances_of, trajectory_of

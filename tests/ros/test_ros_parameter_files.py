@@ -18,10 +18,11 @@ from std_msgs.msg import String
 from controller_arms import LimitedArm, PerfectArm
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
-from yumi.control.controller import MemoryBuffer
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
-from yumi.control.loop import ArmLoop, Commands, serve
+from yumi.control.loop import ArmLoop
+from yumi.control.loop_commands import Commands, serve
+from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.wiring import CONTROLLER_KINDS, Place

@@ -12,14 +12,17 @@ from test_ros_command_topics import Node, commanded
 
 from unit.robot.test_robot_kinematics import rad
 from yumi.catalogue import message
-from yumi.control.controller import GoalKind, MemoryBuffer, ParameterInfo
+from yumi.control.controller_info import ParameterInfo
 from yumi.control.controllers.cartesian import CartesianController
-from yumi.control.loop import Commands, ControllerCommand
+from yumi.control.goals import GoalKind, MemoryBuffer
+from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
 from yumi.robot.urdf import robot_description
-from yumi.ros.cartesian import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
+from yumi.ros.tool_topics import ServoPoseTopic
+from yumi.ros.tool_topics import ServoTwistTopic
+from yumi.ros.tool_topics import TargetPoseTopic
 from yumi.ros.topics import RobotFrames
 
 pytestmark = pytest.mark.ros

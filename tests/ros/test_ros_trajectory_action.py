@@ -22,7 +22,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from trajectories import dual_arm_message
-from yumi.control.motion import STANDING
+from yumi.control.motion.robot_response import STANDING
 from yumi.robot.joints import Side, joint_names
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.

@@ -17,15 +17,16 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.catalogue import message
 from yumi.clock import SystemClock
-from yumi.control.controller import ControllerInfo, MemoryBuffer, State
-from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
-from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import ControlProcessEnded, ReportsDropped
-from yumi.control.trajectory import ResultCode
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo
+from yumi.control.goals import MemoryBuffer
+from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
+from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.nodes import TimerThread
-from yumi.ros.trajectory import TrajectoryAction
+from yumi.ros.trajectory_action import TrajectoryAction
 
 pytestmark = pytest.mark.ros
 
@@ -178,7 +179,7 @@ def test_goal_for_an_inactive_controller_is_refused_before_it_is_planned(
     lone: Lone, caller: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planned: list[object] = []
-    monkeypatch.setattr("yumi.ros.trajectory.plan_trajectory", lambda *given: planned.append(given))
+    monkeypatch.setattr("yumi.ros.trajectory_action.plan_trajectory", lambda *given: planned.append(given))
     lone.refusal = BUSY
     goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
     refused(caller, send(caller, goals, [joint_names(Side.RIGHT)[6]], [0.1]))

@@ -6,16 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import radians
 
-from yumi.control.controller import MemoryBuffer
-from yumi.control.controllers.joint_trajectory import (
-    DualArmTrajectoryController,
-    FollowTrajectory,
-    Tolerances,
-    TrajectoryEnded,
-)
-from yumi.control.shared_state import ControllerReport, TrajectoryFeedback
+from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
+from yumi.control.goals import MemoryBuffer
+from yumi.control.loop_events import ControllerReport
+from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
-from yumi.control.trajectory import JointTrajectory, plan_trajectory
+from yumi.control.trajectory_commands import FollowTrajectory, Tolerances, TrajectoryEnded
+from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 

@@ -13,29 +13,25 @@ from itertools import takewhile
 from math import nan
 from os import environ
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from memory_http import MemoryHttp
 from system.virtual_time_bench import System
-from yumi.api.motion import (
-    CARTESIAN_CONTROLLER,
-    GOAL_CONTROLLER,
-    JOG_CONTROLLER,
-    TRAJECTORY_CONTROLLER,
-    MotionExecutor,
-    MotionRegistry,
-)
+from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, TRAJECTORY_CONTROLLER
+from yumi.api.motion_executor import MotionExecutor
+from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import FrontEnd, Message, said_by, sentence
 from yumi.cli.up import _only_under_name
 from yumi.clock import ManualClock
-from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
-from yumi.control.controllers.joint_position import JointVelocityController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
-from yumi.control.loop import Commands
-from yumi.control.shared_state import (
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.goals import MemoryBuffer
+from yumi.control.loop_commands import Commands
+from yumi.control.loop_events import (
     ControllerReport,
     Event,
     RobotFollows,
@@ -107,10 +103,18 @@ class Driver(System):
                 arm.line.manager.load(name, controller)
                 arm.line.manager.configure(name)
         self.arms[Side.RIGHT].line._limiter.pair(self.arms[Side.LEFT].line._limiter)
-        goals = {side: arm.goals for side, arm in self.arms.items()}
-        self.mover = MotionExecutor(
-            self.control, goals, self.motions, tuple(Side), YUMI_LIMITS, self, speeds=speeds, tool_goals=tool_goals
-        )
+        self.control.buffers = {
+            side: SimpleNamespace(
+                goals=arm.goals,
+                speeds=speeds[side],
+                tool_goals=tool_goals[side],
+                trajectory=MemoryBuffer(),
+                dual_trajectory=MemoryBuffer(),
+                tool_path=MemoryBuffer(),
+            )
+            for side, arm in self.arms.items()
+        }
+        self.mover = MotionExecutor(self.control, self.motions, tuple(Side), YUMI_LIMITS, self)
         self.manager.monitor.log.report = self._hear_line
 
     def move(self, goal: Any = None) -> None:

@@ -14,14 +14,15 @@ from soak import long, short, tell
 from trajectories import sent_beside_speeds
 from unit.robot.test_robot_kinematics import rad
 from yumi.catalogue import message
-from yumi.control.controller import MemoryBuffer
-from yumi.control.controllers.cartesian import ToolGoal, pose_goal, twist_goal
-from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
-from yumi.control.shared_state import ControllerReport, Factor
+from yumi.control.goals import MemoryBuffer
+from yumi.control.loop_events import ControllerReport
+from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
-from yumi.control.tool_path import ToolLimits, Wall, Waypoint, plan_path
-from yumi.control.trajectory import ArmPlan
+from yumi.control.tool_goal import ToolGoal, pose_goal, twist_goal
+from yumi.control.tool_limits import ToolLimits, Wall
+from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, Outcome
 from yumi.errors import CommandRefused
+from yumi.planning.tool_path import Waypoint, plan_path
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Pose, Side, Vector, joints
 from yumi.robot.kinematics import multiply, quaternion_of, rotation_vector, tool0_to_body

@@ -9,10 +9,12 @@ import pytest
 
 from cartesian_bench import shares
 from unit.robot.test_robot_kinematics import rad
-from yumi.control.controller import MemoryBuffer
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
-from yumi.control.motion import Setpoint
-from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory, timed
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import MemoryBuffer
+from yumi.control.motion.setpoint import Setpoint
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.trajectory_commands import FollowTrajectory
+from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory, timed
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 

@@ -15,25 +15,24 @@ import pytest
 
 from refusals import refused
 from yumi.clock import SystemClock, wait_until
-from yumi.control.controller import State, write_goal
-from yumi.control.controllers.joint_trajectory import FollowTrajectory
-from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import (
-    AllowedCollisionsChanged,
-    ControlProcessEnded,
-    Event,
-    SessionLost,
-    Snapshot,
-    read_snapshot,
-)
-from yumi.control.trajectory import MOST_POINTS, JointTrajectory, TrajectoryPoint, plan_trajectory
+from yumi.control.controller import State
+from yumi.control.goals import write_goal
+from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.loop_events import AllowedCollisionsChanged, ControlProcessEnded, Event, SessionLost
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.shared_state import Snapshot, read_snapshot
+from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import CollisionSettings, read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorMessage
 from yumi.egm.udp import Poller, UdpClient, UdpServer, free_port
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
-from yumi.process.child import ChildProcess, PipeEnd
+from yumi.process.child import ChildProcess
+from yumi.process.child import PipeEnd
+from yumi.planning.trajectory_request import MOST_POINTS
+from yumi.planning.trajectory_request import JointTrajectory
+from yumi.planning.trajectory_request import plan_trajectory
 from yumi.process.realtime import prefer_process
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 

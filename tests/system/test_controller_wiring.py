@@ -6,7 +6,7 @@ import pytest
 
 from controller_states import moved
 from refusals import refused
-from yumi.control.controller import GoalKind, write_goal
+from yumi.control.goals import GoalKind, write_goal
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver import wiring
 from yumi.driver.control_process import ArmBuffers

@@ -11,9 +11,8 @@ from dual_arms import NAME, DualArms
 from refusals import assert_says, refused
 from trajectories import dual_arm_trajectory, swing
 from yumi.catalogue import message
-from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
 from yumi.control.shared_state import Factor
-from yumi.control.trajectory import ResultCode
+from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side
 

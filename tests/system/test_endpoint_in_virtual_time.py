@@ -10,6 +10,7 @@ from contextlib import suppress
 from math import nan
 from pathlib import Path
 from threading import Event, RLock
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -18,14 +19,16 @@ from click.testing import CliRunner
 
 from refusals import refused
 from system.virtual_time_bench import System
+from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.api.connection import attach
-from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, MotionExecutor, MotionRegistry
+from yumi.api.motion_executor import MotionExecutor
+from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.cli.main import main
-from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
-from yumi.control.controllers.joint_position import JointVelocityController
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.goals import MemoryBuffer
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import JOG_HOLDS, find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer
@@ -56,16 +59,18 @@ class Driver(System):
             for name, controller in jogging.items():
                 arm.line.manager.load(name, controller)
                 arm.line.manager.configure(name)
-        self.mover = MotionExecutor(
-            self,
-            {side: arm.goals for side, arm in self.arms.items()},
-            self._motions,
-            tuple(Side),
-            YUMI_LIMITS,
-            self,
-            speeds=self.speeds,
-            tool_goals=self.tool_goals,
-        )
+        self.buffers = {
+            side: SimpleNamespace(
+                goals=arm.goals,
+                speeds=self.speeds[side],
+                tool_goals=self.tool_goals[side],
+                trajectory=MemoryBuffer(),
+                dual_trajectory=MemoryBuffer(),
+                tool_path=MemoryBuffer(),
+            )
+            for side, arm in self.arms.items()
+        }
+        self.mover = MotionExecutor(self, self._motions, tuple(Side), YUMI_LIMITS, self)
         access = DriverAccess(
             robot="memory",
             manager=self.manager,

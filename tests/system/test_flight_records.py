@@ -15,11 +15,13 @@ import pytest
 from system.test_control_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
 from yumi.clock import ManualClock, SystemClock
-from yumi.control.controller import SessionGoal, StageClock, write_goal
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
-from yumi.control.loop import Commands
-from yumi.control.shared_state import Event, SharedNumbers, is_fault, shared_numbers
+from yumi.control.goals import SessionGoal, write_goal
+from yumi.control.loop_commands import Commands
+from yumi.control.loop_events import Event, is_fault
+from yumi.control.shared_memory import SharedNumbers, shared_numbers
+from yumi.control.stage_times import StageClock
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms

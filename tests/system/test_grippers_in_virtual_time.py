@@ -12,7 +12,7 @@ from refusals import assert_says, numbers_in, refused
 from system.recovery_bench import recovered
 from system.virtual_time_bench import DriverArm, System
 from yumi.api.connection import Connection
-from yumi.api.motion import MotionExecutor
+from yumi.api.motion_executor import MotionExecutor
 from yumi.catalogue import Action, Message, message
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.readiness import Mode

@@ -7,7 +7,7 @@ from math import radians
 import pytest
 from tracking_runs import follow_sine
 
-from yumi.control.motion import DELAY, EGM_GAIN
+from yumi.control.motion.robot_response import DELAY, EGM_GAIN
 from yumi_evaluation.virtual_time import PlannedSine
 
 

@@ -41,7 +41,7 @@ class Watch:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._control = robot.executor._control  # type: ignore[attr-defined]
+        self._control = robot.executor.control  # type: ignore[assignment]
         self._seen = {side: self._control.recorders[side].newest for side in Side}
         self._first = {side: self._control.snapshot(side) for side in Side}
         self.slowest = 0.0

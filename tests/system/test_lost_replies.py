@@ -12,11 +12,11 @@ from wire_faults import Tapped, center
 
 import yumi
 from soak import tell
-from yumi.api.motion import Motion
+from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
 from yumi.cli.controller import fault as fault_command
 from yumi.clock import SystemClock
-from yumi.control.motion import EGM_GAIN
+from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.egm.codec import MotorState, SensorCodec
 from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, change_rate, joints

@@ -11,14 +11,16 @@ import pytest
 
 from controller_arms import CASES, Case
 from trajectories import planned
-from yumi.control.controller import Controller, MemoryBuffer, write_goal, write_speeds
+from yumi.control.controller import Controller
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import MemoryBuffer, write_goal, write_speeds
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN
-from yumi.control.shared_state import ReferencesIgnored
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.loop_events import ReferencesIgnored
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
 from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmRig

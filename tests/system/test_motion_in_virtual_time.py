@@ -8,8 +8,9 @@ import pytest
 
 from refusals import assert_says
 from system.virtual_time_bench import DriverArm, System
-from yumi.control.motion import EGM_GAIN
-from yumi.control.shared_state import RobotFollows, SessionLost, SessionResumed, Snapshot
+from yumi.control.loop_events import RobotFollows, SessionLost, SessionResumed
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.shared_state import Snapshot
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 
 GOALS: dict[Side, Joints] = {

@@ -14,7 +14,8 @@ import pytest
 from refusals import assert_says, refused
 from system.virtual_time_bench import DriverArm, System
 from yumi.catalogue import Message, clause, message
-from yumi.control.shared_state import AllowedCollisionsChanged, Problem, Snapshot
+from yumi.control.loop_events import AllowedCollisionsChanged
+from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver import bringup
 from yumi.driver.readiness import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata

@@ -15,8 +15,8 @@ from refusals import assert_says, numbers_in
 from system.recovery_bench import MovingSystem
 from yumi.catalogue import Message, clause, message, remedy_of
 from yumi.clock import ManualClock
-from yumi.control.shared_state import Event as ArmEvent
-from yumi.control.shared_state import is_fault
+from yumi.control.loop_events import Event as ArmEvent
+from yumi.control.loop_events import is_fault
 from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
 from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState

@@ -16,8 +16,8 @@ from soak import tell
 from yumi.clock import SystemClock, wait_until
 from yumi.control.controller import Controller
 from yumi.control.flight_recorder import Frame
-from yumi.control.loop import Commands
-from yumi.control.shared_state import ControllersLate, Event
+from yumi.control.loop_commands import Commands
+from yumi.control.loop_events import ControllersLate, Event
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms

@@ -14,7 +14,7 @@ from tapped_controller import TappedController
 from wire_faults import LASTING, SINGLE, Attack, Swing, Tapped, check_limits, check_path, swing, swing_velocity
 
 import yumi
-from yumi.api.motion import Motion
+from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
 from yumi.cli.controller import fault as fault_command
 from yumi.clock import SystemClock

@@ -7,14 +7,17 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
-from yumi.control.controller import MemoryBuffer, StageClock, write_goal
-from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
-from yumi.control.loop import ArmLoop, Commands, serve
-from yumi.control.shared_state import Event, Snapshot, read_snapshot
+from yumi.control.loop import ArmLoop
+from yumi.control.loop_commands import Commands, serve
+from yumi.control.loop_events import Event
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.control.speed_scale import SpeedScale
+from yumi.control.stage_times import StageClock
 from yumi.driver.bringup import Bringup
 from yumi.driver.egm_arm import EgmArm
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals

@@ -16,17 +16,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
-from yumi.api.motion import (
-    GOAL_CONTROLLER,
-    STREAM_CONTROLLER,
-    TRAJECTORY_CONTROLLER,
-    Motion,
-    MotionExecutor,
-    Position,
-    check_ended,
-    halt,
-)
-from yumi.api.robot import Arm, Robot
+from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
+from yumi.api.joint_positions import Position
+from yumi.api.motion_executor import MotionExecutor
+from yumi.api.motion_registry import Motion
+from yumi.api.robot import Robot
+from yumi.api.robot_arm import Arm
 from yumi.api.tool import Gripper, PoseLike
 from yumi.catalogue import message
 from yumi.driver.endpoint import ArmMode, ArmReport
@@ -365,7 +360,7 @@ class AsyncRobot:
 
 
 class AsyncArm:
-    """An arm, as :class:`yumi.api.robot.Arm`; what is measured is known at once, what moves is awaited."""
+    """An arm, as :class:`yumi.api.robot_arm.Arm`; what is measured is known at once, what moves is awaited."""
 
     def __init__(self, arm: Arm) -> None:
         self.sync = arm
@@ -402,7 +397,7 @@ class AsyncArm:
 
     @property
     def tool(self) -> PoseLike | str | None:
-        """What poses are poses of, as :attr:`yumi.api.robot.Arm.tool`; it can be set."""
+        """What poses are poses of, as :attr:`yumi.api.robot_arm.Arm.tool`; it can be set."""
         return self.sync.tool
 
     @tool.setter

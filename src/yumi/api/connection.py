@@ -20,19 +20,14 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 import msgspec
 
-from yumi.api.motion import (
-    GOAL_CONTROLLER,
-    LAST_STOP,
-    RETREAT_SPEED_SCALE,
-    MotionExecutor,
-    MotionRegistry,
-    Position,
-    checked_goal,
-)
+from yumi.api.arm_access import GOAL_CONTROLLER
+from yumi.api.joint_positions import Position, checked_goal
+from yumi.api.motion_executor import RETREAT_SPEED_SCALE, MotionExecutor
+from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import Message, message, quoted
 from yumi.clock import SystemClock
-from yumi.control.motion import slower
-from yumi.control.shared_state import Event
+from yumi.control.loop_events import Event
+from yumi.control.motion.setpoint import slower
 from yumi.control.speed_scale import FULL
 from yumi.driver import endpoint as wire
 from yumi.driver.bringup import ANNOUNCEMENT
@@ -236,21 +231,14 @@ class Connection:
         self._motions.explain = manager.monitor.explain
         manager.start()
         stack.callback(manager.stop)
-        buffers = parts.control.buffers
-        goals = {side: each.goals for side, each in buffers.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        feedback = {side: (each.trajectory, each.dual_trajectory, each.tool_path) for side, each in buffers.items()}
         self.executor = MotionExecutor(
             parts.control,
-            goals,
             self._motions,
             self._arms,
             limits,
             SystemClock(),
-            feedback,
             lambda: manager.speed.in_force,
-            {side: each.tool_goals for side, each in buffers.items()},
-            {side: each.speeds for side, each in buffers.items()},
             settings.tool_limits.limits,
         )
 
@@ -340,8 +328,7 @@ class Connection:
 
     def _come_to_rest(self) -> None:
         with suppress(YumiError):  # an arm that its controller cannot stop is held by the limiter
-            for motion in self.executor.stop(self._arms):
-                motion.wait(LAST_STOP)
+            self.executor.bring_to_rest(self._arms)
 
 
 def attach(robot: str = "", *, on_step: Callable[[str], None] = lambda step: None) -> RunningDriver:

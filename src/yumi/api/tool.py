@@ -8,10 +8,9 @@ from math import degrees, isfinite, nan
 from typing import TYPE_CHECKING, Any, SupportsFloat
 
 from yumi.catalogue import Message, message, quoted
-from yumi.control.motion import largest_difference
-from yumi.control.tool_path import SPEED, TURNING, ZONE, ToolLimits, Waypoint, checked_pose, plan_path
-from yumi.control.trajectory import ArmPlan, stretched
+from yumi.control.motion.setpoint import largest_difference
 from yumi.errors import CommandRefused, GoalNotReached, YumiError
+from yumi.planning.tool_path import Waypoint, checked_pose
 from yumi.robot.collision import Obstacle
 from yumi.robot.confdata import Configuration, configuration
 from yumi.robot.description import FINGERTIPS
@@ -458,54 +457,6 @@ def _checked_configuration(given: Sequence[int]) -> tuple[int, ...]:
 
 
 # ---- lines
-
-
-@dataclass(frozen=True)
-class ToolMotion:
-    """What one arm's tool does, along straight lines.
-
-    Attributes:
-        tool: its frame in tool0.
-        waypoints: where it goes, in the body frame.
-        speed: of the tool [m/s].
-        turning: of its orientation [rad/s].
-        zone: corners are rounded from so far before them [m].
-        acceleration: share of the highest accelerations and jerks.
-    """
-
-    tool: Pose
-    waypoints: tuple[Waypoint, ...]
-    speed: float = SPEED
-    turning: float = TURNING
-    zone: float = ZONE
-    acceleration: float = 1.0
-
-
-def tool_planner(
-    paths: Mapping[Side, ToolMotion], limits: JointLimits, within: ToolLimits
-) -> Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]:
-    """Plans paths from where the arms stand, within what tools keep; several end at the same time."""
-
-    def plan(starts: Mapping[Side, Joints]) -> Mapping[Side, ArmPlan]:
-        plans = {
-            side: plan_path(
-                side,
-                starts[side],
-                path.waypoints,
-                limits,
-                tool=path.tool,
-                speed=path.speed,
-                turning=path.turning,
-                zone=path.zone,
-                acceleration=path.acceleration,
-                within=within,
-            )
-            for side, path in paths.items()
-        }
-        longest = max(each.spline.end for each in plans.values())
-        return {side: stretched(each, longest) for side, each in plans.items()}
-
-    return plan
 
 
 def waypoints_from(

@@ -27,7 +27,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 import yumi
 from yumi.api.connection import RunningDriver, attach
-from yumi.api.motion import RETREAT_SPEED_SCALE
+from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.catalogue import in_words, message, quoted, said_by
 from yumi.cli.options import (
     ARM,

@@ -26,7 +26,8 @@ import click
 import msgspec
 
 from yumi.api.connection import recorded_sources
-from yumi.api.motion import MotionExecutor, MotionRegistry
+from yumi.api.motion_executor import MotionExecutor
+from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import FrontEnd, Message, message, speak_as
 from yumi.cli.options import (
     FILE,
@@ -52,8 +53,8 @@ from yumi.cli.options import (
     until_stdin_closes_option,
 )
 from yumi.clock import SystemClock
-from yumi.control.loop import Commands
-from yumi.control.shared_state import ControllerReport, Event, is_fault
+from yumi.control.loop_commands import Commands
+from yumi.control.loop_events import ControllerReport, Event, is_fault
 from yumi.control.speed_scale import FULL
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.endpoint import find_driver
@@ -346,15 +347,11 @@ def _endpoint_of(
     motions.explain = manager.monitor.explain
     mover = MotionExecutor(
         control,
-        {side: each.goals for side, each in buffers.items()},
         motions,
         tuple(Side),
         parts.plan.limits,
         SystemClock(),
-        {side: (each.trajectory, each.dual_trajectory, each.tool_path) for side, each in buffers.items()},
         lambda: manager.speed.in_force,
-        {side: each.tool_goals for side, each in buffers.items()},
-        {side: each.speeds for side, each in buffers.items()},
         settings.tool_limits.limits,
     )
     access = DriverAccess(

@@ -23,7 +23,8 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.motion import Setpoint, fixed, plan_gain
+from yumi.control.motion.robot_response import plan_gain
+from yumi.control.motion.setpoint import Setpoint, fixed
 from yumi.control.shared_state import Limited
 from yumi.core.library import COMMAND, MOTION, SETPOINT, LimitedParts, load
 from yumi.robot.collision import TOOL_FRAME, CollisionModel

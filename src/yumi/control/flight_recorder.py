@@ -9,8 +9,8 @@ from math import isnan, nan
 from struct import Struct
 from typing import TYPE_CHECKING
 
-from yumi.control.controller import MARK_COUNT, StageClock, StageTimes
 from yumi.control.cycle import Cycle
+from yumi.control.stage_times import MARK_COUNT, StageClock, StageTimes
 from yumi.robot.joints import JOINT_COUNT, Joints
 
 if TYPE_CHECKING:

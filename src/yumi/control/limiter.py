@@ -19,7 +19,8 @@ from yumi.control.limiter_state import (
     LimiterEvent,
     LimiterState,
 )
-from yumi.control.motion import EGM_GAIN, fixed
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.motion.setpoint import fixed
 from yumi.control.shared_state import Limited, Problem
 from yumi.core.library import COMMAND, SETTINGS, STATE, TABLE, LimiterExchange, load
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints

@@ -1,38 +1,23 @@
-"""The control loop: the cycles of each arm with what follows a reply, and the commands served between cycles.
-
-One of the commands allows contact on purpose: pairs of parts that may touch for a while, slowly, where the collision
-limiter is on. It is MoveIt's allowed collision matrix, but that each entry ends by itself, and that no arm is faster
-than :data:`CONTACT_SPEED_SCALE` as long as there is one.
-"""
+"""The control loop of one arm: the cycles, with what follows a reply."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from math import inf
-from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
-from yumi.catalogue import message, said_by
+from yumi.catalogue import message
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import AFTER_REPLY, Buffer, ControllerInfo, HardwareInfo, ParameterInfo, StageClock, State
-from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.cycle import ArmPort, Cycle, run_cycle
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.goals import Buffer
 from yumi.control.limiter import Limiter
-from yumi.control.motion import AT_GOAL, largest_difference
-from yumi.control.shared_state import (
-    PROBLEMS,
-    AllowedCollisionsChanged,
+from yumi.control.loop_events import (
     ControllerFailed,
     ControllerReport,
     ControllersLate,
     Event,
     ImplausibleFeedback,
-    JointStates,
     KeptApart,
-    Limited,
-    Problem,
     ProblemOver,
     ReferencesIgnored,
     RobotFollows,
@@ -40,12 +25,15 @@ from yumi.control.shared_state import (
     SessionLost,
     SessionResumed,
     SessionStarted,
-    Snapshot,
 )
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.motion.setpoint import largest_difference
+from yumi.control.motion.standstill import AT_GOAL
+from yumi.control.shared_state import PROBLEMS, JointStates, Limited, Problem, Snapshot
 from yumi.control.speed_scale import FULL, SpeedScale
-from yumi.errors import CommandRefused, SwitchFailed
+from yumi.control.stage_times import AFTER_REPLY, StageClock
+from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
-from yumi.settings import Values
 
 INTERRUPTION = 5
 """Feedback that has not come for so many cycles is interrupted; later, by the session's own limit, it is lost."""
@@ -64,7 +52,6 @@ LONGEST_UNANSWERED = 0.2
 
 AT_REST = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
-
 
 _NO_STAGES = StageClock()
 
@@ -409,333 +396,3 @@ class ArmLoop:
                 problem=self._limiter.problem,
             ),
         )
-
-
-@dataclass(frozen=True, slots=True)
-class ControllerCommand:
-    """What one active controller is commanded, see :meth:`yumi.control.controller.Controller.receive`.
-
-    Attributes:
-        controller: its name.
-        message: a picklable value it knows.
-        activation: of the controllers that it was planned for, see :meth:`Commands.check_commands`; 0 is any.
-        takes_over: whether a controller that is inactive is activated for it, in place of those that move nothing.
-    """
-
-    side: Side
-    controller: str
-    message: object
-    activation: int = 0
-    takes_over: bool = False
-
-
-class Commands:
-    """Everything that can be asked of the control loop, served between two cycles: each method is one command.
-
-    Another process names the method, see :class:`CommandPort`.
-
-    Args:
-        arms: the arms of the loop.
-        now: the time [s].
-
-    Attributes:
-        allowed: parts that may touch, whose time has to be watched.
-    """
-
-    def __init__(self, arms: Mapping[Side, ArmLoop], now: Callable[[], float]) -> None:
-        self._arms = arms
-        self._now = now
-        self.allowed = AllowedCollisions(
-            tuple(arms.values()), next((arm.collisions for arm in arms.values()), None), now
-        )
-
-    def load_controller(self, side: Side, name: str, kind: str, values: Values | None = None) -> None:
-        """Make a controller of type ``kind``, unconfigured, with parameters that differ from their defaults."""
-        self._arms[side].manager.load_kind(name, kind, values)
-        self._publish(side)
-
-    def configure_controller(self, side: Side, name: str) -> None:
-        """Give an unconfigured or inactive controller its parameters; it is inactive then."""
-        try:
-            self._arms[side].manager.configure(name)
-        finally:
-            self._publish(side)
-
-    def clean_up_controller(self, side: Side, name: str) -> None:
-        """Make an inactive controller unconfigured."""
-        self._arms[side].manager.clean_up(name)
-        self._publish(side)
-
-    def unload_controller(self, side: Side, name: str) -> None:
-        """Forget a controller that is not active."""
-        self._arms[side].manager.unload(name)
-        self._publish(side)
-
-    def switch_controllers(
-        self,
-        side: Side,
-        activate: Sequence[str] = (),
-        deactivate: Sequence[str] = (),
-        strictness: Strictness = Strictness.STRICT,
-    ) -> str:
-        """Deactivate and activate controllers as one step, see :meth:`.ControllerManager.switch`."""
-        arm = self._arms[side]
-        try:
-            return arm.manager.switch(activate, deactivate, arm.state, strictness)
-        finally:
-            self._publish(side)
-
-    def hold(self, side: Side) -> None:
-        """Deactivate whatever commands an arm; it comes to rest and holds."""
-        self._arms[side].manager.deactivate_commanding()
-        self._publish(side)
-
-    def set_parameters(self, side: Side, controller: str, values: Values) -> None:
-        """Change parameters of one controller from the next cycle on, all or none."""
-        self._arms[side].manager.set_parameters(controller, values)
-
-    def list_parameters(self, side: Side, controller: str) -> tuple[ParameterInfo, ...]:
-        """What can be set on one controller and what is set."""
-        return self._arms[side].manager.parameters(controller)
-
-    def list_controllers(self, side: Side) -> tuple[ControllerInfo, ...]:
-        """The controllers of one arm, in the order of loading."""
-        return self._arms[side].manager.controllers()
-
-    def list_controller_kinds(self, side: Side) -> tuple[str, ...]:
-        """The types of controllers that can be loaded."""
-        return self._arms[side].manager.kinds
-
-    def hardware(self, side: Side) -> HardwareInfo:
-        """The state of an arm's hardware component and of its interfaces."""
-        return self._arms[side].manager.hardware()
-
-    def set_hardware_state(self, side: Side, name: str, state: State) -> HardwareInfo:
-        """Lead an arm's hardware component to ``state``; who uses what it no longer offers is deactivated."""
-        info = self._arms[side].manager.set_hardware_state(name, state)
-        self._publish(side)
-        return info
-
-    def allow_collision(self, part: str, other: str, seconds: float) -> None:
-        """Let two parts touch for a time [s], see :meth:`.AllowedCollisions.allow`."""
-        self.allowed.allow(part, other, seconds)
-
-    def end_allowed_collision(self, part: str, other: str) -> None:
-        """Keep two parts apart again that may touch."""
-        self.allowed.end(part, other)
-
-    def commanded_positions(self, *sides: Side) -> Mapping[Side, Joints]:
-        """Where each arm's active controller commands it to be [rad], (7,); where it is without one."""
-        positions = {}
-        for side in sides:
-            position = self._arms[side].manager.reference or self._arms[side].position
-            if position is None:
-                raise CommandRefused(message("no_position_yet", arm=side.word))
-            positions[side] = position
-        return positions
-
-    def check_commands(self, *commands: ControllerCommand) -> Mapping[Side, int]:
-        """Whether the controllers would take their commands now; nothing is changed.
-
-        Returns:
-            The activation of each arm's controllers: what is planned now is for no later one.
-        """
-        # A second command for a controller could rest on what the first changes.
-        for (side, name), count in Counter((each.side, each.controller) for each in commands).items():
-            if count > 1:
-                raise CommandRefused(message("several_commands", controller=name, arm=side.word, count=count))
-        for each in commands:
-            arm = self._arms[each.side]
-            arm.check_follows()
-            if each.activation not in (0, arm.activation):
-                reason = message("interrupted_while_planned", arm=each.side.word)
-                raise CommandRefused(message("goal_refused", reason=reason))
-            if each.takes_over and arm.manager.is_inactive(each.controller):
-                arm.manager.check_take_over(each.controller, arm.state, self._now())
-                arm.check_stands()
-            else:
-                arm.manager.check(each.controller, each.message, arm.state)
-        return {each.side: self._arms[each.side].activation for each in commands}
-
-    def send_commands(self, *commands: ControllerCommand) -> Mapping[Side, tuple[str, ...]]:
-        """Have controllers of one or both arms take their commands between the same two cycles, all or none.
-
-        Returns:
-            The arms on which a controller was activated for its command, and the controllers that it has replaced.
-        """
-        self.check_commands(*commands)
-        replaced: dict[Side, tuple[str, ...]] = {}
-        try:
-            for each in commands:
-                arm = self._arms[each.side]
-                if each.takes_over and arm.manager.is_inactive(each.controller):
-                    before = arm.manager.check_take_over(each.controller, arm.state, self._now())
-                    replaced[each.side] = before
-                    self.switch_controllers(each.side, (each.controller,), before)
-                    arm.manager.check(each.controller, each.message, arm.state)
-        except Exception:
-            for each in commands:
-                if each.side in replaced:
-                    arm = self._arms[each.side]
-                    is_active = not arm.manager.is_inactive(each.controller)
-                    self.switch_controllers(each.side, replaced[each.side], (each.controller,) if is_active else ())
-            raise
-        for each in commands:
-            arm = self._arms[each.side]
-            arm.manager.receive(each.controller, each.message, arm.state)
-        return replaced
-
-    def _publish(self, side: Side) -> None:
-        self._arms[side].publish(self._now())
-
-
-COMMANDS: Mapping[str, Callable[..., object]] = {
-    name: command for name, command in vars(Commands).items() if not name.startswith("_")
-}
-"""The commands by name; nothing else is called from another process."""
-
-_P = ParamSpec("_P")
-_T = TypeVar("_T")
-
-
-def serve(
-    commands: Commands, command: Callable[Concatenate[Commands, _P], _T], *args: _P.args, **kwargs: _P.kwargs
-) -> _T:
-    """Carry out one command of :class:`Commands`.
-
-    Raises:
-        CommandRefused: a rule stands against it, or it failed; the sentence says what a failed switch has left.
-    """
-    try:
-        return command(commands, *args, **kwargs)
-    except (CommandRefused, SwitchFailed) as error:
-        raise CommandRefused(error.said) from error
-    except Exception as error:
-        name = getattr(command, "__name__", "")
-        raise CommandRefused(
-            message("command_failed", command=name, kind=type(error).__name__, why=said_by(error))
-        ) from error
-
-
-class CommandPort(Protocol):
-    """Where commands are given, from any thread."""
-
-    def call(self, command: Callable[Concatenate[Commands, _P], _T], /, *args: _P.args, **kwargs: _P.kwargs) -> _T:
-        """Have ``command``, a method of :class:`Commands`, served between two cycles; returns its answer.
-
-        Raises:
-            CommandRefused: a rule stands against it.
-            RobotNotReady: the control process has ended or does not answer.
-        """
-
-
-# ---- allowed collisions
-
-CONTACT_SPEED_SCALE = 0.1
-"""No arm is faster than this share of its speeds while a collision is allowed."""
-
-LONGEST_CONTACT = 60.0
-"""A collision is allowed for so long at most [s]; asked for again, the time begins anew."""
-
-PartPair = tuple[str, str]
-
-
-class AllowedCollisions:
-    """The pairs of parts that may touch now: as soon as both arms are slow.
-
-    Args:
-        arms: both.
-        collisions: what keeps them apart; None where nothing does.
-        now: the time [s].
-    """
-
-    def __init__(self, arms: Sequence[ArmLoop], collisions: CollisionLimiter | None, now: Callable[[], float]) -> None:
-        self._arms, self._collisions, self._now = arms, collisions, now
-        self._until: dict[PartPair, float] = {}
-        self._first_end = inf
-        self._permitted: tuple[PartPair, ...] = ()
-        self._running: list[bool] = []  # of each arm, when it was looked at last
-        self._events: list[AllowedCollisionsChanged] = []
-
-    def allow(self, part: str, other: str, seconds: float) -> None:
-        """Let two parts touch for a time [s]; the same pair again begins anew.
-
-        The arms become slow first, which takes a third of a second, and nothing may touch before.
-
-        Raises:
-            CommandRefused: the limiter is off, there are no such parts, the time is out of range, or an arm moves
-                or is held before its goal.
-        """
-        if self._collisions is None:
-            raise CommandRefused(message("nothing_to_allow"))
-        if not 0.0 < seconds <= LONGEST_CONTACT:  # NaN too
-            raise CommandRefused(message("contact_time_out_of_range", time=seconds, longest=LONGEST_CONTACT))
-        _check_parts(self._collisions, part, other)
-        if not self._until:
-            try:
-                for arm in self._arms:
-                    arm.check_stands()
-            except CommandRefused as why:
-                raise CommandRefused(message("contact_is_for_slow_motions", reason=why.said)) from why
-            self._running = [arm.is_running for arm in self._arms]
-        self._until[_pair(part, other)] = self._now() + seconds
-        self._update()
-
-    def end(self, part: str, other: str) -> None:
-        """Keep two parts apart again; nothing where they are.
-
-        Raises:
-            CommandRefused: there are no such parts: others would go on touching.
-        """
-        if self._until.pop(_pair(part, other), None) is not None:
-            self._update()
-        elif self._collisions is not None:
-            _check_parts(self._collisions, part, other)
-
-    def take_events(self) -> Sequence[AllowedCollisionsChanged]:
-        """End what has lasted its time, permit what waits for the arms, and return what has changed since.
-
-        All of it ends when an arm stops following or is not heard any more: what it was for is over.
-        """
-        if self._until and self._has_stopped():
-            self._until.clear()
-            self._update()
-        elif self._now() >= self._first_end:
-            now = self._now()
-            self._until = {pair: until for pair, until in self._until.items() if until > now}
-            self._update()
-        elif len(self._permitted) < len(self._until):
-            self._update()
-        if not self._events:
-            return ()
-        events, self._events = self._events, []
-        return events
-
-    def _has_stopped(self) -> bool:
-        """Whether an arm that followed does no longer."""
-        before, self._running = self._running, [arm.is_running for arm in self._arms]
-        return any(was and not runs for was, runs in zip(before, self._running, strict=True))
-
-    def _update(self) -> None:
-        """Have the arms slow as long as anything is allowed, and permit that once they are."""
-        assert self._collisions is not None  # else nothing is allowed
-        self._first_end = min(self._until.values(), default=inf)
-        highest = CONTACT_SPEED_SCALE if self._until else FULL
-        for arm in self._arms:
-            arm.cap_speed(highest)
-        permitted = tuple(self._until) if all(arm.speed_scale <= highest for arm in self._arms) else ()
-        if permitted == self._permitted:
-            return
-        self._permitted = permitted
-        self._collisions.permit(*permitted)
-        self._events.append(AllowedCollisionsChanged(permitted))
-
-
-def _check_parts(collisions: CollisionLimiter, part: str, other: str) -> None:
-    if not collisions.pairs_of(part, other):
-        raise CommandRefused(message("no_such_parts", part=part, other=other))
-
-
-def _pair(part: str, other: str) -> PartPair:
-    """In one order, whichever is named first."""
-    return (part, other) if part <= other else (other, part)

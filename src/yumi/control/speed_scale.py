@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from yumi.control.controller import Buffer
-from yumi.control.motion import ramp_speed
+from yumi.control.goals import Buffer
+from yumi.control.motion.joint_steps import ramp_speed
 from yumi.control.shared_state import Factor
 
 FULL = 1.0

@@ -21,28 +21,22 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from yumi.catalogue import Message, clause, message, said_by
 from yumi.clock import Clock, SystemClock
-from yumi.control.controller import SessionGoal
-from yumi.control.controllers.cartesian import ToolGoal
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
-from yumi.control.loop import COMMANDS, ArmLoop, Commands, serve
-from yumi.control.shared_state import (
-    ControlProcessEnded,
+from yumi.control.goals import SessionGoal
+from yumi.control.loop import ArmLoop
+from yumi.control.loop_commands import COMMANDS, Commands, serve
+from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event, ReportsDropped
+from yumi.control.shared_memory import (
     CycleEvent,
-    CycleFailed,
-    Event,
-    Factor,
-    JointStates,
-    ReportsDropped,
     SharedBuffer,
     SharedBytes,
     SharedHistory,
     SharedNumbers,
-    Snapshot,
-    TrajectoryFeedback,
     new_cycle_event,
-    read_snapshot,
     shared_numbers,
 )
+from yumi.control.shared_state import Factor, JointStates, Snapshot, TrajectoryFeedback, read_snapshot
+from yumi.control.tool_goal import ToolGoal
 from yumi.driver.egm_arm import FallbackThread
 from yumi.egm.udp import HasFileno, Poller
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError

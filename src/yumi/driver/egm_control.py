@@ -21,19 +21,17 @@ from typing import Protocol
 
 from yumi.catalogue import Message, clause, message
 from yumi.clock import Clock, wait_until
-from yumi.control.loop import CommandPort, Commands
-from yumi.control.shared_state import (
-    PROBLEMS,
+from yumi.control.loop_commands import CommandPort, Commands
+from yumi.control.loop_events import (
     ControllersLate,
     Event,
     ImplausibleFeedback,
-    Problem,
     ReferencesIgnored,
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
-    Snapshot,
 )
+from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.bringup import Bringup
 from yumi.driver.readiness import Report, arms_in_words
 from yumi.driver.state_machine import EXTERNAL_STATUS, WATCHDOG, MachineState

@@ -26,7 +26,7 @@ import msgspec
 
 from yumi import errors
 from yumi.catalogue import FrontEnd, Message, from_wire, in_words, is_known, message, said_by, sentence, to_wire
-from yumi.control.motion import STANDING
+from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import PROBLEMS, Limited, Problem, Snapshot
 from yumi.driver.readiness import robot_lines
 from yumi.egm.codec import SensorCodec

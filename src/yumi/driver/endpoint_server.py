@@ -25,8 +25,9 @@ from typing import Any, NamedTuple, Protocol
 import msgspec
 
 from yumi.catalogue import Message, cut, message, said_by
-from yumi.control.loop import CommandPort, Commands
-from yumi.control.shared_state import ControllerReport, Event, JointStates, Snapshot, is_fault
+from yumi.control.loop_commands import CommandPort, Commands
+from yumi.control.loop_events import ControllerReport, Event, is_fault
+from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.endpoint import (
     FIRST_REQUEST,
     JOG_HOLDS,

@@ -22,15 +22,9 @@ from typing import Any, Protocol
 
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
-from yumi.control.shared_state import Event as ArmEvent
-from yumi.control.shared_state import (
-    JointStates,
-    RobotStoppedFollowing,
-    SessionLost,
-    SessionStarted,
-    Snapshot,
-    is_fault,
-)
+from yumi.control.loop_events import Event as ArmEvent
+from yumi.control.loop_events import RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
+from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.readiness import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, explain, explained, has_ended_egm

@@ -13,8 +13,8 @@ from threading import Lock
 
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
-from yumi.control.loop import Commands
-from yumi.control.shared_state import (
+from yumi.control.loop_commands import Commands
+from yumi.control.loop_events import (
     AllowedCollisionsChanged,
     ControlProcessEnded,
     Event,

@@ -19,7 +19,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from yumi.catalogue import Message, message, quoted, said_by
 from yumi.control.collisions import MARGIN
 from yumi.control.speed_scale import FULL
-from yumi.control.tool_path import FASTEST, ToolLimits, Wall
+from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER, RecoverySettings, WatchdogSettings
 from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings

@@ -19,7 +19,7 @@ from typing import Any, cast
 
 from yumi.catalogue import Message, message, quoted, said_by
 from yumi.clock import Clock, wait_until
-from yumi.control.controller import Buffer
+from yumi.control.goals import Buffer
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import FULL
 from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady, SettingsError, YumiError

@@ -20,8 +20,8 @@ from typing import Protocol
 from yumi.catalogue import Message, message
 from yumi.catalogue.texts.events import KNOWN_NUMBERS
 from yumi.clock import Clock
-from yumi.control.shared_state import Event as ArmEvent
-from yumi.control.shared_state import RobotStoppedFollowing
+from yumi.control.loop_events import Event as ArmEvent
+from yumi.control.loop_events import RobotStoppedFollowing
 from yumi.driver.readiness import NO_STOP, RobotState, unmet
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.robot.joints import Side

@@ -31,25 +31,25 @@ from typing import NamedTuple
 from yumi.catalogue import message, said_by
 from yumi.clock import Clock, SystemClock
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import Controller, StageClock, find_parameter
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.controller import Controller, find_parameter
 from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
+from yumi.control.controllers.forward_command import FORWARDERS, ForwardCommandController
 from yumi.control.controllers.joint_goal import JointGoalController
-from yumi.control.controllers.joint_position import (
-    FORWARDERS,
-    ForwardCommandController,
-    JointPositionController,
-    JointStateBroadcaster,
-    JointVelocityController,
-)
-from yumi.control.controllers.joint_trajectory import DualArmTrajectoryController, JointTrajectoryController
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
-from yumi.control.motion import EGM_GAIN
-from yumi.control.shared_state import Event, read_snapshot
+from yumi.control.loop_events import Event
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.shared_state import read_snapshot
 from yumi.control.speed_scale import FULL, SpeedScale
-from yumi.control.tool_path import ToolLimits
+from yumi.control.stage_times import StageClock
+from yumi.control.tool_limits import ToolLimits
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.egm_arm import EgmArm, FallbackThread

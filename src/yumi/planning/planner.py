@@ -8,7 +8,7 @@
 
 The straight path in joint space is taken where it is free. Else a path is found by RRT-Connect and shortened by
 RoboPlan, and its corners are rounded as far as there is room. A path is passed as fast as the joints' speeds,
-accelerations and jerks allow (:func:`yumi.control.tool_path.fastest_along`), and slower where the limiter
+accelerations and jerks allow (:func:`yumi.planning.path_timing.fastest_along`), and slower where the limiter
 (:mod:`yumi.control.collisions`) would not let it pass.
 Why RoboPlan: docs/explanation/decisions/0040-planning-with-roboplan.md.
 The robot is read as :mod:`yumi.planning.scene_description` writes it.
@@ -31,12 +31,21 @@ from numpy.typing import NDArray
 
 from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN, DISTANCES, CollisionLimiter
-from yumi.control.motion import EGM_GAIN, Setpoint
-from yumi.control.tool_path import UNLIMITED, MotionLimits, RoundedPath, fastest_along
-from yumi.control.trajectory import SplineSampler, TrajectoryPoint, smooth_spline_through, spline_through
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.motion.setpoint import Setpoint
+from yumi.control.motion.spline import SplineSampler, TrajectoryPoint, spline_through
 from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan, missing_extra
-from yumi.planning.scene_description import GROUPS, planning_description, semantic_description
-from yumi.robot.collision import CollisionModel, Obstacle, Part
+from yumi.planning.scene_description import GROUPS
+from yumi.planning.scene_description import planning_description
+from yumi.planning.scene_description import semantic_description
+from yumi.robot.collision import CollisionModel
+from yumi.robot.collision import Obstacle
+from yumi.robot.collision import Part
+from yumi.planning.path_timing import UNLIMITED
+from yumi.planning.path_timing import MotionLimits
+from yumi.planning.path_timing import fastest_along
+from yumi.planning.rounded_path import RoundedPath
+from yumi.planning.smoothing import smooth_spline_through
 from yumi.robot.gripper import GripperModules
 from yumi.robot.inverse_kinematics import arm_angle, postures_of_each
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints

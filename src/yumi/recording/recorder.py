@@ -21,7 +21,8 @@ from threading import Thread
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.flight_recorder import FlightRecorder, Frame
-from yumi.control.shared_state import Event, JointStates, is_fault
+from yumi.control.loop_events import Event, is_fault
+from yumi.control.shared_state import JointStates
 from yumi.errors import SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.recording.message_types import RecordedEvent, recorded_event

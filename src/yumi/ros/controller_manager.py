@@ -40,10 +40,11 @@ from std_msgs.msg import String
 
 from yumi.catalogue import message
 from yumi.clock import Clock
-from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State, Statistics
-from yumi.control.controller_manager import Strictness
-from yumi.control.loop import CommandPort, Commands
-from yumi.control.shared_state import ControllerReport, ControlProcessEnded, Event, ReportsDropped, is_fault
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo, Statistics
+from yumi.control.loop_commands import CommandPort, Commands
+from yumi.control.loop_events import ControllerReport, ControlProcessEnded, Event, ReportsDropped, is_fault
+from yumi.control.manager.controller_switch import Strictness
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
 from yumi.errors import CommandRefused, RobotNotReady, YumiError

@@ -40,15 +40,16 @@ from rclpy.signals import SignalHandlerOptions
 from yumi.catalogue import Message, message, said_by
 from yumi.clock import Clock
 from yumi.control.controller import State
-from yumi.control.shared_state import Event, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.control.loop_events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError
 from yumi.robot.joints import JointLimits, Side, prefixed
-from yumi.robot.urdf import MESHES, robot_description
-from yumi.ros.cartesian import cartesian_interfaces
+from yumi.robot.urdf import MESHES
+from yumi.robot.urdf import robot_description
+from yumi.ros.cartesian_interfaces import cartesian_interfaces
 from yumi.ros.controller_manager import ArmHardware, ArmManager
 from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.nodes import Executors, TimerThread
@@ -67,7 +68,7 @@ from yumi.ros.topics import (
     forward_interfaces,
     newest_state,
 )
-from yumi.ros.trajectory import DUAL_ARM, TrajectoryControllers
+from yumi.ros.trajectory_action import DUAL_ARM, TrajectoryControllers
 
 
 class RosDriver:

@@ -31,14 +31,17 @@ from yumi.catalogue import Message, clause, quoted, remedy_of
 from yumi.catalogue import message as said  # a message here is one of ROS
 from yumi.catalogue.texts.events import KNOWN_NUMBERS
 from yumi.clock import Clock
-from yumi.control.controller import UNKNOWN, ControllerInfo, HardwareInfo, InterfaceInfo, State, check_position
-from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
+from yumi.control.controller import State
+from yumi.control.controller_info import ControllerInfo, HardwareInfo, InterfaceInfo
+from yumi.control.goals import UNKNOWN, check_position
+from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, TrajectoryFeedback
-from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, refused
+from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, refused
 from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import explain
 from yumi.errors import CommandRefused, YumiError
+from yumi.planning.trajectory_request import JointTrajectory, check_count
 from yumi.robot.description import Mass
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
 from yumi.rws.documents import Event

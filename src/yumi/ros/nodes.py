@@ -28,8 +28,9 @@ from rclpy.parameter import Parameter as RosParameter
 
 from yumi.catalogue import message, quoted, said_by
 from yumi.clock import Clock
-from yumi.control.controller import ParameterInfo, find_parameter
-from yumi.control.controller_manager import Strictness
+from yumi.control.controller import find_parameter
+from yumi.control.controller_info import ParameterInfo
+from yumi.control.manager.controller_switch import Strictness
 from yumi.errors import CommandRefused, MissingPrerequisite, YumiError
 from yumi.process.supervision import Failures, SupervisedThread, no_thread
 from yumi.settings import Entry, Parameter, ParameterType, Value, Values, read_parameter_file

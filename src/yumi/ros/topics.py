@@ -40,16 +40,16 @@ from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.catalogue import message
 from yumi.clock import Clock
-from yumi.control.controller import GoalBuffer, GoalKind, write_goal, write_speeds
-from yumi.control.controllers.joint_position import FORWARDERS
-from yumi.control.loop import Commands
+from yumi.control.controllers.forward_command import FORWARDERS
+from yumi.control.goals import GoalBuffer, GoalKind, write_goal, write_speeds
+from yumi.control.loop_commands import Commands
 from yumi.control.shared_state import PROBLEMS, JointStates, Problem, Snapshot
-from yumi.control.tool_path import checked_pose
 from yumi.driver.control_process import ArmBuffers, ControlProcess
 from yumi.driver.readiness import RobotState
 from yumi.driver.settings import RosSettings
 from yumi.driver.stops import Cause, because
 from yumi.errors import CommandRefused
+from yumi.planning.tool_path import checked_pose
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.joints import ZERO, Joints, Pose, Side, finger_names, joint_names, prefixed
 from yumi.robot.kinematics import IDENTITY, compose, inverse, tool0_to_body

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import msgspec
 
+from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER
 from yumi.api.connection import limits_of, shapes_of
-from yumi.api.motion import CARTESIAN_CONTROLLER, JOG_CONTROLLER, checked_goal
+from yumi.api.joint_positions import checked_goal
 from yumi.catalogue import FrontEnd, Message, message, said_by, sentence
 from yumi.control.shared_state import Limited
 from yumi.driver.endpoint import (

@@ -10,7 +10,7 @@ import pytest
 import yumi
 from fake_robot import FakeRobot
 from yumi.api.connect import print_step
-from yumi.api.robot import Arm
+from yumi.api.robot_arm import Arm
 from yumi.api.tool import Gripper
 from yumi.robot.joints import Side, home
 

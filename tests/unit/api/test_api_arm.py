@@ -6,10 +6,11 @@ import pytest
 
 from fake_robot import FakeRobot
 from refusals import refused
-from yumi.api.robot import Arm
+from yumi.api.robot_arm import Arm
 from yumi.api.tool import Gripper
 from yumi.control.controllers.joint_goal import StopMotion
-from yumi.control.shared_state import SessionLost, Snapshot
+from yumi.control.loop_events import SessionLost
+from yumi.control.shared_state import Snapshot
 from yumi.driver.endpoint import ArmMode
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import ZERO, Side, home, joint_names

@@ -11,8 +11,9 @@ import pytest
 from fake_robot import FakeRobot
 from refusals import refused
 from yumi.api.connect import AsyncArm, AsyncGripper, AsyncRobot
-from yumi.api.motion import Motion
-from yumi.api.robot import Arm, Robot
+from yumi.api.motion_registry import Motion
+from yumi.api.robot import Robot
+from yumi.api.robot_arm import Arm
 from yumi.api.tool import Gripper
 from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion

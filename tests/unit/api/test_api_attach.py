@@ -23,15 +23,18 @@ import pytest
 import yumi
 from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused
+from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.connection import RunningDriver, attach
-from yumi.api.motion import GOAL_CONTROLLER, RETREAT_SPEED_SCALE, STREAM_CONTROLLER, Motion, Way
+from yumi.api.motion_executor import RETREAT_SPEED_SCALE
+from yumi.api.motion_registry import Motion, Way
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
-from yumi.control.controllers.joint_trajectory import Outcome as TrajectoryOutcome
-from yumi.control.loop import ControllerCommand
-from yumi.control.shared_state import ControllerReport, JointStates, SessionLost, Snapshot
-from yumi.control.trajectory import ResultCode, TrajectoryPoint
+from yumi.control.loop_commands import ControllerCommand
+from yumi.control.loop_events import ControllerReport, SessionLost
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.shared_state import JointStates, Snapshot
+from yumi.control.trajectory_commands import FollowTrajectory, ResultCode, TrajectoryEnded
+from yumi.control.trajectory_commands import Outcome as TrajectoryOutcome
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import MAX_REQUEST, ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
@@ -282,7 +285,7 @@ def test_both_arms_move_at_once(driver: FakeDriver, attached: RunningDriver) -> 
 
 
 def test_controller_that_commanded_the_arm_does_so_again(driver: FakeDriver, attached: RunningDriver) -> None:
-    driver.robot.executor._activate([Side.RIGHT], STREAM_CONTROLLER)
+    driver.robot.executor.activate([Side.RIGHT], STREAM_CONTROLLER)
     driver.arrive()
     attached.move_to(right="home")
     assert driver.robot.executor.commanding(Side.RIGHT) == (STREAM_CONTROLLER,)
@@ -291,7 +294,7 @@ def test_controller_that_commanded_the_arm_does_so_again(driver: FakeDriver, att
 def test_controller_that_commanded_the_arm_does_so_again_after_a_refusal(
     driver: FakeDriver, attached: RunningDriver
 ) -> None:
-    driver.robot.executor._activate([Side.RIGHT], STREAM_CONTROLLER)
+    driver.robot.executor.activate([Side.RIGHT], STREAM_CONTROLLER)
     driver.robot.control.refuses = True
     with pytest.raises(CommandRefused, match="Not now"):
         attached.move_to(right="home")
@@ -299,7 +302,7 @@ def test_controller_that_commanded_the_arm_does_so_again_after_a_refusal(
 
 
 def test_arm_whose_motion_was_stopped_holds(driver: FakeDriver, attached: RunningDriver) -> None:
-    driver.robot.executor._activate([Side.RIGHT], STREAM_CONTROLLER)
+    driver.robot.executor.activate([Side.RIGHT], STREAM_CONTROLLER)
     with pytest.raises(GoalNotReached):
         attached.move_to(right="home", timeout=0.05)
     assert driver.robot.executor.commanding(Side.RIGHT) == (GOAL_CONTROLLER,)

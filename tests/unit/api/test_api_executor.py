@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from math import inf, nan
 from threading import Event
@@ -10,31 +10,30 @@ import pytest
 
 from fake_robot import FakeRobot, Switch
 from refusals import assert_says, refused
-from yumi.api.motion import (
-    GOAL_CONTROLLER,
-    JOG_CONTROLLER,
-    STREAM_CONTROLLER,
-    TRAJECTORY_CONTROLLER,
-    MotionRegistry,
-)
+from yumi.api import motion_executor
+from yumi.api.arm_access import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
+from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
-from yumi.control.controller import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.counters import WireCounters
-from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import (
+from yumi.control.goals import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
+from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.loop_events import (
     ControllerFailed,
     ControllerReport,
     ControlProcessEnded,
     RobotStoppedFollowing,
     SessionLost,
-    TrajectoryFeedback,
 )
-from yumi.control.trajectory import ArmPlan, JointTrajectory, ResultCode, TrajectoryPoint, plan_trajectory
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.shared_state import Skew, TrajectoryFeedback
+from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded
 from yumi.driver.stops import Cause
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
+from yumi.planning.tool_path import ToolMotion
+from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names
+from yumi.robot.kinematics import IDENTITY
 
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 BY_NAME = dict(zip(joint_names(Side.RIGHT), RIGHT, strict=True))
@@ -321,17 +320,20 @@ def test_both_arms_follow_from_the_same_moment_on(robot: FakeRobot) -> None:
 
 
 @pytest.mark.parametrize("change", [{"wire": WireCounters(session=2)}, {"activation": 9}])
-def test_a_path_planned_before_a_stop_is_not_followed_after_it(robot: FakeRobot, change: dict[str, Any]) -> None:
+def test_a_path_planned_before_a_stop_is_not_followed_after_it(
+    robot: FakeRobot, change: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     robot.control.on_command = robot.rest
 
-    def plan(_: object) -> dict[Side, ArmPlan]:
+    def plan(*_: object) -> Mapping[Side, ArmPlan]:
         before = robot.control.snapshots[Side.RIGHT]
         robot.control.snapshots[Side.RIGHT] = before._replace(**change)
         points = (TrajectoryPoint(1.0, RIGHT),)
         return plan_trajectory(JointTrajectory(joint_names(Side.RIGHT), points), (Side.RIGHT,), YUMI_LIMITS)
 
+    monkeypatch.setattr(motion_executor, "plan_tool_motions", plan)
     with refused(CommandRefused, "goal_refused", reason=message("interrupted_while_planned", arm="right")):
-        robot.executor.follow_path((Side.RIGHT,), plan)
+        robot.executor.follow_path({Side.RIGHT: ToolMotion(Pose((0.0, 0.0, 0.0), IDENTITY), ())})
     assert not any(isinstance(each.message, FollowTrajectory) for each in robot.control.commands)
 
 
@@ -424,7 +426,7 @@ def test_arm_on_a_trajectory_moves_however_slowly(robot: FakeRobot) -> None:
     now = 100.0
 
     def show(buffer: MemoryBuffer, number: int, time: float) -> bool:
-        buffer.write(TrajectoryFeedback(number, time, 1.0, 1.0, 0.0, 0.0, RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02))
+        buffer.write(TrajectoryFeedback(number, time, 1.0, 1.0, Skew(), RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02))
         return robot.executor.is_moving(Side.RIGHT)
 
     assert not robot.executor.is_moving(Side.RIGHT)
@@ -439,7 +441,7 @@ def test_trajectory_knows_how_far_it_is(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     (motion,) = robot.executor.follow({Side.RIGHT: [(4.0, RIGHT)]})
     assert (motion.progress, motion.remaining) == (0.0, None)  # the controller has not begun
-    feedback = TrajectoryFeedback(motion.identity, 0.0, 1.0, 0.5, 0.0, 0.0, RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02)
+    feedback = TrajectoryFeedback(motion.identity, 0.0, 1.0, 0.5, Skew(), RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02)
     robot.feedback[Side.RIGHT].write(feedback)
     assert (motion.progress, motion.remaining) == (0.25, 6.0)
 

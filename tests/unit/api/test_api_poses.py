@@ -13,12 +13,11 @@ import yumi
 from fake_robot import FakeRobot
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
-from yumi.api import motion
-from yumi.api.motion import GOAL_CONTROLLER
-from yumi.api.robot import Arm
+from yumi.api import motion_executor
+from yumi.api.arm_access import GOAL_CONTROLLER
+from yumi.api.robot_arm import Arm
 from yumi.api.tool import (
     Frames,
-    ToolMotion,
     boxes_from,
     checked_angle,
     pose,
@@ -26,12 +25,16 @@ from yumi.api.tool import (
     poses_from,
     posture_for,
     postures_of,
-    tool_planner,
 )
 from yumi.catalogue import message
-from yumi.control.tool_path import SPEED, TURNING, ToolLimits, Waypoint
+from yumi.control.tool_limits import ToolLimits
 from yumi.errors import CommandRefused
 from yumi.robot.confdata import configuration
+from yumi.planning.tool_path import SPEED
+from yumi.planning.tool_path import TURNING
+from yumi.planning.tool_path import ToolMotion
+from yumi.planning.tool_path import Waypoint
+from yumi.planning.tool_path import plan_tool_motions
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, joints
@@ -178,7 +181,7 @@ def test_both_arms_end_at_the_same_time() -> None:
         x, y, z = (here := tool0_to_body(side, start)).position
         goal = Waypoint(Pose((x, y, z + ways[side]), here.orientation))
         paths[side] = ToolMotion(Pose((0.0, 0.0, 0.0), IDENTITY), (goal,))
-    plans = tool_planner(paths, YUMI_LIMITS, ToolLimits())(starts)
+    plans = plan_tool_motions(paths, starts, YUMI_LIMITS, ToolLimits())
     assert plans[Side.RIGHT].spline.end == pytest.approx(plans[Side.LEFT].spline.end)
     assert plans[Side.RIGHT].spline.last.time == plans[Side.RIGHT].spline.end
 
@@ -225,14 +228,16 @@ def test_a_line_keeps_the_scale_of_speeds(
 ) -> None:
     paths: dict[Side, ToolMotion] = {}
 
-    def refuse(asked: dict[Side, ToolMotion], *limits: object) -> None:
+    def refuse(asked: dict[Side, ToolMotion], *others: object) -> None:
         paths.update(asked)
         raise CommandRefused("Enough.")
 
-    monkeypatch.setattr(motion, "tool_planner", refuse)
+    monkeypatch.setattr(motion_executor, "plan_tool_motions", refuse)
+    robot = FakeRobot()
+    robot.control.on_command = robot.rest
     goal, tool = {Side.RIGHT: HERE.position}, {Side.RIGHT: Pose((0.0, 0.0, 0.0), IDENTITY)}
     with pytest.raises(CommandRefused, match="Enough"):
-        FakeRobot().executor.move_tools(goal, tool, 0.25, None, line_speed, is_linear=True)
+        robot.executor.move_tools(goal, tool, 0.25, None, line_speed, is_linear=True)
     assert paths[Side.RIGHT].speed == 0.25 * speed
     assert paths[Side.RIGHT].turning == 0.25 * TURNING
 

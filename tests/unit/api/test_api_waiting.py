@@ -7,8 +7,8 @@ import pytest
 
 from fake_robot import FakeRobot
 from refusals import refused
-from yumi.api import motion as waiting
-from yumi.api.motion import wait_for
+from yumi.api import arm_access as waiting
+from yumi.api.arm_access import wait_for
 from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalOutcome, StopMotion
 from yumi.errors import GoalNotReached

@@ -8,8 +8,8 @@ import pytest
 
 from refusals import refused
 from yumi.cli.robot import fill_message, message_values, parameter_line
-from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.goals import MemoryBuffer
 from yumi.errors import SettingsError
 from yumi.robot.joints import Side, joint_names
 

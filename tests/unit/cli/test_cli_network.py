@@ -11,7 +11,7 @@ from unittest.mock import MagicMock
 import pytest
 from click.testing import CliRunner
 
-from yumi.api.motion import MotionRegistry
+from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli import demo
 from yumi.cli.main import main

@@ -20,8 +20,8 @@ from click.testing import CliRunner
 
 from fake_driver import ROBOT, FakeDriver
 from refusals import refused
+from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.connection import attach
-from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.catalogue import Action, FrontEnd, clause, message, sentence
 from yumi.cli import robot as commands
 from yumi.cli.main import main

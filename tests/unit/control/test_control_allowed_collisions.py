@@ -10,13 +10,15 @@ import pytest
 from refusals import assert_says, refused
 from yumi.catalogue import Message, message
 from yumi.clock import ManualClock
+from yumi.control.allowed_collisions import CONTACT_SPEED_SCALE, AllowedCollisions
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
-from yumi.control.loop import CONTACT_SPEED_SCALE, AllowedCollisions, ArmLoop
-from yumi.control.motion import EGM_GAIN, Setpoint
+from yumi.control.loop import ArmLoop
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.motion.setpoint import Setpoint
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
 from yumi.errors import CommandRefused

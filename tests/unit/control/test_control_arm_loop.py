@@ -6,24 +6,24 @@ from controller_arms import LimitedArm
 from egm_loop import EgmLoop
 from refusals import assert_says
 from yumi.catalogue import message
-from yumi.control.controller import Controller, MemoryBuffer
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.controller import Controller
 from yumi.control.counters import LimiterCounters, WireCounters
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
-from yumi.control.loop import LONGEST_UNANSWERED, ArmLoop, Commands
-from yumi.control.shared_state import (
+from yumi.control.loop import LONGEST_UNANSWERED, ArmLoop
+from yumi.control.loop_commands import Commands
+from yumi.control.loop_events import (
     ControllerFailed,
     ControllersLate,
-    Limited,
     RobotFollows,
     RobotStoppedFollowing,
     SessionLost,
     SessionResumed,
     SessionStarted,
-    Snapshot,
     is_fault,
-    read_snapshot,
 )
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.shared_state import Limited, Snapshot, read_snapshot
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 
 

@@ -9,16 +9,11 @@ from hypothesis import strategies as st
 
 from refusals import refused
 from trajectories import REST, moved, planned, swing
-from yumi.control.motion import Setpoint
-from yumi.control.trajectory import (
-    START_TOLERANCE,
-    ResultCode,
-    Spline,
-    SplineSampler,
-    TrajectoryPoint,
-    blend,
-    check_motion,
-)
+from yumi.control.motion.blending import START_TOLERANCE, blend
+from yumi.control.motion.setpoint import Setpoint
+from yumi.control.motion.spline import Spline, SplineSampler, TrajectoryPoint
+from yumi.control.motion.spline_limits import check_motion
+from yumi.control.trajectory_commands import ResultCode
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 

@@ -5,7 +5,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from ruckig import ControlInterface, InputParameter, Ruckig, Trajectory
 
-from yumi.control.motion import BrakingPath, braking_path
+from yumi.control.motion.joint_steps import BrakingPath, braking_path
 
 TOP, JERK = 20.0, 300.0
 

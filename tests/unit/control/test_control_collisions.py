@@ -18,13 +18,16 @@ from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
 from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN, DISTANCES, MARGIN, CollisionLimiter
-from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN, SERVO_CYCLES, Setpoint, plan_gain, slower, stop, travel
-from yumi.control.shared_state import KeptApart
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.loop_events import KeptApart
+from yumi.control.motion.point_motion import stop, travel
+from yumi.control.motion.robot_response import EGM_GAIN, SERVO_CYCLES, plan_gain
+from yumi.control.motion.setpoint import Setpoint, slower
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.trajectory_commands import Outcome, Tolerances
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import (
@@ -697,7 +700,7 @@ def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_fol
     way, least, late = travel(Setpoint(start), goal, slower(YUMI_LIMITS, 0.95, 0.9)), np.inf, 0.0
 
     def follow(these: ApartArms, side: Side) -> ArmCommand:
-        now = way.at(len(these.costs) * CYCLE)
+        now = way.setpoint(len(these.costs) * CYCLE)
         return ArmCommand(now.position, now.velocity)
 
     behind = (SERVO_CYCLES + 0.5) * CYCLE  # by which a position is sent later than its speed
@@ -706,7 +709,7 @@ def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_fol
         late = max(late, dist(arms.sent[Side.RIGHT].position, arms.arms[Side.RIGHT].planned))
         if cycle % 10 == 0 and cycle * CYCLE < way.duration:
             least = min(least, arms.least_without_links())
-        sent = way.at(max(0.0, len(arms.costs) * CYCLE - behind)).position
+        sent = way.setpoint(max(0.0, len(arms.costs) * CYCLE - behind)).position
         assert arms.sent[Side.RIGHT].position == pytest.approx(sent, abs=0.02)
     assert arms.limiters[Side.RIGHT].counters.kept_apart == 0
     assert late > 0.1

@@ -4,13 +4,13 @@ import pytest
 
 from controller_states import JOINTS, configured, moved, state
 from refusals import refused
-from yumi.control.controller import GoalKind, MemoryBuffer, write_goal, write_speeds
-from yumi.control.controllers.joint_position import (
+from yumi.control.controllers.forward_command import (
     FORWARDERS,
     ForwardCommandController,
     JointGroupPositionController,
     JointGroupVelocityController,
 )
+from yumi.control.goals import GoalKind, MemoryBuffer, write_goal, write_speeds
 from yumi.errors import CommandRefused
 from yumi.robot.joints import ZERO, ArmCommand, Joints
 

@@ -9,8 +9,8 @@ import pytest
 
 from refusals import assert_says, refused
 from yumi.catalogue import message
-from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, home, joints
 

@@ -3,8 +3,9 @@ from __future__ import annotations
 import pytest
 
 from controller_states import JOINTS, configured, moved, state
-from yumi.control.controller import MemoryBuffer, write_goal
-from yumi.control.controllers.joint_position import JointPositionController, JointStateBroadcaster
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
+from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.robot.joints import CYCLE, ZERO, Joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 

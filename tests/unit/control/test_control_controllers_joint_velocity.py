@@ -6,8 +6,8 @@ from math import nan
 import pytest
 
 from controller_states import configured, moved, state
-from yumi.control.controller import MemoryBuffer, write_speeds
-from yumi.control.controllers.joint_position import JointVelocityController
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.goals import MemoryBuffer, write_speeds
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints
 
 

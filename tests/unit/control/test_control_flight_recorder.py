@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.control.controller import RECEIVE, StageClock
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, flight_memory
+from yumi.control.stage_times import RECEIVE, StageClock
 from yumi.robot.joints import ArmCommand, ArmState, Joints, joints
 
 STATIONS = StageClock()

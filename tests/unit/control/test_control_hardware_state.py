@@ -4,8 +4,11 @@ import pytest
 
 from refusals import refused
 from unit.control.controller_doubles import RUNNING, Double, Watcher
-from yumi.control.controller import MARK_COUNT, InterfaceInfo, State, Statistics
-from yumi.control.controller_manager import STATISTICS_WINDOW, ControllerManager
+from yumi.control.controller import State
+from yumi.control.controller_info import InterfaceInfo, Statistics
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.manager.hardware_component import STATISTICS_WINDOW
+from yumi.control.stage_times import MARK_COUNT
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side, joint_names
 

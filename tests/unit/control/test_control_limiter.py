@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from soak import long, short
 from yumi.control.limiter import Limiter
 from yumi.control.limiter_state import LimiterState
-from yumi.control.motion import EGM_GAIN
+from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.shared_state import Problem
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, change_rate, joints
 

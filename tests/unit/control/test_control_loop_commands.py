@@ -8,11 +8,15 @@ import pytest
 from controller_arms import LimitedArm, PerfectArm
 from unit.control.controller_doubles import RUNNING, Double
 from yumi.catalogue import Message, in_words, message
-from yumi.control.controller import MemoryBuffer, State
-from yumi.control.controller_manager import ControllerManager, Strictness
+from yumi.control.controller import State
+from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
-from yumi.control.loop import COMMANDS, ArmLoop, Commands, ControllerCommand, serve
-from yumi.control.shared_state import ControllerReport, Snapshot, read_snapshot
+from yumi.control.loop import ArmLoop
+from yumi.control.loop_commands import COMMANDS, Commands, ControllerCommand, serve
+from yumi.control.loop_events import ControllerReport
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.manager.controller_switch import Strictness
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 

@@ -7,7 +7,7 @@ import pytest
 from refusals import assert_says, refused
 from yumi.catalogue import message
 from yumi.control.controller import TRANSITIONS, Controller, State, Transition
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.manager.controller_manager import ControllerManager
 from yumi.errors import CommandRefused
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 from yumi.settings import Parameter, Values

@@ -5,8 +5,9 @@ import pytest
 from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, Double, Watcher
 from yumi.catalogue import message
-from yumi.control.controller import Controller, ControllerInfo, State
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.controller import Controller, State
+from yumi.control.controller_info import ControllerInfo
+from yumi.control.manager.controller_manager import ControllerManager
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side, joint_names
 

@@ -5,7 +5,7 @@ import itertools
 from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, THERE, Double
 from yumi.catalogue import message
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.manager.controller_manager import ControllerManager
 from yumi.errors import CommandRefused
 from yumi.robot.joints import ZERO, ArmCommand, Joints, Side, joint_names
 

@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from soak import long, short, tell
-from yumi.control.tool_path import UNLIMITED, MotionLimits, RoundedPath, accelerating_law, demand, fastest_along
+from yumi.planning.path_timing import UNLIMITED, MotionLimits, accelerating_law, demand, fastest_along
+from yumi.planning.rounded_path import RoundedPath
 from yumi.robot.joints import CYCLE, YUMI_LIMITS
 
 Array = NDArray[np.float64]

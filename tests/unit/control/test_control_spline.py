@@ -9,16 +9,16 @@ from math import inf, isnan, nan
 import pytest
 
 from trajectories import moved
-from yumi.control.trajectory import (
+from yumi.control.motion.spline import (
     Segment,
     Segments,
     Spline,
     SplineSampler,
     TrajectoryPoint,
-    excess,
     segment_between,
     spline_through,
 )
+from yumi.control.motion.spline_limits import excess
 from yumi.robot.joints import Side, home
 
 HOME = home(Side.LEFT)

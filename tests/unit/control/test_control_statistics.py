@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.clock import ManualClock
-from yumi.control.controller import (
+from yumi.control.controller_info import Statistics
+from yumi.control.stage_times import (
     AFTER_REPLY,
     DECODE,
     ENCODE,
@@ -19,7 +20,6 @@ from yumi.control.controller import (
     RunningStatistics,
     StageClock,
     StageTimes,
-    Statistics,
 )
 
 

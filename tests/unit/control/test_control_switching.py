@@ -6,7 +6,8 @@ from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, Double, Watcher
 from yumi.catalogue import Message, in_words, message
 from yumi.control.controller import State
-from yumi.control.controller_manager import ControllerManager, Strictness
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.manager.controller_switch import Strictness
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import Side, joint_names
 

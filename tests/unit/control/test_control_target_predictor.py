@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller_states import moved
-from yumi.control.controller import UNKNOWN
-from yumi.control.motion import TargetPredictor
+from yumi.control.goals import UNKNOWN
+from yumi.control.motion.target_predictor import TargetPredictor
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, joints
 
 PERIOD = 0.004

@@ -10,9 +10,12 @@ import pytest
 from cartesian_bench import deviation, shares
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
-from yumi.control.tool_path import ToolPath, Waypoint, plan_path
-from yumi.control.trajectory import ArmPlan, SplineSampler, TrajectoryPoint, smooth_spline_through, stretched
+from yumi.control.motion.spline import SplineSampler, TrajectoryPoint
+from yumi.control.trajectory_commands import ArmPlan
 from yumi.errors import CommandRefused
+from yumi.planning.common_time import stretched
+from yumi.planning.smoothing import smooth_spline_through
+from yumi.planning.tool_path import ToolPath, Waypoint, plan_path
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, joints
 from yumi.robot.kinematics import multiply, quaternion_of, tool0_to_body

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller_states import moved
-from yumi.control.motion import Setpoint, TrackingFilter
+from yumi.control.motion.setpoint import Setpoint
+from yumi.control.motion.tracking_filter import TrackingFilter
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints
 
 Path = Callable[[float], tuple[float, float, float]]

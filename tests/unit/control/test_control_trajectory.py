@@ -7,15 +7,11 @@ from typing import Any
 import pytest
 
 from refusals import refused
-from yumi.control.trajectory import (
-    MOST_POINTS,
-    JointTrajectory,
-    ResultCode,
-    TrajectoryPoint,
-    plan_trajectory,
-    time_to_start,
-)
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.trajectory_commands import ResultCode
 from yumi.errors import TrajectoryRefused
+from yumi.planning.common_time import time_to_start
+from yumi.planning.trajectory_request import MOST_POINTS, JointTrajectory, plan_trajectory
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, home, joint_names
 
 RIGHT, LEFT = joint_names(Side.RIGHT), joint_names(Side.LEFT)

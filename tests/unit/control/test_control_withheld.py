@@ -10,21 +10,22 @@ import pytest
 
 from controller_states import configured, state
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import Controller, MemoryBuffer, SessionGoal, write_speeds
-from yumi.control.controllers.cartesian import CartesianController, ToolGoal, twist_goal
+from yumi.control.controller import Controller
+from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.controllers.forward_command import JointGroupVelocityController
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController, StopMotion
-from yumi.control.controllers.joint_position import JointGroupVelocityController, JointVelocityController
-from yumi.control.controllers.joint_trajectory import (
-    CancelTrajectory,
-    FollowTrajectory,
-    JointTrajectoryController,
-    Outcome,
-    TrajectoryEnded,
-)
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.goals import MemoryBuffer, SessionGoal, write_speeds
 from yumi.control.limiter import Limiter
-from yumi.control.motion import AT_GOAL, EGM_GAIN
-from yumi.control.shared_state import ControllerReport, TrajectoryFeedback
-from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
+from yumi.control.loop_events import ControllerReport
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.motion.standstill import AT_GOAL
+from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.tool_goal import ToolGoal, twist_goal
+from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.planning.smoothing import smooth_spline_through
 from yumi.robot.collision import CollisionModel
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Side, home, joints

@@ -14,8 +14,9 @@ import pytest
 
 from refusals import refused
 from yumi.control.counters import WireCounters
-from yumi.control.loop import Commands
-from yumi.control.shared_state import ControlProcessEnded, CycleFailed, Event, Snapshot
+from yumi.control.loop_commands import Commands
+from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event
+from yumi.control.shared_state import Snapshot
 from yumi.driver import control_process
 from yumi.driver.control_process import HUNG, STALE, STARTING, ControlProcess
 from yumi.errors import RobotNotReady

@@ -13,8 +13,9 @@ import pytest
 from refusals import assert_says
 from yumi.catalogue import clause, message
 from yumi.clock import ManualClock
-from yumi.control.loop import AllowedCollisions
-from yumi.control.shared_state import ControllerFailed, CycleFailed, ReportsDropped, shared_numbers
+from yumi.control.allowed_collisions import AllowedCollisions
+from yumi.control.loop_events import ControllerFailed, CycleFailed, ReportsDropped
+from yumi.control.shared_memory import shared_numbers
 from yumi.driver import control_process
 from yumi.driver.control_process import (
     UNREADABLE,

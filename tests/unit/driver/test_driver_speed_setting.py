@@ -9,7 +9,7 @@ import pytest
 
 from refusals import assert_says, refused
 from yumi.catalogue import Action
-from yumi.control.controller import MemoryBuffer
+from yumi.control.goals import MemoryBuffer
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.settings import RobotSettings, Settings

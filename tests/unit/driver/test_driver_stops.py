@@ -6,7 +6,7 @@ import pytest
 
 from yumi.catalogue import message
 from yumi.catalogue.texts.events import KNOWN_NUMBERS
-from yumi.control.shared_state import RobotStoppedFollowing, SessionLost
+from yumi.control.loop_events import RobotStoppedFollowing, SessionLost
 from yumi.driver.stops import Cause, because, cause_among, explain, explained, is_without_person, needs_person
 from yumi.robot.joints import Side
 from yumi.rws.documents import Event

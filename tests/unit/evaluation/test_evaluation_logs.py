@@ -12,8 +12,8 @@ import pytest
 from virtual_logs import HOME
 
 from refusals import refused
-from yumi.control.controller import StageTimes
 from yumi.control.flight_recorder import Frame
+from yumi.control.stage_times import StageTimes
 from yumi.errors import CommandRefused, YumiError
 from yumi.recording.writer import RecordingWriter
 from yumi.robot.joints import CYCLE, Side, joint_names, joints

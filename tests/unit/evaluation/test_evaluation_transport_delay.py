@@ -6,9 +6,10 @@ from math import pi, radians, sin
 import pytest
 from transport_delay import transport_delay
 
-from yumi.control.controller import MemoryBuffer, StageClock, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
+from yumi.control.goals import MemoryBuffer, write_goal
+from yumi.control.stage_times import StageClock
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, joints
 from yumi.settings import Values

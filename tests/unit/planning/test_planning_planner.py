@@ -23,11 +23,17 @@ from soak import long, short, tell
 from trajectories import sent_beside_speeds
 from yumi.catalogue import Message
 from yumi.control.collisions import BODY_MARGIN
-from yumi.control.motion import SERVO_CYCLES
-from yumi.control.trajectory import JointTrajectory, SplineSampler, plan_trajectory
+from yumi.control.motion.robot_response import SERVO_CYCLES
+from yumi.control.motion.spline import SplineSampler
 from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan
-from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner
-from yumi.planning.scene_description import disabled_pairs, planning_description
+from yumi.planning.planner import CLEARANCES
+from yumi.planning.planner import Goal
+from yumi.planning.planner import Plan
+from yumi.planning.planner import Planner
+from yumi.planning.scene_description import disabled_pairs
+from yumi.planning.scene_description import planning_description
+from yumi.planning.trajectory_request import JointTrajectory
+from yumi.planning.trajectory_request import plan_trajectory
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joint_names, joints, named_pose
@@ -426,9 +432,10 @@ def test_arms_that_were_stopped_in_front_of_each_other_are_led_home() -> None:
 LEFT_BEHIND = """
 import threading
 from yumi.planning.planner import Planner
-from yumi.control.motion import Setpoint, travel
+from yumi.control.motion.point_motion import travel
+from yumi.control.motion.setpoint import Setpoint
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, home
-from yumi.api.motion import MotionRegistry, Way
+from yumi.api.motion_registry import MotionRegistry, Way
 
 planner = Planner()
 motion = MotionRegistry().begin(Side.RIGHT)

@@ -24,8 +24,10 @@ import pytest
 
 from refusals import refused
 from yumi.clock import ManualClock, SystemClock
-from yumi.control.controller import write_goal
-from yumi.control.shared_state import Event, Snapshot, is_fault, new_cycle_event, read_snapshot, shared_numbers
+from yumi.control.goals import write_goal
+from yumi.control.loop_events import Event, is_fault
+from yumi.control.shared_memory import new_cycle_event, shared_numbers
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.driver.control_process import ArmBuffers, ControlServer, Stop
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms

@@ -12,9 +12,9 @@ from mcap.reader import make_reader
 
 from flight import CYCLE, LOST, flown, write_flight_record
 from refusals import refused
-from yumi.control.controller import StageTimes
 from yumi.control.flight_recorder import Frame
-from yumi.control.shared_state import RobotFollows
+from yumi.control.loop_events import RobotFollows
+from yumi.control.stage_times import StageTimes
 from yumi.errors import ProtocolError
 from yumi.recording.message_types import CYCLE_SCHEMA, RecordedEvent, decode_cycle, frame_message, recorded_event
 from yumi.recording.reader import read_recording

@@ -11,7 +11,7 @@ from flight import CYCLE, LOST, flown, record_motion
 from refusals import refused
 from yumi.clock import ManualClock, SystemClock, comes_true
 from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
-from yumi.control.shared_state import (
+from yumi.control.loop_events import (
     ControllerFailed,
     ControlProcessEnded,
     CycleFailed,

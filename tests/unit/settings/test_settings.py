@@ -11,7 +11,7 @@ from refusals import assert_says, refused
 from yumi.catalogue import Message, message
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.tool_path import ToolLimits, Wall
+from yumi.control.tool_limits import ToolLimits, Wall
 from yumi.driver.settings import Settings, config_folder, override, read_controllers, read_settings
 from yumi.errors import SettingsError
 from yumi.robot.description import SERVO_GRIPPERS

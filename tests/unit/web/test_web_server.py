@@ -17,14 +17,15 @@ from msgspec.structs import replace
 
 from fake_driver import BOX, FakeDriver
 from refusals import refused
-from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
+from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.catalogue import FrontEnd, Message, sentence
 from yumi.catalogue import message as say
 from yumi.control.controllers.joint_goal import StopMotion
-from yumi.control.controllers.joint_trajectory import FollowTrajectory
-from yumi.control.loop import Commands
-from yumi.control.shared_state import RobotFollows, Snapshot
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.loop_commands import Commands
+from yumi.control.loop_events import RobotFollows
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.shared_state import Snapshot
+from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import Surroundings, find_driver
 from yumi.errors import SettingsError

@@ -50,7 +50,6 @@ SCRIPT: Mapping[str, Text] = {
         "plan refused: the {arm} arm is {distance:.1°} away from where it was when the plan was made", "plan again"
     ),
     # ---- jogging and streams
-    "jog_controller_missing": Text("the {arm} arm cannot be jogged: it has no {controller}"),
     "jog_speeds_malformed": Text("jog refused: expected {count} finite speeds [rad/s] in chain order, got {given}"),
     "jog_twist_malformed": Text("jog refused: expected {count} velocities of the tool, got {given}"),
     "jog_streamed_by_another": Text(

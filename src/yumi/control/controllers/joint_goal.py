@@ -1,7 +1,7 @@
 """The joint goal controller: takes an arm to single points, on ways it plans and may replan at any moment.
 
-The way keeps the joints' speeds, accelerations and jerks (:mod:`yumi.control.motion`). Its speed is fed forward
-beside its position, so that the robot's own loop has no error left to make speed of and follows without lag
+The way keeps the joints' speeds, accelerations and jerks (:mod:`yumi.control.motion.point_motion`). Its speed is fed
+forward beside its position, so that the robot's own loop has no error left to make speed of and follows without lag
 (reference/egm.md §6.1).
 """
 
@@ -12,18 +12,12 @@ from dataclasses import dataclass
 from enum import Enum
 
 from yumi.catalogue import Message, clause, message, remedy_of
-from yumi.control.controller import Controller, GoalBuffer, check_position, read_goal
-from yumi.control.motion import (
-    STANDING,
-    PointMotion,
-    Setpoint,
-    StandstillDetector,
-    is_held_back,
-    largest_difference,
-    slower,
-    stop,
-    travel,
-)
+from yumi.control.controller import Controller
+from yumi.control.goals import GoalBuffer, check_position, read_goal
+from yumi.control.motion.point_motion import PointMotion, stop, travel
+from yumi.control.motion.robot_response import STANDING
+from yumi.control.motion.setpoint import Setpoint, largest_difference, slower
+from yumi.control.motion.standstill import StandstillDetector, is_held_back
 from yumi.control.speed_scale import SpeedScale
 from yumi.errors import CommandRefused
 from yumi.robot.joints import (
@@ -118,10 +112,10 @@ class JointGoalController(Controller):
 
     Commands come by :meth:`receive`, goals also by a buffer; each command's end is an event. An arm that moves when
     the controller is activated is held until it stands, and then sent to its goal
-    (:class:`yumi.control.motion.StandstillDetector`).
+    (:class:`yumi.control.motion.standstill.StandstillDetector`).
 
     Args:
-        goals: where goals arrive without an identity, see :mod:`yumi.control.controller`.
+        goals: where goals arrive without an identity, see :mod:`yumi.control.goals`.
         limits: of the joints.
         period: time between two states of the arm [s]; a late one finds the arm no further on its way than that allows.
         speed: the factor on the arm's speed; time on its way to a goal goes by slower by it.
@@ -203,7 +197,7 @@ class JointGoalController(Controller):
                 self._start(self._planned(self._order)[1])
         scale = self._scale
         self._time += min(state.dt, self._period) * (scale if self._time < self._motion.duration else 1.0)
-        self._setpoint = self._motion.at(self._time)
+        self._setpoint = self._motion.setpoint(self._time)
         if self._order is not None:
             self._check_progress(state)
         return ArmCommand(*self._setpoint.scaled(scale)[:2])

@@ -1,37 +1,29 @@
-"""The controllers that take joint positions or speeds as they come, and the one that passes the joints' state on.
+"""The joint position controller: follows a stream of joint positions.
 
-:class:`JointPositionController` is the thesis's PID on the measured position. By default it commands
+It is the thesis's PID on the measured position. By default it commands
 ``measured + PID(goal - measured)``, with the parameters of ros2_control's ``control_toolbox``. With the robot's own
 loop behind it the arm approaches the goal as a first-order lag of 1 / (5 s⁻¹ · P) (reference/egm.md §6.1).
 
 With ``tracking.feed_forward`` it follows a stream of goals almost without lag. They are taken for samples of a motion:
 where it will be when the robot gets there, ``tracking.delay`` from now, is predicted from the goals and their times,
-followed within the joints' limits (:mod:`yumi.control.motion`), and sent to the robot together with its speed. The
-robot's own loop, whose lag the PID controller cannot remove, then has nothing left to close.
-
-:class:`ForwardCommandController` and its two kinds take positions or speeds by index, :class:`JointVelocityController`
-takes speeds and stops when no more come. Speeds are ramped within the joints' limits and sent to the robot together
-with positions that move along, so that they work with PosCorrGain 0 as with 1. :class:`JointStateBroadcaster` commands
-nothing.
+followed within the joints' limits (:mod:`yumi.control.motion.tracking_filter`), and sent to the robot together with its
+speed. The robot's own loop, whose lag the PID controller cannot remove, then has nothing left to close.
 """
 
 from __future__ import annotations
 
 from math import inf
 
-from yumi.control.controller import IDLE, Buffer, Controller, Goal, GoalBuffer, GoalInbox, GoalKind, check_joints
-from yumi.control.motion import (
-    DELAY,
-    SpeedMotion,
-    TargetPredictor,
-    TrackingFilter,
-    fixed,
-    speeds_without_noise,
-)
-from yumi.control.shared_state import JointStates
+from yumi.control.controller import IDLE, Controller
+from yumi.control.goals import Goal, GoalBuffer, GoalInbox, GoalKind
+from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.setpoint import fixed
+from yumi.control.motion.speed_motion import speeds_without_noise
+from yumi.control.motion.target_predictor import TargetPredictor
+from yumi.control.motion.tracking_filter import TrackingFilter
 from yumi.control.speed_scale import SpeedScale
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
-from yumi.settings import Parameter, Values, flag, number, text
+from yumi.settings import Parameter, Values, flag, number
 
 _NO_SPEED = 1e-6  # [rad/s] not worth feeding forward
 
@@ -59,7 +51,7 @@ class JointPositionController(Controller):
     """Takes goals for all joints of an arm from a buffer.
 
     Args:
-        goals: where goals arrive, see :mod:`yumi.control.controller`.
+        goals: where goals arrive, see :mod:`yumi.control.goals`.
         limits: what the joints may do while they follow a stream.
         speed: the factor on their speeds.
     """
@@ -161,217 +153,3 @@ class JointPositionController(Controller):
         target = self._predictor.at(state.time, self._delay)
         position, velocity, _ = self._filter.step(target, state.dt, self._speed.value)
         return ArmCommand(position, velocity if max(map(abs, velocity)) > _NO_SPEED else ZERO)
-
-
-# ---- forward commands
-
-_TIMEOUT = Parameter(
-    "timeout", 0.5, 0.0, 10.0, "s", "Without a new speed for so long, the arm stops; 0 lets it go on for ever."
-)
-
-
-class ForwardCommandController(Controller):
-    """Forwards what arrives for all joints of an arm, as it is; the limiter keeps it within what the arm can do.
-
-    Where it differs from upstream (reference/ros2_control.md §3.3), on purpose:
-
-    - an array of the wrong length is refused with a sentence, where upstream the controller fails and is deactivated;
-    - a position out of its range is refused, as everywhere else;
-    - speeds that are not confirmed end after ``timeout``, where upstream they go on for ever; 0 switches this off;
-    - ``joints`` has to be all joints of the arm in chain order, since ranges are checked where the message arrives;
-    - speeds claim the positions, too: the robot gets positions that move along.
-
-    Args:
-        positions: where positions arrive.
-        speeds: where speeds arrive.
-        limits: what the joints may do.
-        speed: the factor on their speeds.
-    """
-
-    kind = "forward_command_controller/ForwardCommandController"
-    _interface: str | None = None
-
-    def __init__(
-        self,
-        positions: GoalBuffer,
-        speeds: GoalBuffer,
-        limits: JointLimits = YUMI_LIMITS,
-        speed: SpeedScale | None = None,
-    ) -> None:
-        self._speed = speed or SpeedScale()
-        self._buffers = {"position": GoalInbox(positions), "velocity": GoalInbox(speeds)}
-        self._motion = SpeedMotion(limits)
-        self._joint_names: tuple[str, ...] = ()
-        self._timeout = 0.0
-        self._forwarded = self._interface or "position"
-        self._wanted: Joints | None = None
-        self._given_at = -inf
-
-    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
-        self._joint_names = joint_names
-        kinds = (self._interface,) if self._interface else ("position", "velocity")
-        return (
-            Parameter("joints", joint_names, description="The arm's joints in chain order.", read_only=True),
-            Parameter("interface_name", kinds[0], choices=kinds, description="What is forwarded.", read_only=True),
-            _TIMEOUT,
-        )
-
-    def configure(self, values: Values) -> None:
-        check_joints(values, self._joint_names, in_order=True)
-        self._forwarded = text(values, "interface_name")
-        self._timeout = number(values, "timeout")
-
-    @property
-    def goal_kind(self) -> GoalKind:  # type: ignore[override]  # a parameter decides
-        return GoalKind.FORWARD_POSITION if self._forwarded == "position" else GoalKind.FORWARD_VELOCITY
-
-    def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
-        kinds = ("position",) if self._forwarded == "position" else ("position", "velocity")
-        return tuple(f"{name}/{kind}" for name in joint_names for kind in kinds)
-
-    def activate(self, state: ArmState) -> None:
-        self._buffers[self._forwarded].forget()
-        self._wanted, self._given_at = None, -inf
-        self._motion.begin(state)
-
-    def update(self, state: ArmState) -> ArmCommand | None:
-        """None, which holds, until the first message."""
-        goal = self._buffers[self._forwarded].take(state.session, state.time)
-        if self._forwarded == "position":
-            if goal is not None:
-                self._wanted, self._given_at = goal.position, state.time
-            return None if self._wanted is None else ArmCommand(self._wanted)
-        if goal is not None:
-            self._wanted, self._given_at = goal.velocity, goal.time
-        if self._wanted is None:
-            return None
-        is_silent = 0.0 < self._timeout < state.time - self._given_at
-        return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
-
-    def note_withheld(self, position: Joints) -> None:
-        self._motion.give_up(position)
-
-    def is_idle(self, now: float) -> bool:
-        return now - self._given_at > IDLE
-
-    @property
-    def reference(self) -> Joints | None:
-        if self._forwarded == "position":
-            return self._wanted
-        return None if self._wanted is None else self._motion.position
-
-
-class JointGroupPositionController(ForwardCommandController):
-    """Positions by index."""
-
-    kind = "position_controllers/JointGroupPositionController"
-    _interface = "position"
-
-
-class JointGroupVelocityController(ForwardCommandController):
-    """Speeds by index."""
-
-    kind = "velocity_controllers/JointGroupVelocityController"
-    _interface = "velocity"
-
-
-FORWARDERS = (ForwardCommandController, JointGroupPositionController, JointGroupVelocityController)
-"""All types of forward command controllers."""
-
-
-# ---- joint velocity
-
-
-class JointVelocityController(Controller):
-    """Takes speeds for all joints of an arm from a buffer.
-
-    Args:
-        speeds: where they arrive, see :func:`yumi.control.controller.write_speeds`.
-        limits: what the joints may do.
-        speed: the factor on their speeds.
-    """
-
-    kind = "yumi_controllers/JointVelocityController"
-    goal_kind = GoalKind.VELOCITY
-
-    def __init__(self, speeds: GoalBuffer, limits: JointLimits = YUMI_LIMITS, speed: SpeedScale | None = None) -> None:
-        self._speed = speed or SpeedScale()
-        self._inbox = GoalInbox(speeds)
-        self._motion = SpeedMotion(limits)
-        self._wanted: Joints = ZERO
-        self._given_at = -inf
-        self._timeout = inf
-        self._is_active = False
-
-    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
-        return (Parameter("timeout", 0.1, 0.01, 2.0, "s", "Without a new speed for so long, the arm stops."),)
-
-    def configure(self, values: Values) -> None:
-        self._timeout = number(values, "timeout")
-
-    def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
-
-    def activate(self, state: ArmState) -> None:
-        self._inbox.forget()
-        self._wanted, self._given_at = ZERO, -inf
-        self._motion.begin(state)
-        self._is_active = True
-
-    def deactivate(self) -> None:
-        self._is_active = False
-
-    def update(self, state: ArmState) -> ArmCommand | None:
-        goal = self._inbox.take(state.session, state.time)
-        if goal is not None:
-            self._wanted, self._given_at = goal.velocity, goal.time
-        is_silent = state.time - self._given_at > self._timeout
-        return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
-
-    def note_withheld(self, position: Joints) -> None:
-        self._motion.give_up(position)
-
-    def is_idle(self, now: float) -> bool:
-        return now - self._given_at > IDLE
-
-    @property
-    def reference(self) -> Joints | None:
-        return self._motion.position if self._is_active else None
-
-
-# ---- joint state broadcaster
-
-
-class JointStateBroadcaster(Controller):
-    """Puts the time, the 7 positions [rad] and the 7 velocities [rad/s] of each state into a buffer.
-
-    Args:
-        states: where the states go.
-    """
-
-    kind = "joint_state_broadcaster/JointStateBroadcaster"
-    is_command = False
-
-    def __init__(self, states: Buffer[JointStates]) -> None:
-        self._states = states
-
-    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
-        every = "all joints are published, with position and velocity"
-        one = "joint_states has them, in the namespace of the arm"
-        return (
-            Parameter("joints", joint_names, fixed=every),
-            Parameter("interfaces", ("position", "velocity"), fixed=every),
-            Parameter("extra_joints", (), fixed=every),
-            Parameter("map_interface_to_joint_state", (), fixed=every),
-            Parameter("use_urdf_to_filter", default=True, fixed="all joints are in the robot description"),
-            Parameter("use_local_topics", default=False, fixed=one),
-            Parameter("publish_dynamic_joint_states", default=False, fixed=one),
-            Parameter("frame_id", (), fixed="the driver sets the frame"),
-        )
-
-    def activate(self, state: ArmState) -> None:
-        """Begins with the next state."""
-
-    def update(self, state: ArmState) -> ArmCommand | None:
-        self._states.write(JointStates(state.time, state.position, state.velocity))
-        return None

@@ -16,10 +16,12 @@ from threading import Thread
 
 from parent import say_ready
 
-from yumi.control.controller import StageTimes, write_goal
 from yumi.control.flight_recorder import Frame
-from yumi.control.loop import Commands
-from yumi.control.shared_state import Event, read_snapshot
+from yumi.control.goals import write_goal
+from yumi.control.loop_commands import Commands
+from yumi.control.loop_events import Event
+from yumi.control.shared_state import read_snapshot
+from yumi.control.stage_times import StageTimes
 from yumi.driver.control_process import ControlProcess, WakeMode
 from yumi.driver.settings import Settings, read_controllers, read_settings
 from yumi.driver.wiring import EgmPlan, build_arms, plan_egm

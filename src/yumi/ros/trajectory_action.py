@@ -19,42 +19,42 @@ from typing import Any, Protocol
 
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTrajectoryControllerState, SpeedScalingFactor
-from control_msgs.srv import QueryTrajectoryState
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
-from yumi.control.controller import Buffer, State
-from yumi.control.controllers.joint_trajectory import (
+from yumi.control.controller import State
+from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import Buffer
+from yumi.control.loop_commands import CommandPort, Commands, ControllerCommand
+from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
+from yumi.control.motion.setpoint import Setpoint
+from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.trajectory_commands import (
     CancelTrajectory,
-    DualArmTrajectoryController,
     FollowTrajectory,
-    JointTrajectoryController,
     Outcome,
+    ResultCode,
     ScaleSpeed,
     Tolerances,
     TrajectoryEnded,
 )
-from yumi.control.loop import CommandPort, Commands, ControllerCommand
-from yumi.control.motion import Setpoint
-from yumi.control.shared_state import ControlProcessEnded, ReportsDropped, TrajectoryFeedback
-from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory, timed
-from yumi.control.trajectory import JointTrajectory as Trajectory
 from yumi.driver.control_process import ENDED
 from yumi.driver.stops import Cause, because
-from yumi.errors import CommandRefused, YumiError
+from yumi.errors import YumiError
+from yumi.planning.trajectory_request import JointTrajectory as Trajectory
+from yumi.planning.trajectory_request import plan_trajectory, timed
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
 from yumi.ros.controller_manager import MakeInterface
 from yumi.ros.messages import (
     LATCHED,
-    SERVICES,
     Stamps,
     check_wait,
     feedback_message,
     how_to_activate,
-    nanoseconds,
     stamp_of,
     state_message,
     tolerances_of,
@@ -62,76 +62,10 @@ from yumi.ros.messages import (
     waited_for,
 )
 from yumi.ros.nodes import TimerThread, is_cancelled
+from yumi.ros.trajectory_query import FRESH, TrajectoryQuery
 from yumi.settings import number
 
-_FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
-
 _FIRST_NUMBER = 2**40  # of these goals, beside the motions of scripts and commands, which count from 1
-
-Plans = Mapping[Side, ArmPlan]
-Feedbacks = Mapping[Side, TrajectoryFeedback]
-
-
-class TrajectoryQuery:
-    """Serves ``~/query_state`` as upstream.
-
-    ``success`` is false when the controller is inactive or, with the present values, when nothing is followed or the
-    time is before the first point, to which the controller plans the way itself, or after the last.
-    """
-
-    def __init__(self, node: Any, feedback: Mapping[Side, Buffer[TrajectoryFeedback]], clock: Clock) -> None:
-        self._ros_clock = node.get_clock()
-        self._feedback = feedback
-        self._clock = clock
-        self._followed: tuple[int, Plans] = (0, {})
-        node.create_service(QueryTrajectoryState, "~/query_state", self.answer, qos_profile=SERVICES)
-
-    def note(self, number: int, plans: Plans) -> None:
-        """The controllers have accepted ``plans`` as goal ``number``."""
-        self._followed = (number, plans)
-
-    def forget(self, number: int) -> None:
-        """The motion of goal ``number`` has ended: its plans may be long."""
-        if self._followed[0] == number:
-            self._followed = (0, {})
-
-    def answer(self, request: Any, response: Any) -> Any:
-        """Fill ``response`` for the time of ``request``; 0 is now."""
-        newest = {side: box.read() for side, box in self._feedback.items()}
-        feedbacks = {side: each[1] for side, each in newest.items() if each is not None}
-        now = self._clock.now()
-        if len(feedbacks) < len(newest) or any(now - each.time > _FRESH for each in feedbacks.values()):
-            response.message = "The controller is not active; activate it first."
-            return response
-        try:
-            stamp = nanoseconds(request.time, "Query refused: time")
-        except CommandRefused as refusal:
-            response.message = str(refusal)
-            return response
-        time = now + (stamp - int(self._ros_clock.now().nanoseconds)) * 1e-9 if stamp else now
-        setpoints = self._sample(feedbacks, time)
-        response.success = bool(setpoints)
-        response.message = "" if setpoints else "No trajectory is followed at that time; ask for a time within one."
-        present = {side: Setpoint(each.actual, each.actual_velocity) for side, each in feedbacks.items()}
-        rows = (setpoints or present).values()
-        response.name = [name for side in feedbacks for name in joint_names(side)]
-        response.position = [value for row in rows for value in row.position]
-        response.velocity = [value for row in rows for value in row.velocity]
-        response.acceleration = [value for row in rows for value in row.acceleration]
-        return response
-
-    def _sample(self, feedbacks: Feedbacks, time: float) -> Mapping[Side, Setpoint]:
-        number, plans = self._followed
-        if any(feedback.goal != number or not number for feedback in feedbacks.values()):
-            return {}
-        setpoints = {}
-        for side, feedback in feedbacks.items():
-            spline, moment = plans[side].spline, feedback.progress + (time - feedback.time) * feedback.scale
-            if not spline.begin <= moment <= spline.end:
-                return {}
-            setpoints[side] = SplineSampler(spline).setpoint(moment)
-        return setpoints
-
 
 _POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
 
@@ -373,7 +307,7 @@ class TrajectoryAction:
         positions = self._control.call(Commands.commanded_positions, *self._sides)
         for side, buffer in self._feedback.items():
             newest = buffer.read()
-            is_known = newest is not None and newest[1].goal and now - newest[1].time < _FRESH
+            is_known = newest is not None and newest[1].goal and now - newest[1].time < FRESH
             starts[side] = Setpoint(positions[side], newest[1].output_velocity if newest and is_known else ZERO)
         return timed(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
 

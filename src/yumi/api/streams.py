@@ -1,0 +1,205 @@
+"""Streams of positions, speeds and tool motions that arms follow, and jogs, which are streams of a person."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from math import isfinite
+from threading import Lock
+from typing import Any, NamedTuple
+
+from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, ArmAccess, ControlPort
+from yumi.api.joint_positions import Position, checked_goal
+from yumi.api.motion_registry import MotionRegistry
+from yumi.catalogue import message
+from yumi.clock import Clock
+from yumi.control.goals import Buffer, write_goal, write_speeds
+from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.tool_goal import ToolGoal, check_twist, twist_goal
+from yumi.control.trajectory_commands import CancelTrajectory
+from yumi.errors import CommandRefused, YumiError
+from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, joints
+
+_JOG_GAP = 0.3  # [s] jogs that follow each other within this time belong to one press of a key
+
+
+class _Jog(NamedTuple):
+    """The last jog of an arm.
+
+    Attributes:
+        controller: that carries it out.
+        time: when it was asked for [s].
+        number: of its message in the buffer.
+        buffer: of the controller.
+        write: writes a message for an EGM session.
+        owner: who asked for it; None once it was ended.
+    """
+
+    controller: str
+    time: float
+    number: int
+    buffer: Buffer[Any]
+    write: Callable[[int, Joints], None]
+    owner: object
+
+
+class ArmStreams(ArmAccess):
+    """Arms that follow streams."""
+
+    def __init__(self, control: ControlPort, motions: MotionRegistry, arms: tuple[Side, ...], clock: Clock) -> None:
+        super().__init__(control, motions, arms, clock)
+        self._jogs: dict[Side, _Jog] = {}
+        self._jog_locks = {side: Lock() for side in Side}  # held briefly: the end of a jog waits for it
+
+    def stream(self, side: Side, goal: Position) -> None:
+        """Have an arm follow a stream of goals, of which this is the next.
+
+        Raises:
+            CommandRefused: the goal is impossible; the arm keeps the one before.
+            RobotNotReady: the arm does not follow.
+            GoalNotReached: an arm that moved did not come to rest.
+        """
+        checked = checked_goal(side, goal, self.snapshot(side).sent)
+        session, _ = self._begin_stream(side, STREAM_CONTROLLER)
+        write_goal(self.control.buffers[side].goals, session, checked)
+
+    def jog(self, side: Side, speeds: Sequence[float], owner: object) -> bool:
+        """Have an arm move with joint speeds [rad/s], (7,), until its controller's timeout or :meth:`end_jog`.
+
+        The first call only takes the arm over, which may last seconds; the next one moves it, if it still comes. Until
+        the jogs of one ``owner`` end, or have not come for 0.3 s, those of another one are refused.
+
+        Returns:
+            Whether its controllers were switched for it.
+
+        Raises:
+            CommandRefused: the speeds are no seven finite numbers, or another owner or motion moves the arm.
+            RobotNotReady: the arm does not follow.
+        """
+        if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
+            raise CommandRefused(message("jog_speeds_malformed", count=JOINT_COUNT, given=str(list(speeds)[:8])))
+        buffer = self.control.buffers[side].speeds
+
+        def write(session: int, values: Joints) -> None:
+            write_speeds(buffer, session, values)
+
+        return self._jog(side, JOG_CONTROLLER, buffer, write, joints(speeds), owner)
+
+    def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, owner: object, *, is_in_tool: bool) -> bool:
+        """Have a tool move with a velocity until its controller's timeout or :meth:`end_jog`, as :meth:`jog`.
+
+        Args:
+            side: the arm.
+            twist: velocity [m/s], angular velocity and that of the arm angle [rad/s], (7,).
+            tool: its frame in tool0.
+            owner: who jogs.
+            is_in_tool: whether it is seen from the tool, else from the body.
+        """
+        if len(twist) != JOINT_COUNT:
+            raise CommandRefused(message("jog_twist_malformed", count=JOINT_COUNT, given=str(list(twist)[:8])))
+        check_twist(twist)
+        buffer = self.control.buffers[side].tool_goals
+
+        def write(session: int, values: Joints) -> None:
+            buffer.write(twist_goal(session, values, tool, is_in_tool=is_in_tool))
+
+        return self._jog(side, CARTESIAN_CONTROLLER, buffer, write, joints(twist), owner)
+
+    def _jog(
+        self,
+        side: Side,
+        controller: str,
+        buffer: Buffer[Any],
+        write: Callable[[int, Joints], None],
+        values: Joints,
+        owner: object,
+    ) -> bool:
+        self._check_owner(side, owner)
+        session, is_new = self._begin_stream(side, controller, is_jog=True)  # may last seconds, so without the lock
+        with self._jog_locks[side]:
+            self._check_owner(side, owner)
+            last = self._jogs.get(side)
+            is_first = is_new or last is None or last.controller != controller
+            if last is not None and not is_first:
+                if _number(buffer) != last.number:  # a ROS topic: two streams must not alternate
+                    self.streaming.pop(side, None)
+                    raise CommandRefused(message("jog_streamed_by_another", controller=controller, arm=side.word))
+                write(session, values)
+            self._jogs[side] = _Jog(controller, self.clock.now(), _number(buffer), buffer, write, owner)
+        return is_first
+
+    def _check_owner(self, side: Side, owner: object) -> None:
+        last = self._jogs.get(side)
+        if last is None or last.owner in (None, owner) or self.clock.now() - last.time >= _JOG_GAP:
+            return
+        raise CommandRefused(message("jogged_by_another", arm=side.word))
+
+    def end_jog(self, side: Side, owner: object) -> None:
+        """Have an arm stop that ``owner`` jogged last; one that something else commands meanwhile is left alone."""
+        with self._jog_locks[side]:
+            last = self._jogs.get(side)
+            if last is None or last.owner is not owner:
+                return
+            last = self._jogs[side] = last._replace(owner=None)
+            snapshot, known = self.control.snapshot(side), self.streaming.get(side)
+            is_commanding = known == (last.controller, snapshot.session, snapshot.activation)
+            if is_commanding and _number(last.buffer) == last.number:
+                if last.controller == CARTESIAN_CONTROLLER:
+                    # By joints: a stream slows down along its line, which takes longer, and braking begins anew then.
+                    stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory())
+                    with suppress(YumiError):
+                        self.control.call(Commands.send_commands, stop)
+                        return
+                last.write(snapshot.session, ZERO)
+                self._jogs[side] = last._replace(number=_number(last.buffer))
+
+    def _begin_stream(self, side: Side, controller: str, *, is_jog: bool = False) -> tuple[int, bool]:
+        """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
+        snapshot = self.snapshot(side)
+        known = (controller, snapshot.session, snapshot.activation)
+        if is_jog and self.motions.is_open(side):
+            self.check_follows(side)
+            raise _other_motion(side)
+        if self.streaming.get(side) == known and snapshot.is_commanded:
+            return snapshot.session, False
+        if controller == CARTESIAN_CONTROLLER:
+            self.check_has(side, controller)
+        self.check_follows(side)
+        last = self.streaming.get(side, ("", 0, 0))
+        jog = self._jogs.get(side)
+        if (
+            is_jog
+            and jog
+            and self.clock.now() - jog.time < _JOG_GAP
+            and last[0] == jog.controller
+            and last[1:] != known[1:]
+        ):
+            self.streaming.pop(side, None)  # the next press of a key may take the arm back
+            raise CommandRefused(message("jog_switched_by_another", arm=side.word))
+        is_jogged = last[0] in (JOG_CONTROLLER, CARTESIAN_CONTROLLER) and last[1:] == known[1:]
+        if is_jog and not is_jogged and self.is_moving(side):
+            raise _other_motion(side)
+        self.take_over(side, controller)
+        snapshot = self.control.snapshot(side)
+        self.streaming[side] = (controller, snapshot.session, snapshot.activation)
+        return snapshot.session, True
+
+    def stream_tool(self, side: Side, goal: Callable[[int], ToolGoal]) -> None:
+        """Have an arm's tool follow a stream, of which ``goal`` of the EGM session is the next message.
+
+        Raises:
+            CommandRefused: the driver has no Cartesian controller.
+            RobotNotReady: the arm does not follow.
+            GoalNotReached: an arm that moved did not come to rest.
+        """
+        session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
+        self.control.buffers[side].tool_goals.write(goal(session))
+
+
+def _number(buffer: Buffer[Any]) -> int:
+    newest = buffer.read()
+    return newest[0] if newest else 0
+
+
+def _other_motion(side: Side) -> CommandRefused:
+    return CommandRefused(message("jog_while_moving", arm=side.word))

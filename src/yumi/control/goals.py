@@ -1,0 +1,169 @@
+"""Goals for the joints, and the buffers through which they reach a controller.
+
+A buffer holds the latest value only: the one way state and goals cross between the control process and the driver.
+"""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from math import isfinite, isnan, nan, pi, radians
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+from yumi.catalogue import message
+from yumi.errors import CommandRefused
+from yumi.robot.joints import YUMI_LIMITS, Joints
+
+
+class GoalKind(IntFlag):
+    """What the controllers that command an arm take; each kind has a buffer of its own."""
+
+    NONE = 0
+    POSITION = 1
+    VELOCITY = 2
+    FORWARD_POSITION = 4
+    FORWARD_VELOCITY = 8
+    TOOL = 16
+
+
+V = TypeVar("V")
+
+
+class Buffer(Protocol[V]):
+    """The latest value of one kind; one side writes, any side reads, neither waits."""
+
+    def write(self, value: V) -> None:
+        """Replace the value."""
+
+    def read(self) -> tuple[int, V] | None:
+        """The number of the newest write, from 1, and its value; None while nothing was ever written."""
+
+
+class MemoryBuffer(Generic[V]):
+    """A buffer inside one process."""
+
+    def __init__(self) -> None:
+        self._newest: tuple[int, V] | None = None
+
+    def write(self, value: V) -> None:
+        number = self._newest[0] if self._newest else 0
+        self._newest = (number + 1, value)
+
+    def read(self) -> tuple[int, V] | None:
+        return self._newest
+
+
+UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
+"""Positions or velocities that a goal does not have."""
+
+
+class Goal(NamedTuple):
+    """What the joints are to do.
+
+    Attributes:
+        position: positions [rad], (7,); NaN in a goal of speeds.
+        velocity: velocities [rad/s], (7,); NaN where they are not known.
+        time: when it was given, on the machine's monotonic clock [s]; NaN where that is not known.
+    """
+
+    position: Joints
+    velocity: Joints = UNKNOWN
+    time: float = nan
+
+
+class SessionGoal(NamedTuple):
+    """A goal in a buffer.
+
+    Attributes:
+        session: the EGM session that it is meant for; a later session will not go there.
+        time: as in :class:`Goal`.
+        position: as in :class:`Goal`.
+        velocity: as in :class:`Goal`.
+    """
+
+    session: int
+    time: float
+    position: Joints
+    velocity: Joints
+
+
+GoalBuffer = Buffer[SessionGoal]
+"""Where an arm looks for goals."""
+
+
+def write_goal(buffer: GoalBuffer, session: int, goal: Joints, velocity: Joints = UNKNOWN, time: float = nan) -> None:
+    """Ask for ``goal`` [rad], which itself moves with ``velocity`` [rad/s], in EGM session ``session``."""
+    buffer.write(SessionGoal(session, time, goal, velocity))
+
+
+def write_speeds(buffer: GoalBuffer, session: int, velocity: Joints, time: float = nan) -> None:
+    """Ask for speeds [rad/s], (7,), in EGM session ``session``; ``time`` as in :class:`Goal`."""
+    buffer.write(SessionGoal(session, time, UNKNOWN, velocity))
+
+
+def read_goal(buffer: GoalBuffer, session: int) -> tuple[int, Goal | None]:
+    """The number of the newest goal, and the goal; None when it is not meant for ``session``."""
+    newest = buffer.read()
+    if newest is None:
+        return 0, None
+    number, goal = newest
+    return number, Goal(goal.position, goal.velocity, goal.time) if goal.session == session else None
+
+
+class GoalInbox:
+    """A controller's view of its buffer: every goal is taken once."""
+
+    def __init__(self, buffer: GoalBuffer) -> None:
+        self._buffer = buffer
+        self._number = 0
+
+    def forget(self) -> None:
+        """What was sent until now belongs to the past."""
+        newest = self._buffer.read()
+        self._number = newest[0] if newest else 0
+
+    def take(self, session: int, now: float) -> Goal | None:
+        """The newest goal, if it was not taken before and is meant for ``session``.
+
+        A goal of unknown time was given ``now`` [s], since it was not there a cycle ago.
+        """
+        newest = self._buffer.read()
+        if newest is None or newest[0] == self._number:
+            return None
+        self._number, goal = newest
+        if goal.session != session:
+            return None
+        return Goal(goal.position, goal.velocity, now if isnan(goal.time) else goal.time)
+
+
+def check_position(name: str, index: int, position: float) -> None:
+    """Refuse a position that a joint cannot have.
+
+    Args:
+        name: the joint's, for the refusal.
+        index: its place in the chain.
+        position: [rad].
+
+    Raises:
+        CommandRefused: it is no finite number, or out of the joint's range.
+    """
+    if not isfinite(position):
+        raise CommandRefused(message("goal_joint_not_finite", joint=name, value=str(position)))
+    lower, upper = YUMI_LIMITS.lower[index], YUMI_LIMITS.upper[index]
+    if not lower <= position <= upper:
+        raise CommandRefused(
+            message(
+                "goal_joint_in_degrees" if looks_like_degrees(index, position) else "goal_joint_out_of_range",
+                joint=name,
+                position=position,
+                lower=lower,
+                upper=upper,
+            )
+        )
+
+
+def looks_like_degrees(index: int, position: float) -> bool:
+    """Whether a position [rad] that a joint cannot have would be one in degrees.
+
+    No range of a joint reaches a whole turn, so that a value beyond one was hardly meant in radians.
+    """
+    return abs(position) > 2.0 * pi and YUMI_LIMITS.lower[index] <= radians(position) <= YUMI_LIMITS.upper[index]
