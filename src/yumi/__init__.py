@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from yumi import errors
+    from yumi.api.attach import attach
     from yumi.api.connect import connect, connect_async
-    from yumi.api.connection import attach
     from yumi.api.motion import abb_degrees, degrees, in_degrees
     from yumi.api.tool import pose
     from yumi.driver.egm_server import EgmServer
@@ -32,7 +32,7 @@ __all__ = [
 _OFFERS = {
     "EgmServer": "yumi.driver.egm_server",
     "abb_degrees": "yumi.api.motion",
-    "attach": "yumi.api.connection",
+    "attach": "yumi.api.attach",
     "connect": "yumi.api.connect",
     "connect_async": "yumi.api.connect",
     "degrees": "yumi.api.motion",

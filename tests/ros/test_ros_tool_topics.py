@@ -20,7 +20,7 @@ from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
 from yumi.ros.cartesian import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
-from yumi.ros.topics import RobotFrames
+from yumi.ros.frames import RobotFrames
 
 pytestmark = pytest.mark.ros
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))

@@ -18,7 +18,7 @@ from click.testing import CliRunner
 
 from refusals import refused
 from system.virtual_time_bench import System
-from yumi.api.connection import attach
+from yumi.api.attach import attach
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.cli.main import main
@@ -27,14 +27,16 @@ from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointVelocityController
 from yumi.driver import endpoint_server
-from yumi.driver.endpoint import JOG_HOLDS, find_driver
-from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.driver.command import CommandedRobot
+from yumi.driver.endpoint import find_driver
+from yumi.driver.endpoint_server import EndpointServer
+from yumi.driver.motion_commands import JOG_HOLDS
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, named_pose
 from yumi.robot.kinematics import compose, matrix, tool0_to_body
 from yumi.virtual.faults import Fault
-from yumi.web.live import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
+from yumi.web.page_messages import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
 
 
 class Driver(System):
@@ -66,8 +68,8 @@ class Driver(System):
             speeds=self.speeds,
             tool_goals=self.tool_goals,
         )
-        access = DriverAccess(
-            robot="memory",
+        robot = CommandedRobot(
+            address="memory",
             manager=self.manager,
             control=self,
             datagram=lambda side: b"",
@@ -78,7 +80,7 @@ class Driver(System):
             recover=self.manager.recover,
             calibrate=lambda sides, check: self.manager.calibrate(*(self.grippers[it] for it in sides), check=check),
         )
-        self.server = EndpointServer(access)
+        self.server = EndpointServer(robot)
 
     def snapshot(self, side: Side) -> Any:
         return self.control.snapshot(side)

@@ -16,7 +16,7 @@ from system.virtual_time_bench import DriverArm, System
 from yumi.catalogue import Message, clause, message
 from yumi.control.shared_state import AllowedCollisionsChanged, Problem, Snapshot
 from yumi.driver import bringup
-from yumi.driver.readiness import Mode
+from yumi.driver.robot_state import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
 from yumi.robot.description import Mass, Tool, principal_inertia

@@ -29,8 +29,8 @@ from yumi.api.motion import (
 from yumi.api.robot import Arm, Robot
 from yumi.api.tool import Gripper, PoseLike
 from yumi.catalogue import message
-from yumi.driver.endpoint import ArmMode, ArmReport
-from yumi.driver.readiness import RobotState
+from yumi.driver.reports import ArmMode, ArmReport
+from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import (
     ControllerSettings,
     Settings,

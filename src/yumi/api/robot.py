@@ -47,8 +47,8 @@ from yumi.control.controllers.cartesian import check_twist, pose_goal, twist_goa
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_path import SPEED, TURNING, ZONE
 from yumi.driver import gripper as driver
-from yumi.driver.endpoint import ArmMode, ArmReport, arm_report
-from yumi.driver.readiness import RobotState
+from yumi.driver.reports import ArmMode, ArmReport, arm_report
+from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers
 from yumi.errors import CommandRefused, RobotNotReady, YumiError

@@ -55,9 +55,10 @@ from yumi.clock import SystemClock
 from yumi.control.loop import Commands
 from yumi.control.shared_state import ControllerReport, Event, is_fault
 from yumi.control.speed_scale import FULL
+from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.endpoint import find_driver
-from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
+from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
 from yumi.driver.settings import (
@@ -69,6 +70,7 @@ from yumi.driver.settings import (
     read_controllers,
     read_settings,
 )
+from yumi.driver.surroundings import surroundings_of
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.egm.udp import free_port, is_loopback, resolve
 from yumi.errors import NoConnection, ProtocolError, RobotNotReady, SettingsError, YumiError
@@ -293,7 +295,9 @@ def run_driver(
             records.record_all(record, time.time() - clock.now(), recorded_sources(manager, parts.signals))
 
         motions = MotionRegistry(is_script=False)
-        endpoint = _endpoint_of(parts, settings, motions, front)
+        robot = _commanded_robot(parts, settings, motions, front)
+        front.serve_commands(robot)
+        endpoint = EndpointServer(robot, front.log)
         manager.monitor.log.report = log
         control.start()
         stack.callback(control.stop)
@@ -344,10 +348,10 @@ def _with_ros(
     return RosDriver(parts.control, plan.controllers, parts.manager, grippers, settings, SystemClock(), plan.limits)
 
 
-def _endpoint_of(
+def _commanded_robot(
     parts: DriverParts, settings: Settings, motions: MotionRegistry, front: RosDriver | DriverWithoutRos
-) -> EndpointServer:
-    """The driver's local endpoint, and what moves the arms for it."""
+) -> CommandedRobot:
+    """The robot as commands reach it, with what moves the arms for them."""
     control, manager, buffers = parts.control, parts.manager, parts.control.buffers
     motions.explain = manager.monitor.explain
     mover = MotionExecutor(
@@ -363,8 +367,8 @@ def _endpoint_of(
         {side: each.speeds for side, each in buffers.items()},
         settings.tool_limits.limits,
     )
-    access = DriverAccess(
-        robot=f"{settings.robot.address}:{settings.robot.rws_port}",
+    return CommandedRobot(
+        address=f"{settings.robot.address}:{settings.robot.rws_port}",
         manager=manager,
         control=control,
         datagram=lambda side: buffers[side].datagram.read(),
@@ -381,7 +385,6 @@ def _endpoint_of(
         joints=manager.monitor.joints,
         on_subscription=manager.monitor.read_joints,
     )
-    return EndpointServer(access, front.log)
 
 
 class DriverWithoutRos:
@@ -420,6 +423,9 @@ class DriverWithoutRos:
 
     def update_activity(self) -> None:
         """There is no topic for it."""
+
+    def serve_commands(self, robot: CommandedRobot) -> None:
+        """The local endpoint alone serves them."""
 
     def on_event(self, event: Event) -> None:
         """Log an event of the control process, with its cause where EGM has ended."""
@@ -549,7 +555,8 @@ def view(
     """
     from yumi.web.controller import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
     from yumi.web.page_build import page_folder  # noqa: PLC0415
-    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415
+    from yumi.web.page_recording import page_recording  # noqa: PLC0415
+    from yumi.web.server import ViewSettings  # noqa: PLC0415
 
     robot = robot or ""
     if recording is not None and (robot or virtual or operate):

@@ -31,7 +31,8 @@ from yumi.control.shared_state import (
     Snapshot,
     is_fault,
 )
-from yumi.driver.readiness import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
+from yumi.driver.readiness import why_not_ready
+from yumi.driver.robot_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, explain, explained, has_ended_egm
 from yumi.errors import ControllerRefused, ProtocolError, YumiError

@@ -68,10 +68,11 @@ from yumi.robot.joints import (
     rotate,
 )
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
+from yumi.ros.command_topics import CommandTopic
 from yumi.ros.controller_manager import MakeInterface
+from yumi.ros.frames import RobotFrames
 from yumi.ros.messages import SERVICES, nanoseconds, pose_of, say_why
 from yumi.ros.nodes import is_cancelled
-from yumi.ros.topics import CommandTopic, RobotFrames
 from yumi.settings import number
 
 CARTESIAN_CONTROLLER = "cartesian_controller"

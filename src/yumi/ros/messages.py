@@ -35,7 +35,7 @@ from yumi.control.controller import UNKNOWN, ControllerInfo, HardwareInfo, Inter
 from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, refused
-from yumi.driver.readiness import Mode, RobotState
+from yumi.driver.robot_state import Mode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import explain
 from yumi.errors import CommandRefused, YumiError

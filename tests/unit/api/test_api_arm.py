@@ -10,7 +10,7 @@ from yumi.api.robot import Arm
 from yumi.api.tool import Gripper
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.shared_state import SessionLost, Snapshot
-from yumi.driver.endpoint import ArmMode
+from yumi.driver.reports import ArmMode
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import ZERO, Side, home, joint_names
 from yumi.robot.kinematics import tool0_to_body

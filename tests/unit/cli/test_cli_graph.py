@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from refusals import refused
-from yumi.cli.robot import fill_message, message_values, parameter_line
+from yumi.cli.graph import fill_message, message_values, parameter_line
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.errors import SettingsError

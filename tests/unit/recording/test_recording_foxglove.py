@@ -15,7 +15,7 @@ import pytest
 from mcap.reader import make_reader
 
 from flight import LOST, flown
-from yumi.driver.readiness import RobotState
+from yumi.driver.robot_state import RobotState
 from yumi.recording.mcap import RecordingWriter, recorded_event
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Side

@@ -7,8 +7,7 @@ import asyncio
 import msgspec
 import pytest
 
-from yumi.api.connection import limits_of, shapes_of
-from yumi.driver.endpoint import BoxReport, Surroundings, ToolReport
+from yumi.driver.surroundings import BoxReport, Surroundings, ToolReport, limits_of, shapes_of
 from yumi.planning.planner import Plan, PlanningProcess
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, home
 from yumi.robot.kinematics import IDENTITY

@@ -26,7 +26,8 @@ from yumi.control.loop import Commands
 from yumi.control.shared_state import RobotFollows, Snapshot
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver import endpoint_server
-from yumi.driver.endpoint import Surroundings, find_driver
+from yumi.driver.endpoint import find_driver
+from yumi.driver.surroundings import Surroundings
 from yumi.errors import SettingsError
 from yumi.planning.planner import Plan, PlanningProcess
 from yumi.robot.collision import Obstacle
@@ -43,15 +44,10 @@ from yumi.robot.kinematics import (
     wrist_of,
     wrist_target,
 )
-from yumi.web import live, server
-from yumi.web.live import (
-    MAX_JOINT_SPEED,
-    MAX_LINEAR,
-    OLDEST_SEEN,
-    Distances,
-    ToolJog,
-    within_joint_speed,
-)
+from yumi.web import distances, live, page_operator, server
+from yumi.web.distances import Distances
+from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog
+from yumi.web.page_operator import OLDEST_SEEN, within_joint_speed
 from yumi.web.server import MAX_PAGES, ViewServer, ViewSettings
 
 SOON = 10.0
@@ -578,7 +574,7 @@ def test_parts_that_limit_an_arm_in_turn_are_not_shown_in_turn(driver: FakeDrive
         async with site.page() as page:
             begin = time.monotonic()
             seen, shown = set(), set()
-            while len(seen) < 2 or time.monotonic() < begin + 2 * live._SHOWN_FOR:
+            while len(seen) < 2 or time.monotonic() < begin + 2 * distances._SHOWN_FOR:
                 message = await page.until("state")
                 seen.add(message["state"]["arms"]["right"]["limited"]["part"])
                 shown.add(message["limited"]["right"]["part"])
@@ -663,7 +659,7 @@ def test_end_of_a_jog_is_carried_out_however_long_it_waited(
         async with site.page() as page:
             await page.take_control()
             await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=1, linear=up)
-            monkeypatch.setattr(live, "STALE", -1.0)  # what waits has always waited for too long
+            monkeypatch.setattr(page_operator, "STALE", -1.0)  # what waits has always waited for too long
             await page.send(type="jog_tool", arm="right", hold=1)
             await eventually(lambda: twist_of(driver) == ZERO)
 

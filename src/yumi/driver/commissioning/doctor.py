@@ -48,7 +48,8 @@ from yumi.driver.commissioning.installation import (
     foreign_mains,
     missing_grants,
 )
-from yumi.driver.readiness import NO_STOP, RobotState, unmet
+from yumi.driver.readiness import NO_STOP, unmet
+from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import MAIN, WATCHDOG, MachineState, read_machine_state
 from yumi.driver.stops import StopLog
 from yumi.egm.codec import JointCodec
