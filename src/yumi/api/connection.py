@@ -10,6 +10,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from math import radians
 from pathlib import Path
@@ -38,11 +39,11 @@ from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
-from yumi.driver.wiring import Controllers, make_parts, only_at_robot
+from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.errors import RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.recording.mcap import STATE, FullRecorder, Source, Sources
-from yumi.robot.joints import YUMI_LIMITS, Side
+from yumi.robot.joints import YUMI_LIMITS, JointLimits, Side
 
 if TYPE_CHECKING:
     pass
@@ -56,6 +57,47 @@ def recorded_sources(manager: RobotManager, signals: GripperSignals) -> Sources:
     values: dict[str, Source] = {STATE: manager.monitor.state}
     values |= {f"{side.value}/gripper": partial(signals.state, side) for side in Side}
     return Sources(values, manager.monitor.joints, manager.tcp)
+
+
+def motion_executor(
+    parts: DriverParts, settings: Settings, motions: MotionRegistry, arms: tuple[Side, ...], limits: JointLimits
+) -> MotionExecutor:
+    """What gives the arms of a driver their goals; ``motions`` end with the cause that the driver finds."""
+    motions.explain = parts.manager.monitor.explain
+    buffers = parts.control.buffers
+    return MotionExecutor(
+        parts.control,
+        {side: each.goals for side, each in buffers.items()},
+        motions,
+        arms,
+        limits,
+        SystemClock(),
+        {side: (each.trajectory, each.dual_trajectory, each.tool_path) for side, each in buffers.items()},
+        lambda: parts.manager.speed.in_force,
+        {side: each.tool_goals for side, each in buffers.items()},
+        {side: each.speeds for side, each in buffers.items()},
+        settings.tool_limits.limits,
+    )
+
+
+def commanded_robot(parts: DriverParts, settings: Settings, executor: MotionExecutor) -> CommandedRobot:
+    """The robot of a driver as commands reach it, moved by ``executor``."""
+    manager, buffers = parts.manager, parts.control.buffers
+    return CommandedRobot(
+        address=f"{settings.robot.address}:{settings.robot.rws_port}",
+        manager=manager,
+        control=parts.control,
+        datagram=lambda side: buffers[side].datagram.read(),
+        grippers=parts.grippers,
+        gripper_state=parts.signals.state,
+        force=settings.gripper.force,
+        mover=executor,
+        recover=manager.recover,
+        calibrate=lambda sides, check: manager.calibrate(*(parts.grippers[side] for side in sides), check=check),
+        surroundings=msgspec.structs.replace(surroundings_of(settings), velocity=executor.limits.velocity),
+        joints=manager.monitor.joints,
+        on_subscription=manager.monitor.read_joints,
+    )
 
 
 class Connection:
@@ -76,6 +118,7 @@ class Connection:
     executor: MotionExecutor
     grippers: Mapping[Side, Gripper]
     manager: RobotManager
+    _robot: CommandedRobot
 
     def __init__(
         self,
@@ -130,24 +173,7 @@ class Connection:
     @contextmanager
     def _endpoint(self) -> Iterator[None]:
         """Lets commands and other scripts see this robot, and ask for things."""
-        robot = CommandedRobot(
-            address=f"{self._settings.robot.address}:{self._settings.robot.rws_port}",
-            manager=self.manager,
-            control=self._control,
-            datagram=self.datagram,
-            grippers=self.grippers,
-            gripper_state=self._gripper_signals.state,
-            force=self._settings.gripper.force,
-            mover=self.executor,
-            recover=self._recover_for_client,
-            calibrate=self._calibrate_for_client,
-            surroundings=msgspec.structs.replace(
-                surroundings_of(self._settings), velocity=self.executor.limits.velocity
-            ),
-            joints=self.manager.monitor.joints,
-            on_subscription=self.manager.monitor.read_joints,
-        )
-        server = EndpointServer(robot, log.log)
+        server = EndpointServer(self._robot, log.log)
 
         def report(level: int, said: Message | str) -> None:
             log.log(level, said)
@@ -214,26 +240,12 @@ class Connection:
         except YumiError as error:
             log.info("The controller grants no subscription to the grippers' signals, they are polled: %s", error)
         manager.monitor.log.report = log.log
-        self._motions.explain = manager.monitor.explain
         manager.start()
         stack.callback(manager.stop)
-        buffers = parts.control.buffers
-        goals = {side: each.goals for side, each in buffers.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        feedback = {side: (each.trajectory, each.dual_trajectory, each.tool_path) for side, each in buffers.items()}
-        self.executor = MotionExecutor(
-            parts.control,
-            goals,
-            self._motions,
-            self._arms,
-            limits,
-            SystemClock(),
-            feedback,
-            lambda: manager.speed.in_force,
-            {side: each.tool_goals for side, each in buffers.items()},
-            {side: each.speeds for side, each in buffers.items()},
-            settings.tool_limits.limits,
-        )
+        self.executor = motion_executor(parts, settings, self._motions, self._arms, limits)
+        robot = commanded_robot(parts, settings, self.executor)
+        self._robot = replace(robot, recover=self._recover_for_client, calibrate=self._calibrate_for_client)
 
     def recover(self, confirm: str = "", report: Report | None = None, check: Callable[[], None] = lambda: None) -> str:
         """Bring the robot back to where it may move, after whatever stopped it.

@@ -16,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import Event as Flag
@@ -23,10 +24,9 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import click
-import msgspec
 
-from yumi.api.connection import recorded_sources
-from yumi.api.motion import MotionExecutor, MotionRegistry
+from yumi.api.connection import commanded_robot, motion_executor, recorded_sources
+from yumi.api.motion import MotionRegistry
 from yumi.catalogue import FrontEnd, Message, message, speak_as
 from yumi.cli.options import (
     FILE,
@@ -70,7 +70,6 @@ from yumi.driver.settings import (
     read_controllers,
     read_settings,
 )
-from yumi.driver.surroundings import surroundings_of
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.egm.udp import free_port, is_loopback, resolve
 from yumi.errors import NoConnection, ProtocolError, RobotNotReady, SettingsError, YumiError
@@ -352,38 +351,12 @@ def _commanded_robot(
     parts: DriverParts, settings: Settings, motions: MotionRegistry, front: RosDriver | DriverWithoutRos
 ) -> CommandedRobot:
     """The robot as commands reach it, with what moves the arms for them."""
-    control, manager, buffers = parts.control, parts.manager, parts.control.buffers
-    motions.explain = manager.monitor.explain
-    mover = MotionExecutor(
-        control,
-        {side: each.goals for side, each in buffers.items()},
-        motions,
-        tuple(Side),
-        parts.plan.limits,
-        SystemClock(),
-        {side: (each.trajectory, each.dual_trajectory, each.tool_path) for side, each in buffers.items()},
-        lambda: manager.speed.in_force,
-        {side: each.tool_goals for side, each in buffers.items()},
-        {side: each.speeds for side, each in buffers.items()},
-        settings.tool_limits.limits,
-    )
-    return CommandedRobot(
-        address=f"{settings.robot.address}:{settings.robot.rws_port}",
-        manager=manager,
-        control=control,
-        datagram=lambda side: buffers[side].datagram.read(),
-        grippers=parts.grippers,
-        gripper_state=parts.signals.state,
-        force=settings.gripper.force,
-        mover=mover,
-        recover=manager.recover,
-        calibrate=lambda sides, check: manager.calibrate(*(parts.grippers[side] for side in sides), check=check),
+    executor = motion_executor(parts, settings, motions, tuple(Side), parts.plan.limits)
+    return replace(
+        commanded_robot(parts, settings, executor),
         check_arms=front.check_arms,
         on_change=front.update_activity,
         namespace=settings.ros.root,
-        surroundings=msgspec.structs.replace(surroundings_of(settings), velocity=mover.limits.velocity),
-        joints=manager.monitor.joints,
-        on_subscription=manager.monitor.read_joints,
     )
 
 
