@@ -97,7 +97,7 @@ class Request(
 
     @property
     def is_stop(self) -> bool:
-        """Whether it stops the robot: then it is carried out whoever else asks for what."""
+        """Whether it stops the robot: then it is carried out whatever else was asked for."""
         return False
 
 
