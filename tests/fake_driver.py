@@ -8,11 +8,12 @@ from dataclasses import replace
 
 from fake_robot import FakeRobot
 from yumi.control.shared_state import JointStates
-from yumi.driver.endpoint import BoxReport, Surroundings
-from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.driver.command import CommandedRobot
+from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import Gripper
-from yumi.driver.readiness import Mode, RobotState
+from yumi.driver.robot_state import Mode, RobotState
 from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.surroundings import BoxReport, Surroundings
 from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState
 from yumi.robot.joints import Pose, Side, home
@@ -111,8 +112,8 @@ class FakeDriver:
         self.fingers: GripperState | None = GripperState(ServoState.KEEP_OBJECT, 0, True, 0.01, 0.0, 10.0)
         for side in Side:
             self.robot.control.snapshots[side] = self.robot.control.snapshots[side]._replace(sent=home(side))
-        access = DriverAccess(
-            robot=ROBOT,
+        robot = CommandedRobot(
+            address=ROBOT,
             manager=self.manager,  # type: ignore[arg-type]
             control=self.robot.control,
             datagram=lambda side: b"",
@@ -127,7 +128,7 @@ class FakeDriver:
             joints=self.read.get,
             on_subscription=self.subscribe,
         )
-        self.server = EndpointServer(access, log)
+        self.server = EndpointServer(robot, log)
 
     def subscribe(self) -> None:
         self.subscriptions += 1

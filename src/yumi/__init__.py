@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from yumi import errors
+    from yumi.api.attach import attach
     from yumi.api.connect import connect, connect_async
-    from yumi.api.connection import attach
-    from yumi.api.joint_positions import abb_degrees, degrees, in_degrees
+    from yumi.api.joint_positions import abb_degrees
+    from yumi.api.joint_positions import degrees
+    from yumi.api.joint_positions import in_degrees
     from yumi.api.tool import pose
     from yumi.driver.egm_server import EgmServer
     from yumi.recording.tables import read_recording
@@ -32,7 +34,7 @@ __all__ = [
 _OFFERS = {
     "EgmServer": "yumi.driver.egm_server",
     "abb_degrees": "yumi.api.joint_positions",
-    "attach": "yumi.api.connection",
+    "attach": "yumi.api.attach",
     "connect": "yumi.api.connect",
     "connect_async": "yumi.api.connect",
     "degrees": "yumi.api.joint_positions",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from threading import Barrier, Event, Thread
 from typing import Any
@@ -13,13 +13,14 @@ from rclpy.executors import MultiThreadedExecutor
 from ros_bench import Client, rclpy
 
 from yumi.clock import SystemClock, wait_until
-from yumi.driver.readiness import Mode, Report, RobotState
+from yumi.driver.command import CommandedRobot
+from yumi.driver.robot_state import Mode, Report, RobotState
 from yumi.driver.state_machine import MachineState, SpeedSetting
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.joints import Side
+from yumi.ros.command_services import CommandActions, CommandServices, SpeedScaleInterface
 from yumi.ros.nodes import TimerThread
-from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SignalsTopic, SpeedScaleInterface
-from yumi.ros.topics import RobotStateTopic
+from yumi.ros.state_topics import RobotStateTopic, SignalsTopic
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 THREADS = 6
@@ -59,7 +60,10 @@ class FakeManager:
     def signals(self) -> dict[str, float]:
         return {"OUTPUT_STATIONARY_ROB_R": 1.0, "valve": 0.0}
 
-    def go_to(self, mode: Mode, report: Report) -> str:
+    def start_egm(self, arms: Sequence[Side] | None, report: Report, check: Callable[[], None]) -> str:
+        return self._note("start_egm") if arms is None else self._note("start_egm", arms)
+
+    def go_to(self, mode: Mode, report: Report, check: Callable[[], None] = lambda: None) -> str:
         for count, step in enumerate(("motors on", "start EGM"), start=1):
             report(step)
             assert self.may_go_on.wait(10.0)
@@ -90,6 +94,24 @@ class FakeManager:
         return f"{name} done"
 
 
+def commanded(manager: FakeManager, check_arms: Callable[[Sequence[Side]], None]) -> CommandedRobot:
+    """A robot of which a manager is all that there is."""
+    absent: Any = None
+    return CommandedRobot(
+        address="memory",
+        manager=manager,  # type: ignore[arg-type]
+        control=absent,
+        datagram=absent,
+        grippers=absent,
+        gripper_state=absent,
+        force=0.0,
+        mover=absent,
+        recover=manager.recover,
+        calibrate=absent,
+        check_arms=check_arms,
+    )
+
+
 class RobotManagerRig:
     """The robot manager's node, spun by a thread; and a client."""
 
@@ -97,13 +119,13 @@ class RobotManagerRig:
         self.manager = FakeManager()
         self.inactive: set[Side] = set()
         self.node = rclpy.create_node("yumi_robot_manager")
-        offered = (self.node, self.manager, self._check_arms, lambda: None)
-        RobotManagerServices(*offered)
+        robot = commanded(self.manager, self._check_arms)
+        CommandServices(self.node, robot)
         self.speed = SpeedSetting()
         self.timers = TimerThread(SystemClock(), print)
         SpeedScaleInterface(self.node, self.speed, self.timers)
         self.signals = SignalsTopic(self.node, self.manager.signals, self.timers)
-        self.actions = RobotManagerActions(*offered)
+        self.actions = CommandActions(self.node, robot)
         self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock(), self.timers)
         self.client = Client()
         self._executor = MultiThreadedExecutor(num_threads=THREADS)
@@ -141,7 +163,7 @@ class RobotManagerRig:
         self.actions.destroy()
         self.node.destroy_node()
 
-    def _check_arms(self, sides: Iterable[Side]) -> None:
+    def _check_arms(self, sides: Sequence[Side]) -> None:
         for side in sides:
             if side in self.inactive:
                 raise CommandRefused(f"The {side.word} arm is inactive.")

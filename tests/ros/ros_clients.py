@@ -18,7 +18,7 @@ from yumi_interfaces.msg import RobotState
 from yumi_interfaces.srv import LoadModule, ReadSignal, ReadVariable, SetSpeedRatio, WriteSignal
 
 from yumi.clock import SystemClock
-from yumi.driver.readiness import Mode
+from yumi.driver.robot_state import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import Outcome, outcome_of
 from yumi.robot.joints import Joints, Side, joint_names, joints

@@ -17,8 +17,8 @@ from yumi.control.counters import WireCounters
 from yumi.control.goals import GoalKind, MemoryBuffer, SessionGoal, read_goal
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
+from yumi.ros.command_topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic
 from yumi.ros.messages import RefusalLog
-from yumi.ros.topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic
 
 pytestmark = pytest.mark.ros
 NAMES = joint_names(Side.RIGHT)

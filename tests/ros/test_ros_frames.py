@@ -15,7 +15,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import ZERO, Joints, Pose, Side, home
 from yumi.robot.kinematics import IDENTITY, compose, rotation_vector, tool0_to_body
 from yumi.robot.urdf import robot_description
-from yumi.ros.topics import RobotFrames
+from yumi.ros.frames import RobotFrames
 
 pytestmark = pytest.mark.ros
 TOOL = Pose((0.01, 0.02, 0.1), (sqrt(0.5), 0.0, sqrt(0.5), 0.0))

@@ -12,7 +12,7 @@ from yumi.control.goals import MemoryBuffer
 from yumi.control.shared_state import JointStates
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
 from yumi.ros.nodes import TimerThread
-from yumi.ros.topics import STALE, MergedJointStates
+from yumi.ros.state_topics import STALE, MergedJointStates
 
 pytestmark = pytest.mark.ros
 

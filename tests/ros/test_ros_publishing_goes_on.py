@@ -16,7 +16,7 @@ from yumi.driver.control_process import ArmBuffers
 from yumi.robot.joints import ZERO, Side
 
 pytestmark = pytest.mark.ros
-topics = pytest.importorskip("yumi.ros.topics")
+topics = pytest.importorskip("yumi.ros.state_topics")
 
 LONG = 10.0
 HOUR = 3_600_000_000_000  # [ns]

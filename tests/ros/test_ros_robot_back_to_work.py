@@ -21,7 +21,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.srv import RunRoutine
 
 from yumi.cli.controller import fault as fault_command
-from yumi.driver.readiness import Mode
+from yumi.driver.robot_state import Mode
 from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from yumi.process.command import Command
 from yumi.robot.joints import Joints, Side, joint_names, joints

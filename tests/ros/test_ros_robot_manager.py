@@ -33,7 +33,7 @@ from yumi_interfaces.srv import (
 )
 
 from yumi.catalogue import message
-from yumi.driver.readiness import Mode
+from yumi.driver.robot_state import Mode
 from yumi.robot.description import Mass
 from yumi.robot.joints import Pose, Side
 from yumi.rws.documents import Event

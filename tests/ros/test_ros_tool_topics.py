@@ -23,7 +23,7 @@ from yumi.robot.urdf import robot_description
 from yumi.ros.tool_topics import ServoPoseTopic
 from yumi.ros.tool_topics import ServoTwistTopic
 from yumi.ros.tool_topics import TargetPoseTopic
-from yumi.ros.topics import RobotFrames
+from yumi.ros.frames import RobotFrames
 
 pytestmark = pytest.mark.ros
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))

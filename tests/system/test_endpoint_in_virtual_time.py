@@ -19,10 +19,12 @@ from click.testing import CliRunner
 
 from refusals import refused
 from system.virtual_time_bench import System
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
-from yumi.api.connection import attach
+from yumi.api.arm_access import CARTESIAN_CONTROLLER
+from yumi.api.arm_access import GOAL_CONTROLLER
+from yumi.api.arm_access import JOG_CONTROLLER
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
+from yumi.api.attach import attach
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.cli.main import main
 from yumi.control.controllers.cartesian import CartesianController
@@ -30,14 +32,16 @@ from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer
 from yumi.driver import endpoint_server
-from yumi.driver.endpoint import JOG_HOLDS, find_driver
-from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.driver.command import CommandedRobot
+from yumi.driver.endpoint import find_driver
+from yumi.driver.endpoint_server import EndpointServer
+from yumi.driver.motion_commands import JOG_HOLDS
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, named_pose
 from yumi.robot.kinematics import compose, matrix, tool0_to_body
 from yumi.virtual.faults import Fault
-from yumi.web.live import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
+from yumi.web.page_messages import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
 
 
 class Driver(System):
@@ -71,8 +75,8 @@ class Driver(System):
             for side, arm in self.arms.items()
         }
         self.mover = MotionExecutor(self, self._motions, tuple(Side), YUMI_LIMITS, self)
-        access = DriverAccess(
-            robot="memory",
+        robot = CommandedRobot(
+            address="memory",
             manager=self.manager,
             control=self,
             datagram=lambda side: b"",
@@ -83,7 +87,7 @@ class Driver(System):
             recover=self.manager.recover,
             calibrate=lambda sides, check: self.manager.calibrate(*(self.grippers[it] for it in sides), check=check),
         )
-        self.server = EndpointServer(access)
+        self.server = EndpointServer(robot)
 
     def snapshot(self, side: Side) -> Any:
         return self.control.snapshot(side)

@@ -15,7 +15,7 @@ from yumi.api.connection import Connection
 from yumi.api.motion_executor import MotionExecutor
 from yumi.catalogue import Action, Message, message
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
-from yumi.driver.readiness import Mode
+from yumi.driver.robot_state import Mode
 from yumi.driver.settings import read_settings
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import (

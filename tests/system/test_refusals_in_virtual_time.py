@@ -9,7 +9,7 @@ import pytest
 from refusals import refused
 from system.virtual_time_bench import System
 from yumi.catalogue import Action, Message, message
-from yumi.driver.readiness import Mode
+from yumi.driver.robot_state import Mode
 from yumi.errors import YumiError
 from yumi.robot.joints import Side
 from yumi.rws.types import ControllerState

@@ -17,7 +17,7 @@ from yumi.catalogue import Message, clause, message
 from yumi.control.loop_events import AllowedCollisionsChanged
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver import bringup
-from yumi.driver.readiness import Mode
+from yumi.driver.robot_state import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
 from yumi.robot.description import HAND, Mass

@@ -18,7 +18,7 @@ from yumi.clock import ManualClock
 from yumi.control.loop_events import Event as ArmEvent
 from yumi.control.loop_events import is_fault
 from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
-from yumi.driver.readiness import Mode, RobotState
+from yumi.driver.robot_state import Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
 from yumi.driver.stops import Cause
 from yumi.errors import ControllerRefused, RobotNotReady

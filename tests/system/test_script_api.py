@@ -18,7 +18,7 @@ from refusals import numbers_in, refused
 from yumi.api.robot import Robot
 from yumi.catalogue import message
 from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.driver.endpoint import ArmMode
+from yumi.driver.reports import ArmMode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, SettingsError, StopNotConfirmed
 from yumi.recording.reader import read_recording
 from yumi.robot.gripper import Outcome

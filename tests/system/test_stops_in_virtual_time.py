@@ -12,7 +12,7 @@ from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
 from yumi.catalogue import message
 from yumi.driver.commissioning.stream_checks import streaming
-from yumi.driver.readiness import Mode
+from yumi.driver.robot_state import Mode
 from yumi.driver.stops import HISTORY
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.robot.joints import Joints, Side, joints

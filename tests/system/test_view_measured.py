@@ -20,12 +20,14 @@ import pytest
 import yumi
 from browser import browser
 from soak import tell
-from yumi.api.connection import RunningDriver
+from yumi.api.attach import RunningDriver
 from yumi.control.flight_recorder import Frame
 from yumi.egm.udp import free_port
 from yumi.process.command import Command
 from yumi.recording.reader import recorded_messages
-from yumi.web.live import MAX_JOINT_SPEED, MAX_LINEAR, RATE
+from yumi.web.live import RATE
+from yumi.web.page_messages import MAX_JOINT_SPEED
+from yumi.web.page_messages import MAX_LINEAR
 
 pytestmark = [pytest.mark.real_time, pytest.mark.soak, pytest.mark.timeout(600)]
 PHASE = 20.0  # [s] with the page closed, and with it open

@@ -24,8 +24,8 @@ from yumi.api.robot import Robot
 from yumi.api.robot_arm import Arm
 from yumi.api.tool import Gripper, PoseLike
 from yumi.catalogue import message
-from yumi.driver.endpoint import ArmMode, ArmReport
-from yumi.driver.readiness import RobotState
+from yumi.driver.reports import ArmMode, ArmReport
+from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import (
     ControllerSettings,
     Settings,

@@ -1,7 +1,6 @@
-"""The connection of a script: to a robot that the script drives itself, or to the driver of another program.
+"""What a script is connected to: a robot whose driver it is then itself.
 
-A :class:`Connection` opens the parts of a driver in one order, and closes them in the other. A :class:`RunningDriver`
-looks and asks over the local endpoint of a driver, and drives nothing.
+The parts of the driver are opened in one order, and closed in the other.
 """
 
 from __future__ import annotations
@@ -13,55 +12,49 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from math import isfinite, radians
+from math import radians
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from yumi.api.arm_access import GOAL_CONTROLLER
-from yumi.api.joint_positions import Position, checked_goal
-from yumi.api.motion_executor import RETREAT_SPEED_SCALE, MotionExecutor
+from yumi.api.joint_positions import Position
+from yumi.api.joint_positions import checked_goal
+from yumi.api.motion_executor import RETREAT_SPEED_SCALE
+from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
-from yumi.catalogue import Message, message, quoted
+from yumi.catalogue import Message
+from yumi.catalogue import message
 from yumi.clock import SystemClock
 from yumi.control.loop_events import Event
 from yumi.control.motion.setpoint import slower
 from yumi.control.speed_scale import FULL
-from yumi.driver import endpoint as wire
 from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.driver.endpoint import (
-    ControllerStatus,
-    DriverState,
-    EndpointClient,
-    GripReport,
-    MotionReport,
-    Request,
-    find_driver,
-)
-from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
+from yumi.driver.command import CommandedRobot
+from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import Gripper, GripperSetup, GripperSignals, close_as_test
-from yumi.driver.readiness import Report, arms_in_words
 from yumi.driver.robot_manager import RobotManager
+from yumi.driver.robot_state import Report, arms_in_words
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.stops import StopLog
-from yumi.driver.wiring import Controllers, make_parts, only_at_robot
-from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
+from yumi.driver.surroundings import surroundings_of
+from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
+from yumi.errors import RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.recording.message_types import STATE
-from yumi.recording.recorder import FullRecorder, Source, Sources
-from yumi.robot.collision import TOOL_FRAME, Obstacle, Part
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Pose, Side, joints
+from yumi.recording.recorder import FullRecorder
+from yumi.recording.recorder import Source
+from yumi.recording.recorder import Sources
+from yumi.robot.joints import YUMI_LIMITS
+from yumi.robot.joints import JointLimits
+from yumi.robot.joints import Side
 
 if TYPE_CHECKING:
-    from yumi.planning.planner import Plan, Planner
+    pass
 
 log = logging.getLogger(__name__)
-T = TypeVar("T")
-Arms = wire.Arm | Sequence[wire.Arm]
 
 
 def recorded_sources(manager: RobotManager, signals: GripperSignals) -> Sources:
@@ -70,6 +63,42 @@ def recorded_sources(manager: RobotManager, signals: GripperSignals) -> Sources:
     values: dict[str, Source] = {STATE: manager.monitor.state}
     values |= {f"{side.value}/gripper": partial(signals.state, side) for side in Side}
     return Sources(values, manager.monitor.joints, manager.tcp)
+
+
+def motion_executor(
+    parts: DriverParts, settings: Settings, motions: MotionRegistry, arms: tuple[Side, ...], limits: JointLimits
+) -> MotionExecutor:
+    """What gives the arms of a driver their goals; ``motions`` end with the cause that the driver finds."""
+    motions.explain = parts.manager.monitor.explain
+    return MotionExecutor(
+        parts.control,
+        motions,
+        arms,
+        limits,
+        SystemClock(),
+        lambda: parts.manager.speed.in_force,
+        settings.tool_limits.limits,
+    )
+
+
+def commanded_robot(parts: DriverParts, settings: Settings, executor: MotionExecutor) -> CommandedRobot:
+    """The robot of a driver as commands reach it, moved by ``executor``."""
+    manager, buffers = parts.manager, parts.control.buffers
+    return CommandedRobot(
+        address=f"{settings.robot.address}:{settings.robot.rws_port}",
+        manager=manager,
+        control=parts.control,
+        datagram=lambda side: buffers[side].datagram.read(),
+        grippers=parts.grippers,
+        gripper_state=parts.signals.state,
+        force=settings.gripper.force,
+        mover=executor,
+        recover=manager.recover,
+        calibrate=lambda sides, check: manager.calibrate(*(parts.grippers[side] for side in sides), check=check),
+        surroundings=msgspec.structs.replace(surroundings_of(settings), velocity=executor.limits.velocity),
+        joints=manager.monitor.joints,
+        on_subscription=manager.monitor.read_joints,
+    )
 
 
 class Connection:
@@ -90,6 +119,7 @@ class Connection:
     executor: MotionExecutor
     grippers: Mapping[Side, Gripper]
     manager: RobotManager
+    _robot: CommandedRobot
 
     def __init__(
         self,
@@ -144,24 +174,7 @@ class Connection:
     @contextmanager
     def _endpoint(self) -> Iterator[None]:
         """Lets commands and other scripts see this robot, and ask for things."""
-        access = DriverAccess(
-            robot=f"{self._settings.robot.address}:{self._settings.robot.rws_port}",
-            manager=self.manager,
-            control=self._control,
-            datagram=self.datagram,
-            grippers=self.grippers,
-            gripper_state=self._gripper_signals.state,
-            force=self._settings.gripper.force,
-            mover=self.executor,
-            recover=self._recover_for_client,
-            calibrate=self._calibrate_for_client,
-            surroundings=msgspec.structs.replace(
-                surroundings_of(self._settings), velocity=self.executor.limits.velocity
-            ),
-            joints=self.manager.monitor.joints,
-            on_subscription=self.manager.monitor.read_joints,
-        )
-        server = EndpointServer(access, log.log)
+        server = EndpointServer(self._robot, log.log)
 
         def report(level: int, said: Message | str) -> None:
             log.log(level, said)
@@ -228,19 +241,12 @@ class Connection:
         except YumiError as error:
             log.info("The controller grants no subscription to the grippers' signals, they are polled: %s", error)
         manager.monitor.log.report = log.log
-        self._motions.explain = manager.monitor.explain
         manager.start()
         stack.callback(manager.stop)
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        self.executor = MotionExecutor(
-            parts.control,
-            self._motions,
-            self._arms,
-            limits,
-            SystemClock(),
-            lambda: manager.speed.in_force,
-            settings.tool_limits.limits,
-        )
+        self.executor = motion_executor(parts, settings, self._motions, self._arms, limits)
+        robot = commanded_robot(parts, settings, self.executor)
+        self._robot = replace(robot, recover=self._recover_for_client, calibrate=self._calibrate_for_client)
 
     def recover(self, confirm: str = "", report: Report | None = None, check: Callable[[], None] = lambda: None) -> str:
         """Bring the robot back to where it may move, after whatever stopped it.
@@ -328,315 +334,5 @@ class Connection:
 
     def _come_to_rest(self) -> None:
         with suppress(YumiError):  # an arm that its controller cannot stop is held by the limiter
-            self.executor.bring_to_rest(self._arms)
-
-
-def attach(robot: str = "", *, on_step: Callable[[str], None] = lambda step: None) -> RunningDriver:
-    """The driver that runs on this machine, of ``yumi up`` or of a script's ``yumi.connect``.
-
-    ::
-
-        with yumi.attach() as driver:
-            print(driver.state.arms["right"].position)
-            driver.move_to(right="home")
-
-    Args:
-        robot: its robot's address or its namespace, where several drivers run.
-        on_step: given each step of what the driver does for this program.
-
-    Raises:
-        RobotNotReady: no driver runs, or several do; the message says what to do.
-    """
-    try:
-        return RunningDriver(EndpointClient(find_driver(robot)), on_step)
-    except YumiError as error:
-        raise error.with_traceback(None) from None
-
-
-class RunningDriver:
-    """A running driver as another program sees it; one request at a time.
-
-    Every method returns when it is done, and raises what the driver raised: a YumiError with its sentence.
-
-    Args:
-        client: the connection to it.
-        on_step: given each step of what it does.
-    """
-
-    def __init__(self, client: EndpointClient, on_step: Callable[[str], None] = lambda step: None) -> None:
-        self._client = client
-        self._on_step = on_step
-        self._planner: tuple[wire.Surroundings, Planner] | None = None  # of the last plan, and what it was made for
-
-    def __enter__(self) -> RunningDriver:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def __repr__(self) -> str:
-        return f"<yumi.RunningDriver {self._client.path.stem}>"
-
-    def close(self) -> None:
-        """Disconnect; a motion that this program has asked for is stopped."""
-        self._client.close()
-
-    @property
-    def state(self) -> DriverState:
-        """All that the driver knows: robot, arms, controllers, grippers, the newest events."""
-        return self._client.ask(wire.GetState(), DriverState)
-
-    def watch(self, rate: float = 30.0) -> Iterator[DriverState]:
-        """The state ``rate`` times a second (0.1 to 60), with the events since the one before.
-
-        A connection that watches asks for nothing else: attach once more for that.
-        """
-        return self._client.watch(rate)
-
-    @property
-    def controllers(self) -> Mapping[str, tuple[ControllerStatus, ...]]:
-        """The controllers of each arm."""
-        return self._client.ask(wire.GetControllers(), dict[str, tuple[ControllerStatus, ...]])
-
-    @property
-    def speed_scale(self) -> float:
-        """The factor on the speed of every controller; it can be set, 0.01 to 1."""
-        return self.state.speed_scale
-
-    @speed_scale.setter
-    def speed_scale(self, value: float) -> None:
-        self._ask(wire.SetSpeedScale(speed_scale=float(value)), str)
-
-    def start_egm(self, arms: Arms = ()) -> str:
-        """Start EGM on ``"right"``, ``"left"`` or the arms that are configured, with the controllers on top."""
-        return self._ask(wire.StartEgm(arms=_arms(arms)), str)
-
-    def stop_egm(self) -> str:
-        """Bring the arms to rest and end EGM; waits for nothing else that the driver does."""
-        return self._ask(wire.StopEgm(), str)
-
-    def set_mode(self, mode: wire.ModeName) -> str:
-        """Bring the robot to ``motors_off``, ``ready``, ``egm_left``, ``egm_right`` or ``egm_both``."""
-        return self._ask(wire.SetMode(mode=mode), str)
-
-    def recover(self, confirm: str = "") -> str:
-        """Bring the robot back after a stop; ``confirm`` is ``state.stop``, after a person has looked at the robot."""
-        return self._ask(wire.Recover(confirm=confirm), str)
-
-    def calibrate(self, arms: Arms = ("right", "left")) -> str:
-        """Close the fingers of grippers and call that zero."""
-        return self._ask(wire.Calibrate(arms=_arms(arms)), str)
-
-    def open_gripper(self, arm: wire.Arm, width: float | None = None) -> GripReport:
-        """Open a gripper to ``width`` [m], or as far as it goes."""
-        return self._ask(wire.Grip(arm=arm, action="open", width=width), GripReport)
-
-    def close_gripper(self, arm: wire.Arm, force: float | None = None) -> GripReport:
-        """Close a gripper and hold what is there with ``force`` [N]."""
-        return self._ask(wire.Grip(arm=arm, action="close", force=force), GripReport)
-
-    def switch(self, arm: wire.Arm, activate: Sequence[str] = (), deactivate: Sequence[str] = ()) -> str:
-        """Activate and deactivate controllers of one arm in one step."""
-        return self._ask(wire.SwitchControllers(arm=arm, activate=tuple(activate), deactivate=tuple(deactivate)), str)
-
-    def move_to(
-        self,
-        *,
-        right: Position | None = None,
-        left: Position | None = None,
-        speed_scale: float | None = None,
-        acceleration: float | None = None,
-        timeout: float | None = None,
-        is_pose: bool = False,
-        is_linear: bool = False,
-        speed: float | None = None,
-        on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
-    ) -> str:
-        """Move arms, and return when they stand at their goals; the controllers that commanded them do so again then.
-
-        A program that ends meanwhile, also by Ctrl-C, stops them.
-
-        Args:
-            right: joint positions [rad], (7,) in chain order; the name of a pose; or some joints by name, the others
-                stay.
-            left: the same of the left arm.
-            speed_scale: factor on the joints' highest speeds, on top of the driver's, above 0 up to 1; None takes the
-                controller's.
-            acceleration: the same for accelerations and jerks.
-            timeout: arms that take longer are stopped [s].
-            is_pose: positions are poses of the tools in use instead: x, y, z [m], and w, x, y, z, or the orientation
-                stays.
-            is_linear: the tools move there on straight lines.
-            speed: of the tools on lines, at most [m/s].
-            on_motion: given how far the motions are, ten times a second.
-
-        Raises:
-            CommandRefused: a position is impossible, an arm moves already, or another program moves it.
-            RobotNotReady: EGM does not run on the arm.
-            GoalNotReached: a motion ended elsewhere.
-        """
-        goals = {
-            side: _as_sent(position)
-            for side, position in ((Side.RIGHT, right), (Side.LEFT, left))
-            if position is not None
-        }
-        request = wire.Move(
-            right=goals.get(Side.RIGHT),
-            left=goals.get(Side.LEFT),
-            speed_scale=speed_scale,
-            acceleration=acceleration,
-            timeout=timeout,
-            is_pose=is_pose,
-            is_linear=is_linear,
-            speed=speed,
-        )
-        return self._client.ask(request, str, self._on_step, on_motion, timeout=None)
-
-    def plan_to(
-        self,
-        *,
-        right: Position | Pose | None = None,
-        left: Position | Pose | None = None,
-        timeout: float = 30.0,
-        speed_scale: float = 1.0,
-        seed: int = 0,
-    ) -> Plan:
-        """Plan a motion around the robot itself and the driver's boxes, in this program; nothing moves.
-
-        Arguments and errors are those of :meth:`yumi.api.robot.Robot.plan_to`.
-        """
-        from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
-
-        arms, start = self.state.arms, {}
-        for side in Side:
-            position = arms[side.word].position
-            if position is None:
-                raise RobotNotReady(message("plan_without_position", arm=side.word))
-            start[side] = position
-        surroundings = self._client.ask(wire.GetSurroundings(), wire.Surroundings)
-        if self._planner is None or self._planner[0] != surroundings:
-            grippers, tools, obstacles = shapes_of(surroundings)
-            planner = Planner(grippers, tools=tools, obstacles=obstacles, limits=limits_of(surroundings))
-            self._planner = surroundings, planner
-        goals = {
-            side: goal if isinstance(goal, Pose) else checked_goal(side, goal, start[side])
-            for side, goal in ((Side.RIGHT, right), (Side.LEFT, left))
-            if goal is not None
-        }
-        return self._planner[1].plan(start, goals, timeout=timeout, speed_scale=speed_scale, seed=seed)
-
-    def execute(
-        self, plan: Plan, *, on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None
-    ) -> str:
-        """Have the arms follow a plan, and return when they stand at its end; raises as :meth:`move_to`.
-
-        Both arms must be where they were when it was made.
-        """
-        paths = {side.word: tuple(map(tuple, points)) for side, points in plan.points.items()}
-        start = {side.word: position for side, position in plan.start.items()}
-        request = msgspec.convert({"method": "follow", "start": start, **paths}, wire.Follow)
-        return self._client.ask(request, str, self._on_step, on_motion, timeout=None)
-
-    def retreat(
-        self,
-        *,
-        speed_scale: float = RETREAT_SPEED_SCALE,
-        on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
-    ) -> str:
-        """Lead both arms home on a planned path, slowly, as :meth:`yumi.api.robot.Robot.retreat`."""
-        self._on_step("plan a path of both arms home")
-        plan = self.plan_to(right="home", left="home", speed_scale=speed_scale)
-        self._on_step(f"follow it, {plan.duration:.1f} s")
-        return self.execute(plan, on_motion=on_motion)
-
-    def allow_collision(self, part: str, other: str, *, seconds: float = 10.0) -> ExitStack:
-        """Let two parts touch for a while, as :meth:`yumi.api.robot.Robot.allow_collision`, which raises the same.
-
-        They are kept apart again, too, when this program disconnects or ends.
-        """
-        self._ask(wire.AllowCollision(part=part, other=other, seconds=float(seconds)), str)
-        end = ExitStack()
-        end.callback(lambda: self._ask(wire.AllowCollision(part=part, other=other, seconds=0.0), str))
-        return end
-
-    def jog(self, arm: wire.Arm, speeds: Sequence[float]) -> None:
-        """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.06 s; call it again while it is to move.
-
-        Raises:
-            CommandRefused: the speeds are no seven finite numbers, or another client or motion moves the arm.
-            RobotNotReady: EGM does not run on the arm.
-        """
-        values = _as_sent(speeds)
-        if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
-            raise CommandRefused(message("jog_speeds_malformed", count=JOINT_COUNT, given=quoted(speeds)))
-        self._ask(wire.Jog(arm=arm, speeds=joints(values)), str)
-
-    def jog_tool(
-        self,
-        arm: wire.Arm,
-        *,
-        linear: Sequence[float] = (0.0, 0.0, 0.0),
-        angular: Sequence[float] = (0.0, 0.0, 0.0),
-        elbow: float = 0.0,
-        frame: Literal["base", "tool"] = "base",
-    ) -> None:
-        """Move the fingertips of an arm with a velocity for 0.06 s; as :meth:`jog`, which raises the same.
-
-        Args:
-            arm: which.
-            linear: velocity x, y, z [m/s].
-            angular: angular velocity about x, y, z [rad/s].
-            elbow: speed of the arm angle [rad/s].
-            frame: from where they are seen: the robot's base, or the tool.
-        """
-        values = _as_sent([*linear, *angular, elbow])
-        if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
-            raise CommandRefused(message("twist_malformed"))
-        x, y, z, about_x, about_y, about_z, turn = values
-        request = wire.JogTool(arm=arm, linear=(x, y, z), angular=(about_x, about_y, about_z), elbow=turn, frame=frame)
-        self._ask(request, str)
-
-    def _ask(self, request: Request, result: type[T]) -> T:
-        return self._client.ask(request, result, self._on_step, timeout=None)
-
-
-def shapes_of(
-    surroundings: wire.Surroundings,
-) -> tuple[dict[Side, GripperModules], dict[Side, tuple[Part, ...]], tuple[Obstacle, ...]]:
-    """Grippers, tools and boxes as the collision model has them."""
-    grippers = {side: GripperModules(surroundings.grippers.get(side.word, "servo")) for side in Side}
-    tools = {
-        side: tuple(
-            Part(each.name, TOOL_FRAME, each.start, each.end, each.radius)
-            for each in surroundings.tools.get(side.word, ())
-        )
-        for side in Side
-    }
-    return grippers, tools, tuple(Obstacle(each.name, each.pose, each.size) for each in surroundings.boxes)
-
-
-def limits_of(surroundings: wire.Surroundings) -> JointLimits:
-    """The joints' limits, no faster than the driver allows them to be."""
-    known = surroundings.velocity
-    return YUMI_LIMITS if known is None else replace(YUMI_LIMITS, velocity=known)
-
-
-def _arms(arms: Arms) -> tuple[wire.Arm, ...]:
-    return (arms,) if isinstance(arms, str) else tuple(arms)
-
-
-def _as_sent(position: Position) -> wire.Position:
-    """A position as it is sent. JSON has finite numbers only; all else is for the driver, which knows its joints."""
-    if isinstance(position, str):
-        return position
-    try:
-        pairs = position.items() if isinstance(position, Mapping) else enumerate(position, 1)
-        values = {name: float(value) for name, value in pairs}
-    except (TypeError, ValueError) as error:
-        raise CommandRefused(message("goal_not_angles", given=quoted(position))) from error
-    for name, value in values.items():
-        if not isfinite(value):
-            raise CommandRefused(message("goal_position_not_finite", position=name, value=str(value)))
-    return {str(name): it for name, it in values.items()} if isinstance(position, Mapping) else tuple(values.values())
+            for motion in self.executor.stop(self._arms):
+                motion.wait(LAST_STOP)

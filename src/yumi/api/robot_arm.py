@@ -27,7 +27,7 @@ from yumi.api.tool import (
 from yumi.catalogue import message
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_goal import check_twist, pose_goal, twist_goal
-from yumi.driver.endpoint import ArmMode, ArmReport, arm_report
+from yumi.driver.reports import ArmMode, ArmReport, arm_report
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.planning.tool_path import SPEED, TURNING, ZONE, ToolMotion
 from yumi.robot.inverse_kinematics import arm_angle, jacobian

@@ -19,11 +19,13 @@ from yumi import __version__
 from yumi.catalogue import FrontEnd, message, speak_as
 from yumi.cli.controller import controller, fault, rws
 from yumi.cli.demo import demo
+from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.install import doctor, install, uninstall
 from yumi.cli.moveit import moveit_config
 from yumi.cli.options import ROS_ARGUMENTS, with_json_targets
 from yumi.cli.rapid import answer, rapid
-from yumi.cli.robot import DRIVER_COMMANDS, GRAPH_COMMANDS, completion, shell
+from yumi.cli.robot import DRIVER_COMMANDS
+from yumi.cli.shell import completion, shell
 from yumi.cli.up import record, up, view
 from yumi.errors import SettingsError, YumiError, missing_extra
 
@@ -33,12 +35,13 @@ _NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
 _NAMESPACE = "__ns:="
 """The rule for all nodes; `yumi up` takes it as its option --namespace. A launch file makes it of PushRosNamespace."""
 
+_OPERATE = (
+    *("state", "mode", "start", "stop", "recover", "retreat", "move", "grip", "calibrate"),
+    *("speed-scale", "controllers", "switch", "shell"),
+)
 SECTIONS: Mapping[str, tuple[str, ...]] = {
     "Start": ("demo", "controller", "up"),
-    "Operate": (
-        *("state", "mode", "start", "stop", "recover", "retreat", "move", "grip", "calibrate"),
-        *("speed-scale", "controllers", "switch", "shell"),
-    ),
+    "Operate": (*_OPERATE, *(str(each.name) for each in DRIVER_COMMANDS if each.name not in _OPERATE)),
     "ROS 2": ("topics", "echo", "call", "param", "moveit-config"),
     "RAPID and web services": ("rapid", "answer", "rws", "fault"),
     "Look": ("view", "record"),

@@ -16,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import Event as Flag
@@ -23,11 +24,12 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import click
-import msgspec
 
 from yumi.api.connection import recorded_sources
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
+from yumi.api.connection import commanded_robot
+from yumi.api.connection import motion_executor
 from yumi.catalogue import FrontEnd, Message, message, speak_as
 from yumi.cli.options import (
     FILE,
@@ -56,9 +58,10 @@ from yumi.clock import SystemClock
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import ControllerReport, Event, is_fault
 from yumi.control.speed_scale import FULL
+from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.endpoint import find_driver
-from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
+from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
 from yumi.driver.settings import (
@@ -288,7 +291,9 @@ def run_driver(
             records.record_all(record, time.time() - clock.now(), recorded_sources(manager, parts.signals))
 
         motions = MotionRegistry(is_script=False)
-        endpoint = _endpoint_of(parts, settings, motions, front)
+        robot = _commanded_robot(parts, settings, motions, front)
+        front.serve_commands(robot)
+        endpoint = EndpointServer(robot, front.log)
         manager.monitor.log.report = log
         control.start()
         stack.callback(control.stop)
@@ -339,40 +344,17 @@ def _with_ros(
     return RosDriver(parts.control, plan.controllers, parts.manager, grippers, settings, SystemClock(), plan.limits)
 
 
-def _endpoint_of(
+def _commanded_robot(
     parts: DriverParts, settings: Settings, motions: MotionRegistry, front: RosDriver | DriverWithoutRos
-) -> EndpointServer:
-    """The driver's local endpoint, and what moves the arms for it."""
-    control, manager, buffers = parts.control, parts.manager, parts.control.buffers
-    motions.explain = manager.monitor.explain
-    mover = MotionExecutor(
-        control,
-        motions,
-        tuple(Side),
-        parts.plan.limits,
-        SystemClock(),
-        lambda: manager.speed.in_force,
-        settings.tool_limits.limits,
-    )
-    access = DriverAccess(
-        robot=f"{settings.robot.address}:{settings.robot.rws_port}",
-        manager=manager,
-        control=control,
-        datagram=lambda side: buffers[side].datagram.read(),
-        grippers=parts.grippers,
-        gripper_state=parts.signals.state,
-        force=settings.gripper.force,
-        mover=mover,
-        recover=manager.recover,
-        calibrate=lambda sides, check: manager.calibrate(*(parts.grippers[side] for side in sides), check=check),
+) -> CommandedRobot:
+    """The robot as commands reach it, with what moves the arms for them."""
+    executor = motion_executor(parts, settings, motions, tuple(Side), parts.plan.limits)
+    return replace(
+        commanded_robot(parts, settings, executor),
         check_arms=front.check_arms,
         on_change=front.update_activity,
         namespace=settings.ros.root,
-        surroundings=msgspec.structs.replace(surroundings_of(settings), velocity=mover.limits.velocity),
-        joints=manager.monitor.joints,
-        on_subscription=manager.monitor.read_joints,
     )
-    return EndpointServer(access, front.log)
 
 
 class DriverWithoutRos:
@@ -411,6 +393,9 @@ class DriverWithoutRos:
 
     def update_activity(self) -> None:
         """There is no topic for it."""
+
+    def serve_commands(self, robot: CommandedRobot) -> None:
+        """The local endpoint alone serves them."""
 
     def on_event(self, event: Event) -> None:
         """Log an event of the control process, with its cause where EGM has ended."""
@@ -540,7 +525,8 @@ def view(
     """
     from yumi.web.controller import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
     from yumi.web.page_build import page_folder  # noqa: PLC0415
-    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415
+    from yumi.web.page_recording import page_recording  # noqa: PLC0415
+    from yumi.web.server import ViewSettings  # noqa: PLC0415
 
     robot = robot or ""
     if recording is not None and (robot or virtual or operate):

@@ -16,7 +16,8 @@ from math import isfinite
 
 from yumi.catalogue import Message, message
 from yumi.clock import Clock, wait_until
-from yumi.driver.readiness import NO_STOP, Report, Request, RobotState, arms_in_words, check_request, unmet
+from yumi.driver.readiness import NO_STOP, Request, check_request, unmet
+from yumi.driver.robot_state import Report, RobotState, arms_in_words
 from yumi.driver.state_machine import (
     MAIN,
     RAPID,

@@ -33,7 +33,7 @@ from yumi.control.loop_events import (
 )
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.bringup import Bringup
-from yumi.driver.readiness import Report, arms_in_words
+from yumi.driver.robot_state import Report, arms_in_words
 from yumi.driver.state_machine import EXTERNAL_STATUS, WATCHDOG, MachineState
 from yumi.driver.stops import StopLog, explain
 from yumi.errors import (

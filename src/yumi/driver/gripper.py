@@ -16,7 +16,8 @@ from typing import Protocol
 
 from yumi.catalogue import Message, message, said_by
 from yumi.clock import POLL_PERIOD, Clock, comes_true, wait_until
-from yumi.driver.readiness import Request, RobotState, check_request
+from yumi.driver.readiness import Request, check_request
+from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import GRIPPER, MAIN, RUN_GRIPPER, SgCommand, read_machine_state
 from yumi.errors import CommandRefused, ControllerRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
 from yumi.robot.gripper import (

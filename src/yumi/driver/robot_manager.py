@@ -34,7 +34,7 @@ from yumi.driver.egm_control import (
 )
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
-from yumi.driver.readiness import Mode, Report, RobotState
+from yumi.driver.robot_state import Mode, Report, RobotState
 from yumi.driver.stops import StopLog
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.description import Mass

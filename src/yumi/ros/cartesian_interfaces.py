@@ -14,7 +14,7 @@ from yumi.ros.controller_manager import MakeInterface
 from yumi.ros.kinematics_services import KinematicsServices
 from yumi.ros.line_actions import CARTESIAN_CONTROLLER, LineAction, MoveBothLinearAction, MoveLinearAction
 from yumi.ros.tool_topics import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic, ToolTopic
-from yumi.ros.topics import RobotFrames
+from yumi.ros.frames import RobotFrames
 
 
 class CartesianTopics:

@@ -40,7 +40,11 @@ from rclpy.signals import SignalHandlerOptions
 from yumi.catalogue import Message, message, said_by
 from yumi.clock import Clock
 from yumi.control.controller import State
-from yumi.control.loop_events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.control.loop_events import Event
+from yumi.control.loop_events import RobotStoppedFollowing
+from yumi.control.loop_events import SessionLost
+from yumi.control.loop_events import SessionStarted
+from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotManager, bring_up
@@ -50,22 +54,23 @@ from yumi.robot.joints import JointLimits, Side, prefixed
 from yumi.robot.urdf import MESHES
 from yumi.robot.urdf import robot_description
 from yumi.ros.cartesian_interfaces import cartesian_interfaces
+from yumi.ros.command_services import CommandActions
+from yumi.ros.command_services import CommandServices
+from yumi.ros.command_services import SpeedScaleInterface
+from yumi.ros.command_topics import CommandTopic
+from yumi.ros.command_topics import JointCommandTopic
+from yumi.ros.command_topics import JointVelocityTopic
+from yumi.ros.command_topics import forward_interfaces
 from yumi.ros.controller_manager import ArmHardware, ArmManager
+from yumi.ros.frames import ROBOT_STATE_PUBLISHER, FramePublisher, RobotFrames
 from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.nodes import Executors, TimerThread
-from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SignalsTopic, SpeedScaleInterface
-from yumi.ros.topics import (
-    ROBOT_STATE_PUBLISHER,
-    CommandTopic,
-    FramePublisher,
+from yumi.ros.state_topics import (
     HealthTopics,
-    JointCommandTopic,
     JointStatePublisher,
-    JointVelocityTopic,
     MergedJointStates,
-    RobotFrames,
     RobotStateTopic,
-    forward_interfaces,
+    SignalsTopic,
     newest_state,
 )
 from yumi.ros.trajectory_action import DUAL_ARM, TrajectoryControllers
@@ -196,8 +201,7 @@ class RosDriver:
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
 
-        self._services = RobotManagerServices(self._node, manager, self.check_arms, self.update_activity)
-        self._actions = RobotManagerActions(self._node, manager, self.check_arms, self.update_activity, base)
+        self._base, self._actions = base, list[CommandActions]()
         self._speed = SpeedScaleInterface(self._node, manager.speed, self._timers)
         signal_timers = TimerThread(clock, log_error, "signal-timers")
         self._signals = SignalsTopic(self._node, manager.signals, signal_timers, base)
@@ -246,6 +250,11 @@ class RosDriver:
             lambda: manager.egm_arms,
         )
 
+    def serve_commands(self, robot: CommandedRobot) -> None:
+        """Have services and actions for the commands that ``robot`` carries out; before :meth:`start`."""
+        CommandServices(self._node, robot)
+        self._actions.append(CommandActions(self._node, robot, self._base))
+
     def start(self) -> None:
         """Serve from now on."""
         for part in self._threads:
@@ -255,7 +264,8 @@ class RosDriver:
         """Serve no longer, and destroy the nodes."""
         for part in self._threads:
             part.stop()
-        self._actions.destroy()
+        for actions in self._actions:
+            actions.destroy()
         self._grippers.destroy()
         self._trajectories.destroy()
         for arm in self._arms.values():

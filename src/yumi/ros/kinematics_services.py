@@ -18,7 +18,7 @@ from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreach
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Joints, Side, joint_names, joints
 from yumi.robot.kinematics import compose, inverse
 from yumi.ros.messages import SERVICES, pose_of, say_why
-from yumi.ros.topics import RobotFrames
+from yumi.ros.frames import RobotFrames
 
 
 class KinematicsServices:

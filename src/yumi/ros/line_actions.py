@@ -35,7 +35,7 @@ from yumi.robot.kinematics import tool0_to_body
 from yumi.ros.messages import say_why
 from yumi.ros.nodes import is_cancelled
 from yumi.ros.tool_topics import LineGoal, TargetPoseTopic, line_numbers, target_refused
-from yumi.ros.topics import RobotFrames
+from yumi.ros.frames import RobotFrames
 
 CARTESIAN_CONTROLLER = "cartesian_controller"
 """Name of the arms' controllers that the action of both arms uses."""

@@ -41,7 +41,8 @@ from yumi.planning.tool_path import ZONE, Waypoint, checked_pose, plan_path
 from yumi.robot.joints import JointLimits, Joints, Pose, Side, Vector, joints, rotate
 from yumi.robot.kinematics import compose
 from yumi.ros.messages import nanoseconds, pose_of
-from yumi.ros.topics import CommandTopic, RobotFrames
+from yumi.ros.command_topics import CommandTopic
+from yumi.ros.frames import RobotFrames
 from yumi.settings import number
 
 line_numbers = count(2**41)  # of these motions, beside those of trajectories and scripts

@@ -25,8 +25,9 @@ import numpy as np
 from yumi.catalogue import Message, message
 from yumi.clock import Clock, SystemClock
 from yumi.driver.bringup import LaunchChecks, other_robot
-from yumi.driver.endpoint import EventReport, Surroundings
+from yumi.driver.reports import EventReport
 from yumi.driver.settings import RobotSettings
+from yumi.driver.surroundings import Surroundings
 from yumi.errors import ControllerRefused, ProtocolError, RobotNotReady, YumiError
 from yumi.robot.arm_kinematics import Arm
 from yumi.robot.irb120 import irb120
@@ -39,7 +40,7 @@ from yumi.rws.session import BUSY
 from yumi.rws.transport import HttpTransport
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 from yumi.virtual.faults import DISPLAY_PATH
-from yumi.web.live import said_of
+from yumi.web.page_words import said_of
 
 LINES = 200
 """So many lines of the log are kept for a page that is opened later."""

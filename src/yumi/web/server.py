@@ -6,8 +6,8 @@ origin, or under a host name that is not this machine's, is refused. One page at
 taken control: a virtual one always, a real one where the server was started to operate it and the page is opened on
 the same machine.
 
-A page draws the robot's description, which it gets as JSON (:func:`robot_model`), and moves it as the driver's state,
-a controller without a driver (:mod:`yumi.web.controller`) or a recording (:func:`page_recording`) says.
+A page draws the robot's description, which it gets as JSON (:mod:`yumi.web.robot_model`), and moves it as the driver's
+state, a controller without a driver (:mod:`yumi.web.controller`) or a recording (:mod:`yumi.web.page_recording`) says.
 """
 
 from __future__ import annotations
@@ -18,21 +18,19 @@ import secrets
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from datetime import datetime
+from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
-from xml.etree import ElementTree as ET
 
 import msgspec
 from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi.robot
 from yumi.catalogue import FrontEnd, Message, message, said_by, sentence
-from yumi.control.flight_recorder import Frame
-from yumi.driver.endpoint import EventReport, StopEgm
+from yumi.driver.commands import StopEgm
+from yumi.driver.reports import EventReport
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
 from yumi.recording.message_types import EVENTS
@@ -40,25 +38,16 @@ from yumi.recording.message_types import STATE
 from yumi.recording.message_types import RecordedEvent
 from yumi.recording.reader import recorded_messages
 from yumi.planning.planning_process import PlanningProcess
-from yumi.robot.gripper import MAX_FORCE, TRAVEL
-from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Joints, Side, finger_names, joint_names, set_prefix
-from yumi.robot.urdf import MESHES, robot_description
+from yumi.robot.urdf import MESHES
+from yumi.robot.urdf import robot_description
 from yumi.virtual.faults import Fault
-from yumi.web.controller import ControllerReader, ControllerView, LogMessage, chain_model
-from yumi.web.live import (
-    AnyMessage,
-    Ask,
-    ExecutePlan,
-    GiveBack,
-    Inject,
-    LiveRobot,
-    Operator,
-    PlanMotion,
-    Seen,
-    TakeControl,
-    failure_for_page,
-)
+from yumi.web.controller import ControllerReader, ControllerView, LogMessage
+from yumi.web.live import LiveRobot
 from yumi.web.page_build import page_folder
+from yumi.web.page_messages import AnyMessage, Ask, ExecutePlan, GiveBack, Inject, PlanMotion, Seen, TakeControl
+from yumi.web.page_operator import Operator
+from yumi.web.page_words import failure_for_page
+from yumi.web.robot_model import controller_model, robot_model
 
 MAX_PAGES = 8
 """So many pages are served at once."""
@@ -529,187 +518,3 @@ def _host_of(url: str) -> str:
         return urlsplit(url).hostname or ""
     except ValueError:
         return ""
-
-
-# ---- what a page draws
-
-
-def robot_model() -> dict[str, Any]:
-    """Links with their shapes, joints from parent to child, and what the page must know of the arms."""
-    set_prefix("")  # the page has names of its own
-    urdf = ET.fromstring(robot_description(meshes=MESHES))
-    colors = {
-        each.get("name"): _numbers(each.find("color"), "rgba", "0.8 0.8 0.8 1")[:3] for each in urdf.findall("material")
-    }
-    return {
-        "links": {
-            str(link.get("name")): [_visual(each, colors) for each in link.findall("visual")]
-            for link in urdf.findall("link")
-        },
-        "joints": [_joint(each) for each in urdf.findall("joint")],
-        "arms": {
-            side.word: {
-                "joints": joint_names(side),
-                "axes": CHAIN_AXES,
-                "fingers": finger_names(side),
-                "tip": f"gripper_{side.value}_fingertips",
-                "tool0": f"yumi_tool0_{side.value}",
-                "poses": {name: pose(side) for name, pose in POSES.items()},
-            }
-            for side in Side
-        },
-        "limits": {"lower": YUMI_LIMITS.lower, "upper": YUMI_LIMITS.upper, "velocity": YUMI_LIMITS.velocity},
-        "gripper": {"travel": TRAVEL, "force": MAX_FORCE},
-    }
-
-
-def controller_model(reader: ControllerReader) -> dict[str, Any]:
-    """As :func:`robot_model`, of any robot; one without a description has no links to draw."""
-    model = robot_model()
-    if reader.is_yumi:
-        return model
-    if reader.kind.is_drawn:
-        camera = {"position": [1.75, -1.3, 1.0], "target": [0.15, 0.0, 0.38], "floor": 0.0}
-        return {**model, **chain_model(reader.units[:1]), "camera": camera, "tip": "tool0"}
-    return {**model, **chain_model([replace(unit, arm=None) for unit in reader.units])}
-
-
-def _visual(visual: ET.Element, colors: dict[str | None, list[float]]) -> dict[str, Any]:
-    geometry, material = visual.find("geometry"), visual.find("material")
-    assert geometry is not None, "URDF"
-    shape = geometry[0]
-    sizes = {
-        name: [float(number) for number in value.split()] for name, value in shape.items() if name not in {"filename"}
-    }
-    return {
-        "shape": shape.tag,
-        "mesh": shape.get("filename", "").rpartition("/")[2],
-        **sizes,
-        **_origin(visual),
-        "color": colors.get(None if material is None else material.get("name"), [0.8, 0.8, 0.8]),
-    }
-
-
-def _joint(joint: ET.Element) -> dict[str, Any]:
-    parent, child, mimic = joint.find("parent"), joint.find("child"), joint.find("mimic")
-    assert parent is not None, "URDF"
-    assert child is not None, "URDF"
-    return {
-        "name": joint.get("name"),
-        "type": joint.get("type"),
-        "parent": parent.get("link"),
-        "child": child.get("link"),
-        "axis": _numbers(joint.find("axis"), "xyz", "0 0 1"),
-        "mimic": None if mimic is None else mimic.get("joint"),
-        **_origin(joint),
-    }
-
-
-def _origin(element: ET.Element) -> dict[str, list[float]]:
-    origin = element.find("origin")
-    return {"xyz": _numbers(origin, "xyz", "0 0 0"), "rpy": _numbers(origin, "rpy", "0 0 0")}
-
-
-def _numbers(element: ET.Element | None, name: str, otherwise: str) -> list[float]:
-    return [float(value) for value in (otherwise if element is None else element.get(name, otherwise)).split()]
-
-
-# ---- a recording
-
-MAX_SAMPLES = 6000
-"""Of each arm; a longer recording is thinned out."""
-
-_FIRST_PERIOD = 0.02  # [s]
-
-
-def page_recording(file: Path) -> dict[str, Any]:
-    """What the page shows of a recording; times in seconds from its beginning.
-
-    It begins where the driver had connected to the robot: of the time before, there is nothing to show.
-
-    Raises:
-        ProtocolError: the file is not a recording, or has nothing to show.
-        MissingPrerequisite: the library is not installed.
-    """
-    cycles = {f"{side.value}/cycle": (side, _Samples()) for side in Side}
-    grippers: dict[str, list[dict[str, Any]]] = {f"{side.value}/gripper": [] for side in Side}
-    events: list[RecordedEvent] = []
-    states: list[dict[str, Any]] = []
-    times: list[float] = []  # of all but states
-    epoch, is_complete = 0.0, False
-    for topic, log_time, value in recorded_messages(file):
-        if topic is None:
-            is_complete = True
-            continue
-        time = value["time"] if isinstance(value, Mapping) else value.time
-        epoch = epoch or log_time * 1e-9 - time
-        if topic == STATE:
-            states.append(value)
-            continue
-        times = [min(times[0], time), max(times[1], time)] if times else [time, time]
-        if topic in cycles:
-            cycles[topic][1].add(value)
-        elif topic in grippers:
-            grippers[topic].append(value)
-        elif topic == EVENTS:
-            events.append(value)
-    end = max([*times, *(each["time"] for each in states)])
-    connected = (index for index, each in enumerate(states) if each.get("is_connected", True))
-    states = states[next(connected, 0) :]
-    start = min([*times, *(each["time"] for each in states)])
-    for known in (states, *grippers.values()):  # what was known first is shown from the beginning
-        if known:
-            known[0] = {**known[0], "time": start}
-
-    def rounded(values: Joints | None) -> list[float] | None:
-        return None if values is None else [round(value, 5) for value in values]  # what is not a number becomes null
-
-    return {
-        "name": file.name,
-        "date": datetime.fromtimestamp(epoch + start).strftime("%Y-%m-%d %H:%M"),  # of this machine's clock on the wall
-        "is_complete": is_complete,
-        "start": epoch + start,
-        "duration": end - start,
-        "arms": {
-            side.word: {
-                "time": [round(each.time - start, 4) for each in samples.kept],
-                **{
-                    name: [rounded(getattr(each, name)) for each in samples.kept]
-                    for name in ("position", "velocity", "sent", "reference")
-                },
-                "is_running": [each.is_running for each in samples.kept],
-            }
-            for side, samples in cycles.values()
-        },
-        "grippers": {
-            side.word: [{**each, "time": each["time"] - start} for each in grippers[f"{side.value}/gripper"]]
-            for side in Side
-        },
-        "states": [{**each, "time": each["time"] - start} for each in states],
-        "events": [
-            {
-                "time": each.time - start,
-                "side": each.side and each.side.word,
-                "sentence": each.sentence,
-                "is_fault": each.is_fault,
-            }
-            for each in events
-        ],
-    }
-
-
-class _Samples:
-    """Cycles of one arm at equal intervals, which double when there are too many."""
-
-    def __init__(self) -> None:
-        self.kept: list[Frame] = []
-        self._period, self._last = _FIRST_PERIOD, float("-inf")
-
-    def add(self, frame: Frame) -> None:
-        if frame.time - self._last < self._period - 1e-4:
-            return
-        self._last = frame.time
-        self.kept.append(frame)
-        if len(self.kept) > MAX_SAMPLES:
-            self.kept = self.kept[::2]
-            self._period *= 2.0

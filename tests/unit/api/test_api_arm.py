@@ -11,7 +11,7 @@ from yumi.api.tool import Gripper
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.loop_events import SessionLost
 from yumi.control.shared_state import Snapshot
-from yumi.driver.endpoint import ArmMode
+from yumi.driver.reports import ArmMode
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import ZERO, Side, home, joint_names
 from yumi.robot.kinematics import tool0_to_body

@@ -23,10 +23,13 @@ import pytest
 import yumi
 from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused
-from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
-from yumi.api.connection import RunningDriver, attach
+from yumi.api.arm_access import GOAL_CONTROLLER
+from yumi.api.arm_access import STREAM_CONTROLLER
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
-from yumi.api.motion_registry import Motion, Way
+from yumi.api.motion_registry import Motion
+from yumi.api.motion_registry import Way
+from yumi.api.attach import RunningDriver
+from yumi.api.attach import attach
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.loop_commands import ControllerCommand
@@ -36,9 +39,10 @@ from yumi.control.shared_state import JointStates, Snapshot
 from yumi.control.trajectory_commands import FollowTrajectory, ResultCode, TrajectoryEnded
 from yumi.control.trajectory_commands import Outcome as TrajectoryOutcome
 from yumi.driver import endpoint_server
-from yumi.driver.endpoint import MAX_REQUEST, ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
+from yumi.driver.endpoint import MAX_REQUEST, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
-from yumi.driver.readiness import Mode
+from yumi.driver.reports import ArmMode
+from yumi.driver.robot_state import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.planning.planner import Plan
 from yumi.robot.gripper import Outcome
@@ -888,9 +892,9 @@ def test_collision_that_was_allowed_without_an_answer_in_time_ends_with_the_conn
 def test_collision_that_was_refused_is_not_ended_with_the_connection_whatever_else_the_client_waits_for(
     driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ended: list[set[tuple[str, str]]] = []
+    ended: list[tuple[str, str]] = []
     driver.manager.blocks = threading.Event()
-    monkeypatch.setattr(driver.server._handlers, "end_allowed_collisions", ended.append)
+    monkeypatch.setattr(driver.manager, "end_allowed_collision", lambda part, other: ended.append((part, other)))
     connection, file = raw()
     with connection, file:
         for line in (
@@ -904,7 +908,7 @@ def test_collision_that_was_refused_is_not_ended_with_the_connection_whatever_el
                 file.readline()
     driver.manager.blocks.set()
     poll_until(lambda: bool(ended))
-    assert ended == [{("right gripper", "table")}]
+    assert ended == [("right gripper", "table")]
 
 
 def test_each_collision_that_a_client_has_allowed_ends_although_one_cannot(

@@ -16,7 +16,8 @@ from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli import demo
 from yumi.cli.main import main
 from yumi.cli.options import limit_discovery
-from yumi.cli.up import _endpoint_of
+from yumi.cli.up import _commanded_robot
+from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.settings import override, read_settings
 from yumi.robot.joints import Side
 
@@ -178,7 +179,7 @@ def test_socket_of_a_driver_in_a_namespace_is_named_after_it(
     settings = override(read_settings(), {"robot": {"address": "127.0.0.1"}, "ros": {"namespace": namespace}}, "test")
     parts = MagicMock()
     parts.control.buffers = {}
-    server = _endpoint_of(parts, settings, MotionRegistry(is_script=False), MagicMock())
+    server = EndpointServer(_commanded_robot(parts, settings, MotionRegistry(is_script=False), MagicMock()))
     server.start()
     server.stop()
     assert server.path.name == name

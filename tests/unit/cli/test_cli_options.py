@@ -171,7 +171,8 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
 
     over = Event()
     over.set()
-    for name in ("Recorder", "RobotConnection", "_endpoint_of", "GripperSetup", "SupervisedThread", "settle_memory"):
+    parts_of_driver = ("Recorder", "RobotConnection", "_commanded_robot", "EndpointServer", "GripperSetup")
+    for name in (*parts_of_driver, "SupervisedThread", "settle_memory"):
         monkeypatch.setattr(f"yumi.cli.up.{name}", Mock())
     monkeypatch.setattr("yumi.cli.up.make_parts", make_parts)
     monkeypatch.setattr("yumi.cli.up.bring_up", bring_up)
@@ -201,7 +202,8 @@ def test_event_reaches_all_who_take_it_although_the_first_one_fails(
     event = SessionLost(Side.LEFT, 0.08, ())
     monkeypatch.setattr("yumi.cli.up.Recorder", lambda *_: records)
     monkeypatch.setattr("yumi.cli.up.MotionRegistry", lambda **_: motions)
-    monkeypatch.setattr("yumi.cli.up._endpoint_of", lambda *_: endpoint)
+    monkeypatch.setattr("yumi.cli.up._commanded_robot", Mock())
+    monkeypatch.setattr("yumi.cli.up.EndpointServer", lambda *_: endpoint)
     monkeypatch.setattr("yumi.cli.up.make_parts", make_parts)
     monkeypatch.setattr("yumi.cli.up.bring_up", lambda *_, **__: make_parts.call_args.args[2](event) or "")
     with caplog.at_level("ERROR", logger="yumi"):

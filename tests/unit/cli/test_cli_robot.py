@@ -20,15 +20,17 @@ from click.testing import CliRunner
 
 from fake_driver import ROBOT, FakeDriver
 from refusals import refused
-from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
-from yumi.api.connection import attach
+from yumi.api.arm_access import GOAL_CONTROLLER
+from yumi.api.arm_access import STREAM_CONTROLLER
+from yumi.api.attach import attach
 from yumi.catalogue import Action, FrontEnd, clause, message, sentence
 from yumi.cli import robot as commands
+from yumi.cli import shell
 from yumi.cli.main import main
 from yumi.control.controllers.joint_goal import JointGoal
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS
-from yumi.driver.readiness import Mode
+from yumi.driver.robot_state import Mode
 from yumi.errors import SettingsError
 from yumi.robot.joints import YUMI_LIMITS, Side, chain_from_abb, home, joint_names, named_pose
 
@@ -138,7 +140,7 @@ def test_gripper_says_what_it_holds(driver: FakeDriver) -> None:
         "outcome": "open",
         "width": 0.03,
     }
-    assert sentence(message("width_opens_force_closes"), FrontEnd.SHELL) in refusal(
+    assert sentence(message("width_while_closing"), FrontEnd.SHELL) in refusal(
         "grip", "right", "close", "--width", "0.01", code=2
     )
     assert "not in the range" in refusal("grip", "right", "open", "--width", "0.2", code=2)
@@ -311,8 +313,8 @@ def test_shell_completes_commands_poses_and_controllers(driver: FakeDriver) -> N
 
 def test_prompt_is_connected_to_the_driver(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: dict[str, object] = {}
-    monkeypatch.setattr(commands.code, "interact", lambda banner, local, exitmsg: seen.update(local, banner=banner))
-    monkeypatch.setattr(commands, "_HISTORY", Path("/nowhere/history"))
+    monkeypatch.setattr(shell.code, "interact", lambda banner, local, exitmsg: seen.update(local, banner=banner))
+    monkeypatch.setattr(shell, "_HISTORY", Path("/nowhere/history"))
     run("shell")
     assert repr(seen["driver"]) == f"<yumi.RunningDriver {ROBOT}>"
     assert "driver.move_to" in str(seen["banner"])

@@ -10,7 +10,7 @@ from yumi.catalogue import clause, message
 from yumi.control.limiter import Limiter
 from yumi.control.shared_state import Limited, Snapshot
 from yumi.driver.egm_arm import EgmArm
-from yumi.driver.endpoint import arm_report
+from yumi.driver.reports import arm_report
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.egm.session import Session
 from yumi.egm.udp import MemoryLink, UdpClient, UdpServer, memory_links

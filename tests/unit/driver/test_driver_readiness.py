@@ -11,17 +11,16 @@ from refusals import refused
 from yumi.catalogue import FrontEnd, Message, clause, message, remedy_of
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver.readiness import (
-    EGM_RUNNING,
     NEEDED,
     Condition,
     Request,
-    RobotState,
     check_request,
     reference_page,
     unmet,
     why_arm_does_not_follow,
     why_not_ready,
 )
+from yumi.driver.robot_state import EGM_RUNNING, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Side

@@ -15,7 +15,7 @@ from flight import LOST, flown
 from refusals import refused
 from yumi.cli.main import main
 from yumi.clock import ManualClock
-from yumi.driver.readiness import RobotState
+from yumi.driver.robot_state import RobotState
 from yumi.errors import CommandRefused, MissingPrerequisite
 from yumi.recording.message_types import recorded_event
 from yumi.recording.recorder import FullRecorder, Sources

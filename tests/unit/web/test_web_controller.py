@@ -30,7 +30,8 @@ from yumi.virtual.controller.installed_system import ROBOTS, factory_system, wit
 from yumi.virtual.faults import DISPLAY_PATH
 from yumi.virtual.world import World, WorldSettings
 from yumi.web.controller import AROUND, ControllerReader, ControllerView, LogLine, PointerReport, Unit, chain_model
-from yumi.web.server import ViewServer, ViewSettings, controller_model
+from yumi.web.robot_model import controller_model
+from yumi.web.server import ViewServer, ViewSettings
 
 PROGRAM = """MODULE Cell
     CONST jointtarget there:=[[20,10,5,10,20,30],[9E9,9E9,9E9,9E9,9E9,9E9]];

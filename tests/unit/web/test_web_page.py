@@ -21,14 +21,14 @@ from yumi.control.controllers.joint_goal import JointGoal
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import ZERO, Joints, Side, home, joints
 from yumi.rws.types import ControllerState
-from yumi.web import live, server
+from yumi.web import page_operator, server
 from yumi.web.server import ViewServer, ViewSettings
 
 
 @pytest.fixture(autouse=True)
 def slow_browser(monkeypatch: pytest.MonkeyPatch) -> None:
     """A browser that draws in software may be slow: the page jogs and keeps control nevertheless."""
-    monkeypatch.setattr(live, "OLDEST_SEEN", 60.0)
+    monkeypatch.setattr(page_operator, "OLDEST_SEEN", 60.0)
     monkeypatch.setattr(server, "_ANSWER", 60.0)
 
 

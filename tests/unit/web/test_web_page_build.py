@@ -12,6 +12,7 @@ import pytest
 
 from refusals import refused
 from yumi.catalogue.texts.actions import ACTIONS
+from yumi.driver.commands import COMMANDS
 from yumi.errors import MissingPrerequisite
 from yumi.virtual.faults import Fault
 from yumi.web import page_build
@@ -52,7 +53,8 @@ def test_every_fault_of_the_virtual_robot_has_words_on_the_page() -> None:
 
 def test_button_that_a_sentence_of_the_page_names_is_there_by_that_name() -> None:
     sources = [page_build.SOURCES / "index.html", *(page_build.SOURCES / "src").glob("*.ts")]
-    markup = "\n".join(each.read_text() for each in sources)
+    of_commands = [f'"{kind.button}"' for kind in COMMANDS]  # their buttons are made from the table
+    markup = "\n".join([*(each.read_text() for each in sources), *of_commands])
     words = [ACTIONS[action][front_end] for action in ACTIONS for front_end in ("page", "virtual_page")]
     said = "\n".join([markup, *(f"{each.do}; {each.name}" for each in words)])
     named = set(re.findall("“([^“”]+)”", said))

@@ -11,15 +11,15 @@ import pytest
 from flight import CYCLE, LOST, SENTENCE, flown, write_flight_record
 from refusals import refused
 from yumi.catalogue import message, sentence
-from yumi.driver.readiness import RobotState
+from yumi.driver.robot_state import RobotState
 from yumi.errors import ProtocolError
 from yumi.recording.message_types import recorded_event
 from yumi.recording.writer import RecordingWriter
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import Side
 from yumi.rws.types import OperatingMode
-from yumi.web import server
-from yumi.web.server import page_recording
+from yumi.web import page_recording as recording_of_page
+from yumi.web.page_recording import page_recording
 
 
 def test_motion_and_event_of_a_flight_record_are_there(tmp_path: Path) -> None:
@@ -39,7 +39,7 @@ def test_motion_and_event_of_a_flight_record_are_there(tmp_path: Path) -> None:
 
 
 def test_long_recording_is_thinned_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "MAX_SAMPLES", 50)
+    monkeypatch.setattr(recording_of_page, "MAX_SAMPLES", 50)
     file, frames = tmp_path / "long.mcap", flown(2000).frames()
     write_flight_record(file, 0.0, recorded_event(LOST, frames[-1].time), {Side.LEFT: tuple(frames)})
     times = page_recording(file)["arms"]["left"]["time"]

@@ -27,7 +27,8 @@ from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import Snapshot
 from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.driver import endpoint_server
-from yumi.driver.endpoint import Surroundings, find_driver
+from yumi.driver.endpoint import find_driver
+from yumi.driver.surroundings import Surroundings
 from yumi.errors import SettingsError
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
@@ -35,16 +36,22 @@ from yumi.robot.collision import Obstacle
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.differential_kinematics import posture_near, wrist_of, wrist_target
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
-from yumi.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, tool0_to_body
-from yumi.web import live, server
-from yumi.web.live import (
-    MAX_JOINT_SPEED,
-    MAX_LINEAR,
-    OLDEST_SEEN,
-    Distances,
-    ToolJog,
-    within_joint_speed,
-)
+from yumi.robot.kinematics import IDENTITY
+from yumi.robot.kinematics import compose
+from yumi.robot.kinematics import inverse
+from yumi.robot.kinematics import multiply
+from yumi.robot.kinematics import quaternion_of
+from yumi.robot.kinematics import tool0_to_body
+from yumi.web import live
+from yumi.web import server
+from yumi.web import distances
+from yumi.web import page_operator
+from yumi.web.distances import Distances
+from yumi.web.page_messages import MAX_JOINT_SPEED
+from yumi.web.page_messages import MAX_LINEAR
+from yumi.web.page_messages import ToolJog
+from yumi.web.page_operator import OLDEST_SEEN
+from yumi.web.page_operator import within_joint_speed
 from yumi.web.server import MAX_PAGES, ViewServer, ViewSettings
 
 SOON = 10.0
@@ -571,7 +578,7 @@ def test_parts_that_limit_an_arm_in_turn_are_not_shown_in_turn(driver: FakeDrive
         async with site.page() as page:
             begin = time.monotonic()
             seen, shown = set(), set()
-            while len(seen) < 2 or time.monotonic() < begin + 2 * live._SHOWN_FOR:
+            while len(seen) < 2 or time.monotonic() < begin + 2 * distances._SHOWN_FOR:
                 message = await page.until("state")
                 seen.add(message["state"]["arms"]["right"]["limited"]["part"])
                 shown.add(message["limited"]["right"]["part"])
@@ -656,7 +663,7 @@ def test_end_of_a_jog_is_carried_out_however_long_it_waited(
         async with site.page() as page:
             await page.take_control()
             await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=1, linear=up)
-            monkeypatch.setattr(live, "STALE", -1.0)  # what waits has always waited for too long
+            monkeypatch.setattr(page_operator, "STALE", -1.0)  # what waits has always waited for too long
             await page.send(type="jog_tool", arm="right", hold=1)
             await eventually(lambda: twist_of(driver) == ZERO)
 

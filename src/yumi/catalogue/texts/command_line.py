@@ -30,7 +30,6 @@ COMMAND_LINE: Mapping[str, Text] = {
         "--config is for a driver that is started", "name its robot with --robot, or take --virtual"
     ),
     "option_needs_robot": Text("{option} is about a robot that runs already", "name it with --robot"),
-    "width_opens_force_closes": Text("--width is for open, --force for close"),
     "line_options_need_pose": Text("--linear and --speed are for poses", "add --pose"),
     "abb_order_of_names": Text("--abb is for seven angles in a row; joints by name have no order"),
     "nodes_would_merge": Text(

@@ -22,7 +22,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from yumi.catalogue import message
 from yumi.clock import SystemClock
-from yumi.driver.readiness import RobotState
+from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import SpeedSetting
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Pose, Side

@@ -92,7 +92,7 @@ function showControl(page: Page): void {
 }
 
 const OF_PERMISSION = {
-  start: ["start"], recover: ["recover"], calibrate: ["calibrate"], grip: ["open", "close"], move: ["plan", "execute"],
+  start: ["start"], recover: ["recover"], grip: ["open", "close"], move: ["plan", "execute"],
 } as const;
 
 /** Buttons that cannot work are disabled, with the reason as their title. */
@@ -102,6 +102,7 @@ function showPermissions(page: Page): void {
   for (const [name, ids] of Object.entries(OF_PERMISSION) as [keyof typeof OF_PERMISSION, readonly string[]][]) {
     for (const id of ids) disable(button(id), why[name]);
   }
+  for (const { method } of page.model.commands) disable(button(method), method === "calibrate" ? why.calibrate : why.command);
   disable(button("move"), why.move || handle);
   for (const each of document.querySelectorAll<HTMLButtonElement>("button[data-jog]")) disable(each, why.move);
 }

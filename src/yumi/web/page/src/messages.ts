@@ -47,6 +47,13 @@ export interface Camera {
   floor: number;
 }
 
+/** A command of the driver without arguments: its method, and its button. */
+export interface CommandButton {
+  method: string;
+  button: string;
+  title: string;
+}
+
 export interface Model {
   links: Record<string, Visual[]>;
   joints: JointModel[];
@@ -55,6 +62,7 @@ export interface Model {
   camera?: Camera; // where it is not that of a YuMi
   tip?: string; // what a person calls the tip, where it is not the fingertips
   gripper: { travel: number; force: number };
+  commands: CommandButton[];
 }
 
 // ---- what the server says

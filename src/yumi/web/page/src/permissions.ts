@@ -13,12 +13,13 @@ export interface Permissions {
   recover: string;
   calibrate: string;
   grip: string;
+  command: string; // any other one of the driver
   move: string; // jogs, plans and motions of the arm that is shown
 }
 
 export function permissions(page: Page): Permissions {
   const { state, stop, reasons, arm } = page;
-  if (!state) return { start: NO_STATE, recover: NO_STATE, calibrate: NO_STATE, grip: NO_STATE, move: NO_STATE };
+  if (!state) return { start: NO_STATE, recover: NO_STATE, calibrate: NO_STATE, grip: NO_STATE, command: NO_STATE, move: NO_STATE };
   const arms = armsOf(page.model);
   const running = arms.filter((name) => state.egm[name] === "running");
   const [blocked] = inTheWay(page).map(({ sentence }) => sentence);
@@ -30,6 +31,7 @@ export function permissions(page: Page): Permissions {
     recover: blocked ?? (stop ? "" : nothing),
     calibrate: blocked ?? (unconfirmed || (running.length ? "EGM must not run: press “Stop (ends EGM)” first." : "")),
     grip: unconfirmed,
+    command: unconfirmed,
     move: FOLLOWS.includes(state.arms[arm]!.mode) ? "" : `The ${arm} arm follows no commands: press “Start EGM”.`,
   };
 }

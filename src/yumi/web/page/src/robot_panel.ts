@@ -1,6 +1,6 @@
 /** The panel of the whole robot: stop, start, recover, calibrate, speed; and the dialog that confirms a stop. */
 
-import { at, button, input, press, text } from "./dom";
+import { at, button, input, make, press, text } from "./dom";
 import { closeToast } from "./toast";
 import type { Connection } from "./connection";
 import type { Page, Store } from "./store";
@@ -17,7 +17,10 @@ export function bindRobot(store: Store, connection: Connection, endJog: () => vo
     if (stop && !(await confirmStop())) return;
     await connection.request("recover", { confirm: stop }, pressed);
   });
-  press("calibrate", (pressed) => connection.request("calibrate", {}, pressed));
+  for (const { method, button: word, title } of store.page.model.commands) {
+    at("robot-buttons").append(make("button", { id: method, textContent: word, title }));
+    press(method, (pressed) => connection.request(method, {}, pressed));
+  }
   const speed = input("speed");
   speed.addEventListener("change", () => connection.request("set_speed_scale", { speed_scale: speed.valueAsNumber / 100 }));
   at("toast").addEventListener("click", closeToast);

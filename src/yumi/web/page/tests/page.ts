@@ -10,7 +10,7 @@ export const MODEL: Model = {
   links: {}, joints: [],
   arms: byArm(() => ({ joints: [], axes: [1, 2, 7, 3, 4, 5, 6], fingers: [], tip: "tip", tool0: "tool0", poses: { home: zeros(), ready: zeros() } })),
   limits: { lower: zeros(), upper: zeros(), velocity: zeros() },
-  gripper: { travel: 0.025, force: 20 },
+  gripper: { travel: 0.025, force: 20 }, commands: [],
 };
 
 export const CONTROLLER: ControllerKind = { address: "127.0.0.1:80", robot: "IRB 120", units: ["ROB_1"], is_drawn: true };
