@@ -20,7 +20,6 @@ from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Jo
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.egm_motion import EgmSettings
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 TABLE = Obstacle("table", Pose((0.40, 0.0, -0.13), UPRIGHT), (0.60, 1.20, 0.05))

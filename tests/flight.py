@@ -8,12 +8,10 @@ from pathlib import Path
 
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
+from yumi.control.loop_events import SessionLost
+from yumi.control.stage_times import AFTER_REPLY, SEND, StageClock
 from yumi.recording.message_types import RecordedEvent
 from yumi.recording.writer import RecordingWriter
-from yumi.control.loop_events import SessionLost
-from yumi.control.stage_times import AFTER_REPLY
-from yumi.control.stage_times import SEND
-from yumi.control.stage_times import StageClock
 from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 
 CYCLE = 0.004

@@ -18,10 +18,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from yumi.robot.joints import CYCLE
-from yumi.virtual.mechanics.arm_motion import MODELS
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.arm_motion import unlimited
+from yumi.virtual.mechanics.arm_motion import MODELS, ArmModel, unlimited
 from yumi.virtual.mechanics.egm_motion import EgmSettings
 from yumi.virtual.mechanics.servo import follow_references
 

@@ -15,7 +15,6 @@ from dataclasses import replace
 import yumi_evaluation.virtual_time
 from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
 from yumi_evaluation.experiments import (
     TAIL,
     Experiment,

@@ -26,9 +26,9 @@ from playwright.sync_api import sync_playwright
 
 import yumi
 from yumi.control.flight_recorder import Frame
+from yumi.control.stage_times import StageTimes
 from yumi.process.command import Command
 from yumi.recording.writer import RecordingWriter
-from yumi.control.stage_times import StageTimes
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import POSES, ZERO, Joints, Side, joints
 

@@ -9,9 +9,7 @@ if TYPE_CHECKING:
     from yumi import errors
     from yumi.api.attach import attach
     from yumi.api.connect import connect, connect_async
-    from yumi.api.joint_positions import abb_degrees
-    from yumi.api.joint_positions import degrees
-    from yumi.api.joint_positions import in_degrees
+    from yumi.api.joint_positions import abb_degrees, degrees, in_degrees
     from yumi.api.tool import pose
     from yumi.driver.egm_server import EgmServer
     from yumi.recording.tables import read_recording

@@ -28,9 +28,7 @@ from numpy.typing import NDArray
 
 from yumi.catalogue import Message, clause, message
 from yumi.robot.joints import Joints
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.arm_motion import unlimited
+from yumi.virtual.mechanics.arm_motion import ArmModel, unlimited
 from yumi.virtual.mechanics.egm_motion import EgmSettings
 from yumi.virtual.mechanics.servo import follow_references
 from yumi_evaluation.logs import Array, RobotLog

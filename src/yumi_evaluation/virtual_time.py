@@ -37,14 +37,8 @@ from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Join
 from yumi.settings import Parameter, Values
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.egm_client import EgmOptions
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
+from yumi.virtual.mechanics.egm_client import EgmClient, EgmOptions
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData
 from yumi_evaluation.experiments import AXIS_6, GOAL_RATE, Experiment, Mode, Sine, Step, System, Trace
 from yumi_evaluation.metrics import Series, series
 

@@ -13,14 +13,8 @@ from yumi.egm.codec import RobotMessage, SensorCodec
 from yumi.robot.joints import Joints, Side, abb_from_chain, home
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.egm_client import EgmOptions
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
+from yumi.virtual.mechanics.egm_client import EgmClient, EgmOptions
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

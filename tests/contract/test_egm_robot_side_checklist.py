@@ -16,16 +16,8 @@ from yumi.egm.codec import MciState, MotorState, RapidState
 from yumi.egm.udp import UdpClient
 from yumi.robot.joints import CYCLE, Side, abb_from_chain, chain_from_abb
 from yumi.robot.kinematics import euler_zyx, tool0_to_body
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_motion import StopMode
-from yumi.virtual.mechanics.egm_client import VIRTUAL_CYCLE
-from yumi.virtual.mechanics.egm_client import EgmOptions
-from yumi.virtual.mechanics.egm_client import EgmOutcome
-from yumi.virtual.mechanics.egm_client import RobotWare
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_motion import StopMode
+from yumi.virtual.mechanics.egm_client import VIRTUAL_CYCLE, EgmOptions, EgmOutcome, RobotWare
+from yumi.virtual.mechanics.egm_motion import EgmActivation, ExternalMotionData, StopMode
 from yumi.virtual.world import World, WorldSettings
 
 

@@ -25,13 +25,8 @@ from yumi.egm.codec import MciState, MotorState, RobotCodec
 from yumi.robot.joints import CYCLE, Side
 from yumi.robot.kinematics import quaternion_from_euler_zyx
 from yumi.rws.types import ControllerState
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_client import EgmOptions
-from yumi.virtual.mechanics.egm_client import EgmOutcome
-from yumi.virtual.mechanics.egm_client import InvalidReference
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
+from yumi.virtual.mechanics.egm_client import EgmOptions, EgmOutcome, InvalidReference
+from yumi.virtual.mechanics.egm_motion import EgmActivation, ExternalMotionData
 
 
 @pytest.fixture

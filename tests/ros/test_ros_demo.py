@@ -28,7 +28,6 @@ from yumi.ros.move_and_grab import CLOSE_ENOUGH, GOALS, MEETING, MoveAndGrab
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.egm_motion import EgmSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 

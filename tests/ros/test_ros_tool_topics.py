@@ -20,10 +20,8 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
 from yumi.robot.urdf import robot_description
-from yumi.ros.tool_topics import ServoPoseTopic
-from yumi.ros.tool_topics import ServoTwistTopic
-from yumi.ros.tool_topics import TargetPoseTopic
 from yumi.ros.frames import RobotFrames
+from yumi.ros.tool_topics import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
 
 pytestmark = pytest.mark.ros
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))

@@ -28,11 +28,8 @@ from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorMessage
 from yumi.egm.udp import Poller, UdpClient, UdpServer, free_port
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
-from yumi.process.child import ChildProcess
-from yumi.process.child import PipeEnd
-from yumi.planning.trajectory_request import MOST_POINTS
-from yumi.planning.trajectory_request import JointTrajectory
-from yumi.planning.trajectory_request import plan_trajectory
+from yumi.planning.trajectory_request import MOST_POINTS, JointTrajectory, plan_trajectory
+from yumi.process.child import ChildProcess, PipeEnd
 from yumi.process.realtime import prefer_process
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 

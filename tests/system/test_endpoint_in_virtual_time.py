@@ -19,12 +19,10 @@ from click.testing import CliRunner
 
 from refusals import refused
 from system.virtual_time_bench import System
-from yumi.api.arm_access import CARTESIAN_CONTROLLER
-from yumi.api.arm_access import GOAL_CONTROLLER
-from yumi.api.arm_access import JOG_CONTROLLER
+from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
+from yumi.api.attach import attach
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
-from yumi.api.attach import attach
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.cli.main import main
 from yumi.control.controllers.cartesian import CartesianController

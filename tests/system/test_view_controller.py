@@ -15,8 +15,7 @@ from yumi.catalogue import FrontEnd, message, sentence
 from yumi.driver.settings import RobotSettings
 from yumi.errors import LoginRefused, NoConnection
 from yumi.process.command import Command
-from yumi.virtual.controller.installed_system import ROBOTS
-from yumi.virtual.controller.installed_system import factory_system
+from yumi.virtual.controller.installed_system import ROBOTS, factory_system
 from yumi.web.controller import open_controller
 
 SOON = 60_000  # [ms]

@@ -26,8 +26,7 @@ from yumi.egm.udp import free_port
 from yumi.process.command import Command
 from yumi.recording.reader import recorded_messages
 from yumi.web.live import RATE
-from yumi.web.page_messages import MAX_JOINT_SPEED
-from yumi.web.page_messages import MAX_LINEAR
+from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR
 
 pytestmark = [pytest.mark.real_time, pytest.mark.soak, pytest.mark.timeout(600)]
 PHASE = 20.0  # [s] with the page closed, and with it open

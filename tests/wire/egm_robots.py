@@ -11,11 +11,8 @@ from yumi.egm.codec import MciState, MotorState, Pose, RapidState, RobotCodec, R
 from yumi.egm.udp import Poller, UdpClient
 from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun
 
 SIX = (0.1, -0.2, 0.3, 0.0, 0.5, 0.0)
 MESSAGE = RobotMessage(

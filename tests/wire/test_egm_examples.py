@@ -20,7 +20,6 @@ from yumi import EgmServer
 from yumi.catalogue import FrontEnd, message, sentence
 from yumi.egm.udp import free_port
 from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import EgmRun
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

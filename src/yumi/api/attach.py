@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 import msgspec
 
-from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.api.joint_positions import Position, checked_goal
+from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.catalogue import message, quoted
 from yumi.driver.command import Arm, Command, Lane
 from yumi.driver.command import Position as SentPosition

@@ -18,14 +18,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from yumi.api.arm_access import GOAL_CONTROLLER
-from yumi.api.joint_positions import Position
-from yumi.api.joint_positions import checked_goal
-from yumi.api.motion_executor import RETREAT_SPEED_SCALE
+from yumi.api.arm_access import GOAL_CONTROLLER, LAST_STOP
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
-from yumi.catalogue import Message
-from yumi.catalogue import message
+from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.loop_events import Event
 from yumi.control.motion.setpoint import slower
@@ -44,12 +40,8 @@ from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_rob
 from yumi.errors import RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.recording.message_types import STATE
-from yumi.recording.recorder import FullRecorder
-from yumi.recording.recorder import Source
-from yumi.recording.recorder import Sources
-from yumi.robot.joints import YUMI_LIMITS
-from yumi.robot.joints import JointLimits
-from yumi.robot.joints import Side
+from yumi.recording.recorder import FullRecorder, Source, Sources
+from yumi.robot.joints import YUMI_LIMITS, JointLimits, Side
 
 if TYPE_CHECKING:
     pass

@@ -18,9 +18,6 @@ from yumi.api.robot_arm import Arm
 from yumi.api.tool import Frames, Gripper, PoseLike, boxes_from, poses_from, waypoints_from
 from yumi.catalogue import message
 from yumi.driver import gripper as driver
-from yumi.driver.reports import ArmMode
-from yumi.driver.reports import ArmReport
-from yumi.driver.reports import arm_report
 from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers

@@ -15,14 +15,10 @@ import click
 import msgspec
 from click.shell_completion import CompletionItem
 
+from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
-from yumi.catalogue import in_words
-from yumi.catalogue import message
-from yumi.api.attach import RunningDriver
-from yumi.api.attach import attach
-from yumi.catalogue import FrontEnd
-from yumi.cli.from_table import command_from
-from yumi.cli.from_table import of_driver
+from yumi.catalogue import FrontEnd, in_words, message
+from yumi.cli.from_table import command_from, of_driver
 from yumi.cli.options import (
     ARM,
     ARMS,

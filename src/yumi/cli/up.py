@@ -25,11 +25,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from yumi.api.connection import recorded_sources
-from yumi.api.motion_executor import MotionExecutor
+from yumi.api.connection import commanded_robot, motion_executor, recorded_sources
 from yumi.api.motion_registry import MotionRegistry
-from yumi.api.connection import commanded_robot
-from yumi.api.connection import motion_executor
 from yumi.catalogue import FrontEnd, Message, message, speak_as
 from yumi.cli.options import (
     FILE,

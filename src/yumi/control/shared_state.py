@@ -8,11 +8,8 @@ from typing import NamedTuple
 
 from yumi.catalogue import Message, clause, message
 from yumi.control.counters import LimiterCounters, WireCounters
-from yumi.process.child import PROCESSES
-from yumi.robot.joints import ZERO
-from yumi.robot.joints import Joints
-from yumi.control.goals import Buffer
-from yumi.control.goals import GoalKind
+from yumi.control.goals import Buffer, GoalKind
+from yumi.robot.joints import ZERO, Joints
 
 
 class Problem(IntEnum):

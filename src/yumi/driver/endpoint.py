@@ -21,16 +21,9 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 from yumi import errors
-from yumi.catalogue import Message
-from yumi.catalogue import message
-from yumi.catalogue import said_by
-from yumi.control.motion.robot_response import STANDING
-from yumi.driver.command import Command
-from yumi.driver.command import Request
-from yumi.driver.reports import DriverState
-from yumi.driver.reports import EventReport
-from yumi.driver.reports import MotionReport
-from yumi.driver.reports import Said
+from yumi.catalogue import Message, message, said_by
+from yumi.driver.command import Command, Request
+from yumi.driver.reports import DriverState, EventReport, MotionReport, Said
 from yumi.errors import ProtocolError, RobotNotReady, YumiError
 from yumi.process.single_instance import lock_folder
 

@@ -24,26 +24,10 @@ from typing import Any
 
 import msgspec
 
-from yumi.catalogue import Message
-from yumi.catalogue import cut
-from yumi.catalogue import message
-from yumi.catalogue import said_by
-from yumi.control.loop_commands import CommandPort
-from yumi.control.loop_commands import Commands
-from yumi.control.loop_events import ControllerReport
-from yumi.control.loop_events import Event
-from yumi.control.loop_events import is_fault
-from yumi.catalogue import FrontEnd
-from yumi.driver.command import RECENT
-from yumi.driver.command import Arm
-from yumi.driver.command import Caller
-from yumi.driver.command import Command
-from yumi.driver.command import CommandedRobot
-from yumi.driver.command import Lane
-from yumi.driver.command import Request
-from yumi.driver.command import side_of
-from yumi.driver.commands import AllowCollision
-from yumi.driver.commands import offered_to
+from yumi.catalogue import FrontEnd, Message, cut, message, said_by
+from yumi.control.loop_events import ControllerReport, Event, is_fault
+from yumi.driver.command import RECENT, Arm, Caller, Command, CommandedRobot, Lane, Request, side_of
+from yumi.driver.commands import AllowCollision, offered_to
 from yumi.driver.endpoint import (
     FIRST_REQUEST,
     MAX_REQUEST,

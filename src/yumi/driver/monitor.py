@@ -23,17 +23,10 @@ from typing import Any, Protocol
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.loop_events import Event as ArmEvent
-from yumi.control.loop_events import RobotStoppedFollowing
-from yumi.control.loop_events import SessionLost
-from yumi.control.loop_events import SessionStarted
-from yumi.control.loop_events import is_fault
-from yumi.control.shared_state import JointStates
-from yumi.control.shared_state import Snapshot
+from yumi.control.loop_events import RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
+from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.readiness import why_not_ready
-from yumi.driver.robot_state import EGM_OFF
-from yumi.driver.robot_state import EGM_RUNNING
-from yumi.driver.robot_state import EGM_STREAMING
-from yumi.driver.robot_state import RobotState
+from yumi.driver.robot_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, explain, explained, has_ended_egm
 from yumi.errors import ControllerRefused, ProtocolError, YumiError

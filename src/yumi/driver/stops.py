@@ -22,8 +22,7 @@ from yumi.catalogue.texts.events import KNOWN_NUMBERS
 from yumi.clock import Clock
 from yumi.control.loop_events import Event as ArmEvent
 from yumi.control.loop_events import RobotStoppedFollowing
-from yumi.driver.readiness import NO_STOP
-from yumi.driver.readiness import unmet
+from yumi.driver.readiness import NO_STOP, unmet
 from yumi.driver.robot_state import RobotState
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.robot.joints import Side

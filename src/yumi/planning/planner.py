@@ -35,17 +35,11 @@ from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import SplineSampler, TrajectoryPoint, spline_through
 from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan, missing_extra
-from yumi.planning.scene_description import GROUPS
-from yumi.planning.scene_description import planning_description
-from yumi.planning.scene_description import semantic_description
-from yumi.robot.collision import CollisionModel
-from yumi.robot.collision import Obstacle
-from yumi.robot.collision import Part
-from yumi.planning.path_timing import UNLIMITED
-from yumi.planning.path_timing import MotionLimits
-from yumi.planning.path_timing import fastest_along
+from yumi.planning.path_timing import UNLIMITED, MotionLimits, fastest_along
 from yumi.planning.rounded_path import RoundedPath
+from yumi.planning.scene_description import GROUPS, planning_description, semantic_description
 from yumi.planning.smoothing import smooth_spline_through
+from yumi.robot.collision import CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
 from yumi.robot.inverse_kinematics import arm_angle, postures_of_each
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints

@@ -34,10 +34,19 @@ from yumi.planning.common_time import ended_together
 from yumi.planning.path_timing import JointPath, timed_along
 from yumi.planning.rounded_path import Array, rounding
 from yumi.planning.smoothing import smooth_spline_through
+from yumi.robot.differential_kinematics import rotated_to_foot, target_error, wrist_of, wrist_target
 from yumi.robot.inverse_kinematics import Unreachable
 from yumi.robot.joints import JointLimits, Joints, Pose, Side, Vector, joint_names, joints, rotate
-from yumi.robot.kinematics import FLANGE, IDENTITY, compose, inverse, multiply, quaternion_of, rotation_vector, tool0_to_body
-from yumi.robot.differential_kinematics import rotated_to_foot, target_error, wrist_of, wrist_target
+from yumi.robot.kinematics import (
+    FLANGE,
+    IDENTITY,
+    compose,
+    inverse,
+    multiply,
+    quaternion_of,
+    rotation_vector,
+    tool0_to_body,
+)
 
 SPEED = 0.25
 """Of the tool where nothing else is asked for [m/s]: what a robot may have beside people in manual mode."""

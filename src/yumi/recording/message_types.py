@@ -29,9 +29,9 @@ from typing import Any
 import msgspec
 
 from yumi.catalogue import Message
-from yumi.control.stage_times import StageTimes
 from yumi.control.flight_recorder import Frame
 from yumi.control.loop_events import Event, is_fault
+from yumi.control.stage_times import StageTimes
 from yumi.robot.joints import JOINT_COUNT, Side, joints
 
 

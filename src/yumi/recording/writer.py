@@ -45,9 +45,9 @@ from yumi.recording.ros_messages import (
     joint_state_message,
     text_message,
 )
-from yumi.robot.urdf import read_frames, robot_description
 from yumi.robot.gripper import GripperState
 from yumi.robot.joints import Joints, Pose, Side, finger_names, joint_names, joints, prefixed
+from yumi.robot.urdf import read_frames, robot_description
 
 WHOLE_PERIOD = 0.02
 """The whole robot is recorded so often [s]: as often as the driver publishes ``/tf``."""

@@ -11,10 +11,10 @@ from yumi.control.trajectory_commands import Outcome, TrajectoryEnded
 from yumi.driver.control_process import ControlProcess
 from yumi.robot.joints import JointLimits, Side
 from yumi.ros.controller_manager import MakeInterface
+from yumi.ros.frames import RobotFrames
 from yumi.ros.kinematics_services import KinematicsServices
 from yumi.ros.line_actions import CARTESIAN_CONTROLLER, LineAction, MoveBothLinearAction, MoveLinearAction
 from yumi.ros.tool_topics import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic, ToolTopic
-from yumi.ros.frames import RobotFrames
 
 
 class CartesianTopics:

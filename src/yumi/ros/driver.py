@@ -40,10 +40,7 @@ from rclpy.signals import SignalHandlerOptions
 from yumi.catalogue import Message, message, said_by
 from yumi.clock import Clock
 from yumi.control.controller import State
-from yumi.control.loop_events import Event
-from yumi.control.loop_events import RobotStoppedFollowing
-from yumi.control.loop_events import SessionLost
-from yumi.control.loop_events import SessionStarted
+from yumi.control.loop_events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper import GripperSetup
@@ -51,16 +48,10 @@ from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError
 from yumi.robot.joints import JointLimits, Side, prefixed
-from yumi.robot.urdf import MESHES
-from yumi.robot.urdf import robot_description
+from yumi.robot.urdf import MESHES, robot_description
 from yumi.ros.cartesian_interfaces import cartesian_interfaces
-from yumi.ros.command_services import CommandActions
-from yumi.ros.command_services import CommandServices
-from yumi.ros.command_services import SpeedScaleInterface
-from yumi.ros.command_topics import CommandTopic
-from yumi.ros.command_topics import JointCommandTopic
-from yumi.ros.command_topics import JointVelocityTopic
-from yumi.ros.command_topics import forward_interfaces
+from yumi.ros.command_services import CommandActions, CommandServices, SpeedScaleInterface
+from yumi.ros.command_topics import CommandTopic, JointCommandTopic, JointVelocityTopic, forward_interfaces
 from yumi.ros.controller_manager import ArmHardware, ArmManager
 from yumi.ros.frames import ROBOT_STATE_PUBLISHER, FramePublisher, RobotFrames
 from yumi.ros.gripper import GripperParts, Grippers

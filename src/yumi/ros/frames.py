@@ -20,12 +20,12 @@ from tf2_msgs.msg import TFMessage
 
 from yumi.catalogue import message
 from yumi.clock import Clock
-from yumi.planning.tool_path import checked_pose
 from yumi.driver.settings import RosSettings
 from yumi.errors import CommandRefused
-from yumi.robot.urdf import Frame, read_frames
+from yumi.planning.tool_path import checked_pose
 from yumi.robot.joints import Pose, Side, finger_names, joint_names, prefixed
 from yumi.robot.kinematics import IDENTITY, compose, inverse, tool0_to_body
+from yumi.robot.urdf import Frame, read_frames
 from yumi.ros.messages import LATCHED, Stamps, stamp
 from yumi.ros.nodes import TimerThread
 from yumi.ros.state_topics import STALE, MeasuredState

@@ -17,8 +17,8 @@ from yumi.planning.tool_path import checked_pose
 from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreachable
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Joints, Side, joint_names, joints
 from yumi.robot.kinematics import compose, inverse
-from yumi.ros.messages import SERVICES, pose_of, say_why
 from yumi.ros.frames import RobotFrames
+from yumi.ros.messages import SERVICES, pose_of, say_why
 
 
 class KinematicsServices:

@@ -32,10 +32,10 @@ from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.planning.common_time import ended_together, started_together
 from yumi.robot.joints import Joints, Pose, Side
 from yumi.robot.kinematics import tool0_to_body
+from yumi.ros.frames import RobotFrames
 from yumi.ros.messages import say_why
 from yumi.ros.nodes import is_cancelled
 from yumi.ros.tool_topics import LineGoal, TargetPoseTopic, line_numbers, target_refused
-from yumi.ros.frames import RobotFrames
 
 CARTESIAN_CONTROLLER = "cartesian_controller"
 """Name of the arms' controllers that the action of both arms uses."""

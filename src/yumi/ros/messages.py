@@ -36,12 +36,8 @@ from yumi.control.controller_info import ControllerInfo, HardwareInfo, Interface
 from yumi.control.goals import UNKNOWN, check_position
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, TrajectoryFeedback
-from yumi.control.trajectory_commands import DEFAULT
-from yumi.control.trajectory_commands import UNLIMITED
-from yumi.control.trajectory_commands import Tolerances
-from yumi.control.trajectory_commands import refused
-from yumi.driver.robot_state import Mode
-from yumi.driver.robot_state import RobotState
+from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, refused
+from yumi.driver.robot_state import Mode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import explain
 from yumi.errors import CommandRefused, YumiError

@@ -40,9 +40,9 @@ from yumi.errors import CommandRefused, YumiError
 from yumi.planning.tool_path import ZONE, Waypoint, checked_pose, plan_path
 from yumi.robot.joints import JointLimits, Joints, Pose, Side, Vector, joints, rotate
 from yumi.robot.kinematics import compose
-from yumi.ros.messages import nanoseconds, pose_of
 from yumi.ros.command_topics import CommandTopic
 from yumi.ros.frames import RobotFrames
+from yumi.ros.messages import nanoseconds, pose_of
 from yumi.settings import number
 
 line_numbers = count(2**41)  # of these motions, beside those of trajectories and scripts

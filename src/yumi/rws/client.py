@@ -38,19 +38,15 @@ from yumi.rws.services.files import Files
 from yumi.rws.services.io import Io
 from yumi.rws.services.modules import Modules
 from yumi.rws.services.motion import Motion
-from yumi.rws.services.rapid import Rapid
-from yumi.rws.session import BUSY
-from yumi.rws.session import OnProgress
-from yumi.rws.session import Request
-from yumi.rws.session import RwsSession
-from yumi.rws.session import Transport
-from yumi.rws.transport import HttpTransport
 from yumi.rws.services.panel import Panel
 from yumi.rws.services.queues import Queues
+from yumi.rws.services.rapid import Rapid
 from yumi.rws.services.service import request
 from yumi.rws.services.symbols import Symbols
 from yumi.rws.services.system import System
 from yumi.rws.services.users import Users
+from yumi.rws.session import BUSY, OnProgress, Request, RwsSession, Transport
+from yumi.rws.transport import HttpTransport
 from yumi.rws.types import PROTOCOL, Priority, Resource
 from yumi.rws.web_socket import Listener, Socket
 

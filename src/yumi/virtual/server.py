@@ -54,8 +54,7 @@ from yumi.virtual.faults import FAULTS_PATH
 from yumi.virtual.mechanics.egm_network import Outgoing
 from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters
 from yumi.virtual.mechanics.path import PREFETCH
-from yumi.virtual.mechanics.virtual_gripper import CupObject
-from yumi.virtual.mechanics.virtual_gripper import Workpiece
+from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
 from yumi.virtual.rws.call import Failure
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService

@@ -28,18 +28,12 @@ from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.faults import FAULTS_PATH, Fault, FaultKind, Way, fault_named
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.egm_client import EgmOptions
-from yumi.virtual.mechanics.egm_network import LASTING
-from yumi.virtual.mechanics.egm_network import SINGLE
-from yumi.virtual.mechanics.egm_network import EgmNetwork
-from yumi.virtual.mechanics.egm_network import Outgoing
 from yumi.virtual.mechanics.contacts import ContactDetector
+from yumi.virtual.mechanics.egm_client import EgmClient, EgmOptions
+from yumi.virtual.mechanics.egm_network import LASTING, SINGLE, EgmNetwork, Outgoing
 from yumi.virtual.mechanics.parameters import EgmParameters
 from yumi.virtual.mechanics.units import ArmUnit
-from yumi.virtual.mechanics.virtual_gripper import CupObject
-from yumi.virtual.mechanics.virtual_gripper import VirtualGripper
-from yumi.virtual.mechanics.virtual_gripper import Workpiece
+from yumi.virtual.mechanics.virtual_gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.system_parameters import Configuration
 

@@ -13,11 +13,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from yumi.api.arm_access import CARTESIAN_CONTROLLER
-from yumi.api.arm_access import JOG_CONTROLLER
-from yumi.api.joint_positions import checked_goal
-from yumi.catalogue import Message
-from yumi.catalogue import message
+from yumi.catalogue import Message, message
 from yumi.control.shared_state import Limited
 from yumi.driver.command import Arm
 from yumi.driver.commands import GetState, GetSurroundings, SwitchControllers

@@ -23,8 +23,8 @@ from yumi.driver.reports import MotionReport
 from yumi.driver.surroundings import limits_of, shapes_of
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side, rotate
 from yumi.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
+from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side, rotate
 from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
 from yumi.virtual.faults import fault_named, inject_fault
 from yumi.web.driver_link import DriverLink

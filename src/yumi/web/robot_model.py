@@ -8,9 +8,9 @@ from xml.etree import ElementTree as ET
 
 from yumi.catalogue import FrontEnd
 from yumi.driver.commands import offered_to
-from yumi.robot.urdf import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
 from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
+from yumi.robot.urdf import MESHES, robot_description
 from yumi.web.controller import ControllerReader, chain_model
 
 

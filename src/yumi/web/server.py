@@ -33,13 +33,7 @@ from yumi.driver.commands import StopEgm
 from yumi.driver.reports import EventReport
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
-from yumi.recording.message_types import EVENTS
-from yumi.recording.message_types import STATE
-from yumi.recording.message_types import RecordedEvent
-from yumi.recording.reader import recorded_messages
 from yumi.planning.planning_process import PlanningProcess
-from yumi.robot.urdf import MESHES
-from yumi.robot.urdf import robot_description
 from yumi.virtual.faults import Fault
 from yumi.web.controller import ControllerReader, ControllerView, LogMessage
 from yumi.web.live import LiveRobot

@@ -23,13 +23,10 @@ import pytest
 import yumi
 from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused
-from yumi.api.arm_access import GOAL_CONTROLLER
-from yumi.api.arm_access import STREAM_CONTROLLER
+from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
-from yumi.api.motion_registry import Motion
-from yumi.api.motion_registry import Way
-from yumi.api.attach import RunningDriver
-from yumi.api.attach import attach
+from yumi.api.motion_registry import Motion, Way
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.loop_commands import ControllerCommand

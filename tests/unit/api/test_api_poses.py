@@ -29,12 +29,8 @@ from yumi.api.tool import (
 from yumi.catalogue import message
 from yumi.control.tool_limits import ToolLimits
 from yumi.errors import CommandRefused
+from yumi.planning.tool_path import SPEED, TURNING, ToolMotion, Waypoint, plan_tool_motions
 from yumi.robot.confdata import configuration
-from yumi.planning.tool_path import SPEED
-from yumi.planning.tool_path import TURNING
-from yumi.planning.tool_path import ToolMotion
-from yumi.planning.tool_path import Waypoint
-from yumi.planning.tool_path import plan_tool_motions
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, joints

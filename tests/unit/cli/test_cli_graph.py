@@ -7,9 +7,7 @@ from typing import Any
 import pytest
 
 from refusals import refused
-from yumi.cli.graph import fill_message
-from yumi.cli.graph import message_values
-from yumi.cli.graph import parameter_line
+from yumi.cli.graph import fill_message, message_values, parameter_line
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.goals import MemoryBuffer
 from yumi.errors import SettingsError

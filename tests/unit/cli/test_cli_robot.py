@@ -20,8 +20,7 @@ from click.testing import CliRunner
 
 from fake_driver import ROBOT, FakeDriver
 from refusals import refused
-from yumi.api.arm_access import GOAL_CONTROLLER
-from yumi.api.arm_access import STREAM_CONTROLLER
+from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.attach import attach
 from yumi.catalogue import Action, FrontEnd, clause, message, sentence
 from yumi.cli import robot as commands

@@ -47,7 +47,6 @@ from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.egm_motion import EgmSettings
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 READY = {side: named_pose(side, "ready") for side in Side}

@@ -26,10 +26,7 @@ from yumi.robot.joints import (
     joints,
 )
 from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmMotion
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.egm_motion import EgmMotion
-from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.egm_motion import EgmMotion, EgmSettings
 from yumi.virtual.mechanics.servo import Servo
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmRig
 

@@ -5,17 +5,10 @@ from typing import NamedTuple
 
 import pytest
 
-from yumi.control.shared_state import Factor
-from yumi.control.shared_state import JointStates
-from yumi.control.shared_state import Problem
-from yumi.control.shared_state import Snapshot
-from yumi.process.child import ChildProcess
-from yumi.process.child import PipeClosed
-from yumi.process.child import PipeEnd
 from yumi.control.goals import GoalKind
-from yumi.control.shared_memory import SharedBuffer
-from yumi.control.shared_memory import SharedBytes
-from yumi.control.shared_memory import SharedHistory
+from yumi.control.shared_memory import SharedBuffer, SharedBytes, SharedHistory
+from yumi.control.shared_state import Factor, JointStates, Problem, Snapshot
+from yumi.process.child import ChildProcess, PipeClosed, PipeEnd
 from yumi.robot.joints import ZERO, Joints
 
 ROUNDS = 1000  # different values that the reader has to see

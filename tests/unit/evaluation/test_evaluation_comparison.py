@@ -15,11 +15,9 @@ from virtual_logs import HOME, VirtualRobot, motions, times
 from yumi.catalogue import FrontEnd, clause, message
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import Frame
-from yumi.recording.writer import RecordingWriter
-from yumi.control.goals import MemoryBuffer
-from yumi.control.goals import SessionGoal
-from yumi.control.goals import write_goal
+from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.stage_times import StageTimes
+from yumi.recording.writer import RecordingWriter
 from yumi.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
 from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.parameters import read_egm_parameters

@@ -10,7 +10,6 @@ import numpy as np
 from yumi.robot.joints import CYCLE, YUMI_LIMITS
 from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.egm_motion import EgmSettings
 from yumi.virtual.mechanics.servo import follow_references
 from yumi_evaluation.identification import Dynamics
 from yumi_evaluation.logs import Array, RobotLog

@@ -26,14 +26,9 @@ from yumi.control.collisions import BODY_MARGIN
 from yumi.control.motion.robot_response import SERVO_CYCLES
 from yumi.control.motion.spline import SplineSampler
 from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan
-from yumi.planning.planner import CLEARANCES
-from yumi.planning.planner import Goal
-from yumi.planning.planner import Plan
-from yumi.planning.planner import Planner
-from yumi.planning.scene_description import disabled_pairs
-from yumi.planning.scene_description import planning_description
-from yumi.planning.trajectory_request import JointTrajectory
-from yumi.planning.trajectory_request import plan_trajectory
+from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner
+from yumi.planning.scene_description import disabled_pairs, planning_description
+from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joint_names, joints, named_pose

@@ -15,9 +15,9 @@ import pytest
 from mcap.reader import make_reader
 
 from flight import LOST, flown
+from yumi.driver.robot_state import RobotState
 from yumi.recording.message_types import recorded_event
 from yumi.recording.writer import RecordingWriter
-from yumi.driver.robot_state import RobotState
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Side
 

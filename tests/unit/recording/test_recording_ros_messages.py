@@ -19,8 +19,7 @@ from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.shared_state import JointStates
 from yumi.recording.message_types import recorded_event
 from yumi.recording.reader import read_recording
-from yumi.recording.recorder import FullRecorder
-from yumi.recording.recorder import Sources
+from yumi.recording.recorder import FullRecorder, Sources
 from yumi.recording.writer import RecordingWriter
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import Pose, Side, finger_names, home, joint_names

@@ -19,7 +19,6 @@ from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, f
 from yumi.virtual.faults import Fault
 from yumi.virtual.instructions.robot_data import robtarget
 from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 Array = NDArray[np.float64]

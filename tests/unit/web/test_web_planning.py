@@ -7,13 +7,9 @@ import asyncio
 import msgspec
 import pytest
 
+from yumi.driver.surroundings import BoxReport, Surroundings, ToolReport, limits_of, shapes_of
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
-from yumi.driver.surroundings import BoxReport
-from yumi.driver.surroundings import Surroundings
-from yumi.driver.surroundings import ToolReport
-from yumi.driver.surroundings import limits_of
-from yumi.driver.surroundings import shapes_of
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, home
 from yumi.robot.kinematics import IDENTITY
 

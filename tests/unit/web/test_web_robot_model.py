@@ -12,10 +12,8 @@ import yumi.robot
 from yumi.catalogue import FrontEnd, message, sentence
 from yumi.errors import StopNotConfirmed
 from yumi.robot.joints import Side, joint_names, named_pose
-from yumi.robot.urdf import MESHES
-from yumi.robot.urdf import robot_description
-from yumi.web.page_words import failure_for_page
-from yumi.web.page_words import words_for_page
+from yumi.robot.urdf import MESHES, robot_description
+from yumi.web.page_words import failure_for_page, words_for_page
 from yumi.web.robot_model import robot_model
 
 FOLDER = Path(next(iter(yumi.robot.__path__))) / "meshes"

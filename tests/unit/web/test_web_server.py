@@ -36,22 +36,11 @@ from yumi.robot.collision import Obstacle
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.differential_kinematics import posture_near, wrist_of, wrist_target
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
-from yumi.robot.kinematics import IDENTITY
-from yumi.robot.kinematics import compose
-from yumi.robot.kinematics import inverse
-from yumi.robot.kinematics import multiply
-from yumi.robot.kinematics import quaternion_of
-from yumi.robot.kinematics import tool0_to_body
-from yumi.web import live
-from yumi.web import server
-from yumi.web import distances
-from yumi.web import page_operator
+from yumi.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, tool0_to_body
+from yumi.web import distances, live, page_operator, server
 from yumi.web.distances import Distances
-from yumi.web.page_messages import MAX_JOINT_SPEED
-from yumi.web.page_messages import MAX_LINEAR
-from yumi.web.page_messages import ToolJog
-from yumi.web.page_operator import OLDEST_SEEN
-from yumi.web.page_operator import within_joint_speed
+from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog
+from yumi.web.page_operator import OLDEST_SEEN, within_joint_speed
 from yumi.web.server import MAX_PAGES, ViewServer, ViewSettings
 
 SOON = 10.0

@@ -17,24 +17,10 @@ from yumi.control.goals import Buffer, GoalKind
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
-from yumi.robot.differential_kinematics import DifferentialSolver
-from yumi.robot.differential_kinematics import target_error
-from yumi.robot.differential_kinematics import wrist_of
-from yumi.robot.differential_kinematics import wrist_target
-from yumi.robot.joints import JOINT_COUNT
-from yumi.robot.joints import YUMI_LIMITS
-from yumi.robot.joints import ArmCommand
-from yumi.robot.joints import ArmState
-from yumi.robot.joints import JointLimits
-from yumi.robot.joints import Joints
-from yumi.robot.joints import Side
-from yumi.robot.joints import joints
 from yumi.control.tool_goal import ToolGoal
-from yumi.control.tool_limits import ToolLimited
-from yumi.control.tool_limits import ToolLimits
-from yumi.control.trajectory_commands import CancelTrajectory
-from yumi.control.trajectory_commands import Outcome
-from yumi.control.trajectory_commands import ResultCode
+from yumi.control.tool_limits import ToolLimited, ToolLimits
+from yumi.control.trajectory_commands import CancelTrajectory, Outcome, ResultCode
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ArmCommand, ArmState, JointLimits, Joints, Side, joints
 from yumi.settings import Parameter, Values, number
 
 _RADIANS_PER_METRE = 6.0  # accelerations and jerks of the orientation beside those of the tool

@@ -18,6 +18,7 @@ from yumi.control.motion.target_predictor import TargetPredictor
 from yumi.control.motion.tracking_filter import TrackingFilter
 from yumi.control.tool_goal import ToolGoal, pose_of
 from yumi.control.tool_limits import ToolLimits
+from yumi.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
 from yumi.robot.joints import (
     JOINT_COUNT,
     ZERO,
@@ -32,7 +33,6 @@ from yumi.robot.joints import (
     joints,
     rotate,
 )
-from yumi.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
 from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, rotation_vector, tool0_to_body
 
 _CORRECTION = 20.0  # [1/s] what the joints are behind the target dies away so

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 from yumi.robot.joints import ZERO, JointLimits, Joints
 
@@ -45,7 +45,7 @@ class Setpoint(NamedTuple):
 
 def fixed(values: Sequence[float]) -> Joints:
     """Seven values that were calculated, as a tuple; :func:`joints` checks what comes from elsewhere."""
-    return cast("Joints", tuple(values))
+    return tuple(values)
 
 
 def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, top_speed: float = inf) -> JointLimits:

@@ -194,7 +194,7 @@ class SplineSampler:
     def __init__(self, spline: Spline) -> None:
         self._segments = spline.segments
         self._begin, self._end = spline.begin, spline.end
-        self._last = cast("Joints", spline.last.position)
+        self._last = spline.last.position
         self._index = -1
         self._entry, self._exit = inf, -inf  # when the segment was entered that is read now, and when it is left
         self._current = Segment(0.0, 0.0, ())
@@ -206,7 +206,7 @@ class SplineSampler:
             return position, ZERO
         t, rows = time - self._current.begin, self._current.rows
         velocity = [b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f))) for _, b, c, d, e, f in rows]
-        return position, cast("Joints", tuple(velocity))
+        return position, tuple(velocity)
 
     def position(self, time: float) -> Joints:
         """Positions [rad]; those of the ends before the begin and from the end on."""
@@ -215,7 +215,7 @@ class SplineSampler:
         segment = self._find(time)
         t = max(0.0, time - segment.begin)
         position = [a + t * (b + t * (c + t * (d + t * (e + t * f)))) for a, b, c, d, e, f in segment.rows]
-        return cast("Joints", tuple(position))
+        return tuple(position)
 
     def setpoint(self, time: float) -> Setpoint:
         """Positions, velocities and accelerations."""
@@ -224,7 +224,7 @@ class SplineSampler:
             return Setpoint(position)
         t, rows = time - self._current.begin, self._current.rows
         acceleration = [2.0 * c + t * (6.0 * d + t * (12.0 * e + t * 20.0 * f)) for _, _, c, d, e, f in rows]
-        return Setpoint(position, velocity, cast("Joints", tuple(acceleration)))
+        return Setpoint(position, velocity, tuple(acceleration))
 
     def _find(self, time: float) -> Segment:
         """The first segment that ends after ``time``; it may be entered later than it begins."""

@@ -19,6 +19,7 @@ from yumi.errors import SettingsError
 from yumi.robot.arm_kinematics import Arm
 from yumi.robot.irb120 import irb120
 from yumi.robot.joints import Side
+from yumi.robot.yumi_arms import irb14050, yumi_arm
 from yumi.virtual.controller.file_store import DEVICES, decoded
 from yumi.virtual.controller.task_settings import TaskSettings, task_settings
 from yumi.virtual.mechanics.units import NO_UNIT, YUMI_UNITS, MechanicalUnit

@@ -12,15 +12,9 @@ from numpy.typing import NDArray
 from yumi.rapid.call import Call, Wait
 from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.kinematics import matrix
-from yumi.robot.kinematics import quaternion_from_matrix
-from yumi.virtual.instructions.moves import FATAL
-from yumi.virtual.instructions.moves import MOVES
-from yumi.virtual.instructions.moves import MoveInstructions
-from yumi.virtual.instructions.robot_data import NOT_PRESENT
-from yumi.virtual.instructions.robot_data import chain_from_jointtarget
-from yumi.virtual.instructions.robot_data import unit_quaternion
-from yumi.virtual.mechanics.dynamics import ArmDynamics
+from yumi.robot.kinematics import matrix, quaternion_from_matrix
+from yumi.virtual.instructions.moves import FATAL, MOVES, MoveInstructions
+from yumi.virtual.instructions.robot_data import NOT_PRESENT, chain_from_jointtarget, unit_quaternion
 
 Array = NDArray[np.float64]
 

@@ -18,26 +18,11 @@ from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.joints import JOINT_COUNT
 from yumi.robot.kinematics import compose
 from yumi.rws.types import EventType
-from yumi.virtual.instructions.moves import MOVES
-from yumi.virtual.instructions.moves import SPEED
-from yumi.virtual.instructions.moves import MoveInstructions
-from yumi.virtual.instructions.moves import check_may_move
+from yumi.virtual.instructions.moves import MOVES, SPEED, MoveInstructions, check_may_move
 from yumi.virtual.instructions.path_corrections import PathCorrections
-from yumi.virtual.instructions.robot_data import FRAME_TYPES
-from yumi.virtual.instructions.robot_data import chain_order
-from yumi.virtual.instructions.robot_data import pose_from_rapid
-from yumi.virtual.instructions.robot_data import wobj_from_rapid
-from yumi.virtual.mechanics.egm_motion import Band
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_motion import StopMode
+from yumi.virtual.instructions.robot_data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
 from yumi.virtual.mechanics.egm_client import EgmOutcome
-from yumi.virtual.mechanics.egm_motion import Band
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_motion import StopMode
+from yumi.virtual.mechanics.egm_motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
 from yumi.virtual.mechanics.path import Offset, Passage
 from yumi.virtual.system_parameters import Configuration
 

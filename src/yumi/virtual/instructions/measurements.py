@@ -10,10 +10,10 @@ from math import degrees, dist
 from yumi.rapid.call import Call
 from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
-from yumi.virtual.mechanics.dynamics import ArmDynamics
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side, abb_from_chain
 from yumi.robot.kinematics import compose
 from yumi.virtual.instructions.robot_data import ROBOT_DATA, pose_from_rapid
+from yumi.virtual.mechanics.dynamics import ArmDynamics
 from yumi.virtual.mechanics.units import ArmUnit, unit_of
 
 MOST_CHANNELS = 12

@@ -13,15 +13,13 @@ from yumi.rapid.library import Library
 from yumi.rapid.states import SystemEvent
 from yumi.rapid.task import task_of
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.joints import JOINT_COUNT
-from yumi.robot.joints import Pose
-from yumi.robot.arm_kinematics import Lost
+from yumi.robot.joints import JOINT_COUNT, Pose
 from yumi.robot.kinematics import compose, inverse
 from yumi.virtual.instructions.moves import FATAL, MOVES, MoveInstructions, check_may_move
 from yumi.virtual.instructions.robot_data import NOT_PRESENT, chain_order, jointtarget, rapid_from_pose, unit_quaternion
 from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
-from yumi.virtual.mechanics.path import Acceleration
 from yumi.virtual.mechanics.legs import CircleMode, Frames
+from yumi.virtual.mechanics.path import Acceleration
 from yumi.virtual.mechanics.units import ArmUnit
 
 STOP_MOVE = "StopMove"

@@ -35,8 +35,22 @@ from yumi.virtual.instructions.robot_data import (
     unit_quaternion,
     wobj_from_rapid,
 )
+from yumi.virtual.mechanics.legs import (
+    STOP,
+    Frames,
+    Leg,
+    MotionFault,
+    MotionRefused,
+    Piece,
+    Speed,
+    Zone,
+    circle,
+    corner,
+    joint_leg,
+    line,
+    tool_leg,
+)
 from yumi.virtual.mechanics.path import Offset, Passage
-from yumi.virtual.mechanics.legs import STOP, Frames, Leg, MotionFault, MotionRefused, Piece, Speed, Zone, circle, corner, joint_leg, line, tool_leg
 from yumi.virtual.mechanics.units import ArmUnit
 
 SpeedRatio = Callable[[], float]

@@ -7,7 +7,7 @@ over while the arm moves, smoothly; at standstill nothing changes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ from yumi.robot.joints import Joints
 from yumi.rws.types import EventType
 from yumi.virtual.event_log import EventLog
 from yumi.virtual.instructions.moves import MOVES, place_of
-from yumi.virtual.mechanics.path import Passage
 from yumi.virtual.mechanics.legs import Leg, MotionFault
+from yumi.virtual.mechanics.path import Passage
 from yumi.virtual.mechanics.units import ArmUnit
 
 Array = NDArray[np.float64]
@@ -185,12 +185,12 @@ class PathCorrections:
             found = kinematics.follow(at, turned, np.array([angle]), self._start(near))[0]
         except Lost:
             return None
-        position = cast("Joints", tuple(found.tolist()))
+        position = tuple(found.tolist())
         return None if kinematics.limits.outside(position) is not None else position
 
     def _start(self, near: Joints) -> Joints:
         """The posture [rad] that the corrected one is looked for from: as far beside the path as the last one was."""
-        return near if self._beside is None else cast("Joints", tuple((near + self._beside).tolist()))
+        return near if self._beside is None else tuple((near + self._beside).tolist())
 
     def _returning(self, point: Array, leg: Leg, near: Joints, dt: float) -> Joints:
         """The joint positions [rad] on the way back to the path, where not even the correction before is in reach."""
@@ -201,5 +201,5 @@ class PathCorrections:
         kinematics = self._unit.arm.kinematics
         beside = near + self._beside * max(0.0, 1.0 - dt / _CORRECTION_TIME)
         found = tuple(np.clip(beside, kinematics.limits.lower, kinematics.limits.upper).tolist())
-        self._offset = self._axes @ (place_of(kinematics, cast("Joints", found), leg.frames)[0] - point)
-        return cast("Joints", found)
+        self._offset = self._axes @ (place_of(kinematics, found, leg.frames)[0] - point)
+        return found

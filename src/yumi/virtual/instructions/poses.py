@@ -11,7 +11,6 @@ from yumi.rapid import STANDARD
 from yumi.rapid.call import Call
 from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.arm_kinematics import Arm
 from yumi.robot.joints import (
     Pose,
     Quaternion,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, hypot, radians
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -32,8 +32,8 @@ from yumi.robot.kinematics import (
     inverse,
     upper_half,
 )
-from yumi.virtual.mechanics.egm_motion import StopMode
 from yumi.virtual.mechanics.egm_client import EgmState
+from yumi.virtual.mechanics.egm_motion import StopMode
 
 T = TypeVar("T")
 
@@ -131,7 +131,7 @@ def chain_from_jointtarget(target: Any, now: Joints, limits: JointLimits) -> Joi
         is_now if value_deg >= NOT_PRESENT else _within(radians(value_deg), low, high)
         for value_deg, is_now, low, high in zip(chain_deg, now, limits.lower, limits.upper, strict=True)
     ]
-    return cast("Joints", tuple(position))
+    return tuple(position)
 
 
 def chain_order(axes: Sequence[T]) -> tuple[T, T, T, T, T, T, T]:

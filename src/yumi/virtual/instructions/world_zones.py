@@ -78,7 +78,7 @@ class WorldZoneInstructions:
         """WZHomeJointDef: joints beside a middle."""
         middle, delta = (self._joints(call[name]) for name in ("MiddleJointVal", "DeltaJointVal"))
         low, high = (tuple(m + sign * abs(d) for m, d in zip(middle, delta, strict=True)) for sign in (-1.0, 1.0))
-        self._define(call, JointRange(cast("Joints", low), cast("Joints", high)))
+        self._define(call, JointRange(low, high))
 
     @ZONES.instruction("WZLimJointDef", f"{_SHAPE}, jointtarget LowJointVal, jointtarget HighJointVal")
     def define_limits(self, call: Call) -> None:
@@ -134,8 +134,8 @@ class WorldZoneInstructions:
     def _joints(self, target: Any) -> Joints:
         """Joint positions [rad] of a jointtarget in chain order."""
         if self._unit.arm.kinematics.reference is None:
-            return cast("Joints", tuple(map(radians, target.robax)))
-        return cast("Joints", tuple(map(radians, chain_from_abb(target.robax, target.extax[0]))))
+            return tuple(map(radians, target.robax))
+        return tuple(map(radians, chain_from_abb(target.robax, target.extax[0])))
 
     def _add(self, call: Call, changed: Callable[[bool], None]) -> None:
         shape, data = call["Shape"].shape, call["WorldZone"]

@@ -11,20 +11,10 @@ from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.arm_kinematics import Arm
 from yumi.robot.joints import Joints, Pose, Side, joint_names
 from yumi.robot.kinematics import compose, tool0_to_body
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmMotion
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.arm_motion import Motion
-from yumi.virtual.mechanics.arm_motion import MotionState
-from yumi.virtual.mechanics.arm_motion import Standstill
-from yumi.virtual.mechanics.arm_motion import braking
-from yumi.virtual.mechanics.arm_motion import stopping
-from yumi.virtual.mechanics.arm_motion import travel
 from yumi.robot.yumi_arms import yumi_arm
-from yumi.virtual.mechanics.egm_motion import EgmMotion
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.load_supervision import LoadSupervision
-from yumi.virtual.mechanics.load_supervision import Overload
+from yumi.virtual.mechanics.arm_motion import ArmModel, Motion, MotionState, Standstill, braking, stopping, travel
+from yumi.virtual.mechanics.egm_motion import EgmMotion, EgmSettings
+from yumi.virtual.mechanics.load_supervision import LoadSupervision, Overload
 from yumi.virtual.mechanics.path import PathMotion
 from yumi.virtual.mechanics.servo import Servo, between
 

@@ -9,30 +9,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum, auto
-from math import degrees
-from math import hypot
-from math import inf
-from math import isfinite
+from math import degrees, hypot, inf, isfinite
 
 import numpy as np
 
-from yumi.egm.codec import MciState
-from yumi.egm.codec import MotorState
-from yumi.egm.codec import PartialJoints
-from yumi.egm.codec import RapidState
-from yumi.egm.codec import RobotCodec
-from yumi.egm.codec import RobotMessage
-from yumi.errors import ProtocolError
-from yumi.errors import RobotNotReady
-from yumi.robot.joints import CYCLE
-from yumi.robot.joints import Joints
-from yumi.robot.joints import Pose
-from yumi.robot.joints import Quaternion
-from yumi.robot.joints import Vector
+from yumi.egm.codec import MciState, MotorState, PartialJoints, RapidState, RobotCodec, RobotMessage
+from yumi.errors import ProtocolError, RobotNotReady
+from yumi.robot.joints import CYCLE, Joints, Pose, Quaternion, Vector
 from yumi.robot.kinematics import compose, inverse, matrix
 from yumi.robot.rotations import rotation_vectors
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_motion import DEFAULT_BANDS, EgmActivation, EgmRun, EgmSettings, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.egm_motion import (
+    DEFAULT_BANDS,
+    EgmActivation,
+    EgmRun,
+    EgmSettings,
+    ExternalMotionData,
+    StopMode,
+)
 from yumi.virtual.mechanics.path import Passage
 
 VIRTUAL_CYCLE = 0.004

@@ -18,12 +18,7 @@ from numpy.typing import NDArray
 
 from yumi.robot.joints import CYCLE, JointLimits, Joints, Vector
 from yumi.virtual.mechanics.arm_motion import MotionState
-from yumi.virtual.mechanics.legs import Leg
-from yumi.virtual.mechanics.legs import Piece
-from yumi.virtual.mechanics.legs import Speed
-from yumi.virtual.mechanics.legs import Leg
-from yumi.virtual.mechanics.legs import Piece
-from yumi.virtual.mechanics.legs import Speed
+from yumi.virtual.mechanics.legs import Leg, Piece, Speed
 
 Array = NDArray[np.float64]
 SMOOTHING = 12  # cycles

@@ -17,11 +17,10 @@ from yumi.errors import RapidError
 from yumi.robot.joints import Pose, Side
 from yumi.robot.kinematics import compose
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_client import EgmClient
 from yumi.virtual.mechanics.dynamics import ArmDynamics
+from yumi.virtual.mechanics.egm_client import EgmClient
 from yumi.virtual.mechanics.legs import CircleMode
 from yumi.virtual.mechanics.path import NO_LIMIT, Acceleration, SpeedLimit, StoredPath, WorldZone
-from yumi.virtual.mechanics.legs import CircleMode
 from yumi.virtual.mechanics.virtual_gripper import VirtualGripper
 
 NO_UNIT = "NoIntegratedUnit"

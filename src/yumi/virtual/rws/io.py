@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from yumi.rws.documents import Link, Page, Pairs, State, first_value
+from yumi.rws.operations import io as table
 from yumi.rws.types import Code
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.rws.operations import io as table
 from yumi.virtual.controller.signals import Signal, path_of, printed
 from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.render import entry, resource

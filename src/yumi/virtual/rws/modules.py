@@ -18,17 +18,12 @@ from yumi.rapid.parser import parse_expression
 from yumi.rapid.task import Task
 from yumi.rapid.types import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol, Variable
 from yumi.rws.documents import Form, Page, State
-from yumi.rws.types import Code
-from yumi.rws.types import RapidValue
-from yumi.rws.types import decode
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.http import HttpReply
 from yumi.rws.operations import modules as table
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.call import Shown
-from yumi.virtual.rws.call import invalid
+from yumi.rws.types import Code, RapidValue, decode
+from yumi.virtual.controller.irc5 import Irc5
+from yumi.virtual.rws.call import Call, Failure, Shown, invalid
 from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.rapid import find_task, prepare_modules, quoted
 from yumi.virtual.rws.render import entry, resource
 from yumi.virtual.rws.router import Routes

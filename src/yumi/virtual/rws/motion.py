@@ -14,28 +14,15 @@ from yumi.rapid.types import Variable
 from yumi.robot.arm_kinematics import Arm
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_from_abb
 from yumi.robot.kinematics import compose, inverse, matrix
-from yumi.rws.documents import Link
-from yumi.rws.documents import Page
-from yumi.rws.documents import State
-from yumi.rws.documents import first_value
-from yumi.rws.types import Code
-from yumi.rws.types import decode
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.instructions.robot_data import pose_from_rapid
-from yumi.virtual.instructions.robot_data import rapid_from_pose
-from yumi.virtual.instructions.robot_data import robtarget
-from yumi.virtual.instructions.robot_data import wobj_from_rapid
-from yumi.rws.documents import JointTarget
-from yumi.rws.documents import RobTarget
+from yumi.rws.documents import JointTarget, Link, Page, RobTarget, State, first_value
 from yumi.rws.operations import motion as table
+from yumi.rws.types import Code, decode
+from yumi.virtual.controller.irc5 import Irc5
+from yumi.virtual.instructions.robot_data import pose_from_rapid, robtarget, wobj_from_rapid
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.units import MechanicalUnit
-from yumi.virtual.mechanics.units import Supervision
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.call import invalid
-from yumi.virtual.rws.render import entry
-from yumi.virtual.rws.render import resource
+from yumi.virtual.mechanics.units import MechanicalUnit, Supervision
+from yumi.virtual.rws.call import Call, Failure, invalid
+from yumi.virtual.rws.render import entry, resource
 from yumi.virtual.rws.router import Routes
 from yumi.virtual.rws.users import refuse_in_manual_mode
 
@@ -510,7 +497,7 @@ def get_axis_pose(controller: Irc5, call: Call) -> Pose:
     arm = controller.arm_of(unit)
     last = arm.kinematics.axes.index(logical)
     position = tuple(angle if index <= last else 0.0 for index, angle in enumerate(arm.position))
-    return arm.kinematics.tool0(cast("Joints", position))
+    return arm.kinematics.tool0(position)
 
 
 @ROUTES.answer(table.SET_AXIS_POSE, table.UPDATE_COMMUTATE, table.UPDATE_SYNC_COUNTER)

@@ -19,15 +19,11 @@ from yumi.rapid.parser import parse_module
 from yumi.rapid.states import Execution
 from yumi.rapid.task import StackEntry, StepKind, Task
 from yumi.rapid.types import RapidReferenceError
-from yumi.rws.documents import Link
-from yumi.rws.documents import Page
-from yumi.rws.documents import State
-from yumi.rws.types import Code
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.rws.documents import JointTarget
-from yumi.rws.documents import RobTarget
+from yumi.rws.documents import JointTarget, Link, Page, RobTarget, State
 from yumi.rws.operations import rapid as table
 from yumi.rws.operations.operation import get
+from yumi.rws.types import Code
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.tasks import InstalledTask
 from yumi.virtual.faults import DISPLAY_PATH
 from yumi.virtual.rws.call import Call, Failure, invalid

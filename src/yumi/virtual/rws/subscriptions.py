@@ -22,10 +22,8 @@ from yumi.rws.types import PROTOCOL, Code, Priority, Resource
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.signals import path_of, printed
 from yumi.virtual.event_log import Refused
+from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.call import invalid
 from yumi.virtual.rws.mastership import Mastership
 from yumi.virtual.rws.panel import PANEL_VALUES
 from yumi.virtual.rws.queues import MessageService

@@ -5,21 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime
 
-from yumi.rws.documents import Link
-from yumi.rws.documents import Page
-from yumi.rws.documents import State
-from yumi.rws.types import Code
-from yumi.rws.types import sentence
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Event
-from yumi.virtual.rws.http import HttpReply
+from yumi.rws.documents import Link, Page, State
 from yumi.rws.operations import system as table
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.render import entry
-from yumi.virtual.rws.render import resource
-from yumi.virtual.rws.router import Routes
-from yumi.virtual.rws.router import absent
+from yumi.rws.types import Code, sentence
+from yumi.virtual.controller.irc5 import Irc5
+from yumi.virtual.rws.call import Call, Failure
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.render import entry, resource
+from yumi.virtual.rws.router import Routes, absent
 
 _ROOT_SERVICES = ("ctrl", "rw", "progress", "fileservice", "users", "subscription")
 

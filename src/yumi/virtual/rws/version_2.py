@@ -22,21 +22,12 @@ from yumi.rws.operations.operation import Operation, Values
 from yumi.rws.operations.rapid import LOAD_MODULE
 from yumi.rws.types import REALM, Code
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.http import HttpRequest
-from yumi.virtual.rws.http import Session
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.call import Shown
+from yumi.virtual.rws.call import Call, Failure, Shown
 from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.http import HttpReply, HttpRequest, Session
 from yumi.virtual.rws.mastership import Domains
-from yumi.virtual.rws.render import resource
-from yumi.virtual.rws.render import write_hal
-from yumi.virtual.rws.render import write_hal_status
-from yumi.virtual.rws.render import write_page
-from yumi.virtual.rws.render import write_status
-from yumi.virtual.rws.router import Route
-from yumi.virtual.rws.router import Router
+from yumi.virtual.rws.render import resource, write_hal, write_hal_status, write_page, write_status
+from yumi.virtual.rws.router import Route, Router
 from yumi.virtual.rws.service import RwsService, form_of
 from yumi.virtual.rws.subscriptions import Rules
 

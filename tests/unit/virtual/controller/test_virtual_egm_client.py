@@ -14,22 +14,8 @@ from yumi.errors import RobotNotReady
 from yumi.robot.joints import CYCLE, Joints, Pose, Side, abb_from_chain, home
 from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_motion import StopMode
-from yumi.virtual.mechanics.egm_motion import same_band
-from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.egm_client import EgmOptions
-from yumi.virtual.mechanics.egm_client import EgmOutcome
-from yumi.virtual.mechanics.egm_client import EgmState
-from yumi.virtual.mechanics.egm_client import InvalidReference
-from yumi.virtual.mechanics.egm_client import RobotWare
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.egm_motion import StopMode
-from yumi.virtual.mechanics.egm_motion import same_band
+from yumi.virtual.mechanics.egm_client import EgmClient, EgmOptions, EgmOutcome, EgmState, InvalidReference, RobotWare
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData, StopMode, same_band
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

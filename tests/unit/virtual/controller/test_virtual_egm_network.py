@@ -12,12 +12,9 @@ from yumi.egm.codec import RobotMessage, SensorCodec, parse
 from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.egm_network import EgmNetwork
-from yumi.virtual.mechanics.egm_network import Outgoing
-from yumi.virtual.mechanics.egm_network import field_borders
 from yumi.virtual.mechanics.egm_motion import EgmRun
+from yumi.virtual.mechanics.egm_network import EgmNetwork, Outgoing, field_borders
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 

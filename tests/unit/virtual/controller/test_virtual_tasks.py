@@ -14,15 +14,11 @@ from yumi.rapid.states import Execution
 from yumi.rapid.task import StepKind
 from yumi.robot.joints import Joints, Side
 from yumi.rws.types import ControllerState, EventType
-from yumi.virtual.controller.installed_system import ROBOTS
-from yumi.virtual.controller.installed_system import delivered_system
-from yumi.virtual.controller.installed_system import factory_system
-from yumi.virtual.controller.installed_system import with_programs
+from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.event_log import Refused
 from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.rws.call import Call
-from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.rws.rapid import get_task
 from yumi.virtual.world import World, WorldSettings
 

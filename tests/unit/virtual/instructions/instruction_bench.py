@@ -16,11 +16,8 @@ from yumi.virtual.event_log import EventLog
 from yumi.virtual.instructions.robot_library import robot_library
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.units import YUMI_UNITS
-from yumi.virtual.mechanics.units import ArmUnit
-from yumi.virtual.mechanics.units import SyncPoints
-from yumi.virtual.mechanics.virtual_gripper import VirtualGripper
-from yumi.virtual.mechanics.virtual_gripper import Workpiece
+from yumi.virtual.mechanics.units import YUMI_UNITS, ArmUnit, SyncPoints
+from yumi.virtual.mechanics.virtual_gripper import VirtualGripper, Workpiece
 from yumi.virtual.system_parameters import Configuration
 
 FOLDER = Path(next(iter(yumi.controller_files.__path__)))

@@ -11,9 +11,7 @@ from yumi.robot.joints import Side, home
 from yumi.rws.types import SignalType
 from yumi.virtual.controller.signals import Signal
 from yumi.virtual.instructions.robot_data import jointtarget
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_client import EgmOutcome
-from yumi.virtual.mechanics.egm_client import EgmState
+from yumi.virtual.mechanics.egm_client import EgmOutcome, EgmState
 from yumi.virtual.mechanics.egm_motion import EgmActivation
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "

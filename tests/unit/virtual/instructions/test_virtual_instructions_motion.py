@@ -13,11 +13,9 @@ from unit.robot.test_robot_inverse_kinematics import random_postures
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, home, joint_names
 from yumi.robot.kinematics import matrix, quaternion_of, tool0_to_body
-from yumi.virtual.instructions.robot_data import NOT_PRESENT
-from yumi.virtual.instructions.robot_data import jointtarget
-from yumi.virtual.instructions.robot_data import robtarget
 from yumi.robot.urdf import robot_description
 from yumi.robot.yumi_arms import yumi_arm
+from yumi.virtual.instructions.robot_data import NOT_PRESENT, jointtarget, robtarget
 
 NEAR = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
 

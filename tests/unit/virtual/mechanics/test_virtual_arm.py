@@ -13,7 +13,6 @@ from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.egm_motion import EgmSettings
 
 CYCLE = 0.004032
 VELOCITY_MODE = EgmSettings(gain=0.0, bandwidth=0.0, max_speed=10.0)

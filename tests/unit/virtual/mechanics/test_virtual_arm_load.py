@@ -8,13 +8,10 @@ import pytest
 
 from yumi.robot.joints import ZERO, Joints, Side, home
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.arm_motion import MotionState
+from yumi.virtual.mechanics.arm_motion import ArmModel, MotionState
 from yumi.virtual.mechanics.dynamics import ArmDynamics
 from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.load_supervision import LoadSupervision
-from yumi.virtual.mechanics.load_supervision import Overload
+from yumi.virtual.mechanics.load_supervision import LoadSupervision, Overload
 
 HOME = home(Side.LEFT)
 MODEL = ArmModel(supervises_load=True)

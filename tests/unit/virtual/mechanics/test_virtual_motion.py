@@ -10,19 +10,8 @@ import pytest
 
 from yumi.robot.joints import ZERO, Joints, Side
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import MODELS
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmMotion
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
-from yumi.virtual.mechanics.arm_motion import unlimited
-from yumi.virtual.mechanics.egm_motion import EgmActivation
-from yumi.virtual.mechanics.egm_motion import EgmMotion
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
+from yumi.virtual.mechanics.arm_motion import MODELS, ArmModel, unlimited
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmMotion, EgmRun, EgmSettings, ExternalMotionData
 from yumi.virtual.mechanics.servo import follow_references
 
 CYCLE = 0.004032

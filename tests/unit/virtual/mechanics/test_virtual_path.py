@@ -6,14 +6,7 @@ import pytest
 
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.legs import STOP
-from yumi.virtual.mechanics.legs import Frames
-from yumi.virtual.mechanics.legs import Speed
-from yumi.virtual.mechanics.legs import joint_leg
-from yumi.virtual.mechanics.legs import STOP
-from yumi.virtual.mechanics.legs import Frames
-from yumi.virtual.mechanics.legs import Speed
-from yumi.virtual.mechanics.legs import joint_leg
+from yumi.virtual.mechanics.legs import STOP, Frames, Speed, joint_leg
 
 
 @pytest.mark.parametrize(

@@ -7,14 +7,10 @@ from collections.abc import Mapping
 
 import pytest
 
+from yumi.rws.operations.operation import Operation, get, post
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.rws.operations.operation import Operation
-from yumi.rws.operations.operation import get
-from yumi.rws.operations.operation import post
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.router import Route
-from yumi.virtual.rws.router import Router
+from yumi.virtual.rws.call import Call, Failure
+from yumi.virtual.rws.router import Route, Router
 from yumi.virtual.rws.service import ROUTES
 
 
