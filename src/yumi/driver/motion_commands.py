@@ -136,7 +136,7 @@ class Jog(Command[str], frozen=True):
     front_ends = _SCRIPT
 
     arm: Arm
-    speeds: tuple[float, float, float, float, float, float, float]
+    speeds: Joints
 
     def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
         return (side_of(self.arm),)

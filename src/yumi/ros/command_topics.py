@@ -24,9 +24,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from yumi.catalogue import message
-from yumi.control.controller import GoalKind
 from yumi.control.controllers.forward_command import FORWARDERS
-from yumi.control.goals import GoalBuffer, write_goal, write_speeds
+from yumi.control.goals import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.loop_commands import Commands
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.control_process import ControlProcess

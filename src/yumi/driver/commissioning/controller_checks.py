@@ -19,7 +19,8 @@ from yumi.driver.commissioning.contents import essence
 from yumi.driver.commissioning.delivery import ADD_INS, GRIPPER_MODULE, OWN_MODULE, delivered, delivered_modules
 from yumi.driver.commissioning.findings import Finding, Verdict, problem
 from yumi.driver.commissioning.installation import MASTERSHIPS, NEWEST_ROBOTWARE, foreign_mains, missing_grants
-from yumi.driver.readiness import NO_STOP, RobotState, unmet
+from yumi.driver.readiness import NO_STOP, unmet
+from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import WATCHDOG
 from yumi.errors import ControllerRefused, LoginRefused, ProtocolError, RobotNotReady, YumiError
 from yumi.robot.joints import Side
