@@ -1,4 +1,4 @@
-"""The connection of a script: to a robot that the script drives itself, or to the driver of another program.
+"""What a script is connected to: a robot, whose driver it is then itself, or the driver that another program runs.
 
 A :class:`Connection` opens the parts of a driver in one order, and closes them in the other. A :class:`RunningDriver`
 looks and asks over the local endpoint of a driver, and drives nothing.

@@ -1,4 +1,4 @@
-"""Commands for a robot whose driver runs: its state, and requests to it.
+"""Commands for a robot whose driver runs: what it does, and what it is asked to do.
 
 Most of them use the driver's local endpoint, such as ``yumi state`` and ``yumi move``; ``yumi shell`` is a prompt of
 Python that is connected to it. ``yumi topics``, ``echo``, ``call`` and ``param`` are for those who have no ``ros2``:

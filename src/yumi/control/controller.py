@@ -1,4 +1,4 @@
-"""The base class of controllers, the transitions of their lifecycle (REP-2007), and their description for others.
+"""What a controller is, the transitions of its lifecycle (REP-2007), and how others see the controllers of an arm.
 
 To add one: a subclass of :class:`Controller` in ``control/controllers/``, a line with its type in ``CONTROLLER_KINDS``
 (``driver/wiring.py``), and its name and type in ``config/controllers.yaml``. For its test, ``VirtualArmRig`` of

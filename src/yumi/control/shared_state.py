@@ -1,4 +1,4 @@
-"""Shared memory of control process and driver process: the state of an arm, buffers, and the events beside them.
+"""What the control process and the driver process share: the state of an arm, buffers in shared memory, and events.
 
 States (:class:`Snapshot`, :class:`JointStates`, :class:`TrajectoryFeedback`) lie in buffers (:class:`SharedBuffer`),
 where the newest counts. A buffer counts the writes before and after each one, so that a reader knows when the value

@@ -94,7 +94,7 @@ class HttpTransport(httpx.BaseTransport):
 
     Nothing happens before the first exchange; ``close`` when done. Two exchanges may be under way at once, each on a
     connection of its own; safe from any thread. A host name is looked up once: the address stays the same for the
-    transport until it is closed, as it does for EGM. No proxy of the environment is used, and no redirect is followed.
+    transport's life, as it does for EGM. No proxy of the environment is used, and no redirect is followed.
 
     Args:
         address: of the controller.

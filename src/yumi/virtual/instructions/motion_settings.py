@@ -1,4 +1,4 @@
-r"""Settings of the motions of a program (ConfL, AccSet, VelSet, PDispOn ...); its stops, retracing and corrections.
+r"""What a program sets for its motions (ConfL, AccSet, VelSet, PDispOn ...), how it stops, retraces and corrects them.
 
 The path recorder (option Path Recovery) records where the arm was planned to be in each cycle, so that the way back is
 the way it came, whatever moves it was made of.

@@ -187,7 +187,7 @@ class Operation:
         resource: the ``resource`` in the URL; an operation whose ``query`` has it answers all without their own line.
         query: the parameters in the URL beside these two, and what each may be.
         status: of HTTP where the call succeeds; 0 for the usual one of the method.
-        needs_grant: what the user must be granted; None for what every user may do.
+        needs_grant: what the user must be granted; None for what everybody may do.
         lacks: hardware or option that this robot does not have; such a call is answered with 404.
         prepare: the part of a call that takes longer than a cycle.
     """
