@@ -59,8 +59,6 @@ WORDS = {
     "partner": "other arm",
     "partners": "other arms",
     "lives": "lifecycle, or name the state",
-    "everybody": "all clients, all users",
-    "anybody": "any client, any user",
 }
 """Each word or words, singular as written, with what stands in its place."""
 

@@ -1,4 +1,4 @@
-// The lock of the core, which Python or the thread of the core holds, never both; and the clock of both.
+// What Python and the thread of the core both use belongs to one of them at a time; and the clock of both.
 
 #pragma once
 

@@ -1,6 +1,6 @@
 """May the robot move, and if not, why not: the one table of conditions.
 
-Every part that refuses a motion takes the reason from here, as a message that the front end words: robot manager,
+Everybody who refuses motion takes the reason from here, as a message that the front end words: robot manager,
 controller panel, Python API, ROS and log. What stopped the robot is in :mod:`yumi.driver.stops`.
 ``docs/reference/readiness.md`` is written from the tables below: ``python -m yumi.driver.readiness``.
 """
