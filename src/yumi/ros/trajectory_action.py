@@ -218,8 +218,7 @@ class TrajectoryAction:
         try:
             activations = self._check_free(takes_over=True)
         except YumiError as error:  # a goal that is rejected has no result, where a client could read the reason
-            said = because(error.said, self._causes.cause()) if self._causes else error.said
-            goal.reason = f"{said}{self._advice()}"
+            goal.reason = self._reason(error)
             self._log.warning(goal.reason)
             goal.is_over.set()
             with self._lock:
@@ -231,8 +230,7 @@ class TrajectoryAction:
                 self._log.warning(f"The goal's tolerances are ignored, the controller's own apply: {reason}.")
             self._send(request.trajectory, tolerances, goal, activations)
         except YumiError as error:
-            said = because(error.said, self._causes.cause()) if self._causes else error.said
-            self._log.warning(f"{said}{self._advice()}")
+            self._log.warning(self._reason(error))
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
@@ -240,6 +238,11 @@ class TrajectoryAction:
         """The activations of the arms' controllers; raises YumiError where a goal could not be followed now."""
         checks = self._commands(dict.fromkeys(self._sides, CancelTrajectory()), takes_over=takes_over)
         return self._control.call(Commands.check_commands, *checks)
+
+    def _reason(self, error: YumiError) -> str:
+        """Why a goal is refused, what stopped the robot, and what to do."""
+        said = because(error.said, self._causes.cause()) if self._causes else error.said
+        return f"{said}{self._advice()}"
 
     def _advice(self) -> str:
         """How to activate what is not active, as a sentence with a blank before it; empty where all is."""
