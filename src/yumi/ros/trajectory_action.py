@@ -15,7 +15,7 @@ from dataclasses import replace
 from itertools import count
 from threading import Event as Flag
 from threading import Lock
-from typing import Any, Protocol
+from typing import Any
 
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTrajectoryControllerState, SpeedScalingFactor
@@ -43,7 +43,8 @@ from yumi.control.trajectory_commands import (
     TrajectoryEnded,
 )
 from yumi.driver.control_process import ENDED
-from yumi.driver.stops import Cause, because
+from yumi.driver.monitor import RobotMonitor
+from yumi.driver.stops import because
 from yumi.errors import YumiError
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
 from yumi.planning.trajectory_request import plan_trajectory, timed
@@ -68,16 +69,6 @@ from yumi.settings import number
 _FIRST_NUMBER = 2**40  # of these goals, beside the motions of scripts and commands, which count from 1
 
 _POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
-
-
-class Causes(Protocol):
-    """Knows what stopped the robot."""
-
-    def cause(self) -> Cause:
-        """As far as it is known now."""
-
-    def wait_for_cause(self) -> Cause:
-        """Waiting until it is known."""
 
 
 class _OpenGoal:
@@ -123,7 +114,7 @@ class TrajectoryAction:
         clock: the machine's clock.
         limits: what the joints may do.
         timers: publish what the controllers report.
-        causes: knows what stopped the robot; that is added to refusals and results.
+        monitor: knows what stopped the robot; that is added to refusals and results.
         frame: of the robot's base, for the headers.
         on_switch: called when a goal has activated the controller.
     """
@@ -137,11 +128,11 @@ class TrajectoryAction:
         clock: Clock,
         limits: JointLimits,
         timers: TimerThread,
-        causes: Causes | None = None,
+        monitor: RobotMonitor,
         frame: str = "",
         on_switch: Callable[[], None] = lambda: None,
     ) -> None:
-        self._causes = causes
+        self._monitor = monitor
         self._on_switch = on_switch
         self._frame = frame
         self._log = node.get_logger()
@@ -241,8 +232,7 @@ class TrajectoryAction:
 
     def _reason(self, error: YumiError) -> str:
         """Why a goal is refused, what stopped the robot, and what to do."""
-        said = because(error.said, self._causes.cause()) if self._causes else error.said
-        return f"{said}{self._advice()}"
+        return f"{because(error.said, self._monitor.cause())}{self._advice()}"
 
     def _advice(self) -> str:
         """How to activate what is not active, as a sentence with a blank before it; empty where all is."""
@@ -375,9 +365,8 @@ class TrajectoryAction:
             return result
         end = goal.end
         result.error_code, result.error_string = int(end.code), str(end.said)
-        is_deactivated = end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL  # EGM may have ended
-        if is_deactivated and self._causes is not None:
-            result.error_string = str(because(end.said, self._causes.wait_for_cause()))
+        if end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL:  # EGM may have ended
+            result.error_string = str(because(end.said, self._monitor.wait_for_cause()))
         if end.outcome is Outcome.SUCCEEDED:
             handle.succeed()
         elif end.outcome is Outcome.CANCELED and is_cancelled(handle, self._clock):
@@ -447,11 +436,11 @@ class TrajectoryControllers:
         clock: Clock,
         limits: JointLimits,
         timers: TimerThread,
-        causes: Causes | None = None,
+        monitor: RobotMonitor,
         frame: str = "",
         on_switch: Callable[[], None] = lambda: None,
     ) -> None:
-        shared = (control, clock, limits, timers, causes, frame, on_switch)
+        shared = (control, clock, limits, timers, monitor, frame, on_switch)
         both = TrajectoryAction(dual_node, DUAL_ARM, dual, *shared)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:

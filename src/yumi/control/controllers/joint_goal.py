@@ -41,9 +41,7 @@ _PARAMETERS = (
     Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
     Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
 )
-_ROOM = (
-    0.9  # the limiter counts what the position adds to the speed fed forward: a plan at the limits would exceed them
-)
+_ROOM = 0.9  # of the limits: the limiter counts what the position adds to the speed fed forward
 _DEFAULTS = {item.name: number({item.name: item.default}, item.name) for item in _PARAMETERS}
 
 
