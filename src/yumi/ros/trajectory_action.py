@@ -396,7 +396,7 @@ class TrajectoryAction:
 
     def _pass_on(self) -> None:
         """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
-        newest = {side: box.read() for side, box in self._feedback.items()}
+        newest = {side: buffer.read() for side, buffer in self._feedback.items()}
         news = {side: each for side, each in newest.items() if each and each[0] != self._seen[side]}
         if len(news) < len(newest):
             return

@@ -49,7 +49,7 @@ class TrajectoryGoal:
         self.phase = Phase.RUNNING
         self.first = 0.0
         self._names = names
-        self._walk = SplineSampler(spline)
+        self._sampler = SplineSampler(spline)
         self.end = spline.end
         self._bounds = tolerances
         self._goal_bounds = [_ELSEWHERE if each == inf else each for each in tolerances.goal]
@@ -71,7 +71,7 @@ class TrajectoryGoal:
             return self._judge_way(time, state, pace)
         if self.phase is not Phase.RUNNING:
             return None
-        late, goal = time - self.end, self._walk.position(self.end)
+        late, goal = time - self.end, self._sampler.position(self.end)
         off = _first_beyond(goal, state.position, self._goal_bounds)
         if off is None and _first_beyond(ZERO, state.velocity, self._bounds.goal_velocity) is None:
             self.phase = Phase.REACHED
@@ -85,7 +85,7 @@ class TrajectoryGoal:
         return None
 
     def _judge_way(self, time: float, state: ArmState, pace: float | None) -> Violation | None:
-        off = _first_beyond(self._walk.position(time), state.position, self._bounds.path)
+        off = _first_beyond(self._sampler.position(time), state.position, self._bounds.path)
         if off is not None:
             index, distance, bound = off
             return ResultCode.PATH_TOLERANCE_VIOLATED, message(
@@ -93,7 +93,7 @@ class TrajectoryGoal:
             )
         if pace is None or not self._watches_velocity:
             return None
-        speeds = [pace * speed for speed in self._walk.motion(time)[1]]
+        speeds = [pace * speed for speed in self._sampler.motion(time)[1]]
         off = _first_beyond(speeds, state.velocity, self._bounds.path_velocity)
         if off is not None:
             index, difference, bound = off
