@@ -23,6 +23,7 @@ from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded
+from yumi.driver.stops import Cause
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.nodes import TimerThread
@@ -38,6 +39,7 @@ ACTIVE = ControllerInfo("other", "tests/One", State.ACTIVE, ("a/position",), ("a
 ACTIVATION = 7
 
 UPSAMPLING = SimpleNamespace(parameter=SimpleNamespace(name="positions_upsampling.enable"), value=False)
+NO_CAUSE = SimpleNamespace(cause=Cause, wait_for_cause=Cause)  # nothing has stopped the robot
 
 
 class Lone:
@@ -52,7 +54,7 @@ class Lone:
         timers = TimerThread(SystemClock(), print)
         self.switched = 0
         self.action = TrajectoryAction(
-            self.node, "lone", buffers, self, SystemClock(), YUMI_LIMITS, timers, on_switch=self.count_switch
+            self.node, "lone", buffers, self, SystemClock(), YUMI_LIMITS, timers, NO_CAUSE, on_switch=self.count_switch
         )
         self._executor = MultiThreadedExecutor(4)
         self._executor.add_node(self.node)

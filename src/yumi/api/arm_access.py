@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION
 from concurrent.futures import wait as wait_for_futures
 from contextlib import suppress
-from typing import Protocol
 
 from yumi.api.motion_registry import Motion, MotionRegistry
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.controllers.joint_goal import StopMotion
-from yumi.control.loop_commands import CommandPort, Commands, ControllerCommand
+from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
-from yumi.driver.control_process import ArmBuffers
+from yumi.driver.control_process import ControlProcess
 from yumi.driver.readiness import why_arm_does_not_follow
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
 from yumi.robot.joints import Side
@@ -41,17 +40,6 @@ LAST_STOP = 5.0
 _FRESH = 1.5  # [s] a controller says at least once a second how it follows a trajectory
 
 
-class ControlPort(CommandPort, Protocol):
-    """What is needed of the control process."""
-
-    @property
-    def buffers(self) -> Mapping[Side, ArmBuffers]:
-        """What it shares with its parent, per arm."""
-
-    def snapshot(self, side: Side) -> Snapshot:
-        """An arm after its last cycle."""
-
-
 class ArmAccess:
     """The arms of one robot, and what commands each.
 
@@ -71,7 +59,7 @@ class ArmAccess:
 
     def __init__(
         self,
-        control: ControlPort,
+        control: ControlProcess,
         motions: MotionRegistry,
         arms: tuple[Side, ...],
         clock: Clock,

@@ -7,7 +7,7 @@ from contextlib import suppress
 from functools import partial
 from math import dist
 
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, TRAJECTORY_CONTROLLER, ControlPort
+from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.joint_positions import Position, TimedPosition, checked_goal, checked_scale, timed_points
 from yumi.api.motion_registry import Motion, MotionRegistry, Way
 from yumi.api.streams import ArmStreams
@@ -22,6 +22,7 @@ from yumi.control.motion.setpoint import Setpoint, slower
 from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import ToolLimits
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Tolerances
+from yumi.driver.control_process import ControlProcess
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.planning.common_time import started_together
 from yumi.planning.tool_path import SPEED, TURNING, ToolMotion, Waypoint, plan_tool_motions
@@ -60,7 +61,7 @@ class MotionExecutor(ArmStreams):
 
     def __init__(
         self,
-        control: ControlPort,
+        control: ControlProcess,
         motions: MotionRegistry,
         arms: tuple[Side, ...],
         limits: JointLimits,

@@ -8,7 +8,7 @@ from math import isfinite
 from threading import Lock
 from typing import Any, NamedTuple
 
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, ArmAccess, ControlPort
+from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, ArmAccess
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
@@ -17,6 +17,7 @@ from yumi.control.goals import Buffer, write_goal, write_speeds
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.tool_goal import ToolGoal, check_twist, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
+from yumi.driver.control_process import ControlProcess
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, joints
 
@@ -46,7 +47,7 @@ class _Jog(NamedTuple):
 class ArmStreams(ArmAccess):
     """Arms that follow streams."""
 
-    def __init__(self, control: ControlPort, motions: MotionRegistry, arms: tuple[Side, ...], clock: Clock) -> None:
+    def __init__(self, control: ControlProcess, motions: MotionRegistry, arms: tuple[Side, ...], clock: Clock) -> None:
         super().__init__(control, motions, arms, clock)
         self._jogs: dict[Side, _Jog] = {}
         self._jog_locks = {side: Lock() for side in Side}  # held briefly: the end of a jog waits for it

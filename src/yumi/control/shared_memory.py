@@ -16,9 +16,10 @@ from enum import IntEnum
 from itertools import chain
 from math import isnan
 from multiprocessing.sharedctypes import RawArray
+from multiprocessing.synchronize import Semaphore
 from operator import attrgetter, itemgetter
 from struct import Struct
-from typing import Any, Generic, Protocol, TypeVar, get_type_hints
+from typing import Any, Generic, TypeVar, get_type_hints
 
 from yumi.catalogue import message
 from yumi.control.goals import UNKNOWN, GoalKind
@@ -254,14 +255,8 @@ def shared_numbers(count: int) -> SharedNumbers:
         return RawArray(ctypes.c_double, count)
 
 
-class CycleEvent(Protocol):
-    """Wakes a thread that waits in another process."""
-
-    def release(self) -> None:
-        """Set it once more; never waits."""
-
-    def acquire(self, block: bool = True, timeout: float | None = None) -> bool:
-        """Wait until it is set; returns whether it was in time."""
+CycleEvent = Semaphore
+"""Wakes a thread that waits in another process."""
 
 
 def new_cycle_event() -> CycleEvent:

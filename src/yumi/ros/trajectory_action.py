@@ -15,7 +15,7 @@ from dataclasses import replace
 from itertools import count
 from threading import Event as Flag
 from threading import Lock
-from typing import Any, Protocol
+from typing import Any
 
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTrajectoryControllerState, SpeedScalingFactor
@@ -43,7 +43,8 @@ from yumi.control.trajectory_commands import (
     TrajectoryEnded,
 )
 from yumi.driver.control_process import ENDED
-from yumi.driver.stops import Cause, because
+from yumi.driver.monitor import RobotMonitor
+from yumi.driver.stops import because
 from yumi.errors import YumiError
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
 from yumi.planning.trajectory_request import plan_trajectory, timed
@@ -68,16 +69,6 @@ from yumi.settings import number
 _FIRST_NUMBER = 2**40  # of these goals, beside the motions of scripts and commands, which count from 1
 
 _POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
-
-
-class Causes(Protocol):
-    """Knows what stopped the robot."""
-
-    def cause(self) -> Cause:
-        """As far as it is known now."""
-
-    def wait_for_cause(self) -> Cause:
-        """Waiting until it is known."""
 
 
 class _OpenGoal:
@@ -123,7 +114,7 @@ class TrajectoryAction:
         clock: the machine's clock.
         limits: what the joints may do.
         timers: publish what the controllers report.
-        causes: knows what stopped the robot; that is added to refusals and results.
+        monitor: knows what stopped the robot; that is added to refusals and results.
         frame: of the robot's base, for the headers.
         on_switch: called when a goal has activated the controller.
     """
@@ -137,11 +128,11 @@ class TrajectoryAction:
         clock: Clock,
         limits: JointLimits,
         timers: TimerThread,
-        causes: Causes | None = None,
+        monitor: RobotMonitor,
         frame: str = "",
         on_switch: Callable[[], None] = lambda: None,
     ) -> None:
-        self._causes = causes
+        self._monitor = monitor
         self._on_switch = on_switch
         self._frame = frame
         self._log = node.get_logger()
@@ -218,8 +209,7 @@ class TrajectoryAction:
         try:
             activations = self._check_free(takes_over=True)
         except YumiError as error:  # a goal that is rejected has no result, where a client could read the reason
-            said = because(error.said, self._causes.cause()) if self._causes else error.said
-            goal.reason = f"{said}{self._advice()}"
+            goal.reason = self._reason(error)
             self._log.warning(goal.reason)
             goal.is_over.set()
             with self._lock:
@@ -231,8 +221,7 @@ class TrajectoryAction:
                 self._log.warning(f"The goal's tolerances are ignored, the controller's own apply: {reason}.")
             self._send(request.trajectory, tolerances, goal, activations)
         except YumiError as error:
-            said = because(error.said, self._causes.cause()) if self._causes else error.said
-            self._log.warning(f"{said}{self._advice()}")
+            self._log.warning(self._reason(error))
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
@@ -240,6 +229,10 @@ class TrajectoryAction:
         """The activations of the arms' controllers; raises YumiError where a goal could not be followed now."""
         checks = self._commands(dict.fromkeys(self._sides, CancelTrajectory()), takes_over=takes_over)
         return self._control.call(Commands.check_commands, *checks)
+
+    def _reason(self, error: YumiError) -> str:
+        """Why a goal is refused, what stopped the robot, and what to do."""
+        return f"{because(error.said, self._monitor.cause())}{self._advice()}"
 
     def _advice(self) -> str:
         """How to activate what is not active, as a sentence with a blank before it; empty where all is."""
@@ -372,9 +365,8 @@ class TrajectoryAction:
             return result
         end = goal.end
         result.error_code, result.error_string = int(end.code), str(end.said)
-        is_deactivated = end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL  # EGM may have ended
-        if is_deactivated and self._causes is not None:
-            result.error_string = str(because(end.said, self._causes.wait_for_cause()))
+        if end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL:  # EGM may have ended
+            result.error_string = str(because(end.said, self._monitor.wait_for_cause()))
         if end.outcome is Outcome.SUCCEEDED:
             handle.succeed()
         elif end.outcome is Outcome.CANCELED and is_cancelled(handle, self._clock):
@@ -404,7 +396,7 @@ class TrajectoryAction:
 
     def _pass_on(self) -> None:
         """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
-        newest = {side: box.read() for side, box in self._feedback.items()}
+        newest = {side: buffer.read() for side, buffer in self._feedback.items()}
         news = {side: each for side, each in newest.items() if each and each[0] != self._seen[side]}
         if len(news) < len(newest):
             return
@@ -444,11 +436,11 @@ class TrajectoryControllers:
         clock: Clock,
         limits: JointLimits,
         timers: TimerThread,
-        causes: Causes | None = None,
+        monitor: RobotMonitor,
         frame: str = "",
         on_switch: Callable[[], None] = lambda: None,
     ) -> None:
-        shared = (control, clock, limits, timers, causes, frame, on_switch)
+        shared = (control, clock, limits, timers, monitor, frame, on_switch)
         both = TrajectoryAction(dual_node, DUAL_ARM, dual, *shared)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:

@@ -48,7 +48,7 @@ class TrajectoryQuery:
 
     def answer(self, request: Any, response: Any) -> Any:
         """Fill ``response`` for the time of ``request``; 0 is now."""
-        newest = {side: box.read() for side, box in self._feedback.items()}
+        newest = {side: buffer.read() for side, buffer in self._feedback.items()}
         feedbacks = {side: each[1] for side, each in newest.items() if each is not None}
         now = self._clock.now()
         if len(feedbacks) < len(newest) or any(now - each.time > FRESH for each in feedbacks.values()):

@@ -323,7 +323,7 @@ class Segments:
 def braking_postures(sent: Setpoint, count: int = 400) -> Array:
     """Where the position sent comes when it brakes, (n, 7) [rad]."""
     braking = stop(sent, YUMI_LIMITS)
-    return np.array([braking.at(braking.duration * index / count).position for index in range(count + 1)])
+    return np.array([braking.setpoint(braking.duration * index / count).position for index in range(count + 1)])
 
 
 def test_joint_that_turns_round_stays_in_its_braking_path() -> None:

@@ -41,9 +41,7 @@ _PARAMETERS = (
     Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
     Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
 )
-_ROOM = (
-    0.9  # the limiter counts what the position adds to the speed fed forward: a plan at the limits would exceed them
-)
+_ROOM = 0.9  # of the limits: the limiter counts what the position adds to the speed fed forward
 _DEFAULTS = {item.name: number({item.name: item.default}, item.name) for item in _PARAMETERS}
 
 
@@ -136,8 +134,8 @@ class JointGoalController(Controller):
         self._limits = limits
         self._values: Mapping[str, float] = _DEFAULTS
         self._goal_number = 0
-        self._notices: list[GoalEnded] = []
-        self._order: JointGoal | StopMotion | None = None
+        self._reports: list[GoalEnded] = []
+        self._command: JointGoal | StopMotion | None = None
         self._standstill: StandstillDetector | None = None
         self._rest_at(ZERO)
 
@@ -151,7 +149,7 @@ class JointGoalController(Controller):
         return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
 
     def activate(self, state: ArmState) -> None:
-        self._order = None
+        self._command = None
         newest = self._goals.read()
         self._goal_number = newest[0] if newest else 0  # what was sent before does not count
         self._hold(state)
@@ -163,13 +161,13 @@ class JointGoalController(Controller):
         self._planned(command)
 
     def receive(self, command: object, state: ArmState | None) -> None:
-        order, motion = self._planned(command)
-        is_stop = isinstance(order, StopMotion)
+        accepted, motion = self._planned(command)
+        is_stop = isinstance(accepted, StopMotion)
         self._end(
             GoalOutcome.STOPPED if is_stop else GoalOutcome.REPLACED,
             message("motion_stopped" if is_stop else "goal_replaced"),
         )
-        self._order = order
+        self._command = accepted
         before = self._setpoint
         if is_stop and state is not None and is_held_back(before.position, before.velocity, state.planned):
             self._hold(state)  # what the limiter withheld would be made up for as soon as the way is free
@@ -185,7 +183,7 @@ class JointGoalController(Controller):
                 try:
                     self.receive(JointGoal(goal.position), state)
                 except CommandRefused as error:
-                    self._notices.append(GoalEnded(0, GoalOutcome.ABORTED, error.said))
+                    self._reports.append(GoalEnded(0, GoalOutcome.ABORTED, error.said))
         if self._standstill is not None:
             # The command that came meanwhile begins from where the robot is then: loads make it creep.
             self._setpoint = Setpoint(state.position)
@@ -193,33 +191,33 @@ class JointGoalController(Controller):
                 return None
             self._standstill = None
             self._rest_at(state.position)
-            if self._order is not None:
-                self._start(self._planned(self._order)[1])
+            if self._command is not None:
+                self._start(self._planned(self._command)[1])
         scale = self._scale
         self._time += min(state.dt, self._period) * (scale if self._time < self._motion.duration else 1.0)
         self._setpoint = self._motion.setpoint(self._time)
-        if self._order is not None:
+        if self._command is not None:
             self._check_progress(state)
         return ArmCommand(*self._setpoint.scaled(scale)[:2])
 
     def note_withheld(self, position: Joints) -> None:
-        is_over = self._time >= self._motion.duration and not isinstance(self._order, JointGoal)
+        is_over = self._time >= self._motion.duration and not isinstance(self._command, JointGoal)
         if is_over and self._standstill is None:
             self._rest_at(position)
 
     def note_waiting(self, position: Joints) -> None:
-        if isinstance(self._order, JointGoal) and self._standstill is None and self._time < self._motion.duration:
+        if isinstance(self._command, JointGoal) and self._standstill is None and self._time < self._motion.duration:
             self._setpoint = Setpoint(position)
-            self._start(self._way_to(self._order))
+            self._start(self._way_to(self._command))
 
     def take_reports(self) -> Sequence[object]:
-        if not self._notices:
+        if not self._reports:
             return ()
-        notices, self._notices = self._notices, []
-        return notices
+        reports, self._reports = self._reports, []
+        return reports
 
     def is_idle(self, now: float) -> bool:
-        return self._order is None and self._standstill is None
+        return self._command is None and self._standstill is None
 
     @property
     def reference(self) -> Joints | None:
@@ -228,7 +226,7 @@ class JointGoalController(Controller):
     @property
     def _scale(self) -> float:
         """How fast time goes by on the way to a goal; coming to rest is not slowed down."""
-        return 1.0 if isinstance(self._order, StopMotion) else self._speed.value
+        return 1.0 if isinstance(self._command, StopMotion) else self._speed.value
 
     def _planned(self, command: object) -> tuple[JointGoal | StopMotion, PointMotion]:
         if isinstance(command, StopMotion):
@@ -295,9 +293,9 @@ class JointGoalController(Controller):
         return {"axis": CHAIN_AXES[index], "distance": errors[index]}
 
     def _end(self, outcome: GoalOutcome, said: Message) -> None:
-        if self._order is not None:
-            self._notices.append(GoalEnded(self._order.identity, outcome, said))
-            self._order = None
+        if self._command is not None:
+            self._reports.append(GoalEnded(self._command.identity, outcome, said))
+            self._command = None
 
 
 def check_goal(position: Joints) -> None:

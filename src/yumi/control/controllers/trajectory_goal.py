@@ -9,7 +9,7 @@ from math import inf
 from yumi.catalogue import Message, message
 from yumi.control.motion.spline import Spline, SplineSampler
 from yumi.control.trajectory_commands import ResultCode, Tolerances
-from yumi.robot.joints import ArmState
+from yumi.robot.joints import ZERO, ArmState
 
 
 class Phase(Enum):
@@ -19,6 +19,8 @@ class Phase(Enum):
     REACHED = auto()
     CANCELED = auto()
 
+
+_ELSEWHERE = 0.05  # [rad] an arm that is so far from its goal has not reached it, where any distance is tolerated
 
 Violation = tuple[ResultCode, Message]
 """Why a motion must end: the result code, and the same for a person."""
@@ -47,9 +49,10 @@ class TrajectoryGoal:
         self.phase = Phase.RUNNING
         self.first = 0.0
         self._names = names
-        self._walk = SplineSampler(spline)
+        self._sampler = SplineSampler(spline)
         self.end = spline.end
         self._bounds = tolerances
+        self._goal_bounds = [_ELSEWHERE if each == inf else each for each in tolerances.goal]
         self._watches_velocity = min(tolerances.path_velocity) < inf
 
     @property
@@ -66,53 +69,45 @@ class TrajectoryGoal:
             return None
         if time < self.end:
             return self._judge_way(time, state, pace)
-        if self.phase is Phase.RUNNING and self._has_arrived(state):
+        if self.phase is not Phase.RUNNING:
+            return None
+        late, goal = time - self.end, self._sampler.position(self.end)
+        off = _first_beyond(goal, state.position, self._goal_bounds)
+        if off is None and _first_beyond(ZERO, state.velocity, self._bounds.goal_velocity) is None:
             self.phase = Phase.REACHED
-        if self.phase is Phase.RUNNING and time - self.end > self._bounds.goal_time:
-            return ResultCode.GOAL_TOLERANCE_VIOLATED, self._missed_goal(time, state)
+        elif late > self._bounds.goal_time:
+            if off is None:
+                return ResultCode.GOAL_TOLERANCE_VIOLATED, message("arm_moved_after_trajectory", late=late)
+            index, distance, bound = off
+            return ResultCode.GOAL_TOLERANCE_VIOLATED, message(
+                "joint_off_goal", joint=self._names[index], distance=distance, late=late, tolerance=bound
+            )
         return None
 
     def _judge_way(self, time: float, state: ArmState, pace: float | None) -> Violation | None:
-        bounds, desired = self._bounds, self._walk.position(time)
-        for index, (wanted, actual, bound) in enumerate(zip(desired, state.position, bounds.path, strict=True)):
-            if not -bound <= actual - wanted <= bound:
-                return ResultCode.PATH_TOLERANCE_VIOLATED, message(
-                    "joint_off_trajectory",
-                    joint=self._names[index],
-                    distance=actual - wanted,
-                    time=time,
-                    tolerance=bound,
-                )
+        off = _first_beyond(self._sampler.position(time), state.position, self._bounds.path)
+        if off is not None:
+            index, distance, bound = off
+            return ResultCode.PATH_TOLERANCE_VIOLATED, message(
+                "joint_off_trajectory", joint=self._names[index], distance=distance, time=time, tolerance=bound
+            )
         if pace is None or not self._watches_velocity:
             return None
-        speeds = [pace * speed for speed in self._walk.motion(time)[1]]
-        for index, (wanted, actual, bound) in enumerate(zip(speeds, state.velocity, bounds.path_velocity, strict=True)):
-            if not -bound <= actual - wanted <= bound:
-                return ResultCode.PATH_TOLERANCE_VIOLATED, message(
-                    "joint_off_speed",
-                    joint=self._names[index],
-                    difference=actual - wanted,
-                    time=time,
-                    tolerance=bound,
-                )
+        speeds = [pace * speed for speed in self._sampler.motion(time)[1]]
+        off = _first_beyond(speeds, state.velocity, self._bounds.path_velocity)
+        if off is not None:
+            index, difference, bound = off
+            return ResultCode.PATH_TOLERANCE_VIOLATED, message(
+                "joint_off_speed", joint=self._names[index], difference=difference, time=time, tolerance=bound
+            )
         return None
 
-    def _has_arrived(self, state: ArmState) -> bool:
-        goal, bounds = self._walk.position(self.end), self._bounds
-        return all(
-            abs(actual - wanted) <= (_ELSEWHERE if bound == inf else bound)
-            for wanted, actual, bound in zip(goal, state.position, bounds.goal, strict=True)
-        ) and all(-bound <= speed <= bound for speed, bound in zip(state.velocity, bounds.goal_velocity, strict=True))
 
-    def _missed_goal(self, time: float, state: ArmState) -> Message:
-        goal, late = self._walk.position(self.end), time - self.end
-        for index, (wanted, actual, any_bound) in enumerate(zip(goal, state.position, self._bounds.goal, strict=True)):
-            bound = _ELSEWHERE if any_bound == inf else any_bound
-            if not -bound <= actual - wanted <= bound:
-                return message(
-                    "joint_off_goal", joint=self._names[index], distance=actual - wanted, late=late, tolerance=bound
-                )
-        return message("arm_moved_after_trajectory", late=late)
-
-
-_ELSEWHERE = 0.05  # [rad] an arm that is so far from its goal has not reached it, where any distance is tolerated
+def _first_beyond(
+    desired: Sequence[float], actual: Sequence[float], bounds: Sequence[float]
+) -> tuple[int, float, float] | None:
+    """The first joint that is beyond its bound, by how much it differs, and the bound; a NaN is beyond any."""
+    for index, (wanted, value, bound) in enumerate(zip(desired, actual, bounds, strict=True)):
+        if not -bound <= value - wanted <= bound:
+            return index, value - wanted, bound
+    return None
