@@ -288,9 +288,7 @@ def run_driver(
             records.record_all(record, time.time() - clock.now(), recorded_sources(manager, parts.signals))
 
         motions = MotionRegistry(is_script=False)
-        robot = _commanded_robot(parts, settings, motions, front)
-        front.serve_commands(robot)
-        endpoint = EndpointServer(robot, front.log)
+        endpoint = EndpointServer(_commanded_robot(parts, settings, motions, front), front.log)
         manager.monitor.log.report = log
         control.start()
         stack.callback(control.stop)
@@ -346,12 +344,7 @@ def _commanded_robot(
 ) -> CommandedRobot:
     """The robot as commands reach it, with what moves the arms for them."""
     executor = motion_executor(parts, settings, motions, tuple(Side), parts.plan.limits)
-    return replace(
-        commanded_robot(parts, settings, executor),
-        check_arms=front.check_arms,
-        on_change=front.update_activity,
-        namespace=settings.ros.root,
-    )
+    return front.serve_commands(replace(commanded_robot(parts, settings, executor), namespace=settings.ros.root))
 
 
 class DriverWithoutRos:
@@ -385,14 +378,9 @@ class DriverWithoutRos:
         self._is_over.set()
         self._signals.join()
 
-    def check_arms(self, sides: Sequence[Side]) -> None:
-        """No arm can be deactivated without ROS."""
-
-    def update_activity(self) -> None:
-        """There is no topic for it."""
-
-    def serve_commands(self, robot: CommandedRobot) -> None:
-        """The local endpoint alone serves them."""
+    def serve_commands(self, robot: CommandedRobot) -> CommandedRobot:
+        """The robot as it is: the local endpoint alone serves commands."""
+        return robot
 
     def on_event(self, event: Event) -> None:
         """Log an event of the control process, with its cause where EGM has ended."""

@@ -1,7 +1,7 @@
 """A command to a driver: its arguments, its result, who may give it and what it waits for; and the robot it acts on.
 
 The commands are in :mod:`yumi.driver.commands` and :mod:`yumi.driver.motion_commands`. A front end makes one of what it
-was sent, and :meth:`CommandedRobot.run` carries it out: the same checks and the same result for each front end.
+was sent, and :func:`yumi.driver.commands.carry_out` runs it: the same checks and the same result for each front end.
 """
 
 from __future__ import annotations
@@ -329,20 +329,6 @@ class CommandedRobot:
     events: EventLog = field(default_factory=EventLog)
     moving: Lock = field(default_factory=Lock)
     _controllers: dict[Side, tuple[int, tuple[ControllerStatus, ...]]] = field(default_factory=dict)
-
-    def run(self, command: Command[R], caller: Caller = Caller()) -> R:
-        """Carry out a command, on the thread of the caller.
-
-        Raises:
-            YumiError: it is refused, or has failed.
-        """
-        try:
-            command.check()
-            self.check_arms(command.needed_arms(self))
-            return command.run(self, caller)
-        finally:
-            if command.lane not in (Lane.READ, Lane.JOG):
-                self.on_change()
 
     def state(self) -> DriverState:
         """All that is known of the driver, without its events."""

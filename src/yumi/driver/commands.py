@@ -23,6 +23,7 @@ from yumi.driver.command import (
     Command,
     CommandedRobot,
     Lane,
+    R,
     side_of,
     sides_of,
 )
@@ -198,7 +199,7 @@ class SetSpeedRatio(Command[str], frozen=True):
 
 
 class Calibrate(Command[str], frozen=True):
-    """Close the fingers of a gripper and call that zero.
+    """Close the fingers of grippers and call that zero.
 
     EGM must not run. Without an arm both grippers are calibrated.
     """
@@ -487,6 +488,21 @@ COMMANDS: tuple[type[Command[Any]], ...] = (
     WriteVariable,
 )
 """All commands; nothing else can be asked of a driver."""
+
+
+def carry_out(command: Command[R], robot: CommandedRobot, caller: Caller = Caller()) -> R:  # noqa: B008 - it is frozen
+    """Check a command and run it, on the thread of the caller.
+
+    Raises:
+        YumiError: it is refused, or has failed.
+    """
+    try:
+        command.check()
+        robot.check_arms(command.needed_arms(robot))
+        return command.run(robot, caller)
+    finally:
+        if command.lane not in (Lane.READ, Lane.JOG):
+            robot.on_change()
 
 
 def offered_to(*front_ends: FrontEnd) -> tuple[type[Command[Any]], ...]:

@@ -149,6 +149,20 @@ def _connect(path: Path) -> socket.socket:
     return connection
 
 
+def connect_driver(path: Path) -> socket.socket:
+    """A connection to the driver behind a socket.
+
+    Raises:
+        RobotNotReady: it has ended, or takes no further client.
+    """
+    try:
+        return _connect(path)
+    except (ConnectionRefusedError, FileNotFoundError) as error:
+        raise RobotNotReady(message("no_driver_runs")) from error
+    except OSError as error:
+        raise RobotNotReady(message("driver_does_not_answer", path=str(path), why=said_by(error))) from error
+
+
 # ---- the client
 
 R = TypeVar("R")
@@ -166,12 +180,7 @@ class EndpointClient:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            self._socket = _connect(path)
-        except (ConnectionRefusedError, FileNotFoundError) as error:
-            raise RobotNotReady(message("no_driver_runs")) from error
-        except OSError as error:
-            raise RobotNotReady(message("driver_does_not_answer", path=str(path), why=said_by(error))) from error
+        self._socket = connect_driver(path)
         self._received = b""
         self._number = 0
         self._send(Attach(), ANSWER)

@@ -27,7 +27,7 @@ import msgspec
 from yumi.catalogue import FrontEnd, Message, cut, message, said_by
 from yumi.control.loop_events import ControllerReport, Event, is_fault
 from yumi.driver.command import RECENT, Arm, Caller, Command, CommandedRobot, Lane, Request, side_of
-from yumi.driver.commands import AllowCollision, offered_to
+from yumi.driver.commands import AllowCollision, carry_out, offered_to
 from yumi.driver.endpoint import (
     FIRST_REQUEST,
     MAX_REQUEST,
@@ -330,7 +330,7 @@ class EndpointServer:
         )
         is_refused = False
         try:
-            result = msgspec.Raw(msgspec.json.encode(self._robot.run(command, caller)))
+            result = msgspec.Raw(msgspec.json.encode(carry_out(command, self._robot, caller)))
             answer = Answer(id=command.id, result=result)
         except Exception as error:  # a fault of ours, too: the client must not wait for ever
             answer, is_refused = _failed(command, error), isinstance(error, CommandRefused)

@@ -25,7 +25,7 @@ from yumi_interfaces import action, srv
 from yumi.catalogue import FrontEnd, message
 from yumi.control.speed_scale import FULL
 from yumi.driver.command import Arm, Caller, Command, CommandedRobot, Lane
-from yumi.driver.commands import Recover, SetMode, SetSpeedScale, offered_to
+from yumi.driver.commands import Recover, SetMode, SetSpeedScale, carry_out, offered_to
 from yumi.driver.state_machine import LOWEST_SPEED_SCALE, SpeedSetting
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.description import Mass
@@ -79,7 +79,7 @@ class CommandServices:
     def _serve(self, kind: type[Command[Any]], name: str) -> None:
         def answer(request: Any, response: Any) -> Any:
             try:
-                result = str(self._robot.run(command_of(kind, request)))
+                result = str(carry_out(command_of(kind, request), self._robot))
                 setattr(response, "value" if hasattr(response, "value") else "message", result)
                 response.success = True
             except YumiError as error:
@@ -158,7 +158,7 @@ class CommandActions:
                 asked = command(handle.request)
                 if not is_alone and not asked.is_stop:  # a stop ends what is being done
                     raise CommandRefused(message("another_mode_change"))
-                result.message = self._robot.run(asked, caller)
+                result.message = carry_out(asked, self._robot, caller)
                 result.success = True
                 handle.succeed()
             except _Cancelled as cancelled:

@@ -29,6 +29,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -241,10 +242,12 @@ class RosDriver:
             lambda: manager.egm_arms,
         )
 
-    def serve_commands(self, robot: CommandedRobot) -> None:
-        """Have services and actions for the commands that ``robot`` carries out; before :meth:`start`."""
+    def serve_commands(self, robot: CommandedRobot) -> CommandedRobot:
+        """Have services and actions for commands, before :meth:`start`; the robot with what ROS knows of its arms."""
+        robot = replace(robot, check_arms=self.check_arms, on_change=self.update_activity)
         CommandServices(self._node, robot)
         self._actions.append(CommandActions(self._node, robot, self._base))
+        return robot
 
     def start(self) -> None:
         """Serve from now on."""

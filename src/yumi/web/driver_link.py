@@ -5,14 +5,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from yumi.catalogue import Message, message, said_by
 from yumi.driver.command import Command, Request
-from yumi.driver.endpoint import ANSWER, Answer, Attach, Subscribe, error_of, find_driver
+from yumi.driver.endpoint import ANSWER, Answer, Attach, Subscribe, connect_driver, error_of, find_driver
 from yumi.driver.reports import EventReport, MotionReport
 from yumi.errors import RobotNotReady
 
@@ -36,15 +35,8 @@ class DriverLink:
         Raises:
             RobotNotReady: none runs, or several do; the message says what to do.
         """
-        path: Path = await asyncio.to_thread(find_driver, robot)  # it may try sockets
-        try:
-            reader, writer = await asyncio.open_unix_connection(path, limit=_LONGEST_LINE)
-        except (ConnectionRefusedError, FileNotFoundError) as error:
-            if isinstance(error, ConnectionRefusedError):
-                path.unlink(missing_ok=True)  # of a driver that was killed
-            raise RobotNotReady(message("no_driver_runs")) from error
-        except OSError as error:
-            raise RobotNotReady(message("driver_does_not_answer", path=path.name, why=said_by(error))) from error
+        connected = await asyncio.to_thread(lambda: connect_driver(find_driver(robot)))
+        reader, writer = await asyncio.open_unix_connection(sock=connected, limit=_LONGEST_LINE)
         link = cls(reader, writer)
         link._write(Attach())  # a page that has taken control may ask for nothing for long
         return link

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -121,11 +121,11 @@ class Operator:
         elif isinstance(message, Ask):
             if isinstance(message.request, SwitchControllers):
                 self._live.jogged.pop(message.request.arm, None)  # what was active before a jog is not wanted again
-            self._begin(self.carry_out(message.id, message.request))
+            self._begin(message.id, self.carry_out, message.id, message.request)
         elif isinstance(message, Inject):
-            self._begin(self._inject(message))
+            self._begin(message.id, self._inject, message)
         elif isinstance(message, PlanMotion):
-            self._begin(self._make_plan(message))
+            self._begin(message.id, self._make_plan, message)
         else:
             self._execute(message)
 
@@ -153,10 +153,10 @@ class Operator:
         ways = {side.word: tuple(tuple(point) for point in points) for side, points in plan.points.items()}
         start = {side.word: position for side, position in plan.start.items()}
         order = msgspec.convert({"method": "follow", "start": start, **ways}, Follow)
-        self._begin(self.carry_out(request.id, order))
+        self._begin(request.id, self.carry_out, request.id, order)
 
-    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.create_task(work)
+    def _begin(self, number: int, call: Callable[..., Awaitable[object]], *arguments: Any) -> None:
+        task = asyncio.create_task(self.answer(number, call, *arguments))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
@@ -166,8 +166,15 @@ class Operator:
     def _failure(self, error: Exception) -> Mapping[str, object]:
         return failure_for_page(error, is_virtual=self._live.is_virtual)
 
-    async def carry_out(self, number: int, command: Command[Any]) -> None:
-        """Have the driver carry out a request, and wait for its end."""
+    async def answer(self, number: int, call: Callable[..., Awaitable[object]], *arguments: Any) -> None:
+        """Do something for the page, which gets the result or the failure under ``number``."""
+        try:
+            self._send({"type": "done", "id": number, "result": await call(*arguments)})
+        except Exception as error:
+            self._fail(number, error)
+
+    async def carry_out(self, number: int, command: Command[Any]) -> msgspec.Raw:
+        """Have the driver carry out a command; the page gets its steps under ``number``."""
 
         def on_step(step: str) -> None:
             self._send({"type": "step", "id": number, "step": step})
@@ -175,75 +182,64 @@ class Operator:
         def on_motion(motions: dict[str, MotionReport]) -> None:
             self._send({"type": "motions", "id": number, "motions": motions})
 
-        try:
-            if self._link is None:
-                raise RobotNotReady(message("control_given_back"))
-            result = await self._link.ask(command, on_step, on_motion)
-            self._send({"type": "done", "id": number, "result": result})
-        except Exception as error:
-            self._fail(number, error)
+        if self._link is None:
+            raise RobotNotReady(message("control_given_back"))
+        return await self._link.ask(command, on_step, on_motion)
 
-    async def _make_plan(self, request: PlanMotion) -> None:
-        try:
-            self._plan = None
-            arms, start = self._live.state().arms, {}
-            for side in Side:
-                position = arms[side.word].position
-                if position is None:
-                    raise RobotNotReady(message("position_unknown_for_plan", arm=side.word))
-                start[side] = position
-            goals: dict[Side, Joints | Pose] = {}
-            for side, goal in ((Side.RIGHT, request.right), (Side.LEFT, request.left)):
-                if goal is None:
-                    continue
-                if not request.is_pose:
-                    goals[side] = checked_goal(side, goal, start[side])
-                    continue
-                if not isinstance(goal, tuple) or len(goal) != JOINT_COUNT:
-                    raise CommandRefused(message("no_pose_of_fingertips"))
-                goals[side] = compose(Pose(goal[:3], goal[3:]), inverse(FINGERTIPS))  # type: ignore[arg-type]
-            surroundings = self._live.surroundings
-            grippers, tools, obstacles = shapes_of(surroundings)
-            plan = await self._planning.plan(
-                start,
-                goals,
-                timeout=_PLANNING_TIMEOUT,
-                speed_scale=PLANNED_SPEED_SCALE,
-                grippers=grippers,
-                tools=tools,
-                obstacles=obstacles,
-                limits=limits_of(surroundings),
-            )
-            self._plans += 1
-            self._plan = plan
-            shown = {
-                side.word: [
-                    [round(point.time, 3), [round(value, 4) for value in point.position]]
-                    for point in (*points[: -1 : max(1, len(points) // _PLAN_POINTS)], points[-1])
-                ]
-                for side, points in plan.points.items()
-            }
-            result = {
-                "plan": self._plans,
-                "duration": plan.duration,
-                "planning_time": plan.planning_time,
-                "clearance": plan.clearance,
-                "arms": shown,
-            }
-            self._send({"type": "done", "id": request.id, "result": result})
-        except Exception as error:
-            self._fail(request.id, error)
+    async def _make_plan(self, request: PlanMotion) -> dict[str, object]:
+        self._plan = None
+        arms, start = self._live.state().arms, {}
+        for side in Side:
+            position = arms[side.word].position
+            if position is None:
+                raise RobotNotReady(message("position_unknown_for_plan", arm=side.word))
+            start[side] = position
+        goals: dict[Side, Joints | Pose] = {}
+        for side, goal in ((Side.RIGHT, request.right), (Side.LEFT, request.left)):
+            if goal is None:
+                continue
+            if not request.is_pose:
+                goals[side] = checked_goal(side, goal, start[side])
+                continue
+            if not isinstance(goal, tuple) or len(goal) != JOINT_COUNT:
+                raise CommandRefused(message("no_pose_of_fingertips"))
+            goals[side] = compose(Pose(goal[:3], goal[3:]), inverse(FINGERTIPS))  # type: ignore[arg-type]
+        surroundings = self._live.surroundings
+        grippers, tools, obstacles = shapes_of(surroundings)
+        plan = await self._planning.plan(
+            start,
+            goals,
+            timeout=_PLANNING_TIMEOUT,
+            speed_scale=PLANNED_SPEED_SCALE,
+            grippers=grippers,
+            tools=tools,
+            obstacles=obstacles,
+            limits=limits_of(surroundings),
+        )
+        self._plans += 1
+        self._plan = plan
+        shown = {
+            side.word: [
+                [round(point.time, 3), [round(value, 4) for value in point.position]]
+                for point in (*points[: -1 : max(1, len(points) // _PLAN_POINTS)], points[-1])
+            ]
+            for side, points in plan.points.items()
+        }
+        return {
+            "plan": self._plans,
+            "duration": plan.duration,
+            "planning_time": plan.planning_time,
+            "clearance": plan.clearance,
+            "arms": shown,
+        }
 
-    async def _inject(self, request: Inject) -> None:
-        try:
-            if not self._live.is_virtual:
-                raise CommandRefused(message("faults_only_virtual"))
-            await asyncio.to_thread(inject_fault, self._live.address, request.name, request.form)
-            known = fault_named(request.name)
-            meaning = request.name if known is None else known.value.meaning
-            self._send({"type": "done", "id": request.id, "result": f"Done: {meaning}"})
-        except Exception as error:
-            self._fail(request.id, error)
+    async def _inject(self, request: Inject) -> str:
+        if not self._live.is_virtual:
+            raise CommandRefused(message("faults_only_virtual"))
+        await asyncio.to_thread(inject_fault, self._live.address, request.name, request.form)
+        known = fault_named(request.name)
+        meaning = request.name if known is None else known.value.meaning
+        return f"Done: {meaning}"
 
     async def _jog_on(self) -> None:
         """Carry out the newest jog message again and again; one request to the driver is under way at a time."""

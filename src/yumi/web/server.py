@@ -335,17 +335,13 @@ class ViewServer:
         """Over a connection of its own: that of a page that has control may be to a driver that has ended."""
         async with page.stopping:
             operator = Operator(self._live, page.send, self._planning)
-            try:
+
+            async def stop() -> object:
                 await operator.open()
-                await operator.carry_out(request.id, request.request)
-            except YumiError as error:
-                page.send(
-                    {
-                        "type": "failed",
-                        "id": request.id,
-                        "error": failure_for_page(error, is_virtual=self._live.is_virtual),
-                    }
-                )
+                return await operator.carry_out(request.id, request.request)
+
+            try:
+                await operator.answer(request.id, stop)
             finally:
                 await operator.close()
 

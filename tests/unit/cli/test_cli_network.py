@@ -179,7 +179,8 @@ def test_socket_of_a_driver_in_a_namespace_is_named_after_it(
     settings = override(read_settings(), {"robot": {"address": "127.0.0.1"}, "ros": {"namespace": namespace}}, "test")
     parts = MagicMock()
     parts.control.buffers = {}
-    server = EndpointServer(_commanded_robot(parts, settings, MotionRegistry(is_script=False), MagicMock()))
+    front = MagicMock(serve_commands=lambda robot: robot)
+    server = EndpointServer(_commanded_robot(parts, settings, MotionRegistry(is_script=False), front))
     server.start()
     server.stop()
     assert server.path.name == name
