@@ -1,4 +1,4 @@
-"""Who commands an arm: its controllers, how another one takes the arm over, and how the arm comes to rest."""
+"""The access to an arm: its controllers, how another one takes the arm over, and how the arm comes to rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a script is connected to: a robot whose driver it is then itself.
+"""The connection of a script to a robot that the script drives itself.
 
 The parts of the driver are opened in one order, and closed in the other.
 """

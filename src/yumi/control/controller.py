@@ -1,4 +1,4 @@
-"""What a controller is, and the transitions of its lifecycle (REP-2007).
+"""The base class of controllers, and the transitions of their lifecycle (REP-2007).
 
 To add one: a subclass of :class:`Controller` in ``control/controllers/``, a line with its type in ``CONTROLLER_KINDS``
 (``driver/wiring.py``), and its name and type in ``config/controllers.yaml``. For its test, ``VirtualArmRig`` of

@@ -1,4 +1,4 @@
-"""What others see of an arm's controllers, their parameters and the hardware."""
+"""Descriptions of an arm's controllers, their parameters and the hardware, as others get them."""
 
 from __future__ import annotations
 

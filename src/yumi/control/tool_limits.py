@@ -1,4 +1,4 @@
-"""What a tool must keep wherever it is led, on lines or by streams: its speed and walls."""
+"""The limits of a tool on lines and streams: its speed and walls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-// What Python and the thread of the core both use belongs to one of them at a time; and the clock of both.
+// The lock of the core: how Python makes it, whose turn it is, and the clock of both.
 
 #pragma once
 

@@ -1,4 +1,4 @@
-"""May the robot move, and if not, why not: the one table of conditions.
+"""Readiness: whether the robot may move, and if not, why not; the one table of conditions.
 
 Everybody who refuses motion takes the reason from here, as a message that the front end words: robot manager,
 controller panel, Python API, ROS and log. What stopped the robot is in :mod:`yumi.driver.stops`.

@@ -1,4 +1,4 @@
-"""What a driver reports: its arms, controllers, grippers and log as clients get them, in SI units and chain order."""
+"""Reports of a driver: its arms, controllers, grippers and log as clients get them, in SI units and chain order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must not collide with the arms, as the driver's settings declare it, for those who plan beside the driver."""
+"""The surroundings of the arms, as the driver's settings declare them, for planners beside the driver."""
 
 from __future__ import annotations
 

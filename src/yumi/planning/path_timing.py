@@ -1,4 +1,4 @@
-"""When an arm is where on a path: as fast as the limits of joints and tool allow.
+"""The timing of a path: as fast as the limits of joints and tool allow.
 
 :func:`timed_along` slows lines of a tool down where a joint would be too fast, accelerate or jerk too hard: first by a
 speed along the way that changes gradually, then by a jerk-limited start and end (Ruckig) in the time this leaves.

@@ -1,4 +1,4 @@
-"""A joint trajectory as it is asked for: its checks, and the plan of each arm.
+"""A requested joint trajectory: its checks, and the plan of each arm.
 
 Everything that can be checked without the arm is checked here, in the process that receives the trajectory, and the
 splines are calculated here; nothing of it costs the control loop time. The control process judges the plan where it

@@ -1,4 +1,4 @@
-r"""What a task finds on its controller beside signals: disk, network, FlexPendant, message queues, facts.
+r"""The devices of a task's controller beside signals: disk, network, FlexPendant, message queues, facts.
 
 All of them are values or protocols without waiting: an instruction asks once per advance of its task. Files and
 sockets report what is wrong as `OSError`, as Python's own do; the instructions make RAPID's errors of them.

@@ -1,4 +1,4 @@
-"""Reads recordings of our own, and joint messages of other programs' MCAP files, which may be damaged."""
+"""The reader of recordings: our own, and joint messages of other programs' MCAP files, which may be damaged."""
 
 from __future__ import annotations
 

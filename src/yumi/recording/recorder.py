@@ -1,4 +1,4 @@
-"""What the driver writes down: a flight record when something stops a motion, and every cycle on request.
+"""The recorder of the driver: a flight record when something stops a motion, and every cycle on request.
 
 The control loop only reports events; this end reads the memory it shares (ten seconds of each arm) and writes the
 files, on threads of its own, so that neither a cycle nor a reply waits for a disk.

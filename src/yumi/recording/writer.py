@@ -1,4 +1,4 @@
-"""Writes a recording: an MCAP file for our own table and picture, for Foxglove and for ROS's tools."""
+"""The writer of recordings: an MCAP file for our own table and picture, for Foxglove and for ROS's tools."""
 
 from __future__ import annotations
 

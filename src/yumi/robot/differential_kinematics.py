@@ -1,4 +1,4 @@
-"""How the tool of one arm moves with the joints: fast enough for every cycle of the control loop.
+"""Differential kinematics: how the tool of one arm moves with the joints, fast enough for every control cycle.
 
 :func:`wrist_of` is forward kinematics with all derivatives, :class:`DifferentialSolver` the step of the joints that
 makes up for what is missing to a target, and :func:`posture_near` repeats that step. A pose and an arm angle are seven

@@ -1,4 +1,4 @@
-"""What an arm's flange carries: a tool and its payload, as one load for the controller's model of the arm."""
+"""The load on an arm's flange: tool and payload as one, for the controller's model of the arm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Cartesian controllers offer in ROS, together."""
+"""The ROS interfaces of the Cartesian controllers, together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The service that says where a trajectory is at a time."""
+"""The service that returns the place of a trajectory at a time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is near an arm: the two parts nearest to each other, and what limits each arm, long enough to be read."""
+"""Distances of an arm: the two parts nearest to each other, and what limits each arm, long enough to be read."""
 
 from __future__ import annotations
 

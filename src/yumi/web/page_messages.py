@@ -1,4 +1,4 @@
-"""What a page of ``yumi view`` sends, with the limits of its jogs; anything else is refused."""
+"""Messages of a page of ``yumi view``, with the limits of its jogs; anything else is refused."""
 
 from __future__ import annotations
 

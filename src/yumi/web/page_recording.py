@@ -1,4 +1,4 @@
-"""What a page shows of a recording: cycles thinned out, grippers, states and events, in seconds from its beginning."""
+"""A recording for a page: cycles thinned out, grippers, states and events, in seconds from its beginning."""
 
 from __future__ import annotations
 

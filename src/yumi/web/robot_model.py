@@ -1,4 +1,4 @@
-"""What a page draws: the robot's description as JSON, with what the page must know of arms, grippers and commands."""
+"""The robot model of a page: the robot's description as JSON, with its arms, grippers and commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a robot responds to commands: the gain of its position loop, its delays, and when it stands."""
+"""The response of a robot to commands: the gain of its position loop, its delays, and when it stands."""
 
 from __future__ import annotations
 

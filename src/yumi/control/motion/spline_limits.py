@@ -1,4 +1,4 @@
-"""Whether a spline keeps the limits of the joints, between its points too, and where it is farthest beyond them.
+"""The limits of a spline: whether the joints keep them, between the points too, and where a joint is farthest beyond.
 
 A polynomial is the sequence of its coefficients, the constant one first. Without numpy: its linear algebra starts
 threads, not wanted in the control process, where blends are checked.

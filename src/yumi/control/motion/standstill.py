@@ -1,4 +1,4 @@
-"""When an arm stands that a controller takes over, and whether the limiter holds one back."""
+"""The standstill of an arm that a controller takes over, and whether the limiter holds the arm back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What this package wants on a controller, and what of it is the user's: from the files in controller_files."""
+"""The delivery to a controller: what this package needs there, and what of it is the user's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was on a controller before the first installation, on this machine's disk."""
+"""The record of an installation: what was on a controller before the first one, on this machine's disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the services of the client have in common: an operation of a table, filled in, sent, and its answer read."""
+"""The base of the client's services: an operation of a table, filled in, sent, and its answer read."""
 
 from __future__ import annotations
 

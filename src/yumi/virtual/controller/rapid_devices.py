@@ -1,4 +1,4 @@
-"""What RAPID programs find on this controller: disk, I/O devices, system parameters, names, and the event log."""
+"""Devices of RAPID programs on this controller: disk, I/O devices, system parameters, names, and the event log."""
 
 from __future__ import annotations
 

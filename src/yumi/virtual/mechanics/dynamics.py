@@ -1,4 +1,4 @@
-"""The torque a motion needs: inverse dynamics of one arm, by MuJoCo.
+"""Inverse dynamics of one arm, by MuJoCo: the torque that a motion needs.
 
 Bodies, friction and mounting are those of reference/yumi.md §1.3-1.9, in the frames of the URDF.
 """
