@@ -23,7 +23,7 @@ import numpy as np
 from yumi.control.flight_recorder import Frame
 from yumi.control.motion import EGM_GAIN
 from yumi.errors import CommandRefused
-from yumi.recording.mcap import read_recording
+from yumi.recording.reader import read_recording
 from yumi.robot.joints import CYCLE, joint_names
 from yumi_evaluation.metrics import minimum
 
