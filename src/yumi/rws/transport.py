@@ -179,7 +179,7 @@ class _Connection:
         """Whether the peer has not closed it since, nor forgets it soon."""
         try:
             self._socket.settimeout(0.0)
-            self._socket.recv(1, socket.MSG_PEEK)  # its end, or what no request asked for
+            self._socket.recv(1, socket.MSG_PEEK)  # its end, or what was not asked for
         except BlockingIOError:
             return self._clock.now() - self._used_at < _KEEP_ALIVE
         except OSError:
