@@ -21,10 +21,10 @@ from yumi.virtual.controller.signals import Configuration, Instance, Signal, Sig
 from yumi.virtual.controller.system import Identity, Jobs, OwnSettings, TaskSettings
 from yumi.virtual.controller.tasks import InstalledTask
 from yumi.virtual.controller.units import YUMI_UNITS, MotionSystem
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.server import HttpServer
 
 USER, PASSWORD = "Default User", "robotics"
 CFG = Path(yumi.virtual.controller.__file__).parent / "stock"

@@ -30,9 +30,9 @@ from yumi.rws.client import RwsClient
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.system import ROBOTS, factory_system
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
-from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}

@@ -35,9 +35,9 @@ from yumi.process import supervision
 from yumi.process.supervision import DRIVER_READY, PROCESSES, ChildProcess, Command, PipeEnd
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.mechanics.motion import ArmModel
 from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.server import HttpServer
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd
 
 LISTENER = Listener("rws", lambda text: None, lambda sentence: None)

@@ -6,7 +6,7 @@ from yumi.rapid import InstructionSet, Task, TaskEvent
 from yumi.rapid.devices import Devices
 from yumi.rapid.program import Severity
 from yumi.virtual.controller.files import FileStore, RapidDisk
-from yumi.virtual.server import ProgramNetwork
+from yumi.virtual.program_sockets import ProgramNetwork
 
 
 class RecordingHost:

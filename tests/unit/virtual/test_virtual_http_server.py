@@ -17,9 +17,9 @@ from refusals import refused
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
 from yumi.rws.transport import ConnectionLost, HttpTransport, Listener, WebSocket, until
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
-from yumi.virtual.server import HttpServer
 
 
 def heard(target: str, body: bytes = b"", method: str = "POST") -> HttpRequest:
