@@ -18,8 +18,8 @@ from rws_bench import PASSWORD, USER
 
 from yumi.robot.joints import Side
 from yumi.virtual.controller.installed_system import System
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
-from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World, WorldSettings
 
 mpx = pytest.importorskip(

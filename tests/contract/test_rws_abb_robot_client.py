@@ -12,8 +12,8 @@ import pytest
 from rws_bench import PASSWORD, USER
 
 from yumi.rws.types import OperatingMode
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
-from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World
 
 rws = pytest.importorskip("abb_robot_client.rws", reason="needs abb-robot-client")

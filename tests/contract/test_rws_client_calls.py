@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from math import degrees
 
 import pytest
@@ -11,7 +12,6 @@ from contract.rws_bench import PlainController, serving
 from refusals import refused
 from yumi.catalogue import message
 from yumi.errors import CommandRefused, ControllerRefused
-from yumi.rws import session
 from yumi.rws.client import RwsClient
 from yumi.rws.documents import Event, ModuleInfo, Signal, TaskInfo
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution, encode
@@ -99,8 +99,8 @@ def test_all_signals_are_read(client: RwsClient) -> None:
 
 def test_all_signals_are_read_page_by_page(client: RwsClient, monkeypatch: pytest.MonkeyPatch) -> None:
     first = (("start", "0"), ("limit", "3"))  # which older controllers take for granted
-    read = session.get
-    monkeypatch.setattr(session, "get", lambda path, *query: read(path, *(query or first)))
+    exchange = client._session.exchange
+    monkeypatch.setattr(client._session, "exchange", lambda asked: exchange(replace(asked, query=asked.query or first)))
     assert list(client.signals()) == list(PlainController().signals.names)
 
 

@@ -17,9 +17,9 @@ from yumi.driver.settings import RobotSettings
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError, YumiError
 from yumi.rws.client import RwsClient
 from yumi.rws.transport import AnswerTimeout
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.service import RwsService
-from yumi.virtual.server import HttpServer
 
 HTML = (("Content-Type", "text/html"),)
 BASIC = ("WWW-Authenticate", 'Basic realm="validusers@robapi.abb"')

@@ -16,10 +16,10 @@ from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.rws import client as rws
 from yumi.rws.client import Change, RwsClient
 from yumi.rws.types import OperatingMode, Priority, Resource
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import POLL_PERIOD, Upgrade
-from yumi.virtual.server import HttpServer
 
 SIGNAL = rws.signal_state("EGM_START_JOINT")
 PERSISTENT = rws.variable_value("T_ROB_R", "TRobSystem", "routine_name_input")

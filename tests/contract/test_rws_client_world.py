@@ -11,9 +11,9 @@ import pytest
 from yumi.robot.joints import Side, home
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState, ExecutionState, TaskExecution
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
-from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World
 
 TASKS = ("T_ROB_R", "T_ROB_L")

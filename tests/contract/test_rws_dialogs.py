@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from yumi.catalogue import message
 from yumi.cli.main import main
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
-from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World
 
 PROGRAM = r"""MODULE Ask

@@ -16,14 +16,14 @@ from websockets.sync.client import connect
 
 from rws_examples_2 import BASIC, PASSWORD, SYMBOL, USER
 from yumi.errors import CommandRefused, MissingPrerequisite, NoConnection
+from yumi.virtual.certificate import self_signed_context
 from yumi.virtual.faults import inject_fault
-from yumi.virtual.server import self_signed_context
 
 pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.rws.version_2 import FORM, HAL, XHTML, RwsService2
-from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World
 
 PANEL = "/rw/panel/ctrl-state"

@@ -11,10 +11,10 @@ import pytest
 from yumi.egm.udp import free_port
 from yumi.process.command import Command
 from yumi.robot.joints import Side
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World, WorldSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

@@ -170,7 +170,7 @@ class RwsClient(
     def entries(self, path: str) -> tuple[State, ...]:
         """What any list of Robot Web Services shows, on all its pages; ``path`` such as ``/rw/iosystem/signals``."""
         where, _, query = path.partition("?")
-        return self._states(f"reading {where}", where, *decode_form(query))
+        return self._states(f"reading {where}", Request("GET", where, decode_form(query)))
 
     def wait_for_restart(self, on_progress: OnProgress = lambda text: None, deadline: float = RESTART_DEADLINE) -> None:
         """Restart, wait until the controller is gone, and until it answers again.

@@ -18,7 +18,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import datetime
 from enum import Enum
 from math import radians
 from typing import TypeVar
@@ -30,11 +29,8 @@ from yumi.catalogue import message
 from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, Pose, chain_from_abb, joints
 from yumi.rws.types import (
-    CollisionState,
-    ControllerState,
     EventType,
     ExecutionState,
-    OperatingMode,
     SignalType,
     TaskExecution,
     meaning_of,
@@ -489,31 +485,6 @@ def read_progress(page: Page) -> Progress:
     return Progress(state.whole("code"), state.text("state"))
 
 
-def read_clock(page: Page) -> datetime:
-    """``/ctrl/clock``: the controller's local time, as it has no zone."""
-    text = page.one("ctrl-clock-info", "ctrl-clock-info-li").text("datetime")
-    try:
-        return datetime.strptime(text, "%Y-%m-%d T %H:%M:%S")
-    except ValueError as error:
-        raise ProtocolError(message("clock_shows_no_time", text=text)) from error
-
-
-def read_controller_state(page: Page) -> ControllerState:
-    """``/rw/panel/ctrlstate``."""
-    return page.one("pnl-ctrlstate").member(ControllerState, "ctrlstate")
-
-
-def read_operating_mode(page: Page) -> OperatingMode:
-    """``/rw/panel/opmode``."""
-    return page.one("pnl-opmode").member(OperatingMode, "opmode")
-
-
-def read_collision_state(page: Page) -> CollisionState:
-    """``/rw/panel/coldetstate``; the field's name has a blank at its end on some versions."""
-    fields = {name.strip(): text for name, text in page.one("pnl-coldetstate").fields.items()}
-    return member(CollisionState, fields.get("coldetstate", ""))
-
-
 def read_mastership(page: Page) -> str:
     """``/rw/mastership/{domain}``: who holds it, unless that is this session."""
     state = page.one("msh-resource")
@@ -521,11 +492,6 @@ def read_mastership(page: Page) -> str:
         return ""
     known = [text for name in ("application", "alias", "location") if (text := state.fields.get(name, ""))]
     return ", ".join(known) or f"another client ({state.text('mastership')})"
-
-
-def read_speed_ratio(page: Page) -> int:
-    """``/rw/panel/speedratio`` [%]."""
-    return page.one("pnl-speedratio").whole("speedratio")
 
 
 def read_execution(page: Page) -> ExecutionState:
@@ -615,11 +581,6 @@ def _external_axes_of(state: State, names: Sequence[str]) -> tuple[float | None,
     """External axes [rad]."""
     found = [state.number(name) for name in names]
     return tuple(None if angle > _NOT_CONNECTED else radians(angle) for angle in found)
-
-
-def read_joint_target(page: Page) -> JointTarget:
-    """``/rw/motionsystem/mechunits/{unit}/jointtarget``."""
-    return joint_target_of(page.one("ms-jointtarget"), "rax_", EXTERNAL_AXES)
 
 
 def joint_target_of(state: State, robot: str, external: Sequence[str]) -> JointTarget:

@@ -10,8 +10,6 @@
 * One request at a time; but one that a peer lets wait delays another one only shortly: that goes on a second
   connection, which belongs to the same session (reference/rws.md §2.2: cookies hold on every connection).
 
-:class:`Requests`, on which the services are built, makes pages of the replies, and errors of what was refused.
-
 Source: reference/rws.md §1.1-1.2, §2.2.
 """
 
@@ -19,7 +17,6 @@ from __future__ import annotations
 
 import logging
 import re
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -32,12 +29,20 @@ import httpx
 
 from yumi.catalogue import Message, message, said_by
 from yumi.clock import Clock
-from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
-from yumi.rws import documents
-from yumi.rws.documents import FORM_TYPE, Page, Pairs, State, encode_form, read_page
-from yumi.rws.transport import INTERVAL, ConnectionLost, Deadline
-from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE, Code
-from yumi.rws.web_socket import Listener, Socket
+from yumi.errors import LoginRefused
+from yumi.errors import NoConnection
+from yumi.errors import ProtocolError
+from yumi.rws.documents import FORM_TYPE
+from yumi.rws.documents import Pairs
+from yumi.rws.documents import encode_form
+from yumi.rws.transport import INTERVAL
+from yumi.rws.transport import ConnectionLost
+from yumi.rws.transport import Deadline
+from yumi.rws.types import CONNECTION_COOKIE
+from yumi.rws.types import REALM
+from yumi.rws.types import SESSION_COOKIE
+from yumi.rws.web_socket import Listener
+from yumi.rws.web_socket import Socket
 
 BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
@@ -112,25 +117,6 @@ class Request:
     def is_repeatable(self) -> bool:
         """Whether sending it twice does no more than sending it once."""
         return self.method in ("GET", "PUT")
-
-
-def get(path: str, *query: tuple[str, str]) -> Request:
-    """A request that reads."""
-    return Request("GET", path, query)
-
-
-def post(path: str, action: str, *form: tuple[str, str]) -> Request:
-    """A request for an action."""
-    return Request("POST", path, (("action", action),), form)
-
-
-def given(**fields: object) -> Pairs:
-    """The fields of a form that have a value; ``_`` in a name stands for ``-``, a bool is ``true`` or ``false``."""
-    return tuple(
-        (name.rstrip("_").replace("_", "-"), str(value).lower() if isinstance(value, bool) else str(value))
-        for name, value in fields.items()
-        if value is not None
-    )
 
 
 def file_path(path: str) -> str:
@@ -355,87 +341,3 @@ class RwsSession:
 
 def _cookie_header(cookies: dict[str, str]) -> str:
     return "; ".join(f"{name}={value}" for name, value in cookies.items())
-
-
-class Requests:
-    """Sends the requests of one session; a service adds a method for each of its operations."""
-
-    address: str
-    _session: RwsSession
-    _clock: Clock
-    _mastership: Lock
-    """Held while a mastership is requested or released: no thread releases what another one has just come to use."""
-    _held: Counter[str]
-
-    def _read(self, request: Request, parse: Callable[[Page], T], what: str) -> T:
-        return parse(self._page(self._session.exchange(request), what))
-
-    def _states(self, what: str, path: str, *query: tuple[str, str]) -> tuple[State, ...]:
-        """What a list shows, on all its pages."""
-        found: tuple[State, ...] = ()
-        following: Pairs | None = query
-        while following is not None:
-            page = self._page(self._session.exchange(get(path, *following)), what)
-            found += page.states
-            following = page.next_query if page.states else None
-        return found
-
-    def _state(self, what: str, path: str, type: str, *query: tuple[str, str]) -> State:
-        """The one thing that a page shows."""
-        return self._page(self._session.exchange(get(path, *query)), what).one(type)
-
-    def _do(self, request: Request, what: str) -> None:
-        self._accepted(self._session.exchange(request), what)
-
-    def _page(self, reply: httpx.Response, what: str) -> Page:
-        self._accepted(reply, what)
-        return read_page(reply.headers.get("Content-Type", ""), reply.content)
-
-    def _accepted(self, reply: httpx.Response, what: str) -> None:
-        """Raise unless the controller carried the request out."""
-        if reply.status_code == BUSY:
-            raise ControllerRefused(
-                message("sessions_taken", address=self.address, most=_MOST_SESSIONS),
-                status=reply.status_code,
-            )
-        if not reply.is_success:
-            kind = reply.headers.get("Content-Type", "")
-            raise documents.refusal(self.address, what, reply.status_code, kind, reply.content)
-
-    @contextmanager
-    def holding(self, domain: str) -> Iterator[None]:
-        """The mastership of ``cfg``, ``rapid`` or ``motion`` for the time of the block.
-
-        A client that keeps it locks the FlexPendant out. A block within another one of the same domain keeps it, in
-        any thread.
-
-        Raises:
-            ControllerRefused: another client has it, or its release was refused after the block.
-        """
-        with self._mastership:
-            if not self._held[domain]:
-                self._do(post(f"/rw/mastership/{domain}", "request"), f"requesting the mastership of {domain}")
-            self._held[domain] += 1
-        try:
-            yield
-        except BaseException:
-            try:
-                self._release(domain)
-            except YumiError as error:  # what failed in the block says more
-                log.warning(
-                    "The mastership of %s may still be held, which locks the FlexPendant out: %s", domain, error
-                )
-            raise
-        self._release(domain)
-
-    def _release(self, domain: str) -> None:
-        """End one block that holds a mastership; the last one gives it back."""
-        with self._mastership:
-            self._held[domain] -= 1
-            if self._held[domain]:
-                return
-            try:
-                self._do(post(f"/rw/mastership/{domain}", "release"), f"releasing the mastership of {domain}")
-            except ControllerRefused as error:
-                if error.code != Code.RESOURCE_NOT_HELD:  # a new session or another mode has ended it already
-                    raise

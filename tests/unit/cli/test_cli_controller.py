@@ -13,8 +13,8 @@ from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.robot.joints import Side
 from yumi.virtual.faults import Fault, Way
+from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.server import HttpServer
 from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 

@@ -7,7 +7,7 @@ from yumi.rapid.devices import Devices
 from yumi.rapid.states import Severity
 from yumi.virtual.controller.file_store import FileStore
 from yumi.virtual.controller.rapid_devices import RapidDisk
-from yumi.virtual.server import ProgramNetwork
+from yumi.virtual.program_sockets import ProgramNetwork
 
 
 class RecordingHost:

@@ -9,6 +9,7 @@ from yumi.catalogue import message
 from yumi.errors import ControllerRefused, ProtocolError
 from yumi.rws import documents
 from yumi.rws.documents import Event, Form, Page, Signal, State, Status, SystemInfo, TaskInfo
+from yumi.rws.operations import motion, panel
 from yumi.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
 from yumi.virtual.rws.render import write_status
 
@@ -38,13 +39,13 @@ def test_version_without_numbers_is_refused() -> None:
 
 
 def test_operating_mode_is_read() -> None:
-    assert documents.read_operating_mode(page("pnl-opmode", opmode="MANR")) is OperatingMode.MANUAL_REDUCED
+    assert panel.OPERATING_MODE.answered.of(page("pnl-opmode", opmode="MANR")) is OperatingMode.MANUAL_REDUCED
 
 
 def test_unknown_word_is_refused_with_the_known_ones() -> None:
     allowed = tuple(mode.value for mode in OperatingMode)
     with refused(ProtocolError, "word_without_meaning", word="FAST", allowed=allowed):
-        documents.read_operating_mode(page("pnl-opmode", opmode="FAST"))
+        panel.OPERATING_MODE.answered.of(page("pnl-opmode", opmode="FAST"))
 
 
 def test_task_is_read() -> None:
@@ -74,7 +75,7 @@ def test_signal_that_makes_no_sense_is_left_out_of_all() -> None:
 
 
 def test_joint_target_comes_out_in_chain_order() -> None:
-    target = documents.read_joint_target(page("ms-jointtarget", **JOINTS, **EXTERNAL))
+    target = motion.JOINT_TARGET.answered.of(page("ms-jointtarget", **JOINTS, **EXTERNAL))
     assert [round(degrees(angle)) for angle in target.chain()] == [10, 20, -135, 30, 40, 50, 60]
     assert target.extax_deg == (-135.0, None, None, None, None, None)
 
@@ -82,7 +83,7 @@ def test_joint_target_comes_out_in_chain_order() -> None:
 def test_joint_target_of_a_six_axis_robot_is_no_arm() -> None:
     six_axes = EXTERNAL | {"eax_a": "9E+09"}
     with refused(ProtocolError, "unit_without_seventh_axis"):
-        documents.read_joint_target(page("ms-jointtarget", **JOINTS, **six_axes)).chain()
+        motion.JOINT_TARGET.answered.of(page("ms-jointtarget", **JOINTS, **six_axes)).chain()
 
 
 @pytest.mark.parametrize("kind", ["elog-message-li", "elog-message"])

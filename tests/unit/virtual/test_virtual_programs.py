@@ -22,7 +22,7 @@ from pathlib import Path
 import pytest
 
 from free_ports import free_tcp_port
-from yumi.virtual.server import ProgramNetwork
+from yumi.virtual.program_sockets import ProgramNetwork
 from yumi.virtual.world import World
 
 PROGRAMS = sorted(Path(__file__).with_name("programs").glob("*.mod"))

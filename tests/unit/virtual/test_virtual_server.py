@@ -24,13 +24,15 @@ from yumi.rapid.parser import parse_module
 from yumi.rapid.states import Execution, SystemEvent
 from yumi.rapid.types import RapidSyntaxError
 from yumi.robot.joints import CYCLE, Side
+from yumi.virtual.background import Background
+from yumi.virtual.pace import LONGEST_LAG, TIME_TO_ANSWER, Pace
 from yumi.virtual.rws import modules
 from yumi.virtual.rws import rapid as rws_rapid
 from yumi.virtual.rws.call import Call
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.router import Router
 from yumi.virtual.rws.version_2 import RwsService2
-from yumi.virtual.server import LONGEST_BEGINNING, LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, VirtualController
+from yumi.virtual.server import LONGEST_BEGINNING, VirtualController
 from yumi.virtual.world import World, WorldSettings
 
 

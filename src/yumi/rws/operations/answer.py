@@ -12,9 +12,10 @@ from dataclasses import MISSING, dataclass, fields
 from enum import Enum
 from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
-from yumi.rws.documents import State
+from yumi.rws.documents import Page, State
 
 T = TypeVar("T")
+E = TypeVar("E", bound=Enum)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ def choice(true: str, false: str) -> Spelling[bool]:
     return Spelling(lambda state, name: state.text(name) == true, lambda name, value: {name: true if value else false})
 
 
-def one_of(kind: type[Enum]) -> Spelling[Any]:
+def one_of(kind: type[E]) -> Spelling[E]:
     """A member of an enum by its value."""
     return Spelling(lambda state, name: state.member(kind, name), lambda name, value: {name: value.value})
 
@@ -59,6 +60,10 @@ class Answer(Generic[T]):
     types: tuple[str, ...]
     read: Callable[[State], T]
     write: Callable[[T], Mapping[str, str]]
+
+    def of(self, page: Page) -> T:
+        """The value of a page with one."""
+        return self.read(page.one(*self.types))
 
 
 def single(type: str, name: str, spelling: Spelling[T]) -> Answer[T]:

@@ -2,11 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
+from yumi.rws.operations.answer import flag, record
 from yumi.rws.operations.operation import delete, get, post
 from yumi.rws.types import Grant
 
 _TYPE = "/rw/cfg/{domain}/{type}"
 _DOMAIN = "/rw/cfg/{domain}"
+
+
+@dataclass(frozen=True, slots=True)
+class CfgAttribute:
+    """An attribute of a type.
+
+    Attributes:
+        name: of it.
+        type: such as ``string`` or ``float``.
+        count: number of values.
+        lowest, highest: limits of its value, or of its length.
+        initial: value of a new instance.
+        is_mandatory: whether an instance must have it.
+    """
+
+    name: str
+    type: str
+    count: Annotated[str, "numbers"] = "1"
+    lowest: Annotated[str, "mini"] = ""
+    highest: Annotated[str, "max"] = ""
+    initial: Annotated[str, "init"] = ""
+    is_mandatory: Annotated[bool, "mandatory", flag("true", "false")] = False
+
 
 DOMAINS = get("/rw/cfg")
 LOAD_FILE = post(
@@ -22,7 +49,7 @@ TYPES = get(_DOMAIN, "start, limit")
 SAVE_DOMAIN = post(_DOMAIN, "saveas", "filepath, save-mode", grant=Grant.BACKUP)
 RESET_DOMAIN = post(_DOMAIN, "reset", needs="cfg", grant=Grant.CFG_WRITE, status=200)
 TYPE = get(_TYPE)
-ATTRIBUTES = get(f"{_TYPE}/attributes")
+ATTRIBUTES = get(f"{_TYPE}/attributes").shows(record("cfg-dt-attribute-li", CfgAttribute))
 INSTANCES = get(f"{_TYPE}/instances", "start, limit")
 RESET_INSTANCES = post(f"{_TYPE}/instances", "reset", needs="cfg", grant=Grant.CFG_WRITE)
 CREATE_INSTANCE = post(f"{_TYPE}/instances", "create-default", "name", needs="cfg", grant=Grant.CFG_WRITE, status=201)

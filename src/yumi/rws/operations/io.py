@@ -31,20 +31,8 @@ SET_DEVICE = post(_DEVICE, "set", "lstate=enable|disable", grant=Grant.IO_WRITE)
 SET_INPUTDATA = post(_DEVICE, "set-inputdata", "startbyte, signaldata, datamask", grant=Grant.IO_WRITE, status=400)
 SET_OUTPUTDATA = post(_DEVICE, "set-outputdata", "startbyte, signaldata, datamask", grant=Grant.IO_WRITE, status=400)
 SIGNALS = get(f"{_IO}/signals", "start, limit")
-SIGNAL_SEARCH = post(
-    f"{_IO}/signals",
-    "signal-search",
-    _CONDITIONS,
-    query="start, limit",
-    status=200,
-)
-SIGNAL_SEARCHEX = post(
-    f"{_IO}/signals",
-    "signal-searchex",
-    _CONDITIONS,
-    query="start, limit",
-    status=200,
-)
+SIGNAL_SEARCH = post(f"{_IO}/signals", "signal-search", _CONDITIONS, query="start, limit", status=200)
+SIGNAL_SEARCHEX = post(f"{_IO}/signals", "signal-searchex", _CONDITIONS, query="start, limit", status=200)
 UNBLOCK_SIGNALS = post(f"{_IO}/signals", "unblock-signal", grant=Grant.IO_WRITE)
 SIGNAL = get(_SIGNAL)
 SIGNAL_CONFIG = get(_SIGNAL, "configtype=1|2|3", resource="config")
@@ -58,15 +46,15 @@ SET_SIGNAL = post(
 ABSENT = (
     *absent(
         "PROFINET",
-        "GET /rw/iosystem/devices/{network}/{device}/implicitdata",
-        "POST /rw/iosystem/devices/{network}/{device}/implicitdata",
-        "OPTIONS /rw/iosystem/devices/{network}/{device}/implicitdata",
-        "GET /rw/iosystem/devices/{network}/{device}/explicitdata",
-        "POST /rw/iosystem/devices/{network}/{device}/explicitdata",
-        "OPTIONS /rw/iosystem/devices/{network}/{device}/explicitdata",
-        "POST /rw/iosystem/devices/{network}/{device}/alarms/clear",
-        "OPTIONS /rw/iosystem/devices/{network}/{device}/alarms/clear",
-        "GET /rw/iosystem/devices/{network}/{device}/alarms",
+        "GET /rw/iosystem/devices/{network}/{device}/implicitdata"
+        " | POST /rw/iosystem/devices/{network}/{device}/implicitdata"
+        " | OPTIONS /rw/iosystem/devices/{network}/{device}/implicitdata"
+        " | GET /rw/iosystem/devices/{network}/{device}/explicitdata"
+        " | POST /rw/iosystem/devices/{network}/{device}/explicitdata"
+        " | OPTIONS /rw/iosystem/devices/{network}/{device}/explicitdata"
+        " | POST /rw/iosystem/devices/{network}/{device}/alarms/clear"
+        " | OPTIONS /rw/iosystem/devices/{network}/{device}/alarms/clear"
+        " | GET /rw/iosystem/devices/{network}/{device}/alarms",
     ),
 )
 """What this robot lacks."""

@@ -269,8 +269,7 @@ _CALCULATED = Answer(("position-from-joint",), _read_calculated, _write_calculat
 _SOLUTION = Answer(("joints-from-position",), _read_solution, _write_solution)
 
 MOTION_SYSTEM = get(
-    _MOTION,
-    "resource=modal-payload-mode|absacc-active|poll-rate|change-count|mechunit-name, continue-on-err=0|1",
+    _MOTION, "resource=modal-payload-mode|absacc-active|poll-rate|change-count|mechunit-name, continue-on-err=0|1"
 ).shows(record("ms", MotionSystem))
 SET_ACTIVE = post(_MOTION, "set-mechunit", "mechunit-name", respects="motion")
 JOG = post(_MOTION, "jog", _JOG, needs="motion")

@@ -155,11 +155,11 @@ def delete(path: str, *, status: int = 0, needs: str = "", grant: Grant | None =
     return post(path, method="DELETE", status=status, needs=needs, grant=grant)
 
 
-def absent(what: str, *targets: str) -> tuple[Operation[Any], ...]:
-    """Operations, each as ``METHOD /path?action=…``, that need what this robot does not have."""
+def absent(what: str, targets: str) -> tuple[Operation[Any], ...]:
+    """Operations, each as ``METHOD /path?action=…``, that need what this robot does not have; ``|`` is between them."""
     found: list[Operation[Any]] = []
-    for target in targets:
-        method, _, rest = target.partition(" ")
+    for target in targets.split("|"):
+        method, _, rest = target.strip().partition(" ")
         path, _, query = rest.partition("?")
         marks = parameters(query)
         action, resource = (next(iter(marks.get(name, ())), None) for name in ("action", "resource"))

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from yumi.rws.operations.answer import Spelling, flag, record, single
 from yumi.rws.operations.motion import TURNS_OF_TARGET, joint_answer, target_answer
 from yumi.rws.operations.operation import get, post
 from yumi.rws.types import Grant
@@ -10,7 +14,27 @@ _TASK = "/rw/rapid/tasks/{task}"
 _TASKS = "/rw/rapid/tasks"
 _EXECUTION = "/rw/rapid/execution"
 _DIALOGS = "/rw/rapid/uiinstr"
+_LOGGING = Spelling(
+    lambda state, name: state.text(name).lower() == "logging",
+    lambda name, is_on: {name: "Logging" if is_on else "Not Logging"},
+)
+_SIX: Spelling[tuple[str, ...]] = Spelling(
+    lambda state, name: tuple(state.text(f"{name}{number}") for number in range(1, 7)),
+    lambda name, texts: {f"{name}{number}": text for number, text in enumerate(texts, 1)},
+)
 _EXTERNAL = tuple(f"ej{number}" for number in range(1, 7))
+
+
+@dataclass(frozen=True, slots=True)
+class Dialog:
+    """A question of a program on the FlexPendant; ``stack`` names it for ``dialog_parameters``."""
+
+    instruction: Annotated[str, "instr"]
+    event: str = field(default="POST", kw_only=True)
+    stack: str
+    level: Annotated[str, "execlv"] = field(default="User", kw_only=True)
+    message: Annotated[str, "msg"]
+
 
 RAPID = get("/rw/rapid")
 EXECUTION = get(_EXECUTION, "continue-on-err=0|1")
@@ -29,7 +53,7 @@ MOVE_PP_TO_MAIN = post(_EXECUTION, "resetpp", grant=Grant.RAPID_EXECUTE)
 SET_CYCLE = post(_EXECUTION, "setcycle", "cycle=once|forever|asis", needs="rapid", grant=Grant.RAPID_EXECUTE)
 HOLD_TO_RUN = post(_EXECUTION, "holdtorun-state", "state=press|held|release", grant=Grant.RAPID_DEBUG, status=403)
 TASKS = get(_TASKS, "continue-on-err=0|1")
-SPY = get(_TASKS, resource="spy-status")
+SPY = get(_TASKS, resource="spy-status").shows(single("rap-spy-status", "status", _LOGGING))
 SYNC_STATE = get(_TASKS, "type=program-pointer|motion-pointer", resource="sync-state")
 ACTIVATE_ALL = post(_TASKS, "activate", respects="rapid", grant=Grant.RAPID_DEBUG)
 DEACTIVATE_ALL = post(_TASKS, "deactivate", respects="rapid", grant=Grant.RAPID_DEBUG)
@@ -57,7 +81,7 @@ MOTION_TARGET = get(f"{_TASK}/motion", "tool, wobj", resource="robtarget").shows
 )
 MOTION_JOINTS = get(f"{_TASK}/motion", resource="jointtarget").shows(joint_answer("rapid-jointtarget", "j", _EXTERNAL))
 MOTION_UNITS = get(f"{_TASK}/motion", resource="mechunit")
-EXTRA_JOINTS = get(f"{_TASK}/motion", resource="extjointstate")
+EXTRA_JOINTS = get(f"{_TASK}/motion", resource="extjointstate").shows(single("rapid-extjointstate", "j", _SIX))
 PROGRAM = get(f"{_TASK}/program", "continue-on-err=0|1")
 LOAD_PROGRAM = post(
     f"{_TASK}/program", "loadprog", "progpath, loadmode=add|replace", needs="rapid", grant=Grant.RAPID_LOADPROGRAM
@@ -88,10 +112,10 @@ SET_PP_ROUTINE_FROM_URL = post(
 )
 SET_PP_PREV_INST = post(f"{_TASK}/pcp", "set-pp-prev-inst", grant=Grant.RAPID_DEBUG, status=400)
 SET_PP_NEXT_INST = post(f"{_TASK}/pcp", "set-pp-next-inst", grant=Grant.RAPID_DEBUG, status=400)
-TASK_SELECTION = get("/rw/rapid/taskselection")
+TASK_SELECTION = get("/rw/rapid/taskselection").shows(single("rap-taskselection", "user-modify", flag()))
 ALIASES = get("/rw/rapid/aliasio", "start, limit")
 DIALOGS = get(_DIALOGS)
-ACTIVE_DIALOG = get(f"{_DIALOGS}/active")
+ACTIVE_DIALOG = get(f"{_DIALOGS}/active").shows(record("rap-uiactive-li", Dialog))
 DIALOG_PARAMETERS = get(f"{_DIALOGS}/active/params/{{stack:.+}}")
 DIALOG_PARAMETER = get(f"{_DIALOGS}/active/param/{{stack:.+}}")
 ANSWER_DIALOG = post(f"{_DIALOGS}/active/param/{{stack:.+}}", "set", "value")

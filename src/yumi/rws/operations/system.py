@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
+from yumi.rws.operations.answer import TEXT, WHOLE, record, single
 from yumi.rws.operations.operation import absent, get, post
+
+
+@dataclass(frozen=True, slots=True)
+class Product:
+    """An installed product."""
+
+    name: Annotated[str, "title"]
+    version: Annotated[str, "version-name"]
+
 
 ROOT = get("/")
 SERVICES = get("/rw")
 SYSTEM = get("/rw/system")
 OPTIONS = get("/rw/system/options")
-ROBOT_TYPE = get("/rw/system/robottype")
-LICENSE = get("/rw/system/license")
-PRODUCTS = get("/rw/system/products", "name")
+ROBOT_TYPE = get("/rw/system/robottype").shows(single("sys-robottype", "robot-type", TEXT))
+LICENSE = get("/rw/system/license").shows(single("sys-license", "license", TEXT))
+PRODUCTS = get("/rw/system/products", "name").shows(record("sys-product-li", Product))
 ENERGY = get("/rw/system/energy")
-ENERGY_CHANGES = get("/rw/system/energy", resource="change-count")
+ENERGY_CHANGES = get("/rw/system/energy", resource="change-count").shows(
+    single("sys-energy-changecount-li", "change-count", WHOLE)
+)
 RESET_ENERGY = post("/rw/system/energy", "reset")
 CODES = get("/rw/retcode", "code")
 DEVICES = get("/rw/devices", "Lang")
@@ -20,19 +35,12 @@ DEVICE = get("/rw/devices/{device:.+}", "Lang")
 ABSENT = (
     *absent(
         "integrated vision",
-        "GET /rw/vision?resource",
-        "GET /rw/vision/{name}",
-        "POST /rw/vision?action=restart",
-        "POST /rw/vision?action=flash-led",
-        "POST /rw/vision?action=set-state",
-        "POST /rw/vision?action=refresh",
-        "POST /rw/vision?action=set-hostname",
-        "POST /rw/vision?action=set-dhcp",
-        "POST /rw/vision?action=set-dns-settings",
-        "POST /rw/vision?action=set-cameraname",
-        "POST /rw/vision?action=set-user-credential",
-        "POST /rw/vision?action=set-ip-settings",
-        "POST /rw/vision/{name}?action=trigger",
+        "GET /rw/vision?resource | GET /rw/vision/{name} | POST /rw/vision?action=restart"
+        " | POST /rw/vision?action=flash-led | POST /rw/vision?action=set-state"
+        " | POST /rw/vision?action=refresh | POST /rw/vision?action=set-hostname"
+        " | POST /rw/vision?action=set-dhcp | POST /rw/vision?action=set-dns-settings"
+        " | POST /rw/vision?action=set-cameraname | POST /rw/vision?action=set-user-credential"
+        " | POST /rw/vision?action=set-ip-settings | POST /rw/vision/{name}?action=trigger",
     ),
 )
 """What this robot lacks."""

@@ -3,38 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from yumi.errors import ControllerRefused
 from yumi.rws import documents
 from yumi.rws.documents import CfgInstance, Page
 from yumi.rws.operations import configuration as table
+from yumi.rws.operations.configuration import CfgAttribute
 from yumi.rws.operations.operation import Operation
 from yumi.rws.services.service import Service, request
 from yumi.rws.session import file_path
 
 _REFUSED = 400
-
-
-@dataclass(frozen=True, slots=True)
-class CfgAttribute:
-    """An attribute of a type.
-
-    Attributes:
-        name: of it.
-        type: such as ``string`` or ``float``.
-        lowest, highest: limits of its value, or of its length.
-        initial: value of a new instance.
-        is_mandatory: whether an instance must have it.
-    """
-
-    name: str
-    type: str
-    lowest: str
-    highest: str
-    initial: str
-    is_mandatory: bool
 
 
 class Configuration(Service):
@@ -48,8 +29,7 @@ class Configuration(Service):
     def set_cfg(self, domain: str, type: str, name: str, attributes: Mapping[str, str]) -> None:
         """Change attributes of an instance of the configuration; they act after the next restart."""
         changed = replace(request(table.SET_INSTANCE, domain, type, name), form=tuple(attributes.items()))
-        with self.holding(table.SET_INSTANCE.needs_mastership):
-            self._do(changed, f"changing {domain}/{type}/{name}")
+        self._sent(f"changing {domain}/{type}/{name}", table.SET_INSTANCE, changed)
 
     def create_cfg(self, domain: str, type: str, name: str) -> None:
         """Add an instance with default values to the configuration; it acts after the next restart."""
@@ -88,18 +68,7 @@ class Configuration(Service):
 
     def cfg_attributes(self, domain: str, type: str) -> tuple[CfgAttribute, ...]:
         """The attributes of a type."""
-        states = self._listed(f"reading the attributes of {domain}/{type}", table.ATTRIBUTES, domain, type)
-        return tuple(
-            CfgAttribute(
-                name=state.text("name"),
-                type=state.text("type"),
-                lowest=state.fields.get("mini", ""),
-                highest=state.fields.get("max", ""),
-                initial=state.fields.get("init", ""),
-                is_mandatory=state.flag("mandatory"),
-            )
-            for state in states
-        )
+        return self._answers(f"reading the attributes of {domain}/{type}", table.ATTRIBUTES, domain, type)
 
     def cfg_instance(self, domain: str, type: str, name: str) -> CfgInstance:
         """One instance."""

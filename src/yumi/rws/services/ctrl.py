@@ -45,7 +45,7 @@ class Controller(Service):
 
     def environment(self, variable: str) -> str:
         """What an environment variable such as ``HOME`` stands for."""
-        return self._shown(f"reading ${variable}", table.ENVIRONMENT, variable).one("ctrl-env").text("value")
+        return self._answer(f"reading ${variable}", table.ENVIRONMENT, variable)
 
     def set_controller_language(self, code: str) -> None:
         """Language of the messages, such as ``en``."""
@@ -64,7 +64,7 @@ class Controller(Service):
 
     def clock(self) -> datetime:
         """Its local time; the controller does not say in which zone."""
-        return documents.read_clock(self._shown("reading the clock", table.CLOCK))
+        return self._answer("reading the clock", table.CLOCK)
 
     def set_clock(self, time: datetime) -> None:
         """Set the controller's local time."""
@@ -74,7 +74,7 @@ class Controller(Service):
 
     def timezone(self) -> str:
         """Time zone, such as ``Europe/Stockholm``."""
-        return self._shown("reading the time zone", table.TIMEZONE).one("ctrl-timezone").text("timezone")
+        return self._answer("reading the time zone", table.TIMEZONE)
 
     def set_timezone(self, name: str) -> None:
         """Set the time zone."""
@@ -82,7 +82,7 @@ class Controller(Service):
 
     def time_server(self) -> str:
         """Address of the NTP server, "" for none."""
-        return self._shown("reading the time server", table.TIMESERVER).one("ctrl-timeserver").text("timeserver")
+        return self._answer("reading the time server", table.TIMESERVER)
 
     def set_time_server(self, address: str) -> None:
         """Take the time from an NTP server."""
@@ -106,8 +106,7 @@ class Controller(Service):
 
     def routes(self) -> dict[str, str]:
         """Gateways by destination."""
-        states = self._listed("reading the routes", table.ROUTES)
-        return {state.text("destination"): state.text("gateway") for state in states}
+        return {each.destination: each.gateway for each in self._answers("reading the routes", table.ROUTES)}
 
     def add_route(self, destination: str, gateway: str) -> None:
         """Send what goes to a network such as ``10.1.0.0/16`` to a gateway."""
@@ -140,17 +139,15 @@ class Controller(Service):
 
     def backup_state(self) -> str:
         """What has become of the last backup, such as ``None`` or ``Backup Ready``."""
-        return self._shown("reading the backup", table.BACKUP_STATE).one("ctrl-backup-state").text("backup-state")
+        return self._answer("reading the backup", table.BACKUP_STATE)
 
     def can_restore(self, name: str) -> bool:
         """Whether a backup in BACKUP is of this system."""
-        page = self._shown(f"checking the backup {name}", table.CHECK_RESTORE, backup=f"$BACKUP/{name}")
-        return page.one("ctrl-check-restore").text("status") == "Accepted"
+        return self._answer(f"checking the backup {name}", table.CHECK_RESTORE, backup=f"$BACKUP/{name}")
 
     def backup_system(self, name: str) -> str:
         """Name of the system that a backup in BACKUP is of."""
-        page = self._shown(f"reading {name}", table.BACKUP_INFO, backup_path=f"/fileservice/$BACKUP/{name}")
-        return page.one("ctrl-backup-info").text("system-name")
+        return self._answer(f"reading {name}", table.BACKUP_INFO, backup_path=f"/fileservice/$BACKUP/{name}")
 
     def compress(self, source: str, target: str, on_progress: OnProgress = lambda text: None) -> None:
         """Pack a file or directory of the controller into a directory of it."""
@@ -199,9 +196,9 @@ class Controller(Service):
 
     def installed_system(self, name: str) -> SystemInfo:
         """One of the installed systems."""
-        state = self._shown(f"reading the system {name}", table.SYSTEM, name).one("ctrl-system")
-        version = tuple(int(part) for part in state.text("rwversion").split(".") if part.isdecimal())
-        return SystemInfo(state.text("system-name"), version, (), state.text("system-id"))
+        found = self._answer(f"reading the system {name}", table.SYSTEM, name)
+        version = tuple(int(part) for part in found.version.split(".") if part.isdecimal())
+        return SystemInfo(found.name, version, (), found.id)
 
     def rename_system(self, name: str, to: str) -> None:
         """Give an installed system another name."""
@@ -214,8 +211,7 @@ class Controller(Service):
     def is_compatible(self, version: str = "") -> bool:
         """Whether clients for a version of RobotWare, or for the present one, can be used."""
         what = "asking for the version"
-        page = self._shown(what, table.COMPATIBILITY, version) if version else self._shown(what, table.COMPATIBLE)
-        return page.one("ctrl-compatibility").flag("compatible")
+        return self._answer(what, table.COMPATIBILITY, version) if version else self._answer(what, table.COMPATIBLE)
 
     def has_safety_controller(self) -> bool:
         """Whether there is a safety controller (SafeMove)."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.rws.documents import FileInfo
 from yumi.rws.operations import files as table
 from yumi.rws.services.service import Service, request
-from yumi.rws.session import OnProgress, Request, file_path
+from yumi.rws.session import OnProgress, file_path
 
 _NOT_FOUND = (400, 404)  # which of the two differs by version
 
@@ -29,7 +29,7 @@ class Files(Service):
 
     def write_file(self, path: str, content: bytes) -> None:
         """Create or replace a file such as ``HOME:/logo.png``."""
-        self._do(Request(table.PUT_FILE.method, file_path(path), content=content), f"writing {path}")
+        self._sent(f"writing {path}", table.PUT_FILE, replace(request(table.PUT_FILE, _place(path)), content=content))
 
     def read_file(self, path: str) -> bytes:
         """Content of a file such as ``HOME:/pick.mod``."""

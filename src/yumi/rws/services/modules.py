@@ -131,13 +131,13 @@ class Modules(Service):
 
     def save_module(self, task: str, module: str, folder: str, name: str = "") -> None:
         """Write a module into a directory of the controller such as ``HOME:/``; ``.mod`` is appended to its name."""
-        form = {"name": name or module, "path": folder}
-        self._do(_task_first(table.SAVE_MODULE, module, task=task, **form), f"saving {module} of {task}")
+        asked = _task_first(table.SAVE_MODULE, module, task=task, name=name or module, path=folder)
+        self._sent(f"saving {module} of {task}", table.SAVE_MODULE, asked)
 
     def set_module_text(self, task: str, module: str, text: str) -> None:
         """Replace the whole text of a module that is loaded."""
-        with self.holding(table.SET_MODULE_TEXT.needs_mastership):
-            self._do(_task_first(table.SET_MODULE_TEXT, module, task=task, text=text), f"writing {module} of {task}")
+        asked = _task_first(table.SET_MODULE_TEXT, module, task=task, text=text)
+        self._sent(f"writing {module} of {task}", table.SET_MODULE_TEXT, asked)
 
     def replace_text(self, task: str, module: str, part: Range, text: str) -> None:
         """Replace a part of a module's text."""

@@ -237,7 +237,9 @@ class Motion(Service):
 
     def calibration(self, unit: str) -> tuple[Calibration, ...]:
         """How each joint was calibrated."""
-        return tuple(self._answers(f"reading the calibration of {unit}", table.CALIBRATION, unit).values())
+        answer = table.CALIBRATION.answered
+        states = self._listed(f"reading the calibration of {unit}", table.CALIBRATION, unit)
+        return tuple(answer.read(state) for state in states if state.type in answer.types)
 
     def is_measurement_memory_valid(self, unit: str) -> bool:
         """Whether the data in the robot's measurement board (SMB) and in the controller are the same and valid."""
@@ -246,7 +248,7 @@ class Motion(Service):
 
     def calibrated_motors(self, unit: str) -> tuple[str, ...]:
         """Names of the motors that can be calibrated."""
-        return tuple(self._answers(f"reading the motors of {unit}", table.MOTOR_CALIBRATION, unit).values())
+        return self._answers(f"reading the motors of {unit}", table.MOTOR_CALIBRATION, unit)
 
 
 def _frames(tool: str, work_object: str, coordinates: Coordinates | None) -> dict[str, object]:

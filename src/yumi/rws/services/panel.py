@@ -6,7 +6,6 @@ from enum import Enum
 
 from yumi.catalogue import message
 from yumi.errors import CommandRefused
-from yumi.rws import documents
 from yumi.rws.operations import panel as table
 from yumi.rws.services.service import Service
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode
@@ -30,7 +29,7 @@ class Panel(Service):
 
     def controller_state(self) -> ControllerState:
         """Motors on or off, or the stop that keeps them off."""
-        return documents.read_controller_state(self._shown("reading the state of the motors", table.CONTROLLER_STATE))
+        return self._answer("reading the state of the motors", table.CONTROLLER_STATE)
 
     def set_motors(self, on: bool) -> None:
         """Switch the motors; they may need a moment after the call until ``controller_state`` says so."""
@@ -39,15 +38,15 @@ class Panel(Service):
 
     def operating_mode(self) -> OperatingMode:
         """Position of the mode switch."""
-        return documents.read_operating_mode(self._shown("reading the operating mode", table.OPERATING_MODE))
+        return self._answer("reading the operating mode", table.OPERATING_MODE)
 
     def collision_state(self) -> CollisionState:
         """State of the collision detection."""
-        return documents.read_collision_state(self._shown("reading the collision state", table.COLLISION_STATE))
+        return self._answer("reading the collision state", table.COLLISION_STATE)
 
     def speed_ratio(self) -> int:
         """Override of all speeds [%]."""
-        return documents.read_speed_ratio(self._shown("reading the speed ratio", table.SPEED_RATIO))
+        return self._answer("reading the speed ratio", table.SPEED_RATIO)
 
     def set_speed_ratio(self, percent: int) -> None:
         """Set the override of all speeds, 0 to 100 %.
@@ -76,8 +75,7 @@ class Panel(Service):
 
     def is_operating_mode_locked(self) -> bool:
         """Whether the mode switch is locked with a PIN."""
-        page = self._shown("reading the lock of the operating mode", table.MODE_LOCK)
-        return page.one("pnl-opmode-lock").text("lock-state") != "unlocked"
+        return self._answer("reading the lock of the operating mode", table.MODE_LOCK) != "unlocked"
 
     def lock_operating_mode(self, pin: str, *, permanent: bool = False) -> None:
         """Lock the mode switch; ``permanent`` outlives a restart."""

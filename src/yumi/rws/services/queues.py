@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from yumi.rws.operations import queues as table
+from yumi.rws.operations.queues import QueueInfo
 from yumi.rws.services.service import Service
 
 LONGEST_MESSAGE = 444
@@ -28,15 +29,6 @@ class QueueMessage:
     sender: str
 
 
-@dataclass(frozen=True, slots=True)
-class QueueInfo:
-    """A queue: messages it holds at most, and their longest [byte]."""
-
-    name: str
-    size: int
-    longest: int
-
-
 class Queues(Service):
     """``/rw/dipc``; a RAPID task's queue is ``RMQ_`` and its name."""
 
@@ -47,8 +39,7 @@ class Queues(Service):
 
     def queue(self, name: str) -> QueueInfo:
         """One queue of this client."""
-        state = self._shown(f"reading the queue {name}", table.QUEUE, name).one("dipc-queue")
-        return QueueInfo(state.text("queue-name"), state.whole("queue-size"), state.whole("queue-max-msg-size"))
+        return self._answer(f"reading the queue {name}", table.QUEUE, name)
 
     def create_queue(self, name: str, size: int = 100, longest: int = LONGEST_MESSAGE) -> None:
         """Make a queue to which RAPID tasks can send; it goes with the session.

@@ -10,6 +10,7 @@ from yumi.robot.joints import Joints
 from yumi.rws import documents
 from yumi.rws.documents import RobTarget, State, TaskInfo, member
 from yumi.rws.operations import rapid as table
+from yumi.rws.operations.rapid import Dialog
 from yumi.rws.services.service import Service
 from yumi.rws.types import Code, ExecutionState, TaskExecution
 
@@ -122,15 +123,6 @@ class BuildError:
     message: str
 
 
-@dataclass(frozen=True, slots=True)
-class Dialog:
-    """A question of a program on the FlexPendant; ``stack`` names it for ``dialog_parameters``."""
-
-    instruction: str
-    message: str
-    stack: str
-
-
 class Rapid(Service):
     """``/rw/rapid`` without its modules and symbols."""
 
@@ -189,8 +181,7 @@ class Rapid(Service):
 
     def may_select_tasks(self) -> bool:
         """Whether the task panel lets its selection be changed."""
-        page = self._shown("reading the task selection", table.TASK_SELECTION)
-        return page.one("rap-taskselection").flag("user-modify")
+        return self._answer("reading the task selection", table.TASK_SELECTION)
 
     def alias_signals(self) -> dict[str, str]:
         """Signals by their alias names in RAPID (AliasIO)."""
@@ -239,7 +230,7 @@ class Rapid(Service):
 
     def is_spy_running(self) -> bool:
         """Whether RAPID Spy logs each instruction."""
-        return self._shown("reading the spy", table.SPY).one("rap-spy-status").text("status").lower() == "logging"
+        return self._answer("reading the spy", table.SPY)
 
     def stack_frame(self, task: str, number: int = 1) -> StackFrame:
         """A call that is under way in a task; 1 is the innermost."""
@@ -286,9 +277,7 @@ class Rapid(Service):
 
     def external_joints(self, task: str) -> tuple[str, ...]:
         """What each of the six external axes is: ``rotating``, ``linear`` or ``not_active``."""
-        page = self._shown(f"reading the external axes of {task}", table.EXTRA_JOINTS, task)
-        state = page.one("rapid-extjointstate")
-        return tuple(state.text(f"j{number}") for number in range(1, 7))
+        return self._answer(f"reading the external axes of {task}", table.EXTRA_JOINTS, task)
 
     # Programs
 
@@ -372,12 +361,11 @@ class Rapid(Service):
     def dialog(self) -> Dialog | None:
         """What a program asks on the FlexPendant (``TPReadNum``, ``UIMessageBox`` …); None where it asks nothing."""
         try:
-            state = self._shown("reading the dialog", table.ACTIVE_DIALOG).one("rap-uiactive-li")
+            return self._answer("reading the dialog", table.ACTIVE_DIALOG)
         except ControllerRefused as error:
             if error.code != Code.UI_NOT_ACTIVE:
                 raise
             return None
-        return Dialog(state.text("instr"), state.text("msg"), state.text("stack"))
 
     def dialog_parameters(self, stack: str) -> dict[str, str]:
         """The arguments of a dialog's instruction as RAPID literals."""

@@ -42,16 +42,15 @@ class System(Service):
 
     def robot_types(self) -> tuple[str, ...]:
         """Types of the robots, such as ``IRB 14000-0.5/0.5``."""
-        return tuple(state.text("robot-type") for state in self._listed("reading the type", table.ROBOT_TYPE))
+        return self._answers("reading the type", table.ROBOT_TYPE)
 
     def license(self) -> str:
         """The system's licence."""
-        return self._shown("reading the licence", table.LICENSE).one("sys-license").text("license")
+        return self._answer("reading the licence", table.LICENSE)
 
     def products(self) -> dict[str, str]:
         """Versions of the installed products by name."""
-        states = self._listed("reading the products", table.PRODUCTS)
-        return {state.text("title"): state.text("version-name") for state in states}
+        return {each.name: each.version for each in self._answers("reading the products", table.PRODUCTS)}
 
     def energy(self) -> Energy:
         """What the robot has consumed."""
@@ -60,8 +59,7 @@ class System(Service):
 
     def energy_change_count(self) -> int:
         """Rises with every change of what the robot has consumed."""
-        page = self._shown("reading the energy", table.ENERGY_CHANGES)
-        return page.one("sys-energy-changecount-li").whole("change-count")
+        return self._answer("reading the energy", table.ENERGY_CHANGES)
 
     def reset_energy(self) -> None:
         """Begin to count anew."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from yumi.errors import SettingsError
 from yumi.rws.documents import Link, Page, State
@@ -76,25 +76,17 @@ def get_type(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.ATTRIBUTES)
-def get_attributes(controller: Irc5, call: Call) -> Page:
+def get_attributes(controller: Irc5, call: Call) -> Mapping[str, table.CfgAttribute]:
     """What instances of a type have, as far as those that exist show it."""
     place, found = _place(call), _instances(controller, call)
     domain, type_name = place.split("/")
     initial = {**_LISTED_DEFAULTS.get((domain, type_name), {}), **defaults_of(domain, type_name)}
-    states = []
+    shown = {}
     for name in _attributes(found):
-        kind = "float" if name in _NUMBER_ATTRIBUTES else "string"
-        fields = {
-            "name": name,
-            "type": kind,
-            "numbers": "1",
-            "mini": "" if kind == "float" else "0",
-            "max": "" if kind == "float" else "80",
-            "init": initial.get(name, ""),
-            "mandatory": "true" if name.lower() == "name" else "false",
-        }
-        states.append(State("cfg-dt-attribute-li", name, fields))
-    return resource("cfg", _CFG_BASE, f"{place}/attributes", *states)
+        kind, lowest, highest = ("float", "", "") if name in _NUMBER_ATTRIBUTES else ("string", "0", "80")
+        is_mandatory = name.lower() == "name"
+        shown[name] = table.CfgAttribute(name, kind, "1", lowest, highest, initial.get(name, ""), is_mandatory)
+    return shown
 
 
 def _attributes(instances: Iterable[Instance]) -> list[str]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import io as bytes_io
 import ipaddress
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import datetime, tzinfo
 from math import inf
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from yumi.errors import RapidError, SettingsError
-from yumi.rws.documents import Link, Page, State
+from yumi.rws.documents import JOB_DONE, JOB_PENDING, Link, Page, State
 from yumi.rws.operations import ctrl as table
 from yumi.rws.types import Code
 from yumi.virtual.controller.backup import check_backup, restore_backup, write_backup
@@ -47,7 +47,7 @@ def identity_fields(controller: Irc5) -> dict[str, str]:
 def get_controller(controller: Irc5, call: Call) -> Page:
     links = (Link("self", "identity"),)
     states = (
-        entry("ctrl-clock-info-li", "clock", datetime=_shown_time(controller)),
+        entry("ctrl-clock-info-li", "clock", **_time_fields(controller)),
         State("ctrl-identity-info-li", "identity", identity_fields(controller), links),
         *(entry(f"ctrl-{name}-info-li", name) for name in ("system", "backup", "compress", "diagnostics", "safety")),
         entry("ctrl-netw-li", "network"),
@@ -73,12 +73,12 @@ def set_identity(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.ENVIRONMENT)
-def get_environment(controller: Irc5, call: Call) -> Page:
+def get_environment(controller: Irc5, call: Call) -> Mapping[str, str]:
     """What an environment variable stands for: our devices stand for themselves."""
     name = call.names["variable"].upper()
     if name not in DEVICES:
         raise Failure(404, Code.FAIL, f"there is no environment variable ${name}")
-    return resource("ctrl", _BASE, f"${name}", State("ctrl-env", f"${name}", {"value": f"{name}:"}))
+    return {f"${name}": f"{name}:"}
 
 
 @ROUTES.answer(table.RESTART)
@@ -105,15 +105,15 @@ def _zone(controller: Irc5) -> tzinfo | None:
     return ZoneInfo(name) if name else None
 
 
-def _shown_time(controller: Irc5) -> str:
+def _time_fields(controller: Irc5) -> Mapping[str, str]:
     """Local time without its zone, as on the FlexPendant."""
-    return datetime.fromtimestamp(controller.time, _zone(controller)).strftime("%Y-%m-%d T %H:%M:%S")
+    return table.CLOCK.answered.write(datetime.fromtimestamp(controller.time, _zone(controller)))
 
 
 @ROUTES.answer(table.CLOCK)
 def get_clock(controller: Irc5, call: Call) -> Page:
     links = (entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
-    state = State("ctrl-clock-info", "clock", {"datetime": _shown_time(controller)})
+    state = State("ctrl-clock-info", "clock", _time_fields(controller))
     return resource("ctrl", _BASE, "clock", state, *links)
 
 
@@ -128,9 +128,8 @@ def set_clock(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.TIMEZONE)
-def get_timezone(controller: Irc5, call: Call) -> Page:
-    zone = controller.own_settings.timezone or datetime.now().astimezone().tzname() or "UTC"
-    return resource("ctrl", "/ctrl/clock/", "timezone", State("ctrl-timezone", "timezone", {"timezone": zone}))
+def get_timezone(controller: Irc5, call: Call) -> str:
+    return controller.own_settings.timezone or datetime.now().astimezone().tzname() or "UTC"
 
 
 @ROUTES.answer(table.SET_TIMEZONE_TOO, table.SET_TIMEZONE)
@@ -144,9 +143,8 @@ def set_timezone(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.TIMESERVER)
-def get_timeserver(controller: Irc5, call: Call) -> Page:
-    fields = {"timeserver": controller.own_settings.timeserver}
-    return resource("ctrl", "/ctrl/clock/", "timeserver", State("ctrl-timeserver", "timeserver", fields))
+def get_timeserver(controller: Irc5, call: Call) -> str:
+    return controller.own_settings.timeserver
 
 
 @ROUTES.answer(table.SERVER_TIME)
@@ -202,12 +200,8 @@ def get_dns(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.ROUTES)
-def get_routes(controller: Irc5, call: Call) -> Page:
-    states = (
-        State("ctrl-netw-route", destination, {"destination": destination, "gateway": gateway})
-        for destination, gateway in controller.own_settings.routes.items()
-    )
-    return resource("ctrl", "/ctrl/network/", "routes", *states)
+def get_routes(controller: Irc5, call: Call) -> Mapping[str, table.Route]:
+    return {destination: table.Route(destination, via) for destination, via in controller.own_settings.routes.items()}
 
 
 @ROUTES.answer(table.ADD_ROUTE)
@@ -252,7 +246,7 @@ def get_progress(controller: Irc5, call: Call) -> Page:
     job = controller.jobs.find(call.names["job"])
     if job is None:
         raise Failure(404, Code.FAIL, f"there is no job {call.names['job'][:20]!r}")
-    code, state = ("294914", "Pending") if not job.is_done else ("294912", "Ready")
+    code, state = (str(JOB_PENDING), "Pending") if not job.is_done else (str(JOB_DONE), "Ready")
     if job.failure:
         code, state = str(int(Code.FAIL)), f"Error: {job.failure}"
     return resource(
@@ -279,9 +273,8 @@ def get_backup(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.BACKUP_STATE)
-def get_backup_state(controller: Irc5, call: Call) -> Page:
-    fields = {"backup-state": controller.own_settings.backup_state}
-    return resource("ctrl", _BASE, "backup", State("ctrl-backup-state", "backup-state", fields))
+def get_backup_state(controller: Irc5, call: Call) -> Mapping[str, str]:
+    return {"backup-state": controller.own_settings.backup_state}
 
 
 @ROUTES.answer(table.BACK_UP)
@@ -326,10 +319,10 @@ def _check_restore(controller: Irc5, call: Call, path: str, ignored: str) -> Non
 
 
 @ROUTES.answer(table.CHECK_RESTORE)
-def check_restore(controller: Irc5, call: Call) -> Page:
+def check_restore(controller: Irc5, call: Call) -> Mapping[str, bool]:
     path = _backup_path(call, call.option("backup") or "")
     _check_restore(controller, call, path, call.option("ignore") or "none")
-    return resource("ctrl", _BASE, "backup", State("ctrl-check-restore", "check-restore", {"status": "Accepted"}))
+    return {"check-restore": True}
 
 
 @ROUTES.answer(table.BACKUP_INFO)
@@ -418,11 +411,10 @@ def get_systems(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.SYSTEM)
-def get_one_system(controller: Irc5, call: Call) -> Page:
+def get_one_system(controller: Irc5, call: Call) -> table.InstalledSystem:
     _check_system(controller, call)
-    identity = controller.identity
-    fields = {"system-name": identity.system_name, "system-id": identity.system_id, "rwversion": identity.robotware}
-    return resource("ctrl", "/ctrl/system/", identity.system_name, State("ctrl-system", identity.system_name, fields))
+    own = controller.identity
+    return table.InstalledSystem(own.system_name, own.system_id, own.robotware)
 
 
 def _check_system(controller: Irc5, call: Call) -> None:

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from typing import Any
 
-from yumi.rws.documents import Page, State
+from yumi.rws.documents import Page
 from yumi.rws.operations import panel as table
+from yumi.rws.operations.operation import Operation
 from yumi.rws.types import Code, OperatingMode
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws import ctrl
 from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.render import entry, resource
-from yumi.virtual.rws.router import Routes
+from yumi.virtual.rws.router import Route, Routes
 
-PANEL_VALUES: Mapping[str, Callable[[Irc5], str]] = {
-    "ctrlstate": lambda controller: controller.controller_state.value,
-    "opmode": lambda controller: controller.mode.value,
-    "speedratio": lambda controller: str(controller.speed_ratio),
-    "coldetstate": lambda controller: controller.collision_state.value,
+_VALUES: Mapping[str, tuple[Operation[Any], Callable[[Irc5], object]]] = {
+    "ctrlstate": (table.CONTROLLER_STATE, lambda controller: controller.controller_state),
+    "opmode": (table.OPERATING_MODE, lambda controller: controller.mode),
+    "speedratio": (table.SPEED_RATIO, lambda controller: controller.speed_ratio),
+    "coldetstate": (table.COLLISION_STATE, lambda controller: controller.collision_state),
 }
-"""What the panel shows, to read and to subscribe to."""
+TITLES = {"coldetstate": "collisiondetectstate"}
+"""Of what the panel shows, where it is not the name."""
 
 _MODES = {"auto": OperatingMode.AUTO, "man": OperatingMode.MANUAL_REDUCED, "manfs": OperatingMode.MANUAL_FULL}
 ROUTES = Routes()
@@ -30,20 +33,22 @@ ROUTES.answer(table.SET_LANGUAGE)(ctrl.set_language)
 
 @ROUTES.answer(table.PANEL)
 def get_panel(controller: Irc5, call: Call) -> Page:
-    return resource(
-        "panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in PANEL_VALUES)
-    )
+    return resource("panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in _VALUES))
 
 
-@ROUTES.answer(table.CONTROLLER_STATE, table.OPERATING_MODE, table.SPEED_RATIO, table.COLLISION_STATE)
-def get_panel_value(controller: Irc5, call: Call) -> Page:
+def get_panel_value(controller: Irc5, call: Call) -> Mapping[str, object]:
     name = call.path[-1]
-    text = PANEL_VALUES[name](controller)
-    if name == "coldetstate":  # the other title and the trailing blank are ABB's
-        state = State("pnl-coldetstate", "collisiondetectstate", {"coldetstate ": text})
-    else:
-        state = State(f"pnl-{name}", name, {name: text})
-    return resource("panel", "/rw/panel/", name, state)
+    return {TITLES.get(name, name): _VALUES[name][1](controller)}
+
+
+ROUTES += [Route(operation, get_panel_value) for operation, _ in _VALUES.values()]
+
+
+def panel_text(controller: Irc5, name: str) -> str:
+    """What the panel shows, for subscriptions."""
+    operation, read = _VALUES[name]
+    (text,) = operation.answered.write(read(controller)).values()
+    return text
 
 
 @ROUTES.answer(table.SET_CONTROLLER_STATE)
@@ -65,9 +70,8 @@ def acknowledge(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.MODE_LOCK)
-def get_mode_lock(controller: Irc5, call: Call) -> Page:
-    fields = {"lock-state": controller.own_settings.mode_lock}
-    return resource("panel", "/rw/panel/", "opmode", State("pnl-opmode-lock", "lock-state", fields))
+def get_mode_lock(controller: Irc5, call: Call) -> Mapping[str, str]:
+    return {"lock-state": controller.own_settings.mode_lock}
 
 
 @ROUTES.answer(table.LOCK_MODE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from yumi.rapid.devices import LONGEST_MESSAGE, MOST_MESSAGES, Message
@@ -119,21 +119,14 @@ class MessageService:
         queues.open(name)
         queues.listeners[name.lower()] = receive
 
-    def get_queue(self, controller: Irc5, call: Call) -> Page:
+    def get_queue(self, controller: Irc5, call: Call) -> Mapping[str, table.QueueInfo]:
         for number, task in enumerate(controller.tasks, 1):
             if f"RMQ_{task}".lower() == call.names["queue"].lower():
-                of_task = DipcQueue(f"RMQ_{task}", "", MOST_MESSAGES, LONGEST_MESSAGE, MOST_QUEUES + number)
-                return self._page(of_task)
-        return self._page(self._find(call))
-
-    def _page(self, queue: DipcQueue) -> Page:
-        fields = {
-            "queue-size": str(queue.size),
-            "queue-name": queue.name,
-            "queue-max-msg-size": str(queue.largest),
-            "queue-slot-id": str(queue.slot),
-        }
-        return resource(_DIPC_TITLE, _DIPC_BASE, queue.name, State("dipc-queue", queue.name, fields))
+                shown = DipcQueue(f"RMQ_{task}", "", MOST_MESSAGES, LONGEST_MESSAGE, MOST_QUEUES + number)
+                break
+        else:
+            shown = self._find(call)
+        return {shown.name: table.QueueInfo(shown.size, shown.name, shown.largest, shown.slot)}
 
     def read(self, controller: Irc5, call: Call) -> Page:
         """The oldest message; an empty page when there is none: the answer does not wait for one."""

@@ -247,8 +247,8 @@ def get_sync_state(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.SPY)
-def get_spy(controller: Irc5, call: Call) -> Page:
-    return resource("rapid", _BASE, "tasks", State("rap-spy-status", "spy-status", {"status": "Not Logging"}))
+def get_spy(controller: Irc5, call: Call) -> Mapping[str, bool]:
+    return {"spy-status": False}
 
 
 @ROUTES.answer(table.START_SPY, table.STOP_SPY)
@@ -451,12 +451,10 @@ def get_motion_units(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.EXTRA_JOINTS)
-def get_extra_joints(controller: Irc5, call: Call) -> Page:
+def get_extra_joints(controller: Irc5, call: Call) -> Mapping[str, tuple[str, ...]]:
     task = _task(controller, call)
     _unit_of(controller, task)
-    fields = {f"j{n}": "rotating" if n == 1 else "not_active" for n in range(1, 7)}
-    state = State("rapid-extjointstate", task.name, fields)
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", state)
+    return {task.name: ("rotating", *("not_active",) * 5)}
 
 
 # Program
@@ -604,9 +602,8 @@ def set_breakpoint(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.TASK_SELECTION)
-def get_task_selection(controller: Irc5, call: Call) -> Page:
-    state = State("rap-taskselection", "taskselection", {"user-modify": "TRUE"})
-    return resource("rapid", _BASE, "taskselection", state)
+def get_task_selection(controller: Irc5, call: Call) -> bool:
+    return True
 
 
 @ROUTES.answer(table.ALIASES)
@@ -627,23 +624,18 @@ def get_dialogs(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.ACTIVE_DIALOG)
-def get_active_dialog(controller: Irc5, call: Call) -> Page:
+def get_active_dialog(controller: Irc5, call: Call) -> table.Dialog:
     """The newest question without an answer."""
     found = controller.devices.pendant.active
     if found is None:
         raise Failure(404, Code.UI_NOT_ACTIVE, "no program asks anything")
-    return resource("rapid", f"{_BASE}uiinstr/", "active", State("rap-uiactive-li", "active", dialog_fields(found)))
+    return shown_dialog(found)
 
 
-def dialog_fields(dialog: Dialog) -> dict[str, str]:
+def shown_dialog(dialog: Dialog) -> table.Dialog:
     """A question in the words of RWS."""
-    return {
-        "instr": dialog.instruction,
-        "event": "POST",
-        "stack": _dialog_stack(dialog),
-        "execlv": "User",
-        "msg": "\n".join(line for line in (dialog.header, *dialog.lines) if line),
-    }
+    lines = (line for line in (dialog.header, *dialog.lines) if line)
+    return table.Dialog(dialog.instruction, _dialog_stack(dialog), "\n".join(lines))
 
 
 @ROUTES.answer(table.DIALOG_PARAMETERS)

@@ -49,6 +49,9 @@ _TITLES = {
 }
 """Of pages, by service, where it is not the service."""
 
+_BASES = ("/rw/cfg/", "/rw/elog/", "/rw/iosystem/")
+"""Of links in pages below them; elsewhere it is what is before the last part of the address."""
+
 
 def page_of(operation: Operation[Any], path: Sequence[str], values: Mapping[str, object]) -> Page:
     """The page of an operation's values by their titles; its address has the spelling of the titles."""
@@ -56,8 +59,9 @@ def page_of(operation: Operation[Any], path: Sequence[str], values: Mapping[str,
     spelled = {title.lower(): title for title in values}
     segments = [spelled.get(segment.lower(), segment) for segment in path]
     states = (State(answer.types[0], title, answer.write(value)) for title, value in values.items())
-    base = "/".join(("", *segments[:-1], ""))
-    return resource(_TITLES.get(operation.service, operation.service), base, segments[-1], *states)
+    address = "/".join(("", *segments))
+    base = next((each for each in _BASES if address.startswith(each)), f"{address.rpartition('/')[0]}/")
+    return resource(_TITLES.get(operation.service, operation.service), base, address.removeprefix(base), *states)
 
 
 def write_page(page: Page, form: Form) -> bytes:

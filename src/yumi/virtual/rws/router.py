@@ -15,7 +15,7 @@ from yumi.virtual.rws.call import Call, Failure, Handler, Preparation, Shown, in
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.render import page_of
 
-R = TypeVar("R")
+T = TypeVar("T")
 
 _PLACE = re.compile(r"([^{]*)\{(\w+)(:[^{}]*)?\}")
 _BRACES = re.compile("[{}]")  # no name has them
@@ -42,11 +42,11 @@ class Routes(list[Route]):
     """The routes of one service; its handlers are marked with the operations that they answer."""
 
     def answer(
-        self, *operations: Operation[Any], prepare: Preparation | None = None
-    ) -> Callable[[Callable[[Irc5, Call], R]], Callable[[Irc5, Call], R]]:
-        """Let the handler below answer these operations."""
+        self, *operations: Operation[T], prepare: Preparation | None = None
+    ) -> Callable[[Callable[[Irc5, Call], T | Mapping[str, T] | Shown]], Handler]:
+        """Let the handler below answer these operations, with a value, with values by title, or with what is shown."""
 
-        def added(handler: Callable[[Irc5, Call], R]) -> Callable[[Irc5, Call], R]:
+        def added(handler: Handler) -> Handler:
             self.extend(Route(each, handler, prepare) for each in operations)
             return handler
 

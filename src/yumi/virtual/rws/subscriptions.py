@@ -18,6 +18,7 @@ from yumi.rapid.task import Task
 from yumi.rapid.types import UnknownSymbol
 from yumi.rws.documents import Form, Link, Pairs, State, first_value
 from yumi.rws.operations import subscriptions as table
+from yumi.rws.operations.rapid import ACTIVE_DIALOG
 from yumi.rws.types import PROTOCOL, Code, Priority, Resource
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.signals import path_of, printed
@@ -25,9 +26,9 @@ from yumi.virtual.event_log import Refused
 from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.mastership import Mastership
-from yumi.virtual.rws.panel import PANEL_VALUES
+from yumi.virtual.rws.panel import TITLES, panel_text
 from yumi.virtual.rws.queues import MessageService
-from yumi.virtual.rws.rapid import dialog_fields, execution_state, pointer_fields
+from yumi.virtual.rws.rapid import execution_state, pointer_fields, shown_dialog
 from yumi.virtual.rws.render import write_event, write_group
 from yumi.virtual.rws.router import Route
 from yumi.virtual.rws.users import Users
@@ -135,8 +136,7 @@ def _field(path: str, type: str, name: str, title: str, read: Callable[[], str])
 
 def panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     name = names["name"].lower()
-    title = "collisiondetectstate" if name == "coldetstate" else name
-    return _field(path, f"pnl-{name}-ev", name, title, lambda: PANEL_VALUES[name](controller))
+    return _field(path, f"pnl-{name}-ev", name, TITLES.get(name, name), lambda: panel_text(controller, name))
 
 
 def execution_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
@@ -295,7 +295,7 @@ def dialog_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sour
 
     def show(_: str | None, text: str) -> Sequence[Event]:
         dialog = controller.devices.pendant.active
-        fields = {} if dialog is None else dialog_fields(dialog)
+        fields = {} if dialog is None else ACTIVE_DIALOG.answered.write(shown_dialog(dialog))
         return ((State("rap-ui-ev", "uievent", fields, (Link("self", path),)),),)
 
     return Source(read, show)

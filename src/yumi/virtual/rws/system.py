@@ -95,21 +95,19 @@ def _option_list(controller: Irc5, href: str) -> State:
 
 
 @ROUTES.answer(table.ROBOT_TYPE)
-def get_robot_type(controller: Irc5, call: Call) -> Page:
+def get_robot_type(controller: Irc5, call: Call) -> Mapping[str, str]:
     """The robots: their names are options of their system."""
     types = [option for option in controller.identity.options if option.startswith("IRB ")]
-    states = (State("sys-robottype", str(number), {"robot-type": name}) for number, name in enumerate(types, 1))
-    return resource("system", "/rw/system/", "robottype", *states)
+    return {str(number): name for number, name in enumerate(types, 1)}
 
 
 @ROUTES.answer(table.LICENSE)
-def get_license(controller: Irc5, call: Call) -> Page:
-    state = State("sys-license", "license", {"license": controller.identity.system_id.strip("{}")})
-    return resource("system", "/rw/system/", "license", state)
+def get_license(controller: Irc5, call: Call) -> str:
+    return controller.identity.system_id.strip("{}")
 
 
 @ROUTES.answer(table.PRODUCTS)
-def get_products(controller: Irc5, call: Call) -> Page | HttpReply:
+def get_products(controller: Irc5, call: Call) -> Mapping[str, table.Product] | HttpReply:
     """RobotWare and its add-ins; 204 for one that is not installed."""
     robotware = controller.identity.robotware
     products = {"RobotWare": robotware}
@@ -117,12 +115,9 @@ def get_products(controller: Irc5, call: Call) -> Page | HttpReply:
         name: "1.1.0.0" for name in ("StateMachine Core", "SmartGripper") if name in controller.identity.options
     }
     asked = call.option("name")
-    states = [
-        State("sys-product-li", name, {"title": name, "version-name": version})
-        for name, version in products.items()
-        if asked is None or name.lower() == asked.lower()
-    ]
-    return resource("system", "/rw/system/", "products", *states) if states else HttpReply(204)
+    found = {name: table.Product(name, version) for name, version in products.items()}
+    fitting = {name: each for name, each in found.items() if asked is None or name.lower() == asked.lower()}
+    return fitting or HttpReply(204)
 
 
 @ROUTES.answer(table.ENERGY)
@@ -153,9 +148,8 @@ def get_energy(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.ENERGY_CHANGES)
-def get_energy_changes(controller: Irc5, call: Call) -> Page:
-    state = State("sys-energy-changecount-li", "energy", {"change-count": "0"})
-    return resource("system", "/rw/system/", "energy", state)
+def get_energy_changes(controller: Irc5, call: Call) -> int:
+    return 0
 
 
 @ROUTES.answer(table.RESET_ENERGY)
