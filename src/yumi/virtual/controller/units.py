@@ -19,10 +19,10 @@ from yumi.robot.kinematics import compose
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.dynamics import ArmDynamics
-from yumi.virtual.mechanics.legs import CircleMode
 from yumi.virtual.mechanics.path import NO_LIMIT, Acceleration, SpeedLimit, StoredPath
+from yumi.virtual.mechanics.path_geometry import CircleMode
 from yumi.virtual.mechanics.virtual_gripper import VirtualGripper
-from yumi.virtual.mechanics.world_zones import WorldZone
+from yumi.virtual.mechanics.watched_zones import WorldZone
 
 NO_UNIT = "NoIntegratedUnit"
 """ABB's word for "none" in the two integration fields."""

@@ -34,7 +34,8 @@ from yumi.virtual.instructions.data import (
     unit_quaternion,
     wobj_from_rapid,
 )
-from yumi.virtual.mechanics.legs import (
+from yumi.virtual.mechanics.path import Offset, Passage
+from yumi.virtual.mechanics.path_geometry import (
     STOP,
     Frames,
     Leg,
@@ -49,7 +50,6 @@ from yumi.virtual.mechanics.legs import (
     line,
     tool_leg,
 )
-from yumi.virtual.mechanics.path import Offset, Passage
 
 SpeedRatio = Callable[[], float]
 Build = Callable[[Joints, Zone], Leg]

@@ -32,8 +32,17 @@ from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, jointtarget, rapid_from_pose, unit_quaternion
 from yumi.virtual.instructions.motion import FATAL, MotionInstructions, check_may_move, place_of
 from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
-from yumi.virtual.mechanics.legs import CircleMode, Frames, Leg, MotionFault, Speed, Zone, followed, retraced_leg
 from yumi.virtual.mechanics.path import Acceleration, Passage
+from yumi.virtual.mechanics.path_geometry import (
+    CircleMode,
+    Frames,
+    Leg,
+    MotionFault,
+    Speed,
+    Zone,
+    followed,
+    retraced_leg,
+)
 
 Array = NDArray[np.float64]
 

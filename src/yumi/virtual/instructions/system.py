@@ -26,7 +26,7 @@ from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.units import ArmUnit, MechanicalUnit, SyncPoints, unit_of
 from yumi.virtual.instructions.motion import FATAL
 from yumi.virtual.mechanics.virtual_gripper import CHANNELS, SETTLING_TIME, VirtualGripper
-from yumi.virtual.mechanics.world_zones import Box, JointRange, Outside, Shape, Sphere, UprightCylinder, WorldZone
+from yumi.virtual.mechanics.watched_zones import Box, JointRange, Outside, Shape, Sphere, UprightCylinder, WorldZone
 
 
 class SystemInstructions:

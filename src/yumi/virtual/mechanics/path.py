@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from yumi.robot.joints import CYCLE, JointLimits, Joints
 from yumi.virtual.mechanics.arm_motion import MotionState
-from yumi.virtual.mechanics.legs import Leg, Piece, Speed
+from yumi.virtual.mechanics.path_geometry import Leg, Piece, Speed
 
 Array = NDArray[np.float64]
 SMOOTHING = 12  # cycles
