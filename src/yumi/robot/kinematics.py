@@ -160,7 +160,8 @@ def _about_z(angle: float) -> Quaternion:
 
 def _foot(mirror: float) -> Pose:
     alpha, beta, gamma = mirror * _LEFT_FOOT_ALPHA, _LEFT_FOOT_BETA, mirror * _LEFT_FOOT_GAMMA
-    orientation = multiply(multiply(_about_x(alpha), _about_y(beta)), _about_z(gamma))
+    turned = multiply(quaternion_of((alpha, 0.0, 0.0)), quaternion_of((0.0, beta, 0.0)))
+    orientation = multiply(turned, quaternion_of((0.0, 0.0, gamma)))
     return Pose((0.0, mirror * _LEFT_FOOT_Y, _FOOT_Z), orientation)
 
 
@@ -172,9 +173,6 @@ ARM_ANGLE_REFERENCES: Mapping[Side, Vector] = {
     for side, rotation in _BODY_TO_FOOT.items()
 }
 """Where the arm angle is counted from: along the body's y axis towards the other arm, in the foot frame (§5.2)."""
-
-
-# ---- where the tool is
 
 
 def foot_to_body(side: Side) -> Pose:

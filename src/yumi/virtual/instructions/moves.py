@@ -35,7 +35,8 @@ from yumi.virtual.instructions.robot_data import (
     unit_quaternion,
     wobj_from_rapid,
 )
-from yumi.virtual.mechanics.legs import (
+from yumi.virtual.mechanics.path import Offset, Passage
+from yumi.virtual.mechanics.path_geometry import (
     STOP,
     Frames,
     Leg,
@@ -50,7 +51,6 @@ from yumi.virtual.mechanics.legs import (
     line,
     tool_leg,
 )
-from yumi.virtual.mechanics.path import Offset, Passage
 from yumi.virtual.mechanics.units import ArmUnit
 
 SpeedRatio = Callable[[], float]

@@ -15,7 +15,7 @@ from yumi.rapid.library import Library
 from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.joints import Joints
 from yumi.virtual.instructions.moves import MOVES, MoveInstructions
-from yumi.virtual.mechanics.legs import Leg, Speed, Zone, followed, retraced_leg
+from yumi.virtual.mechanics.path_geometry import Leg, Speed, Zone, followed, retraced_leg
 
 MOST_RECORDED = 50_000  # positions: what is older is forgotten
 _RECORDED_STEP = radians(0.1)  # between two positions, of the axis that moves most

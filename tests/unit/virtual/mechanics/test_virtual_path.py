@@ -6,7 +6,7 @@ import pytest
 
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.legs import STOP, Frames, Speed, joint_leg
+from yumi.virtual.mechanics.path_geometry import STOP, Frames, Speed, joint_leg
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Legs: the paths of RAPID's move instructions: lines, circles, joint motions, and the corners between them.
+"""The geometry of RAPID's moves: legs of a path, straight lines, circles and joint motions, and corners between them.
 
 What one move instruction describes is a `Leg`: a straight line, a circle or a joint motion, and the corner to the next,
 sampled close enough that what lies between two samples follows from them; :mod:`yumi.virtual.mechanics.path` adds the
