@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from math import isfinite, radians
+from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, TypeVar
@@ -27,7 +27,6 @@ from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import Message, message, quoted
 from yumi.clock import SystemClock
 from yumi.control.loop_events import Event
-from yumi.control.motion.setpoint import slower
 from yumi.control.speed_scale import FULL
 from yumi.driver import endpoint as wire
 from yumi.driver.bringup import ANNOUNCEMENT
@@ -230,12 +229,11 @@ class Connection:
         self._motions.explain = manager.monitor.explain
         manager.start()
         stack.callback(manager.stop)
-        limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
         self.executor = MotionExecutor(
             parts.control,
             self._motions,
             self._arms,
-            limits,
+            parts.plan.limits,
             SystemClock(),
             lambda: manager.speed.in_force,
             settings.tool_limits.limits,
