@@ -21,17 +21,13 @@ from yumi.virtual.controller.jobs import Jobs
 from yumi.virtual.controller.signals import Signal, Signals
 from yumi.virtual.controller.task_settings import TaskSettings
 from yumi.virtual.controller.tasks import InstalledTask
-from yumi.virtual.event_log import EventLog
-from yumi.virtual.event_log import Refusal
-from yumi.virtual.event_log import Refused
-from yumi.virtual.mechanics.units import YUMI_UNITS
-from yumi.virtual.mechanics.units import MotionSystem
+from yumi.virtual.event_log import EventLog, Refusal, Refused
 from yumi.virtual.http_server import HttpServer
+from yumi.virtual.mechanics.units import YUMI_UNITS, MotionSystem
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.system_parameters import Configuration
-from yumi.virtual.system_parameters import Instance
+from yumi.virtual.system_parameters import Configuration, Instance
 
 USER, PASSWORD = "Default User", "robotics"
 CFG = Path(yumi.virtual.controller.__file__).parent / "stock"

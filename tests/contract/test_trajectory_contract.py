@@ -398,3 +398,12 @@ def test_plan_whose_fault_was_overlooked_moves_no_joint_beyond_its_limits(
     arm.follow(ArmPlan(SIDE, through[0], spline_through(through), None))
     assert_within_limits(arm.run(2.5))
     assert all(isfinite(value) for cycle in arm.loop.cycles for value in cycle.sent.position)
+
+
+@pytest.mark.parametrize("fault", ["too fast", "not a number"])
+def test_plan_whose_fault_was_overlooked_ends_when_it_comes_to_the_fault(arm: TrajectoryArm, fault: str) -> None:
+    through = [TrajectoryPoint(time, position) for time, position in FAULTY[fault]]
+    arm.follow(ArmPlan(SIDE, through[0], spline_through(through), None))
+    end = arm.end()
+    assert (end.outcome, end.code) == INVALID
+    assert_says(end.said, "trajectory_beyond_limit" if fault == "too fast" else "trajectory_leaves_range")

@@ -31,8 +31,7 @@ from yumi.errors import ControllerRefused
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.types import OperatingMode
-from yumi.virtual.controller.installed_system import ROBOTS
-from yumi.virtual.controller.installed_system import factory_system
+from yumi.virtual.controller.installed_system import ROBOTS, factory_system
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest

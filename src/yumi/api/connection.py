@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,6 @@ from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.loop_events import Event
-from yumi.control.motion.setpoint import slower
 from yumi.control.speed_scale import FULL
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.command import CommandedRobot
@@ -41,7 +39,7 @@ from yumi.errors import RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.recording.message_types import STATE
 from yumi.recording.recorder import FullRecorder, Source, Sources
-from yumi.robot.joints import YUMI_LIMITS, JointLimits, Side
+from yumi.robot.joints import Side
 
 if TYPE_CHECKING:
     pass
@@ -58,7 +56,7 @@ def recorded_sources(manager: RobotManager, signals: GripperSignals) -> Sources:
 
 
 def motion_executor(
-    parts: DriverParts, settings: Settings, motions: MotionRegistry, arms: tuple[Side, ...], limits: JointLimits
+    parts: DriverParts, settings: Settings, motions: MotionRegistry, arms: tuple[Side, ...]
 ) -> MotionExecutor:
     """What gives the arms of a driver their goals; ``motions`` end with the cause that the driver finds."""
     motions.explain = parts.manager.monitor.explain
@@ -66,7 +64,7 @@ def motion_executor(
         parts.control,
         motions,
         arms,
-        limits,
+        parts.plan.limits,
         SystemClock(),
         lambda: parts.manager.speed.in_force,
         settings.tool_limits.limits,
@@ -235,8 +233,7 @@ class Connection:
         manager.monitor.log.report = log.log
         manager.start()
         stack.callback(manager.stop)
-        limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        self.executor = motion_executor(parts, settings, self._motions, self._arms, limits)
+        self.executor = motion_executor(parts, settings, self._motions, self._arms)
         robot = commanded_robot(parts, settings, self.executor)
         self._robot = replace(robot, recover=self._recover_for_client, calibrate=self._calibrate_for_client)
 

@@ -343,7 +343,7 @@ def _commanded_robot(
     parts: DriverParts, settings: Settings, motions: MotionRegistry, front: RosDriver | DriverWithoutRos
 ) -> CommandedRobot:
     """The robot as commands reach it, with what moves the arms for them."""
-    executor = motion_executor(parts, settings, motions, tuple(Side), parts.plan.limits)
+    executor = motion_executor(parts, settings, motions, tuple(Side))
     return front.serve_commands(replace(commanded_robot(parts, settings, executor), namespace=settings.ros.root))
 
 

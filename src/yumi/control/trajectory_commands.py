@@ -166,8 +166,3 @@ class TrajectoryEnded:
 
     def __str__(self) -> str:
         return str(message("trajectory_ended", outcome=self.outcome.value, reason=self.said))
-
-    @property
-    def sentence(self) -> str:
-        """Why, as a sentence."""
-        return str(self.said)

@@ -29,20 +29,11 @@ import httpx
 
 from yumi.catalogue import Message, message, said_by
 from yumi.clock import Clock
-from yumi.errors import LoginRefused
-from yumi.errors import NoConnection
-from yumi.errors import ProtocolError
-from yumi.rws.documents import FORM_TYPE
-from yumi.rws.documents import Pairs
-from yumi.rws.documents import encode_form
-from yumi.rws.transport import INTERVAL
-from yumi.rws.transport import ConnectionLost
-from yumi.rws.transport import Deadline
-from yumi.rws.types import CONNECTION_COOKIE
-from yumi.rws.types import REALM
-from yumi.rws.types import SESSION_COOKIE
-from yumi.rws.web_socket import Listener
-from yumi.rws.web_socket import Socket
+from yumi.errors import LoginRefused, NoConnection, ProtocolError
+from yumi.rws.documents import FORM_TYPE, Pairs, encode_form
+from yumi.rws.transport import INTERVAL, ConnectionLost, Deadline
+from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE
+from yumi.rws.web_socket import Listener, Socket
 
 BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""

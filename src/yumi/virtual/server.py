@@ -26,16 +26,15 @@ from yumi.rapid.parser import LONGEST_MODULE
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.types import GRANTS, EventType, Grant
-from yumi.virtual.controller.installed_system import System
 from yumi.virtual.background import Background
 from yumi.virtual.certificate import self_signed_context
+from yumi.virtual.controller.installed_system import System
 from yumi.virtual.faults import FAULTS_PATH
-from yumi.virtual.mechanics.egm_network import Outgoing
 from yumi.virtual.http_server import HttpServer
+from yumi.virtual.mechanics.egm_network import Outgoing
 from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters
 from yumi.virtual.mechanics.path import PREFETCH
-from yumi.virtual.mechanics.virtual_gripper import CupObject
-from yumi.virtual.mechanics.virtual_gripper import Workpiece
+from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
 from yumi.virtual.pace import Pace
 from yumi.virtual.program_sockets import ProgramNetwork
 from yumi.virtual.rws.call import Failure

@@ -37,12 +37,10 @@ from yumi.process import command
 from yumi.process.child import PROCESSES, ChildProcess, PipeEnd
 from yumi.process.command import DRIVER_READY, Command
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
-from yumi.rws.transport import Deadline
-from yumi.rws.transport import HttpTransport
-from yumi.rws.web_socket import Listener
-from yumi.rws.web_socket import WebSocket
-from yumi.virtual.mechanics.arm_motion import ArmModel
+from yumi.rws.transport import Deadline, HttpTransport
+from yumi.rws.web_socket import Listener, WebSocket
 from yumi.virtual.http_server import HttpServer
+from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.rws.subscriptions import Upgrade
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd
 

@@ -16,11 +16,8 @@ import pytest
 from refusals import refused
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
-from yumi.rws.transport import ConnectionLost
-from yumi.rws.transport import Deadline
-from yumi.rws.transport import HttpTransport
-from yumi.rws.web_socket import Listener
-from yumi.rws.web_socket import WebSocket
+from yumi.rws.transport import ConnectionLost, Deadline, HttpTransport
+from yumi.rws.web_socket import Listener, WebSocket
 from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Channel, Upgrade

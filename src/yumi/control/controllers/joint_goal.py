@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from yumi.catalogue import Message, clause, message, remedy_of
+from yumi.catalogue import Message, message
 from yumi.control.controller import Controller
 from yumi.control.goals import GoalBuffer, check_position, read_goal
 from yumi.control.motion.point_motion import PointMotion, stop, travel
@@ -98,11 +98,6 @@ class GoalEnded:
 
     def __str__(self) -> str:
         return str(message("motion_ended", number=self.identity, reason=self.said))
-
-    @property
-    def sentence(self) -> str:
-        """Why, as part of a sentence."""
-        return "; ".join(filter(None, (clause(self.said), remedy_of(self.said))))
 
 
 class JointGoalController(Controller):

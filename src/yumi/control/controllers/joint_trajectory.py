@@ -23,7 +23,8 @@ from yumi.control.motion.blending import blend
 from yumi.control.motion.point_motion import PointMotion, stop
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint, fixed
-from yumi.control.motion.spline import Segments, Spline, SplineSampler, TrajectoryPoint
+from yumi.control.motion.spline import Segment, Segments, Spline, SplineSampler, TrajectoryPoint
+from yumi.control.motion.spline_limits import check_motion
 from yumi.control.motion.standstill import StandstillDetector, is_held_back
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
@@ -36,7 +37,7 @@ from yumi.control.trajectory_commands import (
     TrajectoryEnded,
     refused,
 )
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, TrajectoryRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, Side, joint_names, joints
 from yumi.settings import Parameter, Values
 
@@ -93,6 +94,7 @@ class JointTrajectoryController(Controller):
         self._standstill: StandstillDetector | None = None
         self._is_judged = True
         self._judged_pace, self._paced_at = 1.0, -inf
+        self._judged_segment: Segment | None = None
         self._source: _Source = _resting(ZERO)
         self._time = 0.0
         self._times: deque[tuple[float, float]] = deque(maxlen=_TIMES)  # of the last cycles, and on the trajectory [s]
@@ -184,6 +186,8 @@ class JointTrajectoryController(Controller):
             if self._goal is not None:
                 self._watch(self._goal, state)
             if self._goal is not None:
+                self._judge_segment()
+            if self._goal is not None:
                 self._compare_arms(self._goal, state)
             if state.time >= self._feedback_due:
                 self._give_feedback(state)
@@ -269,6 +273,17 @@ class JointTrajectoryController(Controller):
             self._abort(*violation)
         elif goal.phase is Phase.REACHED and self._may_succeed(goal):
             self._succeed()
+
+    def _judge_segment(self) -> None:
+        """The driver has checked the plan, and may err: a segment that was entered must keep the limits."""
+        source = self._source
+        if not isinstance(source, SplineSampler) or source.segment is self._judged_segment:
+            return
+        self._judged_segment = source.segment
+        try:
+            check_motion((source.segment,) if source.segment.rows else (), self._names, self._limits)
+        except TrajectoryRefused as error:
+            self._abort(ResultCode.INVALID_GOAL, error.said)
 
     def _measured_time(self, state: ArmState) -> float:
         """The time on the trajectory that the measured position belongs to [s]: that of a ``lookahead`` ago."""

@@ -189,6 +189,9 @@ class SplineSampler:
 
     Args:
         spline: of seven joints.
+
+    Attributes:
+        segment: that was read last; an empty one before the first.
     """
 
     def __init__(self, spline: Spline) -> None:
@@ -197,14 +200,14 @@ class SplineSampler:
         self._last = spline.last.position
         self._index = -1
         self._entry, self._exit = inf, -inf  # when the segment was entered that is read now, and when it is left
-        self._current = Segment(0.0, 0.0, ())
+        self.segment = Segment(0.0, 0.0, ())
 
     def motion(self, time: float) -> tuple[Joints, Joints]:
         """Positions [rad] and velocities [rad/s]; at rest before the begin and from the end on."""
         position = self.position(time)
         if not self._begin <= time < self._end:
             return position, ZERO
-        t, rows = time - self._current.begin, self._current.rows
+        t, rows = time - self.segment.begin, self.segment.rows
         velocity = [b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f))) for _, b, c, d, e, f in rows]
         return position, tuple(velocity)
 
@@ -222,17 +225,17 @@ class SplineSampler:
         position, velocity = self.motion(time)
         if velocity is ZERO:
             return Setpoint(position)
-        t, rows = time - self._current.begin, self._current.rows
+        t, rows = time - self.segment.begin, self.segment.rows
         acceleration = [2.0 * c + t * (6.0 * d + t * (12.0 * e + t * 20.0 * f)) for _, _, c, d, e, f in rows]
         return Setpoint(position, velocity, tuple(acceleration))
 
     def _find(self, time: float) -> Segment:
         """The first segment that ends after ``time``; it may be entered later than it begins."""
         if self._entry <= time < self._exit:
-            return self._current
+            return self.segment
         segments, index = self._segments, self._index + 1
         if not (self._exit <= time and index < len(segments) and time < segments.end(index)):
             index = bisect_right(range(len(segments)), time, key=segments.end)
-        self._index, self._current = index, segments[index]
-        self._entry, self._exit = segments.end(index - 1) if index else -inf, self._current.end
-        return self._current
+        self._index, self.segment = index, segments[index]
+        self._entry, self._exit = segments.end(index - 1) if index else -inf, self.segment.end
+        return self.segment

@@ -49,4 +49,4 @@ def is_held_back(commanded: Joints, velocity: Joints, planned: Joints) -> bool:
         planned: where the robot plans to be [rad], (7,).
     """
     rows = zip(commanded, velocity, planned, strict=True)
-    return any(abs(wanted - now) > _ELSEWHERE + _DELAYED * abs(speed) for wanted, speed, now in rows)
+    return any(not abs(wanted - now) <= _ELSEWHERE + _DELAYED * abs(speed) for wanted, speed, now in rows)  # NaN too

@@ -18,8 +18,8 @@ from yumi.robot.kinematics import compose, inverse
 from yumi.virtual.instructions.moves import FATAL, MOVES, MoveInstructions, check_may_move
 from yumi.virtual.instructions.robot_data import NOT_PRESENT, chain_order, jointtarget, rapid_from_pose, unit_quaternion
 from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
-from yumi.virtual.mechanics.path_geometry import CircleMode, Frames
 from yumi.virtual.mechanics.path import Acceleration
+from yumi.virtual.mechanics.path_geometry import CircleMode, Frames
 from yumi.virtual.mechanics.units import ArmUnit
 
 STOP_MOVE = "StopMove"

@@ -20,8 +20,8 @@ from yumi.robot.joints import Joints
 from yumi.rws.types import EventType
 from yumi.virtual.event_log import EventLog
 from yumi.virtual.instructions.moves import MOVES, place_of
-from yumi.virtual.mechanics.path_geometry import Leg, MotionFault
 from yumi.virtual.mechanics.path import Passage
+from yumi.virtual.mechanics.path_geometry import Leg, MotionFault
 from yumi.virtual.mechanics.units import ArmUnit
 
 Array = NDArray[np.float64]

@@ -16,8 +16,8 @@ from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.joints import Joints, Vector, chain_from_abb
 from yumi.virtual.instructions.moves import FATAL
 from yumi.virtual.instructions.robot_data import ROBOT_DATA
-from yumi.virtual.mechanics.watched_zones import Box, JointRange, Outside, Shape, Sphere, UprightCylinder, WorldZone
 from yumi.virtual.mechanics.units import ArmUnit
+from yumi.virtual.mechanics.watched_zones import Box, JointRange, Outside, Shape, Sphere, UprightCylinder, WorldZone
 
 _SMALLEST_ZONE_M = 0.01  # ABB's limit
 _MOST_ZONES = 20

@@ -19,10 +19,7 @@ from yumi.robot.kinematics import compose
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.dynamics import ArmDynamics
 from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.path import NO_LIMIT
-from yumi.virtual.mechanics.path import Acceleration
-from yumi.virtual.mechanics.path import SpeedLimit
-from yumi.virtual.mechanics.path import StoredPath
+from yumi.virtual.mechanics.path import NO_LIMIT, Acceleration, SpeedLimit, StoredPath
 from yumi.virtual.mechanics.path_geometry import CircleMode
 from yumi.virtual.mechanics.virtual_gripper import VirtualGripper
 from yumi.virtual.mechanics.watched_zones import WorldZone
