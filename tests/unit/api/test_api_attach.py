@@ -32,7 +32,7 @@ from yumi.control.controllers.joint_trajectory import Outcome as TrajectoryOutco
 from yumi.control.loop import ControllerCommand
 from yumi.control.shared_state import ControllerReport, JointStates, SessionLost, Snapshot
 from yumi.control.trajectory import ResultCode, TrajectoryPoint
-from yumi.driver import endpoint_server
+from yumi.driver import endpoint_server, motion_commands
 from yumi.driver.endpoint import MAX_REQUEST, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
 from yumi.driver.reports import ArmMode
@@ -799,7 +799,7 @@ def speeds_of(driver: FakeDriver, side: Side) -> Joints:
 
 
 def test_second_client_does_not_jog_the_arm_that_one_jogs(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(endpoint_server, "JOG_HOLDS", WAIT)  # the first client holds until it is gone
+    monkeypatch.setattr(motion_commands, "JOG_HOLDS", WAIT)  # the first client holds until it is gone
     driver.robot.control.on_command = driver.robot.rest
     with attach() as second:
         with attach() as first:
