@@ -20,8 +20,9 @@ from script_bench import TIMEOUT, VirtualRobot
 import yumi
 from refusals import refused
 from yumi.catalogue import FrontEnd, message, sentence
-from yumi.cli import robot as robot_commands
+from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.main import main
+from yumi.cli.robot import DRIVER_COMMANDS
 from yumi.errors import RobotNotReady
 from yumi.process.command import Command
 from yumi.robot.joints import YUMI_LIMITS, Side, named_pose
@@ -159,8 +160,8 @@ def examples_of(commands: Sequence[click.Command]) -> Iterator[list[str]]:
 
 def test_examples_of_help_work(driver: Command) -> None:
     ran = []
-    for words in examples_of(robot_commands.DRIVER_COMMANDS):
-        if words[0] in ("move", "switch"):
+    for words in examples_of(DRIVER_COMMANDS):
+        if words[0] in ("move", "retreat", "switch"):
             run("start")
         ran.append(run(*words))
     assert len(ran) > 15
@@ -208,7 +209,7 @@ def apart(*commands: Sequence[str]) -> list[tuple[int, str, str]]:
 def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     assert "EGM runs" in run("start")
     assert "stands at the goal" in run("move", "left", "ready", "--speed-scale", "1")
-    examples = list(examples_of(robot_commands.GRAPH_COMMANDS))
+    examples = list(examples_of(GRAPH_COMMANDS))
     assert len(examples) > 5
     node = "r/joint_position_controller"
     right = [

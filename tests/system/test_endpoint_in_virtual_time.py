@@ -29,7 +29,7 @@ from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer
-from yumi.driver import endpoint_server
+from yumi.driver import motion_commands
 from yumi.driver.command import CommandedRobot
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import EndpointServer
@@ -177,7 +177,7 @@ def keep_asking(driver: Driver, ask: Callable[[], object], seconds: float) -> No
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """The driver ends no jog by its own clock, on which the robot's time may go by slowly: the controllers do."""
-    monkeypatch.setattr(endpoint_server, "JOG_HOLDS", 60.0)
+    monkeypatch.setattr(motion_commands, "JOG_HOLDS", 60.0)
 
 
 @pytest.mark.usefixtures("patient")

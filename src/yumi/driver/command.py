@@ -11,7 +11,7 @@ import os
 import re
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -178,12 +178,15 @@ class Caller:
         show: takes each step of the command.
         show_motions: takes how far motions are.
         is_gone: whether the client is not there any more, or the driver ends.
+        hold: keeps what the client has begun under a name: it is ended when the client is gone, or after a time [s]
+            unless it is held anew by then.
     """
 
     client: object = None
     show: Callable[[str], None] = lambda step: None
     show_motions: Callable[[dict[str, MotionReport]], None] = lambda motions: None
     is_gone: Callable[[], bool] = lambda: False
+    hold: Callable[[Hashable, Callable[[], object], float | None], None] = lambda name, end, after: None
 
     def check(self, step: str = "") -> None:
         """See that it is there; raises RobotNotReady: what it has asked for ends before its next step."""

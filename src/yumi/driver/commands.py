@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -295,7 +296,16 @@ class AllowCollision(Command[str], frozen=True):
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         if self.seconds == 0.0:
             return robot.manager.end_allowed_collision(self.part, self.other)
-        return robot.manager.allow_collision(self.part, self.other, self.seconds)
+        is_refused = False
+        try:
+            return robot.manager.allow_collision(self.part, self.other, self.seconds)
+        except CommandRefused:
+            is_refused = True
+            raise
+        finally:  # what was refused is not the client's own to end; what has failed otherwise may have been done
+            if not is_refused:
+                end = partial(robot.manager.end_allowed_collision, self.part, self.other)
+                caller.hold((self.part, self.other), end, None)
 
 
 # ---- the controller's panel, its program and what the arms carry
@@ -458,12 +468,10 @@ COMMANDS: tuple[type[Command[Any]], ...] = (
     GetSurroundings,
     DescribeState,
     RobotIsReady,
+    SetMode,
     StartEgm,
     StopEgm,
-    SetMode,
     Recover,
-    SetSpeedScale,
-    SetSpeedRatio,
     Calibrate,
     Grip,
     Move,
@@ -471,6 +479,8 @@ COMMANDS: tuple[type[Command[Any]], ...] = (
     Jog,
     JogTool,
     SwitchControllers,
+    SetSpeedScale,
+    SetSpeedRatio,
     AllowCollision,
     MotorsOn,
     MotorsOff,

@@ -12,7 +12,7 @@ import os
 import socket
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import reduce
@@ -25,9 +25,17 @@ from typing import Any
 import msgspec
 
 from yumi.catalogue import FrontEnd, Message, cut, message, said_by
-from yumi.control.loop_events import ControllerReport, Event, is_fault
-from yumi.driver.command import RECENT, Arm, Caller, Command, CommandedRobot, Lane, Request, side_of
-from yumi.driver.commands import AllowCollision, carry_out, offered_to
+from yumi.control.loop_events import ControllerReport
+from yumi.control.loop_events import Event
+from yumi.control.loop_events import is_fault
+from yumi.driver.command import RECENT
+from yumi.driver.command import Caller
+from yumi.driver.command import Command
+from yumi.driver.command import CommandedRobot
+from yumi.driver.command import Lane
+from yumi.driver.command import Request
+from yumi.driver.commands import carry_out
+from yumi.driver.commands import offered_to
 from yumi.driver.endpoint import (
     FIRST_REQUEST,
     MAX_REQUEST,
@@ -38,9 +46,8 @@ from yumi.driver.endpoint import (
     endpoint_path,
     failure_of,
 )
-from yumi.driver.motion_commands import JOG_HOLDS, Jog, JogTool
 from yumi.driver.reports import Said
-from yumi.errors import CommandRefused, RobotNotReady, YumiError
+from yumi.errors import RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.joints import Side
 
@@ -84,8 +91,8 @@ class _Client:
         self.silence: asyncio.TimerHandle | None = None  # what disconnects it unless it asks for something
         self.pending = 0
         self.subscription: asyncio.Task[None] | None = None
-        self.jogs: dict[Arm, asyncio.TimerHandle] = {}  # what ends them
-        self.allowed: set[tuple[str, str]] = set()  # parts that may touch as long as it is there, or for less
+        self.held: dict[Hashable, Callable[[], object]] = {}  # what ends with it, such as a jog
+        self.timers: dict[Hashable, asyncio.TimerHandle] = {}  # of what ends earlier
         self._loop = loop
 
     def send(self, answer: Answer) -> None:
@@ -141,7 +148,7 @@ class EndpointServer:
         self._workers = ThreadPoolExecutor(MAX_CLIENTS, "endpoint-work")
         self._stops = ThreadPoolExecutor(2, "endpoint-stop")  # a stop waits for no other request
         # The end of a jog waits neither for requests nor on the loop's thread, which all clients need.
-        self._jog_ends = ThreadPoolExecutor(len(Side), "endpoint-end-jog")
+        self._ends = ThreadPoolExecutor(len(Side), "endpoint-end")
 
     def note(self, level: int, said: Message | str) -> None:
         """Keep a line of the driver's log for the clients, with a level of :mod:`logging`; from any thread."""
@@ -178,7 +185,7 @@ class EndpointServer:
         self._thread.join()
         self._workers.shutdown()
         self._stops.shutdown()
-        self._jog_ends.shutdown()
+        self._ends.shutdown()
 
     def _run(self) -> None:
         asyncio.run(self._serve())
@@ -226,11 +233,9 @@ class EndpointServer:
             self._clients.pop(client, None)
             if client.subscription is not None:
                 client.subscription.cancel()
-            for timer in client.jogs.values():
+            for timer in client.timers.values():
                 timer.cancel()
-            ends = [self._end_jog(client, arm) for arm in client.jogs]
-            if client.allowed:
-                ends.append(self._end_allowed(client))
+            ends = [self._end_held(end) for end in client.held.values()]
             writer.close()
             with suppress(ConnectionError):
                 await writer.wait_closed()
@@ -327,49 +332,32 @@ class EndpointServer:
             lambda step: client.send_soon(Answer(id=command.id, step=step)),
             lambda motions: client.send_soon(Answer(id=command.id, motions=motions)),
             lambda: client.is_gone or self._is_over.is_set(),
+            lambda name, end, after: client.call_soon(self._hold, client, name, end, after),
         )
-        is_refused = False
         try:
             result = msgspec.Raw(msgspec.json.encode(carry_out(command, self._robot, caller)))
             answer = Answer(id=command.id, result=result)
         except Exception as error:  # a fault of ours, too: the client must not wait for ever
-            answer, is_refused = _failed(command, error), isinstance(error, CommandRefused)
-        if isinstance(command, Jog | JogTool):
-            client.call_soon(self._hold_jog, client, command.arm)
-        # What was refused is not the client's own to end; what has failed otherwise may have been served all the same.
-        if isinstance(command, AllowCollision) and command.seconds and not is_refused:
-            client.call_soon(self._note_allowed, client, command)
+            answer = _failed(command, error)
         client.send_soon(answer)
 
-    def _hold_jog(self, client: _Client, arm: Arm) -> None:
-        """A client has jogged an arm: stop it unless the client goes on, whatever timeouts the controllers have."""
-        if arm in client.jogs:
-            client.jogs.pop(arm).cancel()
+    def _hold(self, client: _Client, name: Hashable, end: Callable[[], object], after: float | None) -> None:
+        """Keep what a client has begun until the client is gone, or for ``after`` [s] unless it is held anew."""
+        if name in client.timers:
+            client.timers.pop(name).cancel()
         if client.is_gone:
-            self._end_jog(client, arm)
-        else:
-            client.jogs[arm] = asyncio.get_running_loop().call_later(JOG_HOLDS, self._end_jog, client, arm)
+            self._end_held(end)
+            return
+        client.held[name] = end
+        if after is not None:
+            client.timers[name] = asyncio.get_running_loop().call_later(after, self._end_held, end)
 
-    def _note_allowed(self, client: _Client, request: AllowCollision) -> None:
-        """The parts may touch no longer than the client is there; it may have gone meanwhile."""
-        client.allowed.add((request.part, request.other))
-        if client.is_gone:
-            self._end_allowed(client)
+    def _end_held(self, end: Callable[[], object]) -> asyncio.Future[None]:
+        def run() -> None:
+            with suppress(YumiError):  # the others end all the same
+                end()
 
-    def _end_allowed(self, client: _Client) -> asyncio.Future[None]:
-        """Keep apart what a client has let touch."""
-        pairs, client.allowed = client.allowed, set()
-
-        def end() -> None:
-            for part, other in pairs:
-                with suppress(YumiError):  # the other pairs end all the same
-                    self._robot.manager.end_allowed_collision(part, other)
-
-        return asyncio.get_running_loop().run_in_executor(self._jog_ends, end)
-
-    def _end_jog(self, client: _Client, arm: Arm) -> asyncio.Future[None]:
-        end = self._robot.mover.end_jog
-        return asyncio.get_running_loop().run_in_executor(self._jog_ends, end, side_of(arm), client)
+        return asyncio.get_running_loop().run_in_executor(self._ends, run)
 
     async def _publish(self, client: _Client, request: Subscribe) -> None:
         self._robot.on_subscription()

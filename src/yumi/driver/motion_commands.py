@@ -143,7 +143,7 @@ class Jog(Command[str], frozen=True):
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
-        return _jog(robot, caller, lambda: robot.mover.jog(side, self.speeds, caller.client))
+        return _jog(robot, caller, side, lambda: robot.mover.jog(side, self.speeds, caller.client))
 
 
 class JogTool(Command[str], frozen=True):
@@ -171,20 +171,24 @@ class JogTool(Command[str], frozen=True):
         return _jog(
             robot,
             caller,
+            side,
             lambda: robot.mover.jog_tool(side, twist, FINGERTIPS, caller.client, is_in_tool=is_in_tool),
         )
 
 
-def _jog(robot: CommandedRobot, caller: Caller, jog: Callable[[], bool]) -> str:
-    """Move an arm for a moment; a move that is being carried out goes first."""
-    if not robot.moving.acquire(blocking=False):
-        raise CommandRefused(message("another_move_under_way"))
+def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bool]) -> str:
+    """Move an arm for a moment, whatever timeouts its controllers have; a move that is being carried out goes first."""
     try:
-        caller.check()
-        if jog():  # a controller was switched
-            robot.on_change()
-    finally:
-        robot.moving.release()
+        if not robot.moving.acquire(blocking=False):
+            raise CommandRefused(message("another_move_under_way"))
+        try:
+            caller.check()
+            if jog():  # a controller was switched
+                robot.on_change()
+        finally:
+            robot.moving.release()
+    finally:  # what has failed may have moved the arm all the same
+        caller.hold(side, lambda: robot.mover.end_jog(side, caller.client), JOG_HOLDS)
     return ""
 
 
