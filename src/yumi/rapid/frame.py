@@ -283,6 +283,11 @@ class Frame:
         self.step, self.error = self.retry_step, None
 
     @property
+    def clause(self) -> str:
+        """The clause that is being executed: "ERR", "UNDO", or "NONE" for the statements."""
+        return "UNDO" if self.is_undoing else "NONE" if self.error is None else "ERR"
+
+    @property
     def remaining_retries(self) -> float:
         """How often RETRY is still possible for the statement that failed."""
         return self.task.most_retries - (self._retries if self._retried == self.retry_step else 0)

@@ -21,6 +21,7 @@ from yumi.rapid.modules import UserRoutine
 from yumi.rapid.program import Program
 from yumi.rapid.states import EventKind, SystemEvent
 from yumi.rapid.types import (
+    FIRST_BOOKED_NUMBER,
     LARGEST_OWN_NUMBER,
     RapidReferenceError,
     RapidRuntimeError,
@@ -29,6 +30,8 @@ from yumi.rapid.types import (
 )
 
 DEEPEST_STACK = 250
+MOST_BOOKED = 500  # error numbers
+FATAL = 0.0  # the number of an error that no handler may take
 STEPS_BETWEEN_CLOCK_READS = 8  # reading it takes as long as a step; after an instruction it is read at once
 
 
@@ -41,12 +44,6 @@ class MachineTask(RunningTask, Protocol):
 
     @property
     def is_linked(self) -> bool: ...
-
-    def note_error(self, error: RapidRuntimeError) -> float: ...
-
-    def error_name(self, number: float) -> str: ...
-
-    def set_system(self, name: str, value: float) -> None: ...
 
     def event_changed(self) -> None: ...
 
@@ -63,6 +60,7 @@ class Machine:
     """The execution of one task: its call stack and its interrupts.
 
     Attributes:
+        booked: names of the program's own error numbers (BookErrNo).
         event: whose event routines are being executed, on top of the program, None without any.
         pause: where steps and breakpoints stop: asked before each statement, it says why; None without any.
     """
@@ -71,6 +69,7 @@ class Machine:
         self.task = task
         self.frames: list[Frame] = []
         self.interrupts = Interrupts()
+        self.booked: dict[float, str] = {}
         self.in_trap = False
         self.event: SystemEvent | None = None
         self.instant = 0
@@ -332,7 +331,7 @@ class Machine:
 
     def _begin_trap(self, below: Frame) -> None:
         number, trap = self.interrupts.take()
-        self.task.set_system("intno", float(number))
+        self.set_system("intno", float(number))
         below.is_interrupted = below.waiting is None
         try:
             self.enter(trap, (), None).is_trap = True
@@ -346,9 +345,31 @@ class Machine:
 
     # Errors -------------------------------------------------------------------------------------------------------
 
+    def note_error(self, error: RapidRuntimeError) -> float:
+        """The number of an error, which ERRNO has from now on; FATAL for a name the library does not know."""
+        if error.number is None:
+            error.number = self.task.library.error_number(error.name) or FATAL
+        self.set_system("errno", error.number)
+        return error.number
+
+    def book_error(self, name: str) -> float:
+        """A new error number for the program (BookErrNo)."""
+        if len(self.booked) >= MOST_BOOKED:
+            raise RapidRuntimeError("ERR_EXECPHR", f"A program may book {MOST_BOOKED} error numbers.")
+        number = float(FIRST_BOOKED_NUMBER + len(self.booked))
+        self.booked[number] = name
+        return number
+
+    def error_name(self, number: float) -> str:
+        """The name of a booked or known error, "" when it has none."""
+        return self.booked.get(number) or self.task.library.error_name(number) or ""
+
+    def set_system(self, name: str, value: float) -> None:
+        self.task.program.system_data[name].value = value
+
     def raise_number(self, frame: Frame, number: float) -> None:
         """RAISE with a number; in an error handler that lists numbers it is a long jump."""
-        error = RapidRuntimeError(self.task.error_name(number), f"The program raised the error {number:g}.")
+        error = RapidRuntimeError(self.error_name(number), f"The program raised the error {number:g}.")
         error.number = number
         if frame.error is not None and frame.code.handler is not None:
             raise Propagated(error, is_long_jump=bool(frame.code.handler.numbers))
@@ -367,7 +388,7 @@ class Machine:
 
         Below a trap only handlers that list the number count, and an error inside of a handler has none at all.
         """
-        number = self.task.note_error(error)
+        number = self.note_error(error)
         depth = self._handler_depth(number, is_long_jump, skip) if number else 0
         if depth == 0:
             self.task.failed(error, self.frames[-1])
@@ -375,7 +396,7 @@ class Machine:
         handling = self.frames[depth - 1]
 
         def handle() -> None:
-            self.task.note_error(error)  # an UNDO clause may have met others
+            self.note_error(error)  # an UNDO clause may have met others
             handling.enter_handler(error)
 
         self.unwind(depth, handle)

@@ -32,7 +32,6 @@ from yumi.rapid.states import EventKind, Execution, Severity, SystemEvent, TaskE
 from yumi.rapid.task_data import TaskData
 from yumi.rapid.timers import TimerQueue
 from yumi.rapid.types import (
-    FIRST_BOOKED_NUMBER,
     ModuleNameTaken,
     RapidReferenceError,
     RapidRuntimeError,
@@ -46,10 +45,8 @@ STEPS_PER_SECOND = 500_000  # and as many more as a long advance may need
 TIME_PER_ADVANCE = 0.5e-3  # [s] of the task's clock, so that two tasks leave three quarters of a cycle to the rest
 STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
 MOST_RETRIES = 4  # ABB's default of the system parameter NoOfRetry
-MOST_BOOKED = 500  # error numbers
 ROUNDING = 1e-9  # [s], of the sums that times are
 OP_AUTO = 1
-FATAL = 0.0  # the number of an error that no handler may take
 
 
 log = logging.getLogger(__name__)
@@ -168,14 +165,13 @@ class Task(TaskData):
         self._leaves_event = False  # once the instruction has been executed
         self._pp_moved = self._stop_event = ""
         self.pp_moved_in_manual = False
-        self._machine = Machine(self)
+        self.machine = Machine(self)
         self._pauses: Callable[[Frame], EventKind | None] | None = None
         self._breakpoints: set[tuple[str, int]] = set()  # module in lower case, and line
         self._step: StepKind | None = None
         self._stops_at_breakpoints = False
         self._started_at = 0  # the machine's instant
         self._execution = Execution.UNINITIALIZED
-        self._booked: dict[float, str] = {}
         self._prepared: Prepared | None = None
         self.linked_program: Program | None = None
         self._failures: list[Exception] = []  # of what happened outside of the task's time
@@ -186,7 +182,7 @@ class Task(TaskData):
 
     @property
     def interrupts(self) -> Interrupts:
-        return self._machine.interrupts
+        return self.machine.interrupts
 
     # Modules ------------------------------------------------------------------------------------------------------
 
@@ -198,7 +194,7 @@ class Task(TaskData):
     @property
     def has_program_pointer(self) -> bool:
         """Whether there is a statement that a start would go on with."""
-        return bool(self._machine.program)
+        return bool(self.machine.program)
 
     @property
     def is_linked(self) -> bool:
@@ -281,7 +277,7 @@ class Task(TaskData):
     def _has_pp(self, base: Program, modules: Sequence[s.Module], *, replaces_program: bool) -> bool:
         """Whether there is a program pointer that a program in the place of `base` does not take along."""
         removed = removed_by(modules, base, replaces_program=True) if replaces_program else ()
-        frames = self._machine.frames
+        frames = self.machine.frames
         return bool(frames) and not any(frame.routine.module in removed for frame in frames)
 
     def _fits(self, found: Prepared, modules: Sequence[s.Module], *, replaces_program: bool = False) -> bool:
@@ -298,13 +294,13 @@ class Task(TaskData):
 
     def _adopt(self, program: Program, *removed: LoadedModule, is_linked: bool) -> None:
         """Go on with another program; `is_linked` says whether its data have their values."""
-        executed = {id(frame.code) for frame in self._machine.frames}
+        executed = {id(frame.code) for frame in self.machine.frames}
         codes = self.program.codes.items()
         discarded = [code for routine, code in codes if routine not in program.codes and id(code) not in executed]
         self.program = program
         if is_linked:
             self.linked_program = program
-        if any(frame.routine.module in removed for frame in self._machine.frames):
+        if any(frame.routine.module in removed for frame in self.machine.frames):
             self.lose_pp()
         for module in removed:
             module.clear()
@@ -323,7 +319,7 @@ class Task(TaskData):
 
     def _check_not_executing(self, module: LoadedModule) -> None:
         is_started = self._execution is Execution.STARTED
-        if is_started and any(frame.routine.module is module for frame in self._machine.frames):
+        if is_started and any(frame.routine.module is module for frame in self.machine.frames):
             raise RobotNotReady(f"The module '{module.name}' is executing; stop the task before it is unloaded.")
 
     # Execution ----------------------------------------------------------------------------------------------------
@@ -379,15 +375,15 @@ class Task(TaskData):
 
     def _begin(self, routine: UserRoutine) -> None:
         time = self.now
-        with self._machine.beneath_events():
-            self._machine.undo_all(STEPS_OF_UNDO)
-            self._machine.interrupts.clear()
+        with self.machine.beneath_events():
+            self.machine.undo_all(STEPS_OF_UNDO)
+            self.machine.interrupts.clear()
             self._failures.clear()
-            self._booked.clear()
+            self.machine.booked.clear()
             self.cyclic_bools.clear()
             self.spy = None
             initialise_variables(self.program)
-            self._machine.enter(routine, (), None)
+            self.machine.enter(routine, (), None)
             self._execution = Execution.READY
         if self.is_event_alone:
             self.now = time  # theirs
@@ -395,8 +391,8 @@ class Task(TaskData):
     def lose_pp(self) -> None:
         """Take the program pointer away, as a change of the program under way does."""
         self.stop()
-        self._machine.abandon()
-        self._machine.interrupts.clear()
+        self.machine.abandon()
+        self.machine.interrupts.clear()
         self._execution = Execution.UNINITIALIZED
 
     def _main(self) -> UserRoutine:
@@ -411,11 +407,11 @@ class Task(TaskData):
         Raises:
             RobotNotReady: the program pointer is nowhere.
         """
-        if not (program := self._machine.program):
+        if not (program := self.machine.program):
             raise RobotNotReady(f"The task {self.name} has no program pointer; move PP to main before the start.")
         program[-1].is_interrupted = False  # by a step or a breakpoint
         self._step, self._stops_at_breakpoints = step, stop_at_breakpoints
-        self._started_at, self._pauses = self._machine.instant, None
+        self._started_at, self._pauses = self.machine.instant, None
         self._watch_breakpoints()
         self._stop_event, self._pp_moved = self._pp_moved, ""
         from_beginning = self._execution is Execution.READY
@@ -432,7 +428,7 @@ class Task(TaskData):
                 self.spy(StackEntry(frame.routine.module.name, frame.routine.name, frame.next_line))
             return None if pauses is None else pauses(frame)
 
-        self._machine.pause = pauses if self.spy is None else watch
+        self.machine.pause = pauses if self.spy is None else watch
 
     @property
     def stop_event(self) -> str:
@@ -468,13 +464,13 @@ class Task(TaskData):
         are_some = self._stops_at_breakpoints and bool(self._breakpoints)
         if self._step is None and not are_some:
             self._pauses = None
-        elif self._pauses is None and self._machine.program:
-            self._pauses = self._pauses_at(self._step, has_begun=self._machine.instant != self._started_at)
+        elif self._pauses is None and self.machine.program:
+            self._pauses = self._pauses_at(self._step, has_begun=self.machine.instant != self._started_at)
         self.watch_statements()
 
     def _pauses_at(self, step: StepKind | None, *, has_begun: bool) -> Callable[[Frame], EventKind | None]:
         """Why the task pauses before a statement; not before the one it starts with."""
-        frames, program = self._machine.frames, self._machine.program
+        frames, program = self.machine.frames, self.machine.program
         depth, top = len(program), program[-1]
         begun = has_begun or not top.is_between_statements()
         depths = {StepKind.IN: math.inf, StepKind.OVER: depth, StepKind.OUT: depth - 1, None: -1}
@@ -498,7 +494,7 @@ class Task(TaskData):
     @property
     def call_stack(self) -> tuple[StackEntry, ...]:
         """The routines under way, the innermost first; its line is where the program pointer stands."""
-        frames = reversed(self._machine.frames)
+        frames = reversed(self.machine.frames)
         return tuple(StackEntry(each.routine.module.name, each.routine.name, each.line) for each in frames)
 
     def stop(self) -> None:
@@ -510,7 +506,7 @@ class Task(TaskData):
     @property
     def event(self) -> SystemEvent | None:
         """The system event whose event routines are being executed, or None."""
-        return self._machine.event
+        return self.machine.event
 
     def begin_event(self, event: SystemEvent) -> None:
         """Execute the event routines of a system event before anything else, in a stopped task them alone.
@@ -524,7 +520,7 @@ class Task(TaskData):
             except RapidReferenceError as error:
                 self._skip_event(event, name, error)
         try:
-            self._machine.begin_event(event, routines)
+            self.machine.begin_event(event, routines)
         except RapidRuntimeError as error:
             self._skip_event(event, ", ".join(each.name for each in routines), error)
 
@@ -549,25 +545,25 @@ class Task(TaskData):
     def abandon_event(self) -> None:
         """Leave the event routines that are being executed, but for those of a start, which goes on with them."""
         while self.is_event_alone:
-            self._machine.abandon_event()
+            self.machine.abandon_event()
 
     @property
     def is_waiting(self) -> bool:
         """Whether an instruction waits, or nothing is executed at all."""
-        frames = self._machine.frames
+        frames = self.machine.frames
         return not (self.is_running and frames) or frames[-1].waiting is not None
 
     @property
     def is_busy(self) -> bool:
         """Whether it would have executed more than one advance allows, so that tasks behind it have to wait."""
-        return self.is_running and self._machine.budget <= 0
+        return self.is_running and self.machine.budget <= 0
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` [s] pass without executing anything, as while a task in its foreground has more to execute."""
         self.now += dt
         self.stand(dt)
         if self.is_running and not self.is_event_alone:
-            self._machine.interrupts.time_passed(self.now)
+            self.machine.interrupts.time_passed(self.now)
 
     def stand(self, dt: float) -> None:
         """Let `dt` [s] pass while the task is stopped: pulses end and clocks go on."""
@@ -583,7 +579,7 @@ class Task(TaskData):
 
     def advance(self, dt: float) -> None:
         """Let `dt` [s] pass and execute until everything waits; 0.0 settles what can happen without time passing."""
-        machine, end = self._machine, self.now + dt
+        machine, end = self.machine, self.now + dt
         machine.budget = max(STEPS_PER_ADVANCE, int(dt * STEPS_PER_SECOND))
         machine.deadline = self.clock() + TIME_PER_ADVANCE
         while True:
@@ -605,15 +601,15 @@ class Task(TaskData):
             self._perform_timers()
             if self.is_running:
                 if not self.is_event_alone:
-                    self._machine.interrupts.time_passed(time)
-                self._machine.run()
+                    self.machine.interrupts.time_passed(time)
+                self.machine.run()
             if self._leaves_event:
                 self._leaves_event = False
                 self.abandon_event()
         except Exception as error:  # outside of a statement: whatever a program does, the controller goes on
-            frame = self._machine.frames[-1] if self._machine.frames else None
+            frame = self.machine.frames[-1] if self.machine.frames else None
             if isinstance(error, RapidRuntimeError) and frame is not None:
-                self.note_error(error)
+                self.machine.note_error(error)
                 self.failed(error, frame)
                 return
             where = "no routine" if frame is None else self._where(frame)
@@ -640,54 +636,24 @@ class Task(TaskData):
     def signal_changed(self, name: str, old: float, new: float) -> None:
         """Latch the interrupts that an I/O signal's change orders; lost while the task is not started."""
         if self.is_running:
-            self._machine.interrupts.signal_changed(name, old, new)
+            self.machine.interrupts.signal_changed(name, old, new)
 
     def instruction_used(self) -> None:
         """Some instructions and functions take as long as a hundred steps."""
-        self._machine.until_clock_read = 0
-
-    @property
-    def executing_module(self) -> LoadedModule | None:
-        """The module of the routine that is being executed, None without a program pointer."""
-        return self._machine.frames[-1].routine.module if self._machine.frames else None
-
-    def exit_cycle(self) -> None:
-        """Leave all routines, each after its UNDO clause, and go on as at the end of main (ExitCycle)."""
-        self._machine.unwind(0, self.finished)
-
-    @property
-    def is_in_trap(self) -> bool:
-        return self._machine.in_trap
-
-    @property
-    def clause(self) -> str:
-        """The clause of the routine that is being executed: "ERR", "UNDO", or "NONE" for its statements."""
-        frame = self._machine.frames[-1]
-        return "UNDO" if frame.is_undoing else "NONE" if frame.error is None else "ERR"
-
-    def remaining_retries(self) -> float:
-        """How often the error handler that is being executed may still RETRY its statement."""
-        return self._machine.frames[-1].remaining_retries
-
-    def retry(self) -> None:
-        """Begin the statement that failed again, as RETRY in the error handler that is being executed."""
-        self._machine.frames[-1].retry()
-
-    def reset_retries(self) -> None:
-        self._machine.frames[-1].reset_retries()
+        self.machine.until_clock_read = 0
 
     def call_procedure(self, name: str) -> None:
         """Let a procedure without arguments run next, as an instruction such as CallByVar does."""
-        self._machine.enter(self._procedure(name), (), None)
+        self.machine.enter(self._procedure(name), (), None)
 
     def interrupt_of(self, procedure: str) -> int:
         """The number of an interrupt that calls a procedure without arguments, as MoveLSync does."""
-        found, interrupts = self._procedure(procedure), self._machine.interrupts
+        found, interrupts = self._procedure(procedure), self.machine.interrupts
         numbers = (number for number, connection in interrupts.connections.items() if connection.trap is found)
         return next(numbers, None) or interrupts.connect(0, found)
 
     def _procedure(self, name: str) -> UserRoutine:
-        found = self.program.find(name, self._machine.frames[-1].routine.module)
+        found = self.program.find(name, self.machine.frames[-1].routine.module)
         if not isinstance(found, UserRoutine) or found.syntax.kind is not s.RoutineKind.PROC:
             raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{name}' to call.")
         return found
@@ -700,11 +666,11 @@ class Task(TaskData):
         sentence = f"{self.name} stopped in {where}, with {name}: {error}"
         self._halt(EventKind.ERROR, sentence, frame, error)
         frame.rewind()
-        self._machine.abandon_event()
+        self.machine.abandon_event()
 
     def stopped_by_program(self, kind: EventKind) -> None:
         """The instructions Stop and SystemStopAction."""
-        frame = self._machine.frames[-1]
+        frame = self.machine.frames[-1]
         self._leaves_event = self.is_event_alone
         if self._leaves_event and kind is EventKind.STOP and self._execution is not Execution.STARTED:
             self.stop()  # the program stands already: only the routine ends
@@ -725,7 +691,7 @@ class Task(TaskData):
 
         RAPID overview, initialization: data and interrupts stay as they are when main begins again.
         """
-        frame = self._machine.enter(self._main(), (), None)
+        frame = self.machine.enter(self._main(), (), None)
         if self.repeats:
             if self._ended_at == self.now and frame.waiting is None:  # a program without waits leaves time to others
                 frame.begin_wait(self._until_next_advance(), None, None)
@@ -748,30 +714,6 @@ class Task(TaskData):
     def _where(frame: Frame) -> str:
         return f"{frame.routine.module.name}/{frame.routine.name}, line {frame.line}"
 
-    # Errors -------------------------------------------------------------------------------------------------------
-
-    def note_error(self, error: RapidRuntimeError) -> float:
-        """The number of an error, which ERRNO has from now on; FATAL for a name the library does not know."""
-        if error.number is None:
-            error.number = self.library.error_number(error.name) or FATAL
-        self.set_system("errno", error.number)
-        return error.number
-
-    def book_error(self, name: str) -> float:
-        """A new error number for the program (BookErrNo)."""
-        if len(self._booked) >= MOST_BOOKED:
-            raise RapidRuntimeError("ERR_EXECPHR", f"A program may book {MOST_BOOKED} error numbers.")
-        number = float(FIRST_BOOKED_NUMBER + len(self._booked))
-        self._booked[number] = name
-        return number
-
-    def error_name(self, number: float) -> str:
-        """The name of a booked or known error, "" when it has none."""
-        return self._booked.get(number) or self.library.error_name(number) or ""
-
-    def set_system(self, name: str, value: float) -> None:
-        self.program.system_data[name].value = value
-
     # Signals ------------------------------------------------------------------------------------------------------
 
     def read_signal(self, name: str) -> float:
@@ -791,6 +733,11 @@ class Task(TaskData):
     def is_settled(self, call: Call) -> bool:
         r"""Whether the robot stands as the call's \InPos demands."""
         return not call.present("InPos") or self.in_position()
+
+
+def frame_of(call: Call) -> Frame:
+    """The routine that executes a call."""
+    return task_of(call).machine.frames[-1]
 
 
 def task_of(call: Call) -> Task:

@@ -40,7 +40,7 @@ class TaskData:
 
     name: str
     program: Program
-    _machine: Machine
+    machine: Machine
 
     def read(self, block: str, symbol: str) -> str:
         """The value of a datum, or of an array element `a{1}`, as a RAPID literal; raises UnknownSymbol."""
@@ -88,7 +88,7 @@ class TaskData:
 
     def _frame(self, block: str) -> Frame | None:
         """The routine under way that a block is, None for a module; raises UnknownSymbol."""
-        frames = self._machine.frames[::-1]
+        frames = self.machine.frames[::-1]
         if block.startswith("%"):
             number = int(block[1:]) if re.fullmatch(r"%\d{1,4}", block) else 0
             if not 1 <= number <= len(frames):

@@ -611,10 +611,10 @@ class ShiftedTime:
 
     def __init__(self, machine: Callable[[asyncio.BaseEventLoop], float]) -> None:
         self.ahead = 0.0
-        self._machine = machine
+        self.machine = machine
 
     def now(self, loop: asyncio.BaseEventLoop) -> float:
-        return self._machine(loop) + self.ahead
+        return self.machine(loop) + self.ahead
 
 
 @pytest.fixture

@@ -64,7 +64,7 @@ def test_start_without_breakpoints_passes_over_all(loop: Bench) -> None:
 
 def test_statements_are_watched_only_while_there_are_breakpoints(loop: Bench) -> None:
     """A program without them executes as fast as one that was started to pass over all."""
-    machine = loop.task._machine
+    machine = loop.task.machine
     loop.task.start(stop_at_breakpoints=True)
     loop.run(0.05)
     watched = [machine.pause is not None]

@@ -60,7 +60,7 @@ def read_clock(call: Call) -> float:
 
 @SYSTEM.instruction("BookErrNo", "VAR errnum ErrorName")
 def book_error_number(call: Call) -> None:
-    call["ErrorName"] = task_of(call).book_error(call.reference("ErrorName").name)
+    call["ErrorName"] = task_of(call).machine.book_error(call.reference("ErrorName").name)
 
 
 @SYSTEM.instruction("Stop", r"\switch NoRegain | \switch AllMoveTasks")

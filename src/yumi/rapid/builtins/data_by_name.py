@@ -19,7 +19,7 @@ from yumi.rapid.expressions import Expressions, Scope
 from yumi.rapid.library import Library
 from yumi.rapid.modules import LoadedModule
 from yumi.rapid.parser import parse_reference
-from yumi.rapid.task import task_of
+from yumi.rapid.task import frame_of, task_of
 from yumi.rapid.types import (
     UNSET,
     ArrayType,
@@ -181,7 +181,7 @@ def _named_datum(call: Call) -> Reference:
     program = task.program
     owner = program.modules.get(call["Block"].module.lower()) if call.present("Block") else None
     if owner is None and task is call.task:
-        owner = task.executing_module
+        owner = frame_of(call).routine.module
     root = name.partition("{")[0].partition(".")[0]
     found = program.find(root, owner)
     if not isinstance(found, Variable) or found.value is UNSET:

@@ -8,7 +8,7 @@ from yumi.rapid.builtins.data import CONSTANTS
 from yumi.rapid.call import Call
 from yumi.rapid.library import Library
 from yumi.rapid.states import EventKind
-from yumi.rapid.task import CyclicBool, StackEntry, Task, task_of, tasks_of
+from yumi.rapid.task import CyclicBool, StackEntry, Task, frame_of, task_of, tasks_of
 from yumi.rapid.types import (
     ABSENT,
     RapidRuntimeError,
@@ -109,27 +109,28 @@ EXECUTION.formula("GetMaxNumberOfCyclicBool", "", "num", lambda: MOST_CYCLIC_BOO
 @EXECUTION.instruction("ExitCycle")
 def exit_cycle(call: Call) -> None:
     """The program goes on with main, in run mode "once" when it is started again."""
-    task_of(call).exit_cycle()
+    task = task_of(call)
+    task.machine.unwind(0, task.finished)
 
 
 @EXECUTION.function("RemainingRetries", "", "num")
 def remaining_retries(call: Call) -> float:
-    return task_of(call).remaining_retries()
+    return frame_of(call).remaining_retries
 
 
 @EXECUTION.instruction("ResetRetryCount")
 def reset_retries(call: Call) -> None:
-    task_of(call).reset_retries()
+    frame_of(call).reset_retries()
 
 
 @EXECUTION.function("ExecHandler", "", "handler_type")
 def executing_handler(call: Call) -> float:
-    return _constant(f"HANDLER_{task_of(call).clause}")
+    return _constant(f"HANDLER_{frame_of(call).clause}")
 
 
 @EXECUTION.function("ExecLevel", "", "exec_level")
 def execution_level(call: Call) -> float:
-    level = "LEVEL_SERVICE" if call.task.event else "LEVEL_TRAP" if task_of(call).is_in_trap else "LEVEL_NORMAL"
+    level = "LEVEL_SERVICE" if call.task.event else "LEVEL_TRAP" if task_of(call).machine.in_trap else "LEVEL_NORMAL"
     return _constant(level)
 
 

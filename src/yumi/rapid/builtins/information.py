@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 
 from yumi.rapid.ast import Storage
 from yumi.rapid.builtins.data import CONSTANTS
 from yumi.rapid.call import Call, Wait, whole_argument
-from yumi.rapid.devices import LoggedEvent
+from yumi.rapid.devices import Configuration, LoggedEvent
 from yumi.rapid.frame import Propagated
 from yumi.rapid.interrupts import ChangeOrder
 from yumi.rapid.library import Library
@@ -318,7 +319,7 @@ def event_data(call: Call) -> None:
 def raise_to_user(call: Call) -> None:
     """Raise the error of the handler, or another one; NOSTEPIN routines, which it leaves, are ordinary ones here."""
     number = call.get("ErrorNumber", task_of(call).program.system_data["errno"].value)
-    error = RapidRuntimeError(task_of(call).error_name(number), f"RaiseToUser: the error {number:g}.")
+    error = RapidRuntimeError(task_of(call).machine.error_name(number), f"RaiseToUser: the error {number:g}.")
     error.number = number
     raise Propagated(error, is_long_jump=False)
 
@@ -379,18 +380,37 @@ def table_text(call: Call) -> str:
 # Configuration ----------------------------------------------------------------------------------------------------
 
 
+@contextmanager
+def _attribute(call: Call) -> Iterator[tuple[Configuration, str, str]]:
+    """The system parameters, and where in them the call's attribute is; raises ERR_CFG_NOTFND."""
+    path, attribute, found = call["InstancePath"], call["Attribute"], call.task.host.devices.configuration
+    try:
+        if found is None:
+            raise KeyError(path)
+        yield found, path, attribute
+    except KeyError as error:
+        sentence = f"The configuration has no {attribute} at {path}."
+        raise RapidRuntimeError("ERR_CFG_NOTFND", sentence) from error
+
+
+@INFORMATION.instruction("ReadCfgData", r"string InstancePath, string Attribute, INOUT anytype CfgData, \num ListNo")
+def read_configuration(call: Call) -> None:
+    """One attribute of one instance, as number, text or truth value."""
+    with _attribute(call) as (configuration, path, attribute):
+        text = configuration.read(path, attribute)
+    type_ = resolved(call.reference("CfgData").type)
+    try:
+        call["CfgData"] = float(text) if is_numeric(type_) else text.upper() == "TRUE" if type_ == BOOL else text
+    except ValueError as error:
+        raise RapidRuntimeError("ERR_CFG_ILLTYPE", f"{attribute} is '{text}', not a number.") from error
+
+
 @INFORMATION.instruction("WriteCfgData", r"string InstancePath, string Attribute, anytype CfgData, \num ListNo")
 def write_configuration(call: Call) -> None:
     type_, value = resolved(call.reference("CfgData").type), call["CfgData"]
     text = f"{value:.15g}" if is_numeric(type_) else str(value).upper() if type_ == BOOL else str(value)
-    configuration = call.task.host.devices.configuration
-    try:
-        if configuration is None:
-            raise KeyError(call["InstancePath"])
-        configuration.write(call["InstancePath"], call["Attribute"], text)
-    except KeyError as error:
-        sentence = f"The configuration has no {call['Attribute']} at {call['InstancePath']}."
-        raise RapidRuntimeError("ERR_CFG_NOTFND", sentence) from error
+    with _attribute(call) as (configuration, path, attribute):
+        configuration.write(path, attribute, text)
 
 
 INFORMATION.alias("cfgdomain", "string")

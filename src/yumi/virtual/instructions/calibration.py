@@ -56,7 +56,7 @@ class CalibrationInstructions:
 
     @CALIBRATION.instruction("MToolTCPCalib", f"{_four('jointtarget')}, INOUT tooldata Tool, {_ERRORS}")
     def moving_tool_point(self, call: Call) -> None:
-        """MToolTCPCalib: the tool's point from four jointtargets that bring it to one place."""
+        """The tool's point from four jointtargets that bring it to one place."""
         self._check_hold(call, is_held=True)
         places = [self._place(call[f"Pos{number}"]) for number in range(1, 5)]
         tip, _, errors = _common_point(call, places)
@@ -65,7 +65,7 @@ class CalibrationInstructions:
 
     @CALIBRATION.instruction("SToolTCPCalib", f"{_four('robtarget')}, INOUT tooldata Tool, {_ERRORS}")
     def fixed_tool_point(self, call: Call) -> None:
-        """SToolTCPCalib: the point of a stationary tool, from four robtargets with one point of the robot at it."""
+        """The point of a stationary tool, from four robtargets with one point of the robot at it."""
         self._check_hold(call, is_held=False)
         targets = [call[f"Pos{number}"] for number in range(1, 5)]
         places = [(np.array(target.trans), matrix(unit_quaternion(target.rot))) for target in targets]
@@ -75,7 +75,7 @@ class CalibrationInstructions:
 
     @CALIBRATION.instruction("MToolRotCalib", _frame("jointtarget"))
     def moving_tool_rotation(self, call: Call) -> None:
-        r"""MToolRotCalib: the tool's z axis, with \XPos its x axis, from places where points of them are at its tip."""
+        r"""The tool's z axis, with \XPos its x axis, from places where points of them are at its tip."""
         self._check_hold(call, is_held=True)
         tip = np.array(call["Tool"].tframe.trans)
         point, rotation = self._place(call["RefTip"])
@@ -91,7 +91,7 @@ class CalibrationInstructions:
 
     @CALIBRATION.instruction("SToolRotCalib", _frame("robtarget"))
     def fixed_tool_rotation(self, call: Call) -> None:
-        r"""SToolRotCalib: the z axis of a stationary tool, with \XPos its x axis, from points on them."""
+        r"""The z axis of a stationary tool, with \XPos its x axis, from points on them."""
         self._check_hold(call, is_held=False)
         tip = np.array(call["RefTip"].trans)
         x = np.array(call["XPos"].trans) - tip if call.present("XPos") else np.array([1.0, 0.0, 0.0])
@@ -124,14 +124,14 @@ class CalibrationInstructions:
 
     @CALIBRATION.function("CalcRotAxFrameZ", f"{_TARGETS}, robtarget PositiveZPoint, {_ERRORS}", "pose")
     def axis_frame(self, call: Call) -> Any:
-        """CalcRotAxFrameZ: the frame of an axis of rotation, from a point that it turns and one on its positive z."""
+        """The frame of an axis of rotation, from a point that it turns and one on its positive z."""
         targets = _chosen_targets(call)
         z_point = np.array(call["PositiveZPoint"].trans)
         return _axis_frame(call, targets, lambda centre, normal: float(normal @ (z_point - centre)))
 
     @CALIBRATION.function("CalcRotAxisFrame", rf"mecunit MechUnit, \num AxisNo, {_TARGETS}, {_ERRORS}", "pose")
     def unit_axis_frame(self, call: Call) -> Any:
-        """CalcRotAxisFrame: the same, with the positive z of the axis by the direction of its positions."""
+        """The same, with the positive z of the axis by the direction of its positions."""
         targets, axis = _chosen_targets(call), int(call.get("AxisNo", 1.0))
         angles = [target.extax[axis - 1] if 1 <= axis <= 6 else NOT_PRESENT for target in targets]
         if any(angle >= NOT_PRESENT for angle in angles):
@@ -150,7 +150,7 @@ class CalibrationInstructions:
 
     @CALIBRATION.function("ParIdRobValid", r"paridnum ParIdType, \mecunit MechUnit, \num AxisNo", "paridvalidnum")
     def can_identify(self, call: Call) -> float:
-        """ParIdRobValid: the robot can identify loads of its tool and its payload."""
+        """The robot can identify loads of its tool and its payload."""
         if call["ParIdType"] not in (_TOOL_LOAD, _PAYLOAD):
             raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: a robot has TOOL_LOAD_ID and PAY_LOAD_ID.")
         return _ROBOT_IDENTIFIES
@@ -159,7 +159,7 @@ class CalibrationInstructions:
         "ParIdPosValid", r"paridnum ParIdType, jointtarget Pos, INOUT bool AxValid{*}, \num ConfAngle", "bool"
     )
     def can_identify_here(self, call: Call) -> bool:
-        """ParIdPosValid: whether axes 5 and 6 may turn as the identification needs; writes which of all axes may."""
+        """Whether axes 5 and 6 may turn as the identification needs; writes which of all axes may."""
         limits = self._motion.arm.kinematics.limits
         here = chain_from_jointtarget(call["Pos"], self._motion.arm.planned, limits)
         turn = radians(abs(call.get("ConfAngle", degrees(_TURN_OF_IDENTIFICATION))))
@@ -180,7 +180,7 @@ class CalibrationInstructions:
         r"\INOUT wobjdata WObj, \num ConfAngle, \switch SlowTest, \INOUT num Accuracy",
     )
     def identify(self, call: Call) -> Wait:
-        """LoadId: mass and centre of what the virtual arm carries, into the tool; the arm stands meanwhile."""
+        """Mass and centre of what the virtual arm carries, into the tool; the arm stands meanwhile."""
         arm = self._motion.arm
         payload = arm.model.payload
         if call["ParIdType"] != _TOOL_LOAD or payload is None:

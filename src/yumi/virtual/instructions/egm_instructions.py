@@ -90,7 +90,7 @@ class EgmInstructions:
 
     @EGM.instruction("EGMGetId", _IDENTITY)
     def get_id(self, call: Call) -> None:
-        """EGMGetId: the same variable keeps its identity."""
+        """The same variable keeps its identity."""
         identities = self._unit.egm_identities
         name = call.reference("EGMid").name.lower()
         if name not in identities and len(identities) >= MOST_IDENTITIES:
@@ -103,7 +103,7 @@ class EgmInstructions:
 
     @EGM.instruction("EGMReset", _IDENTITY)
     def reset(self, call: Call) -> None:
-        """EGMReset: end what the identity runs and give it back."""
+        """End what the identity runs and give it back."""
         self._unit.egm_identities.discard(call.reference("EGMid").name.lower())
         self._client.reset()
 
@@ -113,7 +113,7 @@ class EgmInstructions:
         r"| \switch PathCorr, \switch APTR | \switch LATR, \num CommTimeout",
     )
     def setup_uc(self, call: Call) -> None:
-        """EGMSetupUC: choose device and motion data."""
+        """Choose device and motion data."""
         if not call.present("Joint") and self._count == JOINT_COUNT:
             raise RapidRuntimeError(FATAL, "EGMSetupUC: a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
         if call.present("LATR"):
@@ -139,7 +139,7 @@ class EgmInstructions:
     @EGM.instruction("EGMSetupAO", _from_signals("signalao", "ao"))
     @EGM.instruction("EGMSetupGI", _from_signals("signalgi", "gi"))
     def setup_signals(self, call: Call) -> None:
-        """EGMSetupAI, EGMSetupAO, EGMSetupGI: references [deg] from I/O signals, axis 7 from the first of E1 to E6."""
+        """References [deg] from I/O signals, axis 7 from the first of E1 to E6."""
         if not call.present("Joint"):
             raise RapidRuntimeError(FATAL, f"{call.name}: signals guide the joints here: use \\Joint.")
         if call["MecUnit"].type != "TCPRobot":
@@ -192,7 +192,7 @@ class EgmInstructions:
         rf"{_each('egm_minmax', _AXES)}, \num LpFilter, \num SampleRate, \num MaxPosDeviation, \num MaxSpeedDeviation",
     )
     def act_joint(self, call: Call) -> None:
-        r"""EGMActJoint: the settings of the runs that follow; with \StreamStart positions are sent at once."""
+        r"""The settings of the runs that follow; with \StreamStart positions are sent at once."""
         self._check_guidance(call, Guidance.JOINTS)
         tool, wobj = call.get("Tool"), call.get("WObj")
         bands_deg: list[Band] = [call.get(axis, _DEFAULT_BAND_DEG) for axis in _AXES[: self._count]]
@@ -226,7 +226,7 @@ class EgmInstructions:
         r"\num LpFilter, \num SampleRate, \num MaxPosDeviation, \num MaxSpeedDeviation",
     )
     def act_pose(self, call: Call) -> None:
-        """EGMActPose: the settings of the runs that follow; the sensor's poses are in SensorFrame.
+        """The settings of the runs that follow; the sensor's poses are in SensorFrame.
 
         CorrFrame is about corrections of a path, and changes nothing.
         """
@@ -252,7 +252,7 @@ class EgmInstructions:
 
     @EGM.instruction("EGMActMove", rf"{_IDENTITY}, pose SensorFrame, \num SampleRate")
     def act_move(self, call: Call) -> None:
-        """EGMActMove: the sample rate of the moves that follow.
+        """The sample rate of the moves that follow.
 
         The offsets of an at-point tracker are along the axes of the path, so that SensorFrame changes nothing.
         """
@@ -265,7 +265,7 @@ class EgmInstructions:
     @EGM.instruction("EGMMoveL", f"{_IDENTITY}, {_CORRECTED_MOVE}")
     @EGM.instruction("EGMMoveC", f"{_IDENTITY}, robtarget CirPoint, {_CORRECTED_MOVE}")
     def move_corrected(self, call: Call) -> Wait:
-        """EGMMoveL, EGMMoveC: a move whose path the sensor corrects, from a fine point to a fine point."""
+        """A move whose path the sensor corrects, from a fine point to a fine point."""
         client, path = self._client, self._unit.arm.path
         self._check_guidance(call, Guidance.PATH_CORRECTIONS)
         if not self._corrects_moves:
@@ -315,7 +315,7 @@ class EgmInstructions:
         r"\num RampInTime, \num RampOutTime, \pose Offset, \num PosCorrGain",
     )
     def run_pose(self, call: Call) -> Wait:
-        """EGMRunPose: as EGMRunJoint."""
+        """As EGMRunJoint."""
         self._check_guidance(call, Guidance.POSES)
         yield from self._running(call, tuple(call.present(each) for each in _DIRECTIONS))
 
@@ -325,7 +325,7 @@ class EgmInstructions:
         r"\num RampOutTime, \num PosCorrGain",
     )
     def run_joint(self, call: Call) -> Wait:
-        """EGMRunJoint: until EGM ends; an abandoned call lets EGM go on, EGMStop ends it."""
+        """Until EGM ends; an abandoned call lets EGM go on, EGMStop ends it."""
         self._check_guidance(call, Guidance.JOINTS)
         yield from self._running(call, self._ordered([call.present(axis) for axis in _AXES[: self._count]]))
 
@@ -360,31 +360,28 @@ class EgmInstructions:
 
     @EGM.instruction("EGMWaitCond", _IDENTITY)
     def wait_cond(self, call: Call) -> Wait:
-        r"""EGMWaitCond: until the run that was started with \NoWaitCond ends."""
+        r"""Until the run that was started with \NoWaitCond ends."""
         if self._run is None:
             raise RapidRuntimeError(FATAL, "EGMWaitCond: there was no EGMRunJoint to wait for.")
         yield from self._until_over(call, self._run)
 
     @EGM.instruction("EGMStop", rf"{_IDENTITY}, egmstopmode Mode, \num RampOutTime")
     def stop(self, call: Call) -> Wait:
-        """EGMStop: done when the arm stands."""
+        """Done when the arm stands."""
         self._client.stop(StopMode(int(call["Mode"])), call.get("RampOutTime", 0.0))
         while not self._unit.arm.is_stationary:
             yield None
 
     @EGM.instruction("EGMStreamStart", rf"{_IDENTITY}, \num SampleRate")
     def stream_start(self, call: Call) -> None:
-        """EGMStreamStart."""
         self._do(lambda: self._client.stream_start(int(call.get("SampleRate", 4.0))))
 
     @EGM.instruction("EGMStreamStop", _IDENTITY)
     def stream_stop(self, call: Call) -> None:
-        """EGMStreamStop."""
         self._client.stream_stop()
 
     @EGM.function("EGMGetState", _IDENTITY, "egmstate")
     def state(self, call: Call) -> Any:
-        """EGMGetState."""
         return float(self._client.state)
 
     def _until_over(self, call: Call, run: EgmRun) -> Wait:

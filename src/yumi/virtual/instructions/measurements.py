@@ -97,7 +97,7 @@ class MeasurementInstructions:
         r"\mecunit MechUnit, num Axis, \VAR num Position, \VAR num Speed, \VAR num Torque, \VAR num ExtTorque",
     )
     def joint_data(self, call: Call) -> None:
-        """GetJointData: position [deg], speed [deg/s], torque [N m] and external torque of an axis, which is none."""
+        """Position [deg], speed [deg/s], torque [N m] and external torque of an axis, which is none."""
         index, unit = self._axis(call, "Axis"), self._named(call)
         arm = unit.arm
         if call.present("Position"):
@@ -120,7 +120,7 @@ class MeasurementInstructions:
         "TestSignDefine", "num Channel, testsignal SignalId, mecunit MechUnit, num Axis, num SampleTime"
     )
     def define_signal(self, call: Call) -> None:
-        """TestSignDefine: a signal of an axis on a channel."""
+        """A signal of an axis on a channel."""
         number, signal, unit = int(call["Channel"]), int(call["SignalId"]), self._named(call)
         arm = unit.arm
         if not 1 <= number <= MOST_CHANNELS:
@@ -153,7 +153,7 @@ class MeasurementInstructions:
 
     @MEASUREMENTS.function("TestSignRead", "num Channel", "num")
     def read_signal(self, call: Call) -> float:
-        """TestSignRead: the mean over the sample time; 0 of a channel that has no signal."""
+        """The mean over the sample time; 0 of a channel that has no signal."""
         channel = self._channels.get(int(call["Channel"]))
         if channel is None:
             return 0.0
@@ -162,7 +162,6 @@ class MeasurementInstructions:
 
     @MEASUREMENTS.instruction("TestSignReset")
     def reset_signals(self, call: Call) -> None:
-        """TestSignReset."""
         self._channels.clear()
         self._unit.observers.pop(f"test signals of {call.task.name}", None)
 
@@ -192,25 +191,23 @@ class MeasurementInstructions:
 
     @MEASUREMENTS.function("GetAxisDistance", _AXIS, "num")
     def axis_distance(self, call: Call) -> float:
-        """GetAxisDistance: how far an axis has turned since it was reset [deg]."""
+        """How far an axis has turned since it was reset [deg]."""
         index = self._counting(call)
         return degrees(self._moved[index])
 
     @MEASUREMENTS.function("GetAxisMoveTime", _AXIS, "num")
     def axis_time(self, call: Call) -> float:
-        """GetAxisMoveTime: how long it has moved [s]."""
+        """How long it has moved [s]."""
         index = self._counting(call)
         return self._moving_time[index]
 
     @MEASUREMENTS.instruction("ResetAxisDistance", _AXIS)
     def reset_distance(self, call: Call) -> None:
-        """ResetAxisDistance."""
         index = self._counting(call)
         self._moved = (*self._moved[:index], 0.0, *self._moved[index + 1 :])
 
     @MEASUREMENTS.instruction("ResetAxisMoveTime", _AXIS)
     def reset_time(self, call: Call) -> None:
-        """ResetAxisMoveTime."""
         index = self._counting(call)
         self._moving_time = (*self._moving_time[:index], 0.0, *self._moving_time[index + 1 :])
 
@@ -218,7 +215,6 @@ class MeasurementInstructions:
 
     @MEASUREMENTS.instruction("PathLengthStart")
     def start_way(self, call: Call) -> None:
-        """PathLengthStart."""
         name = f"{_LENGTH_OF_PATH} of {call.task.name}"
         if name not in self._unit.observers:
             self._tip = None
@@ -226,17 +222,15 @@ class MeasurementInstructions:
 
     @MEASUREMENTS.instruction("PathLengthStop")
     def stop_way(self, call: Call) -> None:
-        """PathLengthStop."""
         self._unit.observers.pop(f"{_LENGTH_OF_PATH} of {call.task.name}", None)
 
     @MEASUREMENTS.instruction("PathLengthReset")
     def reset_way(self, call: Call) -> None:
-        """PathLengthReset."""
         self._way = 0.0
 
     @MEASUREMENTS.function("PathLengthGet", "", "num")
     def way(self, call: Call) -> float:
-        """PathLengthGet: how far the tool's point has gone [mm]."""
+        """How far the tool's point has gone [mm]."""
         return self._way * 1e3
 
     def _measure_way(self) -> None:

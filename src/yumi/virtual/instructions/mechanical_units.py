@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from yumi.rapid.call import Call
 from yumi.rapid.library import Library
 from yumi.rapid.task import task_of
-from yumi.rapid.types import BOOL, UNSET, RapidRuntimeError, is_numeric, resolved
+from yumi.rapid.types import UNSET, RapidRuntimeError
 from yumi.robot.joints import JOINT_COUNT, abb_from_chain
 from yumi.virtual.instructions.robot_data import ROBOT_DATA
 from yumi.virtual.mechanics.units import ArmUnit, MechanicalUnit, unit_of
-from yumi.virtual.system_parameters import Configuration, SystemParameters
 
 UNITS = Library(ROBOT_DATA)
 
@@ -20,16 +20,12 @@ UNITS = Library(ROBOT_DATA)
 class UnitInstructions:
     """The instructions of one task about the robot and its settings."""
 
-    def __init__(
-        self, unit: ArmUnit, units: Sequence[MechanicalUnit], configuration: Configuration, robots: Sequence[ArmUnit]
-    ) -> None:
+    def __init__(self, unit: ArmUnit, units: Sequence[MechanicalUnit], robots: Sequence[ArmUnit]) -> None:
         self._unit, self._units, self._robots = unit, units, robots
-        self._configuration = configuration
         self._active: dict[str, tuple[str, Any]] = {}
 
     @UNITS.function("GetMecUnitName", "mecunit MechUnit", "string")
     def unit_name(self, call: Call) -> str:
-        """GetMecUnitName."""
         name: str = call["MechUnit"].name
         return name
 
@@ -40,7 +36,7 @@ class UnitInstructions:
         "bool",
     )
     def next_unit(self, call: Call) -> bool:
-        """GetNextMechUnit: the unit at the list number, which moves on; FALSE at the end of the list."""
+        """The unit at the list number, which moves on; FALSE at the end of the list."""
         index = int(call["ListNumber"])
         if index >= len(self._units):
             return False
@@ -64,13 +60,12 @@ class UnitInstructions:
 
     @UNITS.function("IsMechUnitActive", "mecunit MechUnit", "bool")
     def is_active(self, call: Call) -> bool:
-        """IsMechUnitActive."""
         active: bool = call["MechUnit"].mode == "Activated"
         return active
 
     @UNITS.function("GetMotorTorque", r"\mecunit MecUnit, num AxisNo", "num")
     def motor_torque(self, call: Call) -> float:
-        """GetMotorTorque: of an axis, in ABB's numbering [N m]: what holds the arm where it is.
+        """Of an axis, in ABB's numbering [N m]: what holds the arm where it is.
 
         RAPID reference manual: of the motor; gear ratios are not published, so that it is that of the joint.
         """
@@ -85,7 +80,7 @@ class UnitInstructions:
 
     @UNITS.instruction("GetSysData", r"INOUT anytype DestObject, \VAR string ObjectName")
     def get_system_data(self, call: Call) -> None:
-        r"""GetSysData: the tool or work object that is active, with its name in \ObjectName."""
+        r"""The tool or work object that is active, with its name in \ObjectName."""
         type_name = call.reference("DestObject").type.name
         value, name = self._system_data(call, type_name)
         call["DestObject"] = value
@@ -94,7 +89,7 @@ class UnitInstructions:
 
     @UNITS.instruction("SetSysData", r"anytype SourceObject, \string ObjectName")
     def set_system_data(self, call: Call) -> None:
-        """SetSysData: the tool or work object that is active until the next motion."""
+        """The tool or work object that is active until the next motion."""
         reference = call.reference("SourceObject")
         type_name = reference.type.name
         self._system_data(call, type_name)  # whether there is such
@@ -131,32 +126,15 @@ class UnitInstructions:
 
     @UNITS.function("GetTSPStatus", "string TaskName", "tsp_status")
     def task_status(self, call: Call) -> float:
-        """GetTSPStatus: of a task on the task selection panel, where all are selected."""
+        """Of a task on the task selection panel, where all are selected."""
         if call["TaskName"].lower() not in (name.lower() for name in call.task.host.devices.tasks()):
             raise RapidRuntimeError("ERR_TASKNAME", f"GetTSPStatus: there is no task '{call['TaskName']}'.")
         return 3.0  # TSP_STATUS_ACT
 
     @UNITS.function("GetModalPayLoadMode", "", "num")
     def payload_mode(self, call: Call) -> float:
-        """GetModalPayLoadMode: 1 when the load of the arm is set by GripLoad."""
-        found = self._configuration.find("SYS", "SYS_MISC", "ModalPayLoadMode")
-        return 0.0 if found is None else float(found.attributes["Value"])
-
-    @UNITS.instruction("ReadCfgData", r"string InstancePath, string Attribute, INOUT anytype CfgData, \num ListNo")
-    def read_cfg(self, call: Call) -> None:
-        """ReadCfgData: one attribute of one instance, as number, text or truth value."""
-        path, attribute = call["InstancePath"], call["Attribute"]
-        try:
-            text = SystemParameters(self._configuration).read(path, attribute)
-        except KeyError as error:
-            raise RapidRuntimeError("ERR_CFG_NOTFND", f"The configuration has no {attribute} at {path}.") from error
-        type_ = resolved(call.reference("CfgData").type)
-        if is_numeric(type_):
-            try:
-                call["CfgData"] = float(text)
-            except ValueError as error:
-                raise RapidRuntimeError("ERR_CFG_ILLTYPE", f"{attribute} is '{text}', not a number.") from error
-        elif type_ == BOOL:
-            call["CfgData"] = text.upper() == "TRUE"
-        else:
-            call["CfgData"] = text
+        """1 when the load of the arm is set by GripLoad."""
+        configuration = call.task.host.devices.configuration
+        with suppress(KeyError):
+            return float(configuration.read("/SYS/SYS_MISC/ModalPayLoadMode", "Value")) if configuration else 0.0
+        return 0.0

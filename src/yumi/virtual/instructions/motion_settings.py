@@ -11,7 +11,7 @@ from yumi.errors import RobotNotReady
 from yumi.rapid.call import Call, Wait
 from yumi.rapid.library import Library
 from yumi.rapid.states import SystemEvent
-from yumi.rapid.task import task_of
+from yumi.rapid.task import frame_of
 from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.joints import JOINT_COUNT, Pose
 from yumi.robot.kinematics import compose, inverse
@@ -64,30 +64,28 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("ConfL", _ON_OFF)
     def check_lines(self, call: Call) -> None:
-        """ConfL."""
         self._unit.settings.checks_lines = not call.present("Off")
 
     @SETTINGS.instruction("ConfJ", _ON_OFF)
     def check_joints(self, call: Call) -> None:
-        """ConfJ."""
         self._unit.settings.checks_joints = not call.present("Off")
 
     @SETTINGS.instruction("SingArea", r"\switch Wrist | \switch LockAxis4 | \switch Off")
     def singular_area(self, call: Call) -> None:
-        r"""SingArea: accepted; the orientation is kept with \Wrist, too, and the arm slows down instead."""
+        r"""Accepted; the orientation is kept with \Wrist, too, and the arm slows down instead."""
         self._unit.settings.locks_axis4 = call.present("LockAxis4")
         self._unit.settings.wrist_may_turn = call.present("Wrist") or call.present("LockAxis4")
 
     @SETTINGS.instruction("AccSet", r"num Acc, num Ramp, \num FinePointRamp")
     def set_acceleration(self, call: Call) -> None:
-        """AccSet: accelerations and how fast they build up, 20 to 100 %."""
+        """Accelerations and how fast they build up, 20 to 100 %."""
         settings, ramp = self._unit.settings, max(call["Ramp"], 10.0)
         settings.accelerations = (call["Acc"], ramp, call.get("FinePointRamp", 100.0))
         self._accelerate(along=self._unit.arm.path.acceleration.along)
 
     @SETTINGS.instruction("PathAccLim", r"bool AccLim, \num AccMax, bool DecelLim, \num DecelMax")
     def limit_acceleration(self, call: Call) -> None:
-        """PathAccLim: the tool's acceleration along the path [m/s²]."""
+        """The tool's acceleration along the path [m/s²]."""
         limits = [
             call[f"{name}Max"]
             for name, flag in (("Acc", "AccLim"), ("Decel", "DecelLim"))
@@ -103,7 +101,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("WorldAccLim", r"\num On | \switch Off")
     def limit_world_acceleration(self, call: Call) -> None:
-        r"""WorldAccLim: the tool's acceleration [m/s²], with \Off the robot's own limit."""
+        r"""The tool's acceleration [m/s²], with \Off the robot's own limit."""
         most = self._unit.arm.kinematics.tool_acceleration
         limit = call.get("On", inf)
         if limit < _LOWEST_ACCELERATION:
@@ -119,12 +117,12 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("VelSet", "num Override, num Max")
     def set_velocity(self, call: Call) -> None:
-        """VelSet: factor on all programmed speeds [%], highest speed of the tool [mm/s]."""
+        """Factor on all programmed speeds [%], highest speed of the tool [mm/s]."""
         self._unit.settings.speed_percent, self._unit.settings.most_speed = call["Override"], call["Max"]
 
     @SETTINGS.instruction("SpeedRefresh", "num Override")
     def refresh_speed(self, call: Call) -> None:
-        """SpeedRefresh: another override for the motions of this task, also for the one under way [%]."""
+        """Another override for the motions of this task, also for the one under way [%]."""
         if not 0.0 <= call["Override"] <= 100.0:
             sentence = f"SpeedRefresh takes 0 to 100 %, not {call['Override']:g}."
             raise RapidRuntimeError("ERR_SPEED_REFRESH_LIM", sentence)
@@ -133,12 +131,12 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("SpeedLimCheckPoint", "num RobSpeed")
     def limit_tool_speed(self, call: Call) -> None:
-        """SpeedLimCheckPoint: of the tool's point [mm/s], while the system input LimitSpeed is set."""
+        """Of the tool's point [mm/s], while the system input LimitSpeed is set."""
         self._limit(call, tool=self._limiting(call, "RobSpeed") * 1e-3)
 
     @SETTINGS.instruction("SpeedLimAxis", "mecunit MechUnit, num AxisNo, num AxisSpeed")
     def limit_axis_speed(self, call: Call) -> None:
-        """SpeedLimAxis: of one axis [deg/s], while the system input LimitSpeed is set."""
+        """Of one axis [deg/s], while the system input LimitSpeed is set."""
         kinematics, limit = self._unit.arm.kinematics, self._unit.settings.speed_limit
         axes = list(limit.axes or (inf,) * kinematics.joint_count)
         axes[self._joint(call, "AxisNo")] = radians(self._limiting(call, "AxisSpeed"))
@@ -164,7 +162,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("PathResol", "num PathSampleTime")
     def set_resolution(self, call: Call) -> None:
-        """PathResol: kept in C_MOTSET; the samples of paths are as close as they have to be."""
+        """Kept in C_MOTSET; the samples of paths are as close as they have to be."""
         if not 25.0 <= call["PathSampleTime"] <= 400.0:
             raise RapidRuntimeError("ERR_ARGVALERR", f"PathResol takes 25 to 400 %, not {call['PathSampleTime']:g}.")
         self._unit.settings.path_resolution = call["PathSampleTime"]
@@ -206,7 +204,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("TuneServo", r"mecunit MecUnit, num Axis, num TuneValue, \tunetype Type")
     def tune(self, call: Call) -> None:
-        r"""TuneServo: \Type:=TUNE_KP changes how closely an axis follows its plan, other types nothing."""
+        r"""\Type:=TUNE_KP changes how closely an axis follows its plan, other types nothing."""
         value, kind, index = call["TuneValue"], call.get("Type", 0.0), self._joint(call, "Axis")
         if not 1.0 <= value <= 500.0:
             raise RapidRuntimeError("ERR_ARGVALERR", f"TuneServo takes 1 to 500 %, not {value:g}.")
@@ -216,7 +214,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("TuneReset")
     def reset_tuning(self, call: Call) -> None:
-        """TuneReset: all axes are tuned as usual."""
+        """All axes are tuned as usual."""
         self._unit.settings.gains.clear()
         self._unit.arm.tune()
 
@@ -224,7 +222,7 @@ class MotionSettingInstructions:
         "PDispOn", r"\switch Rot, \robtarget ExeP, robtarget ProgPoint, tooldata Tool, \wobjdata WObj"
     )
     def displace(self, call: Call) -> None:
-        r"""PDispOn: what moves the programmed point to where the tool is, or to \ExeP; with \Rot it turns, too."""
+        r"""What moves the programmed point to where the tool is, or to \ExeP; with \Rot it turns, too."""
         settings = self._unit.settings
         settings.displacement = None
         frames = self._motion.frames(call["Tool"], call.get("WObj"))
@@ -236,19 +234,17 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("PDispSet", "pose DispFrame")
     def set_displacement(self, call: Call) -> None:
-        """PDispSet."""
         pose = call["DispFrame"]
         unit_quaternion(pose.rot)
         self._unit.settings.displacement = pose
 
     @SETTINGS.instruction("PDispOff")
     def end_displacement(self, call: Call) -> None:
-        """PDispOff."""
         self._unit.settings.displacement = None
 
     @SETTINGS.instruction("EOffsOn", r"\robtarget ExeP, anytype ProgPoint")
     def offset_axes(self, call: Call) -> None:
-        r"""EOffsOn: what moves the external axes of the programmed point to where they are, or to those of \ExeP."""
+        r"""What moves the external axes of the programmed point to where they are, or to those of \ExeP."""
         self._unit.settings.offsets = (0.0,) * 6
         point = call["ProgPoint"]
         here = call["ExeP"].extax if call.present("ExeP") else self._external(point)
@@ -265,17 +261,15 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("EOffsSet", "extjoint EAxOffs")
     def set_offsets(self, call: Call) -> None:
-        """EOffsSet."""
         self._unit.settings.offsets = tuple(value if value < NOT_PRESENT else 0.0 for value in call["EAxOffs"])
 
     @SETTINGS.instruction("EOffsOff")
     def end_offsets(self, call: Call) -> None:
-        """EOffsOff."""
         self._unit.settings.offsets = (0.0,) * 6
 
     @SETTINGS.instruction("SoftAct", r"\mecunit MechUnit, num Axis, num Softness, \num Ramp")
     def soften(self, call: Call) -> None:
-        """SoftAct: accepted; the virtual arm has no servo that gives way."""
+        """Accepted; the virtual arm has no servo that gives way."""
         axis, softness = call["Axis"], call["Softness"]
         if axis != int(axis) or not 1 <= axis <= self._unit.arm.kinematics.joint_count or not 0 <= softness <= 100:
             sentence = f"SoftAct takes an axis of the robot and 0 to 100 %, not {axis:g} and {softness:g}."
@@ -284,12 +278,11 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("SoftDeact", r"\num Ramp")
     def stiffen(self, call: Call) -> None:
-        """SoftDeact."""
         self._unit.settings.softness.clear()
 
     @SETTINGS.instruction("MotionSup", rf"{_ON_OFF}, \num TuneValue")
     def supervise(self, call: Call) -> None:
-        r"""MotionSup: whether arms that touch something stop the program; no forces are modelled that it could tune."""
+        r"""Whether arms that touch something stop the program; no forces are modelled that it could tune."""
         tune = call.get("TuneValue", 100.0)
         if not 1.0 <= tune <= 300.0:
             raise RapidRuntimeError("ERR_ARGVALERR", f"MotionSup takes a \\TuneValue of 1 to 300 %, not {tune:g}.")
@@ -297,29 +290,26 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("GripLoad", "loaddata Load")
     def grip_load(self, call: Call) -> None:
-        """GripLoad."""
         if call["Load"].mass < 0.0:
             raise RapidRuntimeError("ERR_ARGVALERR", f"GripLoad: a load has no mass of {call['Load'].mass:g} kg.")
         self._unit.settings.load = call["Load"]
 
     @SETTINGS.instruction("CirPathMode", " | ".join(rf"\switch {name}" for name in _MODE_SWITCHES))
     def set_circle_mode(self, call: Call) -> None:
-        """CirPathMode."""
         chosen = next((mode for name, mode in _CIRCLE_MODES.items() if call.present(name)), CircleMode.PATH)
         self._unit.settings.circles = chosen
 
     @SETTINGS.instruction("CornerPathWarning", "bool Active")
     def warn_of_corners(self, call: Call) -> None:
-        """CornerPathWarning."""
         self._unit.settings.warns_of_corners = call["Active"]
 
     @SETTINGS.instruction("ActUnit", "mecunit MechUnit")
     def activate(self, call: Call) -> None:
-        """ActUnit: all units are active."""
+        """All units are active."""
 
     @SETTINGS.instruction("DeactUnit", "mecunit MechUnit")
     def deactivate(self, call: Call) -> None:
-        """DeactUnit: the units of a robot stay active."""
+        """The units of a robot stay active."""
         name = call["MechUnit"].name
         raise RapidRuntimeError(FATAL, f"DeactUnit: {name} belongs to the robot and cannot be deactivated.")
 
@@ -330,7 +320,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("SetLeadThrough", rf"{_ON_OFF}, \switch NoStopMove, \switch NoClearPath, \switch NoStartMove")
     def lead(self, call: Call) -> Wait:
-        r"""SetLeadThrough: an arm that is led by hand stands on its path; \Off forgets the path, and goes on.
+        r"""An arm that is led by hand stands on its path; \Off forgets the path, and goes on.
 
         No hand leads the virtual arm: it stays where it is.
         """
@@ -350,7 +340,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("StopMove", rf"\switch Quick, {_ALL_TASKS}")
     def stop_move(self, call: Call) -> Wait:
-        r"""StopMove: the arm slows down on its path and stays there; done when it stands.
+        r"""The arm slows down on its path and stays there; done when it stands.
 
         \AllMotionTasks means all arms, and so does a task without a robot.
         """
@@ -362,7 +352,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("StepBwdPath", "num StepLength, num StepTime")
     def step_back(self, call: Call) -> Wait:
-        """StepBwdPath: back along the path, at most to the last stop point, before it goes on after a stop."""
+        """Back along the path, at most to the last stop point, before it goes on after a stop."""
         if call.task.event is not SystemEvent.RESTART:
             raise RapidRuntimeError(FATAL, "StepBwdPath: it is an instruction of event routines of RESTART.")
         if call["StepLength"] < 0.0 or not call["StepTime"] > 0.0:
@@ -391,7 +381,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("StartMove", _ALL_TASKS)
     def start_move(self, call: Call) -> None:
-        """StartMove: on along the path, unless the program that moves one of the arms is stopped."""
+        """On along the path, unless the program that moves one of the arms is stopped."""
         check_may_move(call)
         units = self._units(call)
         for unit in units:
@@ -407,15 +397,15 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("StartMoveRetry")
     def start_and_retry(self, call: Call) -> None:
-        """StartMoveRetry: StartMove and RETRY in one, so that nothing comes between them."""
-        if task_of(call).clause != "ERR":
+        """StartMove and RETRY in one, so that nothing comes between them."""
+        if frame_of(call).clause != "ERR":
             raise RapidRuntimeError(FATAL, "StartMoveRetry: it is an instruction of error handlers.")
         self.start_move(call)
-        task_of(call).retry()
+        frame_of(call).retry()
 
     @SETTINGS.instruction("StopMoveReset", _ALL_TASKS)
     def reset_stop(self, call: Call) -> None:
-        """StopMoveReset: forget a stop without going on now."""
+        """Forget a stop without going on now."""
         for arm in self._arms(call):
             arm.path.holds.discard(STOP_MOVE)
 
@@ -448,7 +438,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("ClearPath")
     def clear_path(self, call: Call) -> None:
-        """ClearPath: forget the rest of the path; the arm has to stand, as after StopMove."""
+        """Forget the rest of the path; the arm has to stand, as after StopMove."""
         arm = self._unit.arm
         if arm.path.is_empty:
             return
@@ -458,7 +448,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("StorePath", r"\switch KeepSync")
     def store_path(self, call: Call) -> Wait:
-        """StorePath: put the rest of the path aside, for other motions until RestoPath."""
+        """Put the rest of the path aside, for other motions until RestoPath."""
         arm = self._unit.arm
         if self._unit.stored_paths:
             raise RapidRuntimeError(FATAL, "StorePath: a path is stored already; RestoPath has to come before.")
@@ -468,7 +458,7 @@ class MotionSettingInstructions:
 
     @SETTINGS.instruction("RestoPath")
     def restore_path(self, call: Call) -> Wait:
-        """RestoPath: the path that was stored is ahead again, and starts with StartMove."""
+        """The path that was stored is ahead again, and starts with StartMove."""
         arm = self._unit.arm
         if not self._unit.stored_paths:
             raise RapidRuntimeError(FATAL, "RestoPath: no path is stored.")
@@ -479,17 +469,16 @@ class MotionSettingInstructions:
 
     @SETTINGS.function("PathLevel", "", "num")
     def path_level(self, call: Call) -> float:
-        """PathLevel: 1, or 2 between StorePath and RestoPath."""
+        """1, or 2 between StorePath and RestoPath."""
         return float(self._unit.path_level)
 
     @SETTINGS.function("IsStopMoveAct", r"\switch FromMoveTask | \switch FromNonMoveTask", "bool")
     def is_stopped(self, call: Call) -> bool:
-        """IsStopMoveAct."""
         return any(STOP_MOVE in arm.path.holds for arm in self._arms(call))
 
     @SETTINGS.instruction("ProcerrRecovery", r"\switch SyncOrgMoveInst | \switch SyncLastMoveInst, \switch ProcSignal")
     def recover(self, call: Call) -> Wait:
-        """ProcerrRecovery: stop the movements and let the error handler go on, with ERR_PATH_STOP."""
+        """Stop the movements and let the error handler go on, with ERR_PATH_STOP."""
         arm = self._unit.arm
         arm.path.hold(STOP_MOVE)
         while not arm.is_stationary:

@@ -214,7 +214,7 @@ class MoveInstructions:
         r"zonedata Zone, \stoppointdata Inpos",
     )
     def move_ext_j(self, call: Call) -> Wait:
-        """MoveExtJ: the seventh axis alone; robots of six axes have no other ones here."""
+        """The seventh axis alone; robots of six axes have no other ones here."""
         if call["ToJointPos"].extax[0] < NOT_PRESENT and self.arm.kinematics.reference is not None:
             yield from self.passed(call, self._external(call))
 
@@ -370,7 +370,7 @@ class MoveInstructions:
 
     @MOVES.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")
     def wait_rob(self, call: Call) -> Wait:
-        """WaitRob: until the arm stands."""
+        """Until the arm stands."""
         while not self.arm.is_stationary:
             yield None
 
@@ -382,30 +382,30 @@ class MoveInstructions:
 
     @MOVES.function("CJointT", OF_TASK, "jointtarget")
     def joint_target(self, call: Call) -> Any:
-        """CJointT: where the joints are."""
+        """Where the joints are."""
         motion = self._of_task(call)
         robax, extax = jointtarget(motion.arm.position)
         return robax, motion._without_offset(extax)
 
     @MOVES.function("CRobT", rf"{OF_TASK}, {_READ_FRAMES}", "robtarget")
     def robot_target(self, call: Call) -> Any:
-        """CRobT: where the tool is."""
+        """Where the tool is."""
         motion = self._of_task(call)
         return motion.robtarget(motion.arm.position, motion.read_frames(call))
 
     @MOVES.function("CPos", _READ_FRAMES, "pos")
     def position(self, call: Call) -> Any:
-        """CPos: where the tool's point is [mm]."""
+        """Where the tool's point is [mm]."""
         return self.robtarget(self.arm.position, self.read_frames(call))[0]
 
     @MOVES.function("CTool", OF_TASK, "tooldata")
     def tool(self, call: Call) -> Any:
-        """CTool: the tool of the last motion."""
+        """The tool of the last motion."""
         return self._of_task(call).unit.tool or _predefined(call, "tool0")
 
     @MOVES.function("CWObj", OF_TASK, "wobjdata")
     def wobj(self, call: Call) -> Any:
-        """CWObj: the work object of the last motion."""
+        """The work object of the last motion."""
         return self._of_task(call).unit.wobj or _predefined(call, "wobj0")
 
     def robtarget(self, position: Joints, frames: Frames) -> tuple[Any, ...]:
@@ -419,7 +419,7 @@ class MoveInstructions:
 
     @MOVES.function("CalcRobT", r"jointtarget Joint_target, tooldata Tool, \wobjdata WObj", "robtarget")
     def calculated_target(self, call: Call) -> Any:
-        """CalcRobT: the robtarget of a jointtarget."""
+        """The robtarget of a jointtarget."""
         frames = self.frames(call["Tool"], call.get("WObj"))
         joints = chain_from_jointtarget(call["Joint_target"], self.arm.planned, self.arm.kinematics.limits)
         return self.robtarget(joints, frames)
@@ -430,7 +430,7 @@ class MoveInstructions:
         "jointtarget",
     )
     def calculated_joints(self, call: Call) -> Any:
-        """CalcJointT: the jointtarget of a robtarget, in its configuration; raises ERR_ROBLIMIT, ERR_OUTSIDE_REACH."""
+        """The jointtarget of a robtarget, in its configuration; raises ERR_ROBLIMIT, ERR_OUTSIDE_REACH."""
         kinematics = self.arm.kinematics
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["Rob_target"])
         work = call.task.planning(lambda: posture(kinematics, target, frames, self.arm.planned, is_checked=True))
@@ -450,7 +450,7 @@ class MoveInstructions:
 
     @MOVES.function("ORobT", r"robtarget OrgPoint, \switch InPDisp | \switch InEOffs", "robtarget")
     def without_displacement(self, call: Call) -> Any:
-        """ORobT: a robtarget read under a program displacement or offset, as it is without them."""
+        """A robtarget read under a program displacement or offset, as it is without them."""
         target, settings = call["OrgPoint"], self.unit.settings
         if settings.displacement is not None and not call.present("InPDisp"):
             pose = compose(

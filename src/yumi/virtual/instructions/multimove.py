@@ -21,7 +21,7 @@ class MultiMoveInstructions:
 
     @MULTIMOVE.instruction("WaitSyncTask", r"\switch InPos, VAR syncident SyncID, anytype TaskList, \num TimeOut")
     def wait_sync(self, call: Call) -> Wait:
-        """WaitSyncTask: until every task of the list is here, or ERR_WAITSYNCTASK after the time-out."""
+        """Until every task of the list is here, or ERR_WAITSYNCTASK after the time-out."""
         while call.present("InPos") and not self._unit.arm.is_stationary:
             yield None
         tasks = [task.taskname for task in call["TaskList"]]
@@ -44,7 +44,7 @@ class MultiMoveInstructions:
 
     @MULTIMOVE.instruction("SyncMoveOn", r"VAR syncident SyncID, anytype TaskList, \num TimeOut")
     def sync_move_on(self, call: Call) -> Wait:
-        """SyncMoveOn: when every task of the list is here and stands, their moves are synchronized."""
+        """When every task of the list is here and stands, their moves are synchronized."""
         while not self._unit.arm.is_stationary:
             yield None
         tasks = tuple(task.taskname for task in call["TaskList"])
@@ -55,7 +55,7 @@ class MultiMoveInstructions:
 
     @MULTIMOVE.instruction("SyncMoveOff", r"VAR syncident SyncID, \num TimeOut")
     def sync_move_off(self, call: Call) -> Wait:
-        """SyncMoveOff: when every synchronized task is here and stands, each moves by itself again."""
+        """When every synchronized task is here and stands, each moves by itself again."""
         while not self._unit.arm.is_stationary:
             yield None
         tasks = self._unit.synchronized_tasks or (call.task.name,)
@@ -64,12 +64,12 @@ class MultiMoveInstructions:
 
     @MULTIMOVE.instruction("SyncMoveUndo")
     def sync_move_undo(self, call: Call) -> None:
-        """SyncMoveUndo: moves of this task are not synchronized any more, wherever the others are."""
+        """Moves of this task are not synchronized any more, wherever the others are."""
         self._unit.synchronized_tasks = ()
 
     @MULTIMOVE.instruction("SyncMoveSuspend")
     def suspend_sync(self, call: Call) -> Wait:
-        r"""SyncMoveSuspend: until SyncMoveResume each task moves by itself, after StorePath\KeepSync."""
+        r"""Until SyncMoveResume each task moves by itself, after StorePath\KeepSync."""
         if not self._unit.synchronized_tasks or self._unit.path_level == 1:
             sentence = f"{call.name} comes after StorePath\\KeepSync of synchronized movements."
             raise RapidRuntimeError("ERR_SYNCMOVEOFF", sentence)
@@ -78,7 +78,7 @@ class MultiMoveInstructions:
 
     @MULTIMOVE.instruction("SyncMoveResume")
     def resume_sync(self, call: Call) -> Wait:
-        """SyncMoveResume: the movements are synchronized again."""
+        """The movements are synchronized again."""
         if not self._unit.suspended_tasks:
             raise RapidRuntimeError("ERR_SYNCMOVEON", f"{call.name} comes after SyncMoveSuspend.")
         while not self._unit.arm.is_stationary:
@@ -88,12 +88,11 @@ class MultiMoveInstructions:
 
     @MULTIMOVE.function("IsSyncMoveOn", "", "bool")
     def is_synchronized(self, call: Call) -> bool:
-        """IsSyncMoveOn."""
         return bool(self._unit.synchronized_tasks)
 
     @MULTIMOVE.function("TasksInSync", "INOUT tasks TaskList{*}", "num")
     def tasks_in_sync(self, call: Call) -> float:
-        """TasksInSync: writes the tasks whose moves are synchronized, and how many they are."""
+        """Writes the tasks whose moves are synchronized, and how many they are."""
         reference = call.reference("TaskList")
         names = self._unit.synchronized_tasks
         rows = [(name,) for name in names] + [("",)] * len(reference.value)

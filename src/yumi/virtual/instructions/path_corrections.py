@@ -61,7 +61,6 @@ class PathCorrections:
 
     @CORRECTIONS.instruction("CorrCon", "VAR corrdescr Descr")
     def connect(self, call: Call) -> None:
-        """CorrCon."""
         generator = call["Descr"]
         if generator in self._generators:
             return
@@ -74,7 +73,6 @@ class PathCorrections:
 
     @CORRECTIONS.instruction("CorrDiscon", "VAR corrdescr Descr")
     def disconnect(self, call: Call) -> None:
-        """CorrDiscon."""
         generator = self._connected(call)
         self._generators.remove(generator)
         generator.offset = None
@@ -91,13 +89,13 @@ class PathCorrections:
 
     @CORRECTIONS.instruction("CorrWrite", "VAR corrdescr Descr, pos Data")
     def write(self, call: Call) -> None:
-        """CorrWrite: the offset of one generator [mm]; it replaces the one before."""
+        """The offset of one generator [mm]; it replaces the one before."""
         self._connected(call).offset = np.array(call["Data"]) * 1e-3
         self.attach()
 
     @CORRECTIONS.function("CorrRead", "", "pos")
     def read(self, call: Call) -> tuple[float, ...]:
-        """CorrRead: the sum of all generators' offsets [mm]."""
+        """The sum of all generators' offsets [mm]."""
         if not self._generators:
             raise RapidRuntimeError("CORR_NOOBJECT", "CorrRead: no correction generator is connected; use CorrCon.")
         return tuple((self.total() * 1e3).tolist())

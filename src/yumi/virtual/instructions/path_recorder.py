@@ -55,7 +55,7 @@ class PathRecorder:
 
     @RECORDER.instruction("PathRecStart", "VAR pathrecid ID")
     def start(self, call: Call) -> None:
-        """PathRecStart: record from here on; while it records, mark this place."""
+        """Record from here on; while it records, mark this place."""
         self._unit.observers[_RECORDER] = self._observe
         self._unit.beginnings[_RECORDER] = self._forget
         self._observe(is_mark=True)
@@ -63,7 +63,7 @@ class PathRecorder:
 
     @RECORDER.instruction("PathRecStop", r"\switch Clear")
     def stop(self, call: Call) -> None:
-        r"""PathRecStop: record no more; with \Clear what is recorded is forgotten."""
+        r"""Record no more; with \Clear what is recorded is forgotten."""
         self._unit.observers.pop(_RECORDER, None)
         if call.present("Clear"):
             self._clear()
@@ -96,7 +96,7 @@ class PathRecorder:
 
     @RECORDER.instruction("PathRecMoveBwd", _WAY)
     def back(self, call: Call) -> Wait:
-        r"""PathRecMoveBwd: to the place of \ID, or where the recording began."""
+        r"""To the place of \ID, or where the recording began."""
         end = self._end(call, 0)
         if not self._is_behind(end):
             raise RapidRuntimeError("ERR_PATHDIST", f"{call.name}: that place is not on the path behind the arm.")
@@ -104,7 +104,7 @@ class PathRecorder:
 
     @RECORDER.instruction("PathRecMoveFwd", _WAY)
     def forth(self, call: Call) -> Wait:
-        r"""PathRecMoveFwd: to the place of \ID, or where the way back began."""
+        r"""To the place of \ID, or where the way back began."""
         end = self._end(call, len(self._positions) - 1)
         if not self._is_ahead(end):
             raise RapidRuntimeError("ERR_PATHDIST", f"{call.name}: that place is not on the path ahead of the arm.")
@@ -112,12 +112,10 @@ class PathRecorder:
 
     @RECORDER.function("PathRecValidBwd", r"\VAR pathrecid ID", "bool")
     def is_valid_back(self, call: Call) -> bool:
-        """PathRecValidBwd."""
         return self._is_behind(self._end(call, 0))
 
     @RECORDER.function("PathRecValidFwd", r"\VAR pathrecid ID", "bool")
     def is_valid_forth(self, call: Call) -> bool:
-        """PathRecValidFwd."""
         return self._is_ahead(self._end(call, len(self._positions) - 1))
 
     def _end(self, call: Call, default: int) -> int | None:

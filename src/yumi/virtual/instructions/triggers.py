@@ -112,7 +112,7 @@ class TriggerInstructions:
     @TRIGGERS.instruction("TriggIO", rf"{_DATA}, {_WHERE}, {_OUTPUTS}, \num DODelay")
     @TRIGGERS.instruction("TriggEquip", rf"{_DATA}, \switch Start, num EquipLag, {_OUTPUTS}, \PERS bool Inhib")
     def define_output(self, call: Call) -> None:
-        """TriggIO, TriggEquip: an output is set."""
+        """An output is set."""
         name = next((call[each].name for each in ("DOp", "GOp", "AOp") if call.present(each)), None)
         if name is None:
             raise RapidRuntimeError(FATAL, rf"{call.name} needs one of \DOp, \GOp and \AOp.")
@@ -132,7 +132,7 @@ class TriggerInstructions:
 
     @TRIGGERS.instruction("TriggInt", rf"{_DATA}, {_WHERE}, VAR intnum Interrupt")
     def define_interrupt(self, call: Call) -> None:
-        """TriggInt: an interrupt occurs."""
+        """An interrupt occurs."""
         number = int(call["Interrupt"])
         self._define(call, Event(lambda move: move.task.interrupts.occur(number)))
 
@@ -142,7 +142,7 @@ class TriggerInstructions:
         "VAR intnum Interrupt",
     )
     def define_check(self, call: Call) -> None:
-        r"""TriggCheckIO: an interrupt occurs where a signal is not as it should be; with \StopMove the arm stops."""
+        r"""An interrupt occurs where a signal is not as it should be; with \StopMove the arm stops."""
         name, relation, wanted = call["Signal"].name, call["Relation"], call["CheckValue"]
         number, stops = int(call["Interrupt"]), call.present("StopMove")
         if relation not in RELATIONS:
@@ -162,7 +162,7 @@ class TriggerInstructions:
         r"\VAR signalgo GO3, \VAR signalgo GO4, VAR signaldo ShadowDO",
     )
     def supervise_stops(self, call: Call) -> None:
-        """TriggStopProc: at each stop of the program, store process signals in restart data and set them to zero.
+        """At each stop of the program, store process signals in restart data and set them to zero.
 
         Technical reference manual: values just before the stop, those when the arm stands, and how often the shadow
         signal has changed between; -1 of a signal that is not given.
@@ -215,7 +215,7 @@ class TriggerInstructions:
         r"\VAR signaldo ErrDO, \PERS bool Inhib",
     )
     def define_speed(self, call: Call) -> None:
-        """TriggSpeed: an analog output follows the tool's speed from a place on, times a factor."""
+        """An analog output follows the tool's speed from a place on, times a factor."""
         name, scale, inhibits = call["AOp"].name, call["ScaleValue"], _inhibits(call)
 
         def act(move: Call) -> None:
@@ -239,7 +239,7 @@ class TriggerInstructions:
         rf"{_DATA}, \switch Start, num EquipLag, VAR signalao AOutput, num SetValue, num RampLength, \switch Time",
     )
     def define_ramp(self, call: Call) -> None:
-        r"""TriggRampAO: an analog output goes evenly to a value, over a length or with \Time a time."""
+        r"""An analog output goes evenly to a value, over a length or with \Time a time."""
         name, value, length = call["AOutput"].name, call["SetValue"], call["RampLength"]
         steps = 20
         begins: list[float] = []
@@ -287,17 +287,14 @@ class TriggerInstructions:
 
     @TRIGGERS.instruction("TriggDataCopy", "VAR triggdata SourceTriggData, VAR triggdata DestinationTriggData")
     def copy(self, call: Call) -> None:
-        """TriggDataCopy."""
         call["DestinationTriggData"].events = call["SourceTriggData"].events
 
     @TRIGGERS.instruction("TriggDataReset", "VAR triggdata TriggData")
     def reset(self, call: Call) -> None:
-        """TriggDataReset."""
         call["TriggData"].events = ()
 
     @TRIGGERS.function("TriggDataValid", "VAR triggdata TriggData", "bool")
     def is_defined(self, call: Call) -> bool:
-        """TriggDataValid."""
         return bool(call["TriggData"].events)
 
     # Moves --------------------------------------------------------------------------------------------------------
@@ -374,7 +371,7 @@ class TriggerInstructions:
         rf"\stoppointdata Inpos, {FRAMES}",
     )
     def seek_contact(self, call: Call) -> Wait:
-        r"""ContactL: a line on which contact is sought where \DesiredTorque is given; the arm stays where it touches.
+        r"""A line on which contact is sought where \DesiredTorque is given; the arm stays where it touches.
 
         No forces are modelled: any contact is strong enough. Without \DesiredTorque it only raises the level at which
         motion supervision stops the program, so that it is a MoveL. The error ERR_CONTACTL for a line without contact

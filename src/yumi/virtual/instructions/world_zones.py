@@ -53,7 +53,6 @@ class WorldZoneInstructions:
 
     @ZONES.instruction("WZBoxDef", f"{_SHAPE}, pos LowPoint, pos HighPoint")
     def define_box(self, call: Call) -> None:
-        """WZBoxDef."""
         low, high = (_metres(call[name]) for name in ("LowPoint", "HighPoint"))
         pairs = list(zip(low, high, strict=True))
         corners = [tuple(min(pair) for pair in pairs), tuple(max(pair) for pair in pairs)]
@@ -62,33 +61,31 @@ class WorldZoneInstructions:
 
     @ZONES.instruction("WZSphDef", f"{_SHAPE}, pos CentrePoint, num Radius")
     def define_sphere(self, call: Call) -> None:
-        """WZSphDef."""
         self._check_size(call, call["Radius"] * 1e-3)
         self._define(call, Sphere(_metres(call["CentrePoint"]), call["Radius"] * 1e-3))
 
     @ZONES.instruction("WZCylDef", f"{_SHAPE}, pos CentrePoint, num Radius, num Height")
     def define_cylinder(self, call: Call) -> None:
-        """WZCylDef."""
         radius, height = call["Radius"] * 1e-3, call["Height"] * 1e-3
         self._check_size(call, min(radius, abs(height)))
         self._define(call, UprightCylinder(_metres(call["CentrePoint"]), radius, height))
 
     @ZONES.instruction("WZHomeJointDef", f"{_SHAPE}, jointtarget MiddleJointVal, jointtarget DeltaJointVal")
     def define_home(self, call: Call) -> None:
-        """WZHomeJointDef: joints beside a middle."""
+        """Joints beside a middle."""
         middle, delta = (self._joints(call[name]) for name in ("MiddleJointVal", "DeltaJointVal"))
         low, high = (tuple(m + sign * abs(d) for m, d in zip(middle, delta, strict=True)) for sign in (-1.0, 1.0))
         self._define(call, JointRange(low, high))
 
     @ZONES.instruction("WZLimJointDef", f"{_SHAPE}, jointtarget LowJointVal, jointtarget HighJointVal")
     def define_limits(self, call: Call) -> None:
-        """WZLimJointDef: joints between two positions."""
+        """Joints between two positions."""
         low, high = (self._joints(call[name]) for name in ("LowJointVal", "HighJointVal"))
         self._define(call, JointRange(low, high))
 
     @ZONES.instruction("WZLimSup", f"{_ZONE}, VAR shapedata Shape")
     def supervise(self, call: Call) -> None:
-        """WZLimSup: the arm stops when its tool comes into the zone."""
+        """The arm stops when its tool comes into the zone."""
         unit, name = self._unit, call.reference("WorldZone").name
 
         def changed(is_inside: bool) -> None:
@@ -102,23 +99,20 @@ class WorldZoneInstructions:
         rf"{_ZONE}, \switch Inside | \switch Before, VAR shapedata Shape, VAR signaldo Signal, num SetValue",
     )
     def set_output(self, call: Call) -> None:
-        """WZDOSet: a signal has a value in the zone, and the other one outside."""
+        """A signal has a value in the zone, and the other one outside."""
         task, signal, value = call.task, call["Signal"].name, 1.0 if call["SetValue"] else 0.0
         self._add(call, lambda is_inside: task.write_signal(signal, value if is_inside else 1.0 - value))
 
     @ZONES.instruction("WZEnable", "INOUT anytype WorldZone")
     def enable(self, call: Call) -> None:
-        """WZEnable."""
         self._zone(call).is_enabled = True
 
     @ZONES.instruction("WZDisable", "INOUT anytype WorldZone")
     def disable(self, call: Call) -> None:
-        """WZDisable."""
         self._zone(call).is_enabled = False
 
     @ZONES.instruction("WZFree", "INOUT anytype WorldZone")
     def free(self, call: Call) -> None:
-        """WZFree."""
         self._unit.zones.remove(self._zone(call))
         call["WorldZone"].zone = None
 

@@ -18,7 +18,7 @@ from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.egm_client import EgmClient
 from yumi.virtual.mechanics.units import YUMI_UNITS, ArmUnit, SyncPoints
 from yumi.virtual.mechanics.virtual_gripper import VirtualGripper, Workpiece
-from yumi.virtual.system_parameters import Configuration
+from yumi.virtual.system_parameters import Configuration, SystemParameters
 
 FOLDER = Path(next(iter(yumi.controller_files.__path__)))
 STOCK = FOLDER.parent / "virtual" / "controller" / "stock"
@@ -93,6 +93,7 @@ class InstructionBench:
         self.speed_ratio = 100
         self.signals = Signals(signals, self._signal_changed)
         self.host = TaskHost(self.signals, {}, self.events, is_virtual=False)
+        self.host.devices.configuration = SystemParameters(self.configuration)
         library = robot_library(
             self.unit,
             configuration=self.configuration,
