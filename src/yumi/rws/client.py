@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from queue import Queue
 from threading import Lock
 from types import TracebackType
+from typing import TypeVar
 from weakref import WeakSet
 
 import httpx
@@ -29,6 +30,7 @@ from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConne
 from yumi.rws import documents
 from yumi.rws.documents import Form, Page, Pairs, State, SystemInfo, decode_form, read_page
 from yumi.rws.operations import subscriptions as table
+from yumi.rws.operations.operation import Operation
 from yumi.rws.operations.system import SYSTEM
 from yumi.rws.operations.users import LOGOUT
 from yumi.rws.services.configuration import Configuration
@@ -50,6 +52,8 @@ from yumi.rws.transport import HttpTransport, Listener, Socket
 from yumi.rws.types import PROTOCOL, Priority, Resource
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 DEFAULT_USER = "Default User"
 DEFAULT_PASSWORD = "robotics"  # every controller leaves the factory with it; it is no secret
@@ -165,6 +169,18 @@ class RwsClient(
         reply = self._session.exchange(Request(method.upper(), path, query, form))
         self._accepted(reply, f"{method.upper()} {path}")
         return read_page(reply.headers.get("Content-Type", ""), reply.content) if reply.content else None
+
+    def perform(self, operation: Operation[T], /, *places: str, **arguments: object) -> T | None:
+        """Any operation of :mod:`yumi.rws.operations`; the value that it shows, or None where it shows none.
+
+        Args:
+            operation: such as ``motion.LEAD_THROUGH``.
+            places: texts for the placeholders in its path, in order.
+            arguments: of URL and body by name, with ``_`` for ``-``.
+        """
+        what = f"{operation.method} {operation.path_of(*places)}"
+        reply = self._call(what, operation, *places, **arguments)
+        return None if operation.answer is None else operation.answered.of(self._page(reply, what))
 
     def entries(self, path: str) -> tuple[State, ...]:
         """What any list of Robot Web Services shows, on all its pages; ``path`` such as ``/rw/iosystem/signals``."""

@@ -25,6 +25,7 @@ from yumi.virtual.controller.events import Refused
 from yumi.virtual.rws import (
     configuration,
     ctrl,
+    dialogs,
     event_log,
     files,
     io,
@@ -62,6 +63,7 @@ ROUTES = (
     *event_log.ROUTES,
     *ctrl.ROUTES,
     *rapid.ROUTES,
+    *dialogs.ROUTES,
     *modules.ROUTES,
     *io.ROUTES,
     *motion.ROUTES,
