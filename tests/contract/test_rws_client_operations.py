@@ -16,6 +16,7 @@ from yumi.robot.joints import Joints, Pose, Side, home
 from yumi.robot.kinematics import tool0_to_body
 from yumi.rws.client import OPERATING_MODE, RwsClient
 from yumi.rws.documents import Pairs, RobTarget
+from yumi.rws.operations import motion
 from yumi.rws.operations.motion import Coordinates, Increment, JogMode, Supervision
 from yumi.rws.operations.operation import Operation
 from yumi.rws.services.io import SignalChange
@@ -343,6 +344,14 @@ def test_positions_and_kinematics_are_those_of_the_arm(client: RwsClient) -> Non
 def test_supervision_is_read_as_it_was_set(client: RwsClient, kind: str, supervision: Supervision) -> None:
     getattr(client, f"set_{kind}_supervision")("ROB_L", supervision)
     assert getattr(client, f"{kind}_supervision")("ROB_L") == supervision
+
+
+def test_operation_of_a_table_is_performed_without_a_call_of_its_own(client: RwsClient) -> None:
+    client.perform(motion.SET_LEAD_THROUGH, "ROB_L", status="active")
+    assert client.perform(motion.LEAD_THROUGH, "ROB_L") is True
+    client.perform(motion.SET_LEAD_THROUGH, "ROB_L", status="inactive")
+    supervision = client.perform(motion.PATH_SUPERVISION, mechunit="ROB_L")
+    assert supervision == client.path_supervision("ROB_L")
 
 
 def test_units_supervision_calibration(client: RwsClient, bench: Bench) -> None:

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from queue import Queue
 from threading import Lock
 from types import TracebackType
+from typing import TypeVar
 from weakref import WeakSet
 
 import httpx
@@ -28,7 +29,10 @@ from yumi.clock import Clock, SystemClock
 from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.rws import documents
 from yumi.rws.documents import Form, Page, Pairs, State, SystemInfo, decode_form, read_page
+from yumi.rws.operations import io, modules, panel, rapid
 from yumi.rws.operations import subscriptions as table
+from yumi.rws.operations.event_log import EVENTS
+from yumi.rws.operations.operation import Operation
 from yumi.rws.operations.system import SYSTEM
 from yumi.rws.operations.users import LOGOUT
 from yumi.rws.services.configuration import Configuration
@@ -52,6 +56,8 @@ from yumi.rws.web_socket import Listener, Socket
 
 log = logging.getLogger(__name__)
 
+T = TypeVar("T")
+
 DEFAULT_USER = "Default User"
 DEFAULT_PASSWORD = "robotics"  # every controller leaves the factory with it; it is no secret
 DEFAULT_TIMEOUT = 4.0  # [s]; a controller that switches many drives on takes up to one
@@ -62,7 +68,6 @@ RESTART_DEADLINE = 300.0
 _RESTART_POLL = 1.0  # [s]
 
 _GROUP = re.compile(r"/poll/(\d+)")
-_SYMBOL_DATA = "/rw/rapid/symbol/data/RAPID/"
 
 
 class RwsClient(
@@ -166,6 +171,18 @@ class RwsClient(
         reply = self._session.exchange(Request(method.upper(), path, query, form))
         self._accepted(reply, f"{method.upper()} {path}")
         return read_page(reply.headers.get("Content-Type", ""), reply.content) if reply.content else None
+
+    def perform(self, operation: Operation[T], /, *places: str, **arguments: object) -> T | None:
+        """Any operation of :mod:`yumi.rws.operations`; the value that it shows, or None where it shows none.
+
+        Args:
+            operation: such as ``motion.LEAD_THROUGH``.
+            places: texts for the placeholders in its path, in order.
+            arguments: of URL and body by name, with ``_`` for ``-``.
+        """
+        what = f"{operation.method} {operation.path_of(*places)}"
+        reply = self._call(what, operation, *places, **arguments)
+        return None if operation.answer is None else operation.answered.of(self._page(reply, what))
 
     def entries(self, path: str) -> tuple[State, ...]:
         """What any list of Robot Web Services shows, on all its pages; ``path`` such as ``/rw/iosystem/signals``."""
@@ -289,40 +306,40 @@ class Interruption:
     reason: str
 
 
-CONTROLLER_STATE = Resource("/rw/panel/ctrlstate")
+CONTROLLER_STATE = Resource(panel.CONTROLLER_STATE.path)
 """Field ``ctrlstate``."""
 
-OPERATING_MODE = Resource("/rw/panel/opmode")
+OPERATING_MODE = Resource(panel.OPERATING_MODE.path)
 """Field ``opmode``."""
 
-SPEED_RATIO = Resource("/rw/panel/speedratio")
+SPEED_RATIO = Resource(panel.SPEED_RATIO.path)
 """Field ``speedratio``."""
 
-COLLISION_STATE = Resource("/rw/panel/coldetstate")
+COLLISION_STATE = Resource(panel.COLLISION_STATE.path)
 """Field ``coldetstate``."""
 
-EXECUTION = Resource("/rw/rapid/execution;ctrlexecstate")
+EXECUTION = Resource(f"{rapid.EXECUTION.path};ctrlexecstate")
 """Field ``ctrlexecstate``."""
 
 
 def signal_state(name: str, priority: Priority = Priority.HIGH) -> Resource:
     """An I/O signal: fields ``lvalue`` and ``lstate``."""
-    return Resource(f"/rw/iosystem/signals/{name};state", priority)
+    return Resource(f"{io.SIGNAL.path_of(name)};state", priority)
 
 
 def variable_value(task: str, module: str, name: str, priority: Priority = Priority.HIGH) -> Resource:
     """A persistent variable (PERS; a VAR cannot be subscribed): field ``value``, its RAPID literal."""
-    return Resource(f"{_SYMBOL_DATA}{task}/{module}/{name};value", priority)
+    return Resource(f"{modules.SYMBOL.path_of(f'{task}/{module}/{name}')};value", priority)
 
 
 def task_execution(task: str) -> Resource:
     """Execution of one RAPID task: field ``pgmtaskexec-state``."""
-    return Resource(f"/rw/rapid/tasks/{task};excstate")
+    return Resource(f"{rapid.TASK.path_of(task)};excstate")
 
 
 def event_log(domain: int = 0) -> Resource:
     """The event log: field ``seqnum``, the number of the newest message; domain 0 holds all."""
-    return Resource(f"/rw/elog/{domain}")
+    return Resource(EVENTS.path_of(str(domain)))
 
 
 OnChange = Callable[[Change], None]
