@@ -7,7 +7,7 @@ from yumi.rws.documents import Page, State
 from yumi.rws.operations import rapid as table
 from yumi.rws.operations.operation import get
 from yumi.rws.types import Code
-from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.faults import DISPLAY_PATH
 from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.render import entry, resource
