@@ -26,7 +26,8 @@ from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.control.controller import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.driver.bringup import Bringup, RapidRoutines
+from yumi.driver.bringup import Bringup
+from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.state_machine import RAPID, RUN_RAPID, EgmMotionSettings
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import CYCLE, Side

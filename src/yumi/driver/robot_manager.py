@@ -21,21 +21,15 @@ from yumi.control.shared_state import (
     RobotStoppedFollowing,
     SessionLost,
 )
-from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup, RapidRoutines
-from yumi.driver.egm_control import (
-    POSITION_CONTROLLER,
-    ArmControl,
-    AutomaticRecovery,
-    EgmControl,
-    Recovery,
-    RecoverySettings,
-    Watchdog,
-    WatchdogSettings,
-)
+from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
+from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
+from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.readiness import Mode, Report, RobotState
+from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.stops import StopLog
+from yumi.driver.watchdog import Watchdog, WatchdogSettings
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.description import Mass, Tool
 from yumi.robot.gripper import ServoCommand

@@ -24,8 +24,8 @@ import numpy as np
 
 from yumi.catalogue import Message, message
 from yumi.clock import Clock, SystemClock
-from yumi.driver.bringup import LaunchChecks, other_robot
 from yumi.driver.endpoint import EventReport, Surroundings
+from yumi.driver.launch_checks import LaunchChecks, other_robot
 from yumi.driver.settings import RobotSettings
 from yumi.errors import ControllerRefused, ProtocolError, RobotNotReady, YumiError
 from yumi.robot.arms import Arm, irb120, irb14050
