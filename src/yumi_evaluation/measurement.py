@@ -26,9 +26,9 @@ from yumi.api.joint_positions import TimedPosition
 from yumi.api.robot import Robot
 from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN
-from yumi.driver.bringup import EgmAddress
 from yumi.driver.commissioning.controller_checks import examine_controller
 from yumi.driver.commissioning.machine_checks import examine_machine
+from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.driver.wiring import Controllers
 from yumi.egm.udp import address_towards, is_loopback, resolve

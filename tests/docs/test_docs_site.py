@@ -19,7 +19,8 @@ import docs_site
 import yumi
 from yumi.cli.main import main
 from yumi.control.controllers.trajectory_parameters import trajectory_parameters
-from yumi.driver.bringup import ANNOUNCEMENT, REQUIRED_OPTIONS
+from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.driver.launch_checks import REQUIRED_OPTIONS
 from yumi.driver.settings import Settings
 from yumi.driver.state_machine import FIRST_SPEED_SCALE
 from yumi.robot.joints import Side, joint_names

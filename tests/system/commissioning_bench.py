@@ -8,9 +8,9 @@ import httpx
 
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
-from yumi.driver.bringup import EgmAddress
 from yumi.driver.commissioning.installation import Installation, Plan
 from yumi.driver.commissioning.installation_record import Record
+from yumi.driver.launch_checks import EgmAddress
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.transport import ConnectionLost

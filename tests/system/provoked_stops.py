@@ -40,8 +40,8 @@ from yumi.control.loop_events import (
     SessionStarted,
     is_fault,
 )
-from yumi.driver.bringup import LaunchChecks
 from yumi.driver.endpoint import find_driver
+from yumi.driver.launch_checks import LaunchChecks
 from yumi.driver.stops import Cause
 from yumi.egm.udp import free_port
 from yumi.errors import YumiError

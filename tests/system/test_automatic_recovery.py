@@ -6,7 +6,7 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from yumi.catalogue import clause, message
-from yumi.driver.egm_control import ATTEMPTS, AutomaticRecovery, RecoverySettings
+from yumi.driver.recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings
 from yumi.driver.settings import read_settings
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.rws.types import EventType

@@ -9,8 +9,9 @@ import pytest
 from refusals import refused
 from system.virtual_time_bench import System
 from yumi.catalogue import message
-from yumi.driver.bringup import Bringup, EgmAddress
+from yumi.driver.bringup import Bringup
 from yumi.driver.commissioning.controller_checks import NEEDED_GRANTS
+from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.state_machine import EGM, EgmMotionSettings, MachineState
 from yumi.errors import ControllerRefused, RobotNotReady, SettingsError
 from yumi.rapid.types import UnknownSymbol

@@ -20,12 +20,12 @@ from refusals import assert_says
 from yumi.catalogue import Action, Message, clause, message, remedy_of
 from yumi.cli.main import main
 from yumi.clock import ManualClock
-from yumi.driver.bringup import EgmAddress
 from yumi.driver.commissioning.contents import essence
 from yumi.driver.commissioning.controller_checks import examine_controller
 from yumi.driver.commissioning.delivery import delivered_modules
 from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.machine_checks import Run, examine_machine
+from yumi.driver.launch_checks import EgmAddress
 from yumi.egm.udp import UdpServer, free_port
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import Side

@@ -14,12 +14,12 @@ from refusals import assert_says, refused
 from yumi.catalogue import Message, message
 from yumi.cli.install import _examine_stream
 from yumi.clock import ManualClock
-from yumi.driver.bringup import EgmAddress
 from yumi.driver.commissioning.controller_checks import examine_controller
 from yumi.driver.commissioning.delivery import delivered_modules
 from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.machine_checks import examine_machine
 from yumi.driver.commissioning.stream_checks import ArmStream, examine_stream, listen, obstacle_to_stream, streaming
+from yumi.driver.launch_checks import EgmAddress
 from yumi.egm.session import Arrivals, SessionCounters
 from yumi.egm.udp import NetworkCard, UdpServer
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady

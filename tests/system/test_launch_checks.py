@@ -9,7 +9,7 @@ import pytest
 from refusals import assert_says, refused
 from system.virtual_time_bench import System
 from yumi.catalogue import Message, message
-from yumi.driver.bringup import EgmAddress, LaunchChecks
+from yumi.driver.launch_checks import EgmAddress, LaunchChecks
 from yumi.errors import ControllerRefused, RobotNotReady
 from yumi.robot.joints import Joints, Side
 from yumi.rws.documents import CfgInstance

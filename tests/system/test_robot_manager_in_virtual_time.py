@@ -15,9 +15,10 @@ from refusals import assert_says, refused
 from system.virtual_time_bench import DriverArm, System
 from yumi.catalogue import Message, clause, message
 from yumi.control.loop_events import AllowedCollisionsChanged
-from yumi.control.shared_state import Problem, Snapshot
-from yumi.driver import bringup
+from yumi.control.shared_state import Problem
+from yumi.control.shared_state import Snapshot
 from yumi.driver.robot_state import Mode
+from yumi.driver import rapid_routines
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
 from yumi.robot.description import HAND, Mass
@@ -265,7 +266,7 @@ def test_manager_runs_a_routine_by_name(system: System) -> None:
 def test_routine_that_does_not_end_is_explained(
     system: System, monkeypatch: pytest.MonkeyPatch, percent: int, code: str
 ) -> None:
-    monkeypatch.setattr(bringup, "LONGEST_ROUTINE", 0.5)
+    monkeypatch.setattr(rapid_routines, "LONGEST_ROUTINE", 0.5)
     system.manager.make_ready()
     goal = "[[20,-130,30,0,40,0],[135,9E+09,9E+09,9E+09,9E+09,9E+09]]"
     system.manager.panel.write_variable("T_ROB_L", "TRobRAPID", "move_jointtarget_input", goal)

@@ -11,8 +11,8 @@ import pytest
 
 from system.recovery_bench import MovingSystem, recovered
 from system.virtual_time_bench import System
-from yumi.driver.egm_control import Watchdog, WatchdogSettings
 from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, START_JOINT, WATCHDOG, SgCommand
+from yumi.driver.watchdog import Watchdog, WatchdogSettings
 from yumi.errors import ControllerRefused
 from yumi.process import supervision
 from yumi.robot.joints import Side

@@ -31,7 +31,7 @@ from yumi.cli.options import (
     yes_option,
 )
 from yumi.clock import SystemClock
-from yumi.driver.bringup import EgmAddress, LaunchChecks
+from yumi.driver.launch_checks import EgmAddress, LaunchChecks
 from yumi.egm.udp import UdpServer, address_towards, network_cards, resolve
 from yumi.errors import NoConnection, RobotNotReady, YumiError
 from yumi.robot.joints import Joints, Side

@@ -21,21 +21,19 @@ from yumi.control.loop_events import (
     RobotStoppedFollowing,
     SessionLost,
 )
-from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup, RapidRoutines
-from yumi.driver.egm_control import (
-    POSITION_CONTROLLER,
-    ArmControl,
-    AutomaticRecovery,
-    EgmControl,
-    Recovery,
-    RecoverySettings,
-    Watchdog,
-    WatchdogSettings,
-)
+from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
+from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
-from yumi.driver.robot_state import Mode, Report, RobotState
+from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import Report
+from yumi.driver.robot_state import RobotState
+from yumi.driver.rapid_routines import RapidRoutines
+from yumi.driver.recovery import AutomaticRecovery
+from yumi.driver.recovery import Recovery
+from yumi.driver.recovery import RecoverySettings
 from yumi.driver.stops import StopLog
+from yumi.driver.watchdog import Watchdog, WatchdogSettings
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.description import Mass
 from yumi.robot.gripper import ServoCommand

@@ -21,8 +21,10 @@ from yumi.control.collisions import MARGIN
 from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
 from yumi.driver.control_process import WakeMode
-from yumi.driver.egm_control import POSITION_CONTROLLER, RecoverySettings, WatchdogSettings
+from yumi.driver.egm_control import POSITION_CONTROLLER
+from yumi.driver.recovery import RecoverySettings
 from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings
+from yumi.driver.watchdog import WatchdogSettings
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError
 from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part, check_declared

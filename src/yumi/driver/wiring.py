@@ -50,10 +50,11 @@ from yumi.control.shared_state import read_snapshot
 from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.control.stage_times import StageClock
 from yumi.control.tool_limits import ToolLimits
-from yumi.driver.bringup import Bringup, EgmAddress
+from yumi.driver.bringup import Bringup
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
+from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
@@ -64,14 +65,7 @@ from yumi.errors import CommandRefused, SettingsError, SwitchFailed
 from yumi.process.single_instance import SingleInstance
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import (
-    CYCLE,
-    YUMI_LIMITS,
-    JointLimits,
-    Side,
-    joint_names,
-    set_prefix,
-)
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Side, joint_names, set_prefix
 from yumi.rws.client import RwsClient
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]

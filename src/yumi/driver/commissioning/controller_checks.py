@@ -7,7 +7,11 @@ from datetime import datetime
 from functools import partial
 
 from yumi.catalogue import Message, message, said_by
-from yumi.driver.bringup import (
+from yumi.driver.commissioning.contents import essence
+from yumi.driver.commissioning.delivery import ADD_INS, GRIPPER_MODULE, OWN_MODULE, delivered, delivered_modules
+from yumi.driver.commissioning.findings import Finding, Verdict, problem
+from yumi.driver.commissioning.installation import MASTERSHIPS, NEWEST_ROBOTWARE, foreign_mains, missing_grants
+from yumi.driver.launch_checks import (
     GRIPPER_PRODUCT,
     OLDEST_ROBOTWARE,
     PROGRAM_VERSION,
@@ -15,11 +19,8 @@ from yumi.driver.bringup import (
     EgmAddress,
     LaunchChecks,
 )
-from yumi.driver.commissioning.contents import essence
-from yumi.driver.commissioning.delivery import ADD_INS, GRIPPER_MODULE, OWN_MODULE, delivered, delivered_modules
-from yumi.driver.commissioning.findings import Finding, Verdict, problem
-from yumi.driver.commissioning.installation import MASTERSHIPS, NEWEST_ROBOTWARE, foreign_mains, missing_grants
-from yumi.driver.readiness import NO_STOP, unmet
+from yumi.driver.readiness import NO_STOP
+from yumi.driver.readiness import unmet
 from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import WATCHDOG
 from yumi.errors import ControllerRefused, LoginRefused, ProtocolError, RobotNotReady, YumiError

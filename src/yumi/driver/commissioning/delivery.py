@@ -8,8 +8,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from yumi.catalogue import Message, message
-from yumi.driver.bringup import EgmAddress
 from yumi.driver.commissioning.contents import CfgKey, Contents, ModuleKey, is_same_module
+from yumi.driver.launch_checks import EgmAddress
 from yumi.robot.joints import Side
 from yumi.rws.types import FLAG, CfgFile, read_cfg, stated
 

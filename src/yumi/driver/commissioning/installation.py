@@ -14,7 +14,6 @@ from datetime import datetime
 from pathlib import PurePosixPath
 
 from yumi.catalogue import Message, message
-from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, REQUIRED_OPTIONS, EgmAddress
 from yumi.driver.commissioning.contents import CfgKey, Change, Contents, ModuleKey, changed, differences, is_same_module
 from yumi.driver.commissioning.delivery import (
     ADD_INS,
@@ -29,6 +28,7 @@ from yumi.driver.commissioning.delivery import (
     without_loss,
 )
 from yumi.driver.commissioning.installation_record import Record
+from yumi.driver.launch_checks import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, REQUIRED_OPTIONS, EgmAddress
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient

@@ -13,8 +13,8 @@ from ipaddress import IPv4Interface, ip_address
 from pathlib import Path
 
 from yumi.catalogue import message
-from yumi.driver.bringup import EgmAddress
 from yumi.driver.commissioning.findings import Finding, Verdict, problem
+from yumi.driver.launch_checks import EgmAddress
 from yumi.egm.udp import NetworkCard, UdpServer, network_cards
 from yumi.errors import NoConnection
 from yumi.robot.joints import Side

@@ -9,9 +9,10 @@ from typing import Protocol
 
 from yumi.catalogue import message, said_by
 from yumi.clock import Clock, wait_until
-from yumi.driver.bringup import ControllerPanel, EgmAddress
 from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.installation import foreign_mains
+from yumi.driver.controller_panel import ControllerPanel
+from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 from yumi.driver.stops import StopLog
 from yumi.egm.codec import JointCodec
