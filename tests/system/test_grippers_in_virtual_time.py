@@ -186,8 +186,8 @@ def test_steps_of_a_mode_have_the_calibration_of_grippers() -> None:
 class NothingMoves:
     """An executor of arms that stand."""
 
-    def stop(self, arms: tuple[Side, ...]) -> list[object]:
-        return []
+    def bring_to_rest(self, arms: tuple[Side, ...]) -> None:
+        """They do already."""
 
 
 @pytest.fixture
