@@ -398,6 +398,15 @@ def scripts(*actions: st.SearchStrategy[Action]) -> st.SearchStrategy[Script]:
     script=[(0, restart), (0, old(52, 50))], feeds_speed=False
 )
 @example(script=[(0, restart), (0, old(63, 61)), (0, old(50, 50))], feeds_speed=False)  # and so were two
+@example(  # where a robot that brakes was expected to report, in place of a false position, was half a cycle behind it
+    script=[
+        (0, for_a_while("is_shuffled", 29)),
+        (22, take_over),
+        (15, for_a_while("is_swapped", 29)),
+        (0, for_a_while("is_swapped", 1)),
+    ],
+    feeds_speed=False,
+)
 @given(scripts(*ACCIDENTS), st.booleans())
 def test_what_leaves_and_how_the_robot_is_led_keep_the_limits_after_accidents(
     script: Script, feeds_speed: bool

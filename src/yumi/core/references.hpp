@@ -137,11 +137,15 @@ public:
             const double dt = std::min(left, period_);
             left -= dt;
             const Values speed = speeds(robot, i < 2 ? acting_[i] : sent_);
-            const double share = dt / (SERVO_CYCLES * CYCLE);
-            robot.position = added(robot.position, share, added(robot.planned, -1.0, robot.position));
+            // What is reported comes to where the plan is now, from how fast it is by now: a servo that only brakes with
+            // its plan some cycles later goes on further than the rest of the way shows.
+            constexpr double BEHIND = SERVO_CYCLES * CYCLE;
+            const Values change = added(added(robot.planned, -1.0, robot.position), -BEHIND, robot.velocity);
+            robot.velocity = added(robot.velocity, 2.0 * dt / (BEHIND * (BEHIND + dt)), change);
+            robot.position = added(robot.position, dt, robot.velocity);
             robot.planned = added(robot.planned, dt, speed);
         }
-        state.planned = robot.planned, state.position = robot.position;
+        state.planned = robot.planned, state.position = robot.position, state.velocity = robot.velocity;
         return true;
     }
 
