@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from yumi.control.controller import Buffer, Controller, MemoryBuffer, StageClock, write_goal, write_speeds
+from reported_limiter import ReportedLimiter
+from yumi.control.controller import Buffer, Controller, MemoryBuffer, Sampled, StageClock, write_goal, write_speeds
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import (
     JointGroupPositionController,
@@ -18,7 +19,6 @@ from yumi.control.controllers.joint_position import (
 )
 from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle, run_cycle
-from yumi.control.limiter import Limiter
 from yumi.robot.joints import (
     CYCLE,
     YUMI_LIMITS,
@@ -115,7 +115,7 @@ class ArmHardware(Protocol):
 class LimitedArm:
     """An arm of the control loop that is made of states, without datagrams."""
 
-    def __init__(self, hardware: ArmHardware, limiter: Limiter) -> None:
+    def __init__(self, hardware: ArmHardware, limiter: ReportedLimiter) -> None:
         self._hardware, self._limiter = hardware, limiter
         self._state: ArmState | None = None
         self.silence, self.lost_after = hardware.silence, hardware.lost_after
@@ -134,6 +134,9 @@ class LimitedArm:
 
     def settle(self, state: ArmState) -> None:
         self._limiter.observe(state)
+
+    def prepare(self, sampled: Sampled | None) -> None:
+        """It is asked for each state."""
 
     def take_braked(self) -> Sequence[Cycle]:
         return ()
@@ -227,7 +230,7 @@ class PerfectArmUnderTest(ArmUnderTest):
         self._manager = ControllerManager(joint_names(SIDE))
         self._manager.load(NAME, self._controller)
         self._manager.configure(NAME, case.values)
-        self._arm, self._now = LimitedArm(PerfectArm(home(SIDE)), Limiter(YUMI_LIMITS)), 0.0
+        self._arm, self._now = LimitedArm(PerfectArm(home(SIDE)), ReportedLimiter(YUMI_LIMITS)), 0.0
         self.cycle()
         self.activate()
 

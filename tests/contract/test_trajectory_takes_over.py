@@ -10,6 +10,7 @@ from trajectory_arms import NAME, SIDE, Loop
 
 from controller_arms import LimitedArm, PerfectArm
 from refusals import refused
+from reported_limiter import ReportedLimiter
 from trajectories import moved, swing
 from yumi.clock import ManualClock
 from yumi.control.controller import MemoryBuffer, State, write_goal
@@ -23,7 +24,6 @@ from yumi.control.controllers.joint_trajectory import (
     TrajectoryEnded,
 )
 from yumi.control.cycle import Cycle
-from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands, ControllerCommand
 from yumi.control.shared_state import ControllerReport, Event
 from yumi.control.trajectory import ArmPlan
@@ -45,7 +45,7 @@ class PerfectLoop:
             self.manager.load(name, each)
             self.manager.configure(name)
         self.arm = PerfectArm(HOME)
-        limiter = Limiter(YUMI_LIMITS, gain=0.0)
+        limiter = ReportedLimiter(YUMI_LIMITS, gain=0.0)
         self.line = ArmLoop(SIDE, LimitedArm(self.arm, limiter), self.manager, limiter, MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from controller_arms import LimitedArm, PerfectArm
+from reported_limiter import ReportedLimiter
 from yumi.clock import ManualClock
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
@@ -16,7 +17,6 @@ from yumi.control.controllers.joint_trajectory import (
     TrajectoryEnded,
 )
 from yumi.control.cycle import Cycle
-from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import ControllerReport, Event, TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan
@@ -49,7 +49,7 @@ class PerfectLoop:
         self.manager.load(NAME, controller)
         self.manager.configure(NAME)
         self.arm = PerfectArm(home(SIDE))
-        limiter = Limiter(YUMI_LIMITS, gain=0.0)  # it has no position loop
+        limiter = ReportedLimiter(YUMI_LIMITS, gain=0.0)  # it has no position loop
         self.line = ArmLoop(SIDE, LimitedArm(self.arm, limiter), self.manager, limiter, MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []

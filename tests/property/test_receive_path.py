@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop, Wire
 from refusals import assert_says, refused
+from reported_limiter import ReportedLimiter
 from soak import RECEIVE_EXAMPLES
 from yumi.catalogue import message
 from yumi.control.controller import MemoryBuffer, State, write_speeds
@@ -78,8 +79,9 @@ class Attacked(EgmLoop):
     def __init__(self, *, feeds_speed: bool = False, knows_other_arm: bool = True, silence: float = SILENCE) -> None:
         self.limiter = Limiter(YUMI_LIMITS)
         if knows_other_arm:
-            other = Limiter(YUMI_LIMITS)
-            other.observe(ArmState(0.0, CYCLE, 1, OTHER_ARM, ZERO, OTHER_ARM, is_running=True))
+            other, there = ReportedLimiter(YUMI_LIMITS), ArmState(0.0, CYCLE, 1, OTHER_ARM, ZERO, OTHER_ARM, True)
+            other.limit(there, None)
+            other.observe(there)
             self.limiter.pair(other)
         super().__init__(limiter=self.limiter, model=ArmModel(supervises_load=False), silence=silence)
         self._speeds = MemoryBuffer() if feeds_speed else None

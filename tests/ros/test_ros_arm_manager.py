@@ -29,11 +29,11 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from controller_arms import LimitedArm, PerfectArm
+from reported_limiter import ReportedLimiter
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.controller import Controller, ControllerInfo, MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.control.shared_state import (
     ControllerFailed,
@@ -108,7 +108,7 @@ class MemoryLine:
         self.may_answer = Event()
         self.may_answer.set()
         manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
-        limiter = Limiter(YUMI_LIMITS)
+        limiter = ReportedLimiter(YUMI_LIMITS)
         loop = ArmLoop(Side.RIGHT, LimitedArm(PerfectArm(home(Side.RIGHT)), limiter), manager, limiter, MemoryBuffer())
         self._commands = Commands({Side.RIGHT: loop}, lambda: 0.0)
 

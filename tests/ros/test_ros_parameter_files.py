@@ -16,11 +16,11 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from controller_arms import LimitedArm, PerfectArm
+from reported_limiter import ReportedLimiter
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.control_process import ArmBuffers
@@ -50,7 +50,7 @@ class RightArm:
             )
 
         manager = ControllerManager(joint_names(Side.RIGHT), {kind: factory(kind) for kind in CONTROLLER_KINDS})
-        limiter = Limiter(YUMI_LIMITS)
+        limiter = ReportedLimiter(YUMI_LIMITS)
         arm = LimitedArm(PerfectArm(home(Side.RIGHT)), limiter)
         self._commands = Commands({Side.RIGHT: ArmLoop(Side.RIGHT, arm, manager, limiter, MemoryBuffer())}, lambda: 0.0)
 

@@ -38,6 +38,24 @@ IDLE = 1.0
 """A controller that follows what it is sent is idle when nothing has come for so long [s]."""
 
 
+class Sampled(NamedTuple):
+    """The law by which the core samples a controller itself: ``position + gains · (goal - position)``.
+
+    The goal is the newest in shared memory that is meant for the session, or else the one that was taken last.
+
+    Attributes:
+        address: of the goals in memory, of a ``SharedBuffer[SessionGoal]``.
+        taken: number of the goal that was taken last.
+        goal: which was that [rad], (7,).
+        gains: of the joints, (7,); None goes to the goal itself.
+    """
+
+    address: int
+    taken: int
+    goal: Joints
+    gains: Joints | None = None
+
+
 class Controller(ABC):
     """One controller of one arm.
 
@@ -90,6 +108,11 @@ class Controller(ABC):
 
         Positions and velocities of interfaces it does not claim count only where no controller claims them.
         """
+        return None
+
+    @property
+    def sampled(self) -> Sampled | None:
+        """The law of the next :meth:`update`, if that is so simple; then it may be called after the reply has left."""
         return None
 
     def check(self, command: object, state: ArmState | None) -> None:
@@ -403,6 +426,11 @@ class GoalInbox:
         """What was sent until now belongs to the past."""
         newest = self._buffer.read()
         self._number = newest[0] if newest else 0
+
+    def sampled(self, goal: Joints, gains: Joints | None = None) -> Sampled | None:
+        """The law of a controller that took ``goal`` last; None where the goals are not in shared memory."""
+        address = getattr(self._buffer, "address", None)
+        return None if address is None else Sampled(address, self._number, goal, gains)
 
     def take(self, session: int, now: float) -> Goal | None:
         """The newest goal, if it was not taken before and is meant for ``session``.

@@ -34,6 +34,7 @@ from yumi.control.controller import (
     InterfaceInfo,
     ParameterInfo,
     RunningStatistics,
+    Sampled,
     State,
     Statistics,
     Transition,
@@ -738,6 +739,13 @@ class ControllerManager:
         except Exception as error:
             self._fail(self._commanding[self._merged.asked if self._merged else 0], error)
             return None
+
+    @property
+    def sampled(self) -> Sampled | None:
+        """The law of the next :meth:`update`, where the core can sample that itself."""
+        if self._merged is not None or not self._commanding:
+            return None
+        return self._commanding[0].controller.sampled
 
     def watch(self, state: ArmState) -> None:
         """Let the controllers that only watch see ``state``; after the reply has left. Never raises."""

@@ -19,7 +19,17 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.controller import IDLE, Buffer, Controller, Goal, GoalBuffer, GoalInbox, GoalKind, check_joints
+from yumi.control.controller import (
+    IDLE,
+    Buffer,
+    Controller,
+    Goal,
+    GoalBuffer,
+    GoalInbox,
+    GoalKind,
+    Sampled,
+    check_joints,
+)
 from yumi.control.motion import (
     DELAY,
     SpeedMotion,
@@ -125,6 +135,11 @@ class JointPositionController(Controller):
         if self._goal is None:
             return None
         return self._track(state, goal) if self._feeds_forward else self._control(state, self._goal)
+
+    @property
+    def sampled(self) -> Sampled | None:
+        is_simple = type(self) is JointPositionController and self._is_proportional and not self._feeds_forward
+        return self._inbox.sampled(self._goal, self._p) if is_simple and self._goal is not None else None
 
     def is_idle(self, now: float) -> bool:
         return now - self._given_at > IDLE
@@ -247,6 +262,11 @@ class ForwardCommandController(Controller):
             return None
         is_silent = 0.0 < self._timeout < state.time - self._given_at
         return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
+
+    @property
+    def sampled(self) -> Sampled | None:
+        is_simple = type(self) in FORWARDERS and self._forwarded == "position"
+        return self._buffers["position"].sampled(self._wanted) if is_simple and self._wanted is not None else None
 
     def note_withheld(self, position: Joints) -> None:
         self._motion.give_up(position)
