@@ -2,6 +2,7 @@
 
 Both arms of a robot are answered over sockets of this process, which never sleeps: everything is warm. A position
 controller follows goals for all joints: as they are sampled in each cycle, at half of the robot's rate, and at random.
+It is asked in Python, and sampled by the core.
 
 Run it as ``python benchmarks/reply_in_process.py [cycles]`` in a clone.
 """
@@ -13,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import cos
 from random import Random
 
@@ -22,6 +24,7 @@ from yumi.control.goals import write_goal
 from yumi.control.loop import ArmLoop
 from yumi.control.stage_times import AFTER_REPLY, BEGIN, DECODE, ENCODE, LIMIT, RECEIVE, SEND, UPDATE
 from yumi.driver.control_process import ArmBuffers
+from yumi.driver.egm_arm import FallbackThread
 from yumi.driver.settings import Settings, read_controllers, read_settings
 from yumi.driver.wiring import build_arms, plan_egm
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
@@ -67,35 +70,45 @@ def jumps(side: Side, cycle: int) -> Joints | None:
 MOTIONS: dict[str, Goals] = {"gentle": swing, "a stream": stream, "jumps": jumps}
 
 
-def loops(settings: Settings, buffers: Mapping[Side, ArmBuffers]) -> tuple[dict[Side, ArmLoop], dict[Side, Robot]]:
-    """Both arms as the control process has them, and their robots, which follow."""
+def loops(
+    settings: Settings, buffers: Mapping[Side, ArmBuffers]
+) -> tuple[dict[Side, ArmLoop], dict[Side, Robot], FallbackThread]:
+    """Both arms as the control process has them, their robots, which follow, and what waits for these."""
     ports = {side: free_port() for side in Side}
     egm = replace(settings.egm, left_port=ports[Side.LEFT], right_port=ports[Side.RIGHT])
     robot = replace(settings.robot, address="127.0.0.1")
     controllers = {side: read_controllers(side) for side in Side}
     plan = plan_egm(replace(settings, egm=egm, robot=robot), controllers)
-    arms = {side: arm.loop for side, arm in build_arms(plan, buffers).items()}
+    connected = build_arms(plan, buffers)
+    (waiting,) = {arm.fallback for arm in connected.values() if arm.fallback is not None}
     robots = {side: Robot(UdpClient("127.0.0.1", port), home(side), RobotCodec()) for side, port in ports.items()}
-    return arms, robots
+    return {side: arm.loop for side, arm in connected.items()}, robots, waiting
 
 
-def measure(goals: Goals, cycles: int) -> dict[str, list[float]]:
-    """How long each stage of each reply took [µs]; the last one is all of the reply."""
+def measure(goals: Goals, cycles: int, *, is_sampled: bool) -> dict[str, list[float]]:
+    """How long each stage of each reply took [µs]; the last one is all of the reply.
+
+    Args:
+        goals: of the controllers.
+        cycles: that count.
+        is_sampled: whether the core samples the controllers.
+    """
     buffers = {side: ArmBuffers() for side in Side}
-    arms, robots = loops(read_settings(), buffers)
+    arms, robots, waiting = loops(read_settings(), buffers)
     times: dict[str, list[float]] = {stage: [] for stage in (*STAGES, REPLY)}
     begin = time.monotonic()
     for cycle in range(WARM_UP + cycles):
         while time.monotonic() < begin + cycle * CYCLE:
             pass  # a processor that sleeps forgets
+        for side, loop in arms.items():
+            command(loop, buffers[side], goals(side, cycle), cycle)
+            if is_sampled:
+                loop.prepare()
         for robot in robots.values():
             send_state(robot, cycle)
-        for side, loop in arms.items():
-            if cycle and not loop.activation:  # of a machine that stood still the session has ended
-                loop.manager.switch((POSITION,), (), loop.state)
-            goal = goals(side, cycle)
-            if cycle > 1 and goal is not None:
-                write_goal(buffers[side].goals, 1, goal)
+        if is_sampled:
+            waiting.wait(-1, 0.0)
+        for loop in arms.values():
             loop.run(time.monotonic())
             if cycle >= WARM_UP:
                 note(times, loop._stages.marks)
@@ -103,6 +116,14 @@ def measure(goals: Goals, cycles: int) -> dict[str, list[float]]:
             (datagram,) = robot.link.receive()
             robot.position = robot.codec.decode(datagram).position or robot.position  # type: ignore[assignment]
     return times
+
+
+def command(loop: ArmLoop, buffers: ArmBuffers, goal: Joints | None, cycle: int) -> None:
+    """Have the arm's controller active, and give it a new goal."""
+    if cycle and not loop.activation:  # of a machine that stood still the session has ended
+        loop.manager.switch((POSITION,), (), loop.state)
+    if cycle > 1 and goal is not None:
+        write_goal(buffers.goals, 1, goal)
 
 
 def send_state(robot: Robot, cycle: int) -> None:
@@ -123,9 +144,9 @@ def note(times: dict[str, list[float]], marks: Sequence[float]) -> None:
 def main(cycles: int) -> None:
     """Print the median and one cycle of a hundred of each stage."""
     gc.disable()  # as in the control process
-    for name, goals in MOTIONS.items():
-        print(f"{name}, both arms, {cycles} cycles")
-        for stage, taken in measure(goals, cycles).items():
+    for (name, goals), is_sampled in product(MOTIONS.items(), (False, True)):
+        print(f"{name}, both arms, {cycles} cycles, {'sampled by the core' if is_sampled else 'asked in Python'}")
+        for stage, taken in measure(goals, cycles, is_sampled=is_sampled).items():
             median, rare = np.percentile(taken, (50.0, 99.0))
             print(f"  {stage:16s} median {median:6.1f} µs, one of a hundred {rare:6.1f} µs")
 

@@ -10,8 +10,8 @@ from time import process_time
 
 import numpy as np
 
+from reported_limiter import ReportedLimiter
 from yumi.control.collisions import MARGIN, CollisionLimiter
-from yumi.control.limiter import Limiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import largest_difference
 from yumi.robot.collision import CollisionModel, Obstacle
@@ -44,7 +44,7 @@ class ApartArms:
         desired: what each was to be sent last.
         sent: what each was sent last.
         silent: cycles for which an arm hears nothing more and is not heard.
-        costs: how long the limiter took, both arms together, cycle by cycle [s].
+        costs: how long the replies took, both arms together, cycle by cycle [s].
     """
 
     positions: Mapping[Side, Joints]
@@ -57,7 +57,7 @@ class ApartArms:
         self.both = CollisionLimiter(
             CollisionModel(SERVO_GRIPPERS, obstacles=self.obstacles), YUMI_LIMITS, EGM_GAIN, self.margin
         )
-        self.limiters = {side: Limiter(YUMI_LIMITS, collisions=self.both.arm(side)) for side in Side}
+        self.limiters = {side: ReportedLimiter(YUMI_LIMITS, collisions=self.both.arm(side)) for side in Side}
         without_load = ArmModel(supervises_load=False)
         self.arms = {side: VirtualArm(side, self.positions[side], without_load) for side in Side}
         self.sent = {side: ArmCommand(self.positions[side]) for side in Side}
@@ -86,7 +86,7 @@ class ApartArms:
                 self.silent[side] -= 1
                 self._unheard[side] += 1
                 if self._unheard[side] == LOST_AFTER:
-                    self.both.arm(side).connection_lost()
+                    self.limiters[side].note_interruption()
             else:
                 is_first = not self.costs
                 dt = 0.0 if self._unheard[side] >= LOST_AFTER or is_first else CYCLE * (1 + self._unheard[side])
@@ -94,8 +94,10 @@ class ApartArms:
                 state = ArmState(self._time, dt, 1, arm.position, speed, arm.planned, True)
                 drive = drives.get(side)
                 desired = drive(self, side) if drive else None
+                checked = self.limiters[side].check(state)
+                assert checked is not None
                 begun = process_time()
-                self.sent[side] = self.limiters[side].limit(state, desired)
+                self.sent[side] = self.limiters[side].limit(checked, desired)
                 self.desired[side] = desired or self.sent[side]
                 cost += process_time() - begun
                 arm.set_reference(*self.sent[side])

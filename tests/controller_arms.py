@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from yumi.control.controller import Controller
+from reported_limiter import ReportedLimiter
+from yumi.control.controller import Controller, Sampled
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.goals import Buffer, MemoryBuffer, write_goal, write_speeds
-from yumi.control.limiter import Limiter
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.stage_times import StageClock
 from yumi.robot.joints import (
@@ -114,7 +114,7 @@ class ArmHardware(Protocol):
 class LimitedArm:
     """An arm of the control loop that is made of states, without datagrams."""
 
-    def __init__(self, hardware: ArmHardware, limiter: Limiter) -> None:
+    def __init__(self, hardware: ArmHardware, limiter: ReportedLimiter) -> None:
         self._hardware, self._limiter = hardware, limiter
         self._state: ArmState | None = None
         self.silence, self.lost_after = hardware.silence, hardware.lost_after
@@ -133,6 +133,9 @@ class LimitedArm:
 
     def settle(self, state: ArmState) -> None:
         self._limiter.observe(state)
+
+    def prepare(self, sampled: Sampled | None) -> None:
+        """It is asked for each state."""
 
     def take_braked(self) -> Sequence[Cycle]:
         return ()
@@ -226,7 +229,7 @@ class PerfectArmUnderTest(ArmUnderTest):
         self._manager = ControllerManager(joint_names(SIDE))
         self._manager.load(NAME, self._controller)
         self._manager.configure(NAME, case.values)
-        self._arm, self._now = LimitedArm(PerfectArm(home(SIDE)), Limiter(YUMI_LIMITS)), 0.0
+        self._arm, self._now = LimitedArm(PerfectArm(home(SIDE)), ReportedLimiter(YUMI_LIMITS)), 0.0
         self.cycle()
         self.activate()
 

@@ -516,6 +516,8 @@ def bench(
     from yumi_evaluation.bench.figures import Figures  # noqa: PLC0415
     from yumi_evaluation.bench.run import PERIOD_US, WARM_UP, Workshop  # noqa: PLC0415
 
+    if server and minutes is not None:
+        raise SettingsError(message("server_has_no_soak"))
     for mode in wake:
         if mode not in WAKE_MODES:
             raise SettingsError(message("wake_mode_unknown", mode=mode, known=tuple(WAKE_MODES)))

@@ -25,9 +25,7 @@ from typing import NamedTuple
 from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.goals import MemoryBuffer
-from yumi.control.goals import SessionGoal
-from yumi.control.goals import write_goal
+from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.driver.bringup import Bringup
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.state_machine import RAPID, RUN_RAPID, EgmMotionSettings

@@ -13,12 +13,12 @@ import pytest
 
 from controller_arms import LimitedArm, PerfectArm
 from egm_loop import CONTROLLER, EgmLoop
+from reported_limiter import ReportedLimiter
 from trajectories import sent_beside_speeds
 from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.goals import MemoryBuffer
-from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ControllerReport
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.stage_times import StageClock
@@ -75,7 +75,7 @@ class PerfectArmUnderGoals(ArmUnderGoals):
         manager.load(NAME, JointGoalController(MemoryBuffer()))
         manager.configure(NAME, FULL)
         super().__init__(manager)
-        self._arm, self._stages = LimitedArm(PerfectArm(start), Limiter(YUMI_LIMITS)), StageClock()
+        self._arm, self._stages = LimitedArm(PerfectArm(start), ReportedLimiter(YUMI_LIMITS)), StageClock()
         self.cycle()
         manager.switch([NAME], [], self.cycles[-1].state)
 

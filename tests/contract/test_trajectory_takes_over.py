@@ -10,6 +10,7 @@ from trajectory_arms import NAME, SIDE, Loop
 
 from controller_arms import LimitedArm, PerfectArm
 from refusals import refused
+from reported_limiter import ReportedLimiter
 from trajectories import moved, swing
 from yumi.clock import ManualClock
 from yumi.control.controller import State
@@ -17,7 +18,6 @@ from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
 from yumi.control.goals import MemoryBuffer, write_goal
-from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControllerReport, Event
@@ -41,7 +41,7 @@ class PerfectLoop:
             self.manager.load(name, each)
             self.manager.configure(name)
         self.arm = PerfectArm(HOME)
-        limiter = Limiter(YUMI_LIMITS, gain=0.0)
+        limiter = ReportedLimiter(YUMI_LIMITS, gain=0.0)
         self.line = ArmLoop(SIDE, LimitedArm(self.arm, limiter), self.manager, limiter, MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import Protocol
 
 from controller_arms import LimitedArm, PerfectArm
+from reported_limiter import ReportedLimiter
 from yumi.clock import ManualClock
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
 from yumi.control.goals import MemoryBuffer
-from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_events import ControllerReport, Event
 from yumi.control.manager.controller_manager import ControllerManager
@@ -45,7 +45,7 @@ class PerfectLoop:
         self.manager.load(NAME, controller)
         self.manager.configure(NAME)
         self.arm = PerfectArm(home(SIDE))
-        limiter = Limiter(YUMI_LIMITS, gain=0.0)  # it has no position loop
+        limiter = ReportedLimiter(YUMI_LIMITS, gain=0.0)  # it has no position loop
         self.line = ArmLoop(SIDE, LimitedArm(self.arm, limiter), self.manager, limiter, MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []

@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop, Wire
 from refusals import assert_says, refused
+from reported_limiter import ReportedLimiter
 from soak import RECEIVE_EXAMPLES
 from yumi.catalogue import message
 from yumi.control.controller import State
@@ -80,8 +81,9 @@ class Attacked(EgmLoop):
     def __init__(self, *, feeds_speed: bool = False, knows_other_arm: bool = True, silence: float = SILENCE) -> None:
         self.limiter = Limiter(YUMI_LIMITS)
         if knows_other_arm:
-            other = Limiter(YUMI_LIMITS)
-            other.observe(ArmState(0.0, CYCLE, 1, OTHER_ARM, ZERO, OTHER_ARM, is_running=True))
+            other, there = ReportedLimiter(YUMI_LIMITS), ArmState(0.0, CYCLE, 1, OTHER_ARM, ZERO, OTHER_ARM, True)
+            other.limit(there, None)
+            other.observe(there)
             self.limiter.pair(other)
         super().__init__(limiter=self.limiter, model=ArmModel(supervises_load=False), silence=silence)
         self._speeds = MemoryBuffer() if feeds_speed else None
@@ -400,6 +402,15 @@ def scripts(*actions: st.SearchStrategy[Action]) -> st.SearchStrategy[Script]:
     script=[(0, restart), (0, old(52, 50))], feeds_speed=False
 )
 @example(script=[(0, restart), (0, old(63, 61)), (0, old(50, 50))], feeds_speed=False)  # and so were two
+@example(  # where a robot that brakes was expected to report, in place of a false position, was half a cycle behind it
+    script=[
+        (0, for_a_while("is_shuffled", 29)),
+        (22, take_over),
+        (15, for_a_while("is_swapped", 29)),
+        (0, for_a_while("is_swapped", 1)),
+    ],
+    feeds_speed=False,
+)
 @given(scripts(*ACCIDENTS), st.booleans())
 def test_what_leaves_and_how_the_robot_is_led_keep_the_limits_after_accidents(
     script: Script, feeds_speed: bool

@@ -29,12 +29,12 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from controller_arms import LimitedArm, PerfectArm
+from reported_limiter import ReportedLimiter
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.controller import Controller, State
 from yumi.control.controller_info import ControllerInfo
 from yumi.control.goals import MemoryBuffer
-from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import Commands, serve
 from yumi.control.loop_events import (
@@ -111,7 +111,7 @@ class MemoryLine:
         self.may_answer = Event()
         self.may_answer.set()
         manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
-        limiter = Limiter(YUMI_LIMITS)
+        limiter = ReportedLimiter(YUMI_LIMITS)
         loop = ArmLoop(Side.RIGHT, LimitedArm(PerfectArm(home(Side.RIGHT)), limiter), manager, limiter, MemoryBuffer())
         self._commands = Commands({Side.RIGHT: loop}, lambda: 0.0)
 

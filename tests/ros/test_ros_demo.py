@@ -15,10 +15,10 @@ import pytest
 from rich.console import Console
 from ros_bench import Robot
 
+from reported_limiter import ReportedLimiter
 from yumi.cli import demo
 from yumi.cli.demo import DemoScreen, motions_ahead, read_positions
 from yumi.control.collisions import MARGIN, CollisionLimiter
-from yumi.control.limiter import Limiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.driver.settings import CollisionSettings, RobotSettings, override, read_settings
 from yumi.errors import RobotNotReady, StopNotConfirmed
@@ -229,7 +229,7 @@ def test_arms_approach_each_other_on_the_demonstrations_own_virtual_robot_alone(
 def test_limiter_holds_the_arms_of_the_approach_before_they_meet() -> None:
     """In virtual time, from where nothing is near yet; at first they go on along each other."""
     both = CollisionLimiter(CollisionSettings().model(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN, MARGIN)
-    limiters = {side: Limiter(YUMI_LIMITS, collisions=both.arm(side)) for side in Side}
+    limiters = {side: ReportedLimiter(YUMI_LIMITS, collisions=both.arm(side)) for side in Side}
     arms, measured, time = {}, {}, 100.0
     for side in Side:
         begin = joints([a + 0.55 * (b - a) for a, b in zip(GOALS[side], MEETING[side], strict=True)])

@@ -16,10 +16,10 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from controller_arms import LimitedArm, PerfectArm
+from reported_limiter import ReportedLimiter
 from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.goals import MemoryBuffer
-from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import Commands, serve
 from yumi.control.manager.controller_manager import ControllerManager
@@ -51,7 +51,7 @@ class RightArm:
             )
 
         manager = ControllerManager(joint_names(Side.RIGHT), {kind: factory(kind) for kind in CONTROLLER_KINDS})
-        limiter = Limiter(YUMI_LIMITS)
+        limiter = ReportedLimiter(YUMI_LIMITS)
         arm = LimitedArm(PerfectArm(home(Side.RIGHT)), limiter)
         self._commands = Commands({Side.RIGHT: ArmLoop(Side.RIGHT, arm, manager, limiter, MemoryBuffer())}, lambda: 0.0)
 

@@ -15,10 +15,9 @@ from refusals import assert_says, refused
 from system.virtual_time_bench import DriverArm, System
 from yumi.catalogue import Message, clause, message
 from yumi.control.loop_events import AllowedCollisionsChanged
-from yumi.control.shared_state import Problem
-from yumi.control.shared_state import Snapshot
-from yumi.driver.robot_state import Mode
+from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver import rapid_routines
+from yumi.driver.robot_state import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
 from yumi.robot.description import HAND, Mass

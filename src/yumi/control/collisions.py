@@ -14,7 +14,7 @@ This is no safety function: a person in the way, or a part that was not declared
 
 from __future__ import annotations
 
-from ctypes import byref, create_string_buffer, string_at
+from ctypes import byref
 from itertools import chain
 from math import inf, isfinite
 from struct import Struct
@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.control.motion.robot_response import plan_gain
-from yumi.control.motion.setpoint import Setpoint, fixed
+from yumi.control.motion.setpoint import Setpoint
 from yumi.control.shared_state import Limited
-from yumi.core.library import COMMAND, MOTION, SETPOINT, LimitedParts, load
+from yumi.core.library import SETPOINT, LimitedParts, load
 from yumi.robot.collision import TOOL_FRAME, CollisionModel
-from yumi.robot.joints import ZERO, ArmCommand, JointLimits, Joints, Side
+from yumi.robot.joints import JointLimits, Joints, Side
 
 MARGIN = 0.010
 """No two parts, padding included, come nearer to each other than this [m]."""
@@ -141,7 +141,7 @@ class CollisionLimiter:
 class ArmCollisionLimiter:
     """Of one arm's commands, whether they keep the arms apart; see :class:`CollisionLimiter`.
 
-    The arm's limiter asks the core itself; the methods here are for who plans a motion, and for tests.
+    The arm's limiter asks the core itself; the methods here are for who plans a motion.
 
     Attributes:
         side: which arm.
@@ -167,45 +167,9 @@ class ArmCollisionLimiter:
         other = names[found.other] + (_LAST_HEARD if is_of_other and found.is_stale else "")
         return Limited(names[found.part], other, found.distance)
 
-    @property
-    def is_held(self) -> bool:
-        """Whether the arm is held since it is limited and came no nearer to where it is commanded."""
-        return bool(self._both.library.arm_collisions_is_held(self.handle, self.number))
-
-    @property
-    def motion(self) -> bytes:
-        """How the command sent last moves the arm, and where it may go if it is not heard, as the core reads it."""
-        return string_at(self._both.library.arm_collisions_motion(self.handle, self.number), MOTION.size)
-
-    @property
-    def coasts_to(self) -> Joints | None:
-        """Where an arm that is not heard may go [rad], (7,); None of one that is heard, or was read since."""
-        *_, coasts, a, b, c, d, e, f, g = MOTION.unpack(self.motion)
-        return (a, b, c, d, e, f, g) if coasts else None
-
-    @property
-    def decisions(self) -> int:
-        """How often paths of the arm were compared."""
-        return int(self._both.library.arm_collisions_decisions(self.handle, self.number))
-
-    def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
-        """Whether the arm is to hold whatever is desired: it is limited, and comes no nearer to where it is commanded.
-
-        Args:
-            desired: what it is commanded; None for nothing.
-            measured: where it is [rad], (7,).
-            dt: time since the cycle before [s].
-        """
-        packed = None if desired is None else _packed(desired)
-        measured_at = _SEVEN.pack(*measured)
-        return bool(self._both.library.arm_collisions_begin_cycle(self.handle, self.number, packed, measured_at, dt))
-
-    def connection_lost(self) -> None:
-        """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
-
-        The other arm keeps clear of that until they arrive again, or the arm's joints are read: :meth:`note_measured`.
-        """
-        self._both.library.arm_collisions_lose_connection(self.handle, self.number)
+    def begin_cycle(self) -> None:
+        """A cycle in which nothing is desired begins, with as many distances as one has."""
+        self._both.library.arm_collisions_begin_cycle(self.handle, self.number)
 
     def note_measured(self, position: Joints) -> None:
         """An arm that is not heard was read from the controller to be at ``position`` [rad], (7,).
@@ -229,18 +193,6 @@ class ArmCollisionLimiter:
         """
         motion = _packed_motion(planned, sent, robot)
         return bool(self._both.library.arm_collisions_accepts(self.handle, self.number, *motion, feeds_forward))
-
-    def steered(self, desired: ArmCommand) -> ArmCommand:
-        """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
-        command = create_string_buffer(_packed(desired), COMMAND.size)
-        if not self._both.library.arm_collisions_steer(self.handle, self.number, command):
-            return desired
-        *values, has_velocity = COMMAND.unpack(command.raw)
-        return ArmCommand(fixed(values[:7]), fixed(values[7:]) if has_velocity else ZERO)
-
-
-def _packed(command: ArmCommand) -> bytes:
-    return COMMAND.pack(*command.position, *command.velocity, command.velocity is not ZERO)
 
 
 def _packed_motion(planned: Joints, sent: Setpoint, robot: Setpoint | None) -> tuple[bytes, bytes, bytes | None]:

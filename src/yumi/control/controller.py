@@ -13,6 +13,7 @@ from enum import Enum
 
 from yumi.catalogue import message
 from yumi.control.goals import GoalKind
+from yumi.control.sampled import Sampled
 from yumi.errors import CommandRefused
 from yumi.robot.joints import ArmCommand, ArmState, Joints
 from yumi.settings import Parameter, Values, texts
@@ -73,6 +74,11 @@ class Controller(ABC):
 
         Positions and velocities of interfaces it does not claim count only where no controller claims them.
         """
+        return None
+
+    @property
+    def sampled(self) -> Sampled | None:
+        """The law of the next :meth:`update`, if that is so simple; then it may be called after the reply has left."""
         return None
 
     def check(self, command: object, state: ArmState | None) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
+from yumi.control.controller import Sampled
 from yumi.control.counters import WireCounters
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.setpoint import largest_difference
@@ -37,6 +38,12 @@ class ArmPort(Protocol):
 
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
+
+    def prepare(self, sampled: Sampled | None) -> None:
+        """Answer the next state by this law as soon as it comes: :meth:`receive` and :meth:`reply` follow all the same.
+
+        It holds for the next wait for states only. None: nothing is answered before.
+        """
 
     def take_braked(self) -> Sequence[Cycle]:
         """The cycles since the last call that were answered for the controllers, oldest first."""

@@ -10,6 +10,7 @@ from math import isfinite, isnan, nan, pi, radians
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from yumi.catalogue import message
+from yumi.control.sampled import Sampled
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Joints
 
@@ -120,6 +121,11 @@ class GoalInbox:
         """What was sent until now belongs to the past."""
         newest = self._buffer.read()
         self._number = newest[0] if newest else 0
+
+    def sampled(self, goal: Joints, gains: Joints | None = None) -> Sampled | None:
+        """The law of a controller that took ``goal`` last; None where the goals are not in shared memory."""
+        address = getattr(self._buffer, "address", None)
+        return None if address is None else Sampled(address, self._number, goal, gains)
 
     def take(self, session: int, now: float) -> Goal | None:
         """The newest goal, if it was not taken before and is meant for ``session``.

@@ -26,7 +26,7 @@ from yumi.core.library import COMMAND, SETTINGS, STATE, TABLE, LimiterExchange, 
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
 
 _COUNTERS, _NUMBER = Struct("7q"), Struct("q")
-_pack_state, _get_state = STATE.pack, STATE.unpack_from
+_get_state = STATE.unpack_from
 _pack_command, _get_command = COMMAND.pack, COMMAND.unpack_from
 _COMMAND_AT, _COUNTERS_AT = LimiterExchange.command.offset, LimiterExchange.counters.offset
 _UNANSWERED_AT = _COUNTERS_AT + LimiterCounters._fields.index("unanswered") * _NUMBER.size
@@ -40,8 +40,6 @@ _TABLE = b"".join(
 
 if len(_TABLE) != TABLE.size:
     raise RuntimeError(f"the core's table has {TABLE.size} entries, and that of limiter_state.py {len(_TABLE)}")
-
-_AS_REPORTED, _REPLACED = 1, 2  # a state that was checked
 
 
 def state_of(values: tuple[Any, ...]) -> ArmState:
@@ -61,19 +59,13 @@ def pack_command(command: ArmCommand) -> bytes:
     return _pack_command(*position, *velocity, velocity is not ZERO)
 
 
-def _packed(state: ArmState) -> bytes:
-    time, dt, session, position, velocity, planned, is_running = state
-    return _pack_state(time, dt, session, *position, *velocity, *planned, is_running)
-
-
 class Limiter:
     """Limits the commands of one arm.
 
-    In each cycle: :meth:`check` the state, :meth:`limit` the command, and :meth:`observe` after the reply.
+    What reaches it is the matter of the core (``core/arm_handle.hpp``), to which :attr:`handle` is given.
 
     Attributes:
         handle: what the core calls it.
-        session: of the arm's datagrams, which the core uses with it; None where states come from elsewhere.
 
     Args:
         limits: of the joints; speeds, accelerations and jerks bound how the position sent moves, and how the robot
@@ -102,11 +94,9 @@ class Limiter:
         if not handle:
             raise MemoryError("no memory for the limiter of an arm")
         self.handle = handle
-        self.session: object | None = None  # kept: the core uses it
         finalize(self, self._library.limiter_delete, handle).atexit = False  # threads may still use it
         self._exchange = LimiterExchange.from_address(self._library.limiter_exchange(handle))
         self._other: Limiter | None = None  # kept, since the core reads what it has measured
-        self._checked: ArmState | None = None  # what was made of the newest state
 
     def pair(self, other: Limiter) -> None:
         """From now on each of both arms knows where the other was measured last: their datagrams may be exchanged."""
@@ -182,59 +172,28 @@ class Limiter:
         """Move no joint faster than ``scale`` times its limit: speeds from the next command on, positions later."""
         self._library.limiter_scale_speed(self.handle, scale)
 
-    def check(self, state: ArmState) -> ArmState | None:
-        """What of ``state`` is plausible; to be called before :meth:`limit`, which takes what this returns.
+    def checked(self) -> ArmState:
+        """The state that was checked last, as far as it is plausible.
 
         A position that no arm can have reached is replaced by the last plausible one, and the plan by where the
         references lead it, as long as it is in doubt.
+        """
+        return state_of(_get_state(self._exchange))
 
-        Returns:
-            None where no reply is safe: it is open whether the robot still follows, or where it is.
+    def sent(self) -> ArmCommand:
+        """The command that was limited last.
+
+        The first of a session in which the robot does not follow yet equals the measured position: a robot that begins
+        to follow finds no step. So do the commands while the robot does not follow, once they have come there.
+        """
+        return command_of(_get_command(self._exchange, _COMMAND_AT))
+
+    def done(self, result: int) -> int:
+        """What the core returned.
 
         Raises:
             ForbiddenTransition: the program is wrong. The cycle gets no reply, so that the robot keeps its reference.
         """
-        verdict = self.done(self._library.limiter_check(self.handle, _packed(state)))
-        self._checked = state if verdict == _AS_REPORTED else self.checked() if verdict == _REPLACED else None
-        return self._checked
-
-    def limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
-        """The command to send, next to ``desired``; None holds.
-
-        The first command of a session in which the robot does not follow yet equals the measured position: a robot that
-        begins to follow finds no step. So do the commands while the robot does not follow, once they have come there.
-
-        Raises:
-            ForbiddenTransition: as of :meth:`check`.
-        """
-        if state is not self._checked and self.check(state) is None:
-            # Repeat the last command; before the first one, where the robot is.
-            self.done(self._library.limiter_repeat(self.handle))
-        elif desired is None:
-            self.done(self._library.limiter_limit(self.handle, None))
-        else:
-            self.done(self._library.limiter_limit(self.handle, pack_command(desired)))
-        return self.sent()
-
-    def observe(self, state: ArmState) -> None:
-        """After the reply to ``state``: what the next one depends on."""
-        packed = None if state is self._checked else _packed(state)
-        self.done(self._library.limiter_observe(self.handle, packed))
-
-    def checked(self) -> ArmState:
-        """The state that was checked last, as far as it is plausible."""
-        return state_of(_get_state(self._exchange))
-
-    def sent(self) -> ArmCommand:
-        """The command that was limited last."""
-        return command_of(_get_command(self._exchange, _COMMAND_AT))
-
-    def _go(self, event: LimiterEvent) -> None:
-        """To the state that follows on an event."""
-        self.done(self._library.limiter_go(self.handle, event))
-
-    def done(self, result: int) -> int:
-        """What the core returned; raises ForbiddenTransition where it refused."""
         if result < 0 and self._exchange.forbidden < 0:
             raise RuntimeError("the core's limiter has failed")
         if result < 0:

@@ -198,6 +198,10 @@ class ArmLoop:
         soonest, latest = self._due
         return soonest < now - self._last.state.time < latest
 
+    def prepare(self) -> None:
+        """Before a wait for datagrams: have the next one answered at once, where that needs no controller in Python."""
+        self._arm.prepare(self.manager.sampled)
+
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
         cycle = self.reply(now)

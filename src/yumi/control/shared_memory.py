@@ -145,6 +145,11 @@ class SharedBuffer(Generic[V]):
         self._memory = memoryview(self._shared).cast("B")
         self._read_last: tuple[int, V] | None = None
 
+    @property
+    def address(self) -> int:
+        """Of the memory, for the core."""
+        return ctypes.addressof(self._shared)
+
     def write(self, value: V, number: int | None = None) -> None:
         """Replace the value; one process only may write. ``number``: its own in place of the next one."""
         memory = self._memory

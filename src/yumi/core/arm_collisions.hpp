@@ -11,13 +11,7 @@ namespace core {
 
 // How a command moves an arm: `robot` is null where the robot follows the position sent.
 inline collision::Motion arm_motion(const Values& planned, const Setpoint& sent, const Setpoint* robot) {
-    static_assert(sizeof(Setpoint) == sizeof collision::Motion{}.sent, "three times seven values");
-    collision::Motion motion{};
-    std::copy(planned.begin(), planned.end(), motion.planned);
-    std::memcpy(motion.sent, &sent, sizeof motion.sent);
-    motion.has_robot = robot != nullptr;
-    if (robot) std::memcpy(motion.robot, robot, sizeof motion.robot);
-    return motion;
+    return {planned, sent, double(robot != nullptr), robot ? *robot : Setpoint{}, 0.0, {}};
 }
 
 // What is the same for both arms.
@@ -41,7 +35,6 @@ public:
     bool is_heard = false;      // whether its robot's datagrams arrive
     bool is_read = false;       // whether its joints were read from the controller since they did
     std::optional<Limited> limited;  // what limits it in this cycle
-    std::int64_t decisions = 0;  // how often paths were compared, for tests
 
     // Whether the arm is to hold whatever is desired, see ProgressCheck.
     bool begin_cycle(const ArmCommand* desired, const Values& measured, double dt) {
@@ -61,20 +54,15 @@ public:
         return is_held;
     }
 
-    // Whether that was so in this cycle.
-    bool is_held() const { return progress_.limited.has_value(); }
-
-    // The arm's datagrams do not arrive any more: it goes on to where its last command leads it. The other arm keeps clear
-    // of that until they arrive again, or the arm's joints are read.
+    // The arm's datagrams do not arrive any more: it goes on to where its last command leads it. The other arm keeps
+    // clear of that until they arrive again, or the arm's joints are read.
     void lose_connection() {
         if (!is_heard || !has_motion) return;
         is_heard = is_read = false;
-        Values coasts_to = position();
-        if (motion.has_robot && shared_.gain > 0.0)
-            for (int i = 0; i < JOINTS; ++i) coasts_to[i] = motion.robot[0][i] + motion.robot[1][i] / shared_.gain;
         collision::Motion coasting = motion;
-        coasting.coasts = 1.0;
-        std::copy(coasts_to.begin(), coasts_to.end(), coasting.coasts_to);
+        coasting.coasts = 1.0, coasting.coasts_to = position();
+        if (motion.has_robot && shared_.gain > 0.0)
+            coasting.coasts_to = added(motion.robot.position, 1.0 / shared_.gain, motion.robot.velocity);
         set_motion(coasting);
     }
 
@@ -87,8 +75,7 @@ public:
         collision::Motion read = arm_motion(before, {measured, {}, {}}, nullptr);
         // It may not have come yet to where its last command leads it.
         if (has_motion && motion.coasts && distance(before, measured) > NOISE) {
-            read.coasts = 1.0;
-            std::copy(motion.coasts_to, motion.coasts_to + JOINTS, read.coasts_to);
+            read.coasts = 1.0, read.coasts_to = motion.coasts_to;
         }
         set_motion(read);
     }
@@ -101,9 +88,9 @@ public:
         if (!limited) limited = coasts_into_;
     }
 
-    // Whether an arm may be sent this command; if so, it is taken. `planned` is where its robot plans to be, `sent` how the
-    // position sent would move at the end of this cycle's step, `robot` how the robot would, where a speed is fed forward;
-    // whether one is desired, else it is only taken back.
+    // Whether an arm may be sent this command; if so, it is taken. `planned` is where its robot plans to be, `sent` how
+    // the position sent would move at the end of this cycle's step, `robot` how the robot would, where a speed is fed
+    // forward; whether one is desired, else it is only taken back.
     bool accepts(const Values& planned, const Setpoint& sent, const Setpoint* robot, bool feeds_forward) {
         const bool is_back = !is_heard;
         is_heard = true;
@@ -135,8 +122,8 @@ public:
 
     // The command next to `desired` that stays on this side of the boundaries near an arm; whether that is another one.
     bool steer(ArmCommand& desired) {
-        // First an arm is slowed down on its path: where that is free after all, it is not left. One that is to stay where
-        // it is stays there, though it may be nearer than where it would be led to.
+        // First an arm is slowed down on its path: where that is free after all, it is not left. One that is to stay
+        // where it is stays there, though it may be nearer than where it would be led to.
         const Values now = has_motion ? position() : desired.position;
         if (boundaries_.empty() || !is_slow() || distance(desired.position, now) < STAYS) return false;
         const Near* crossed = nullptr;
@@ -159,10 +146,13 @@ public:
     }
 
 private:
-    static constexpr double COASTING = -0.003;      // [m] between parts of arms that coast: a quarter of the padding is left
-    static constexpr double COASTING_AHEAD = 0.0;   // [m] where a speed is fed forward: taken back, the way changes slightly
+    // [m] between parts of arms that coast: a quarter of the padding is left
+    static constexpr double COASTING = -0.003;
+    // [m] where a speed is fed forward: taken back, the way changes slightly
+    static constexpr double COASTING_AHEAD = 0.0;
     static constexpr double SHARE_AHEAD = 0.25;     // of the distances, for where a robot coasts that is fed a speed
-    static constexpr int WITHHELD_FOR = 5;  // cycles in which no speed is fed to a robot that would have coasted too far
+    // cycles in which no speed is fed to a robot that would have coasted too far
+    static constexpr int WITHHELD_FOR = 5;
     static constexpr double NOISE = 1e-3;   // [rad] of where the robot plans to be
     static constexpr double EXACT = 1e-6;   // [m]
     static constexpr double STAYS = 1e-6;   // [rad]
@@ -184,24 +174,14 @@ private:
     };
     Comparison comparison() const { return {number_, other->number_, shared_.permission}; }
 
-    static Values values_of(const double (&from)[JOINTS]) {
-        Values values;
-        std::copy(from, from + JOINTS, values.begin());
-        return values;
-    }
-
-    Values position() const { return values_of(motion.sent[0]); }
+    const Values& position() const { return motion.sent.position; }
 
     void set_motion(const collision::Motion& next) { motion = next, has_motion = true, ++number_; }
 
     // Whether a command changes nothing. Most of the time an arm stands.
     bool stays(const collision::Motion& next) const {
-        auto are_equal = [](const double(&a)[3][JOINTS], const double(&b)[3][JOINTS]) {
-            return std::equal(&a[0][0], &a[0][0] + 3 * JOINTS, &b[0][0]);
-        };
-        if (motion.coasts || !are_equal(motion.sent, next.sent)) return false;
-        if (motion.has_robot != next.has_robot || !are_equal(motion.robot, next.robot)) return false;
-        return distance(values_of(motion.planned), values_of(next.planned)) < NOISE;
+        return !motion.coasts && motion.sent == next.sent && motion.has_robot == next.has_robot &&
+               motion.robot == next.robot && distance(motion.planned, next.planned) < NOISE;
     }
 
     // Whether the arm is led along boundaries; a faster one is slowed down first.
@@ -217,8 +197,8 @@ private:
         return now;
     }
 
-    // Whether an arm keeps apart from everything on all of its braking path, whichever arm is quicker, should it move as
-    // `next` says, after `last`; `of_other` is the other arm's motion.
+    // Whether an arm keeps apart from everything on all of its braking path, whichever arm is quicker, should it move
+    // as `next` says, after `last`; `of_other` is the other arm's motion.
     bool is_clear(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other) {
         if (distances_left_ <= 0) return false;
         const bool is_clear = decide(next, last, of_other, distances_left_, INF);
@@ -226,7 +206,7 @@ private:
         boundaries_.clear();
         for (int i = 0; i < decision_.boundary_count; ++i) {
             const collision::Boundary& found = decision_.boundaries[i];
-            boundaries_.push_back({found, std::max(dot(found, values_of(found.normal)), FLAT),
+            boundaries_.push_back({found, std::max(dot(found, found.normal), FLAT),
                                    limited_by(found.part, found.other, found.distance)});
         }
         return is_clear;
@@ -247,9 +227,9 @@ private:
 
     bool decide(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other,
                 std::int64_t most, double apart) {
-        const bool is_clear = collisions_is_clear(shared_.limiter, arm_, &next, &last, of_other, apart, most, &decision_);
+        const bool is_clear =
+            collisions_is_clear(shared_.limiter, arm_, &next, &last, of_other, apart, most, &decision_);
         distances_left_ -= decision_.distances;
-        ++decisions;
         return is_clear;
     }
 
@@ -257,8 +237,8 @@ private:
         return {part, of_other, !other->is_heard && !other->is_read, apart};
     }
 
-    // The product of a boundary's normal with a position, with what each addition rounds off (Neumaier): along a boundary
-    // the last digits of this decide to which side an arm is led.
+    // The product of a boundary's normal with a position, with what each addition rounds off (Neumaier): along a
+    // boundary the last digits of this decide to which side an arm is led.
     static double dot(const collision::Boundary& boundary, const Values& values) {
         double sum = 0.0, lost = 0.0;
         for (int i = 0; i < JOINTS; ++i) {
@@ -287,3 +267,19 @@ private:
 };
 
 }  // namespace core
+
+// Both arms as Python holds them.
+struct CollisionsHandle {
+    core::SharedByArms shared;
+    core::ArmCollisionLimiter arms[2];
+
+    explicit CollisionsHandle(const core::SharedByArms& settings) : shared(settings), arms{{shared, 0}, {shared, 1}} {
+        arms[0].other = &arms[1], arms[1].other = &arms[0];
+    }
+
+    // Other margins are kept from now on.
+    void note_permission() {
+        ++shared.permission;
+        for (core::ArmCollisionLimiter& arm : arms) arm.forget_boundaries();
+    }
+};

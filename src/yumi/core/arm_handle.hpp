@@ -1,7 +1,7 @@
 // One arm of the control loop: what waits in its socket becomes a state, what its controllers want becomes the answer.
 //
 // In each cycle Python calls receive, reply, and after the replies of both arms settle. Where Python does not, the
-// fallback thread answers.
+// fallback thread answers. Where the controller's law is known here, the answer has left before Python is woken.
 
 #pragma once
 
@@ -10,12 +10,18 @@
 
 #include <cerrno>
 #include <optional>
+#include <utility>
 
+#include "egm_arm.hpp"
 #include "limiter_handle.hpp"
+#include "sampled.hpp"
+#include "session_handle.hpp"
 
 // What Python reads of a cycle; as ArmExchange in library.py.
 struct ArmExchange {
-    double received_at = 0.0, checked_at = 0.0, limited_at = 0.0, encoded_at = 0.0, sent_at = 0.0;  // stages' ends [s]
+    // When a cycle began that the core has sampled, and when its stages ended [s]; sampled_at is 0 of other cycles.
+    double begun_at = 0.0, received_at = 0.0, checked_at = 0.0, sampled_at = 0.0, limited_at = 0.0, encoded_at = 0.0,
+           sent_at = 0.0;
     std::int64_t send_error = 0;     // errno of the answer, 0 where the answer has left
     std::int64_t answer_size = 0;    // 0 where a value of the command is not finite
     std::int64_t datagram_size = 0;  // of the robot's newest
@@ -43,85 +49,114 @@ struct ArmHandle {
 
     ArmExchange exchange;
     LimiterHandle& limiter;
-    SessionHandle& session;
-    const int socket;  // -1 where Python reads and sends
+    const int socket;             // -1 where Python reads and sends
+    bool awaits_python = false;   // whether the datagram that was accepted last waits for Python's answer
+    double* last_call = nullptr;  // when Python called the core last, where the fallback thread is to know
+    std::optional<core::Sampled> prepared;  // what answers the next datagram, where nothing about that is unusual
 
     ArmHandle(LimiterHandle& limits, SessionHandle& sessions, int descriptor)
-        : limiter(limits), session(sessions), socket(descriptor) {
-        limiter.session = &session;
+        : limiter(limits), socket(descriptor), session_(sessions), egm_(sessions.session) {}
+
+    // Act for Python; what takes the core long is no fault of a controller.
+    template <typename Act>
+    std::int64_t act_for_python(Act action) {
+        const core::Guard guard(core::lock);
+        const std::int64_t result = limiter.act(action);
+        if (result < 0) awaits_python = false;  // the program is wrong: the cycle gets no answer
+        if (last_call) *last_call = core::monotonic_now();
+        return result;
     }
 
     // For Python: take what waits in the socket.
     std::int64_t receive(double now) {
-        const double silence = session.egm.session.silence(now);
+        if (received_) return *std::exchange(received_, std::nullopt);
+        prepared.reset(), begins_ = false;
         // Of a robot that is on time nothing else can wait behind the first, and another look would cost time.
-        const bool is_punctual = SOONEST < silence && silence < LATEST;
-        begins_ = false;
-        const bool has_any = take_waiting(now, is_punctual ? 1 : MOST, true);
-        return has_any ? end_batch(now) : std::int64_t(NONE);
+        const bool has_any = take_waiting(now, is_punctual(now) ? 1 : MOST, true);
+        return has_any ? check_batch(now) : std::int64_t(NONE);
+    }
+
+    // While Python waits: answer what waits in the socket as it was prepared. Python hears of that by receive and
+    // reply, which have nothing to do then. Of a robot that is late, a session that begins and the like Python knows
+    // first.
+    void answer_prepared() {
+        const std::optional<core::Sampled> law = std::exchange(prepared, std::nullopt);
+        const double now = core::monotonic_now();
+        if (!law || !is_punctual(now)) return;
+        exchange.begun_at = now;
+        const std::int64_t done = act_for_python([&]() -> std::int64_t {
+            received_ = receive(now);
+            if (*received_ != TO_ANSWER || session().state != core::Session::OPEN) return 0;
+            const std::optional<core::ArmCommand> desired = law->command(limiter.exchange.state);
+            exchange.sampled_at = core::monotonic_now();
+            if (desired) answer(&*desired, true), is_sampled_ = true;
+            return 0;
+        });
+        if (done < 0) exchange.forbidden = limiter.exchange.forbidden, received_.reset();
+    }
+
+    // Python waits again: what it has left without an answer, since something failed, is answered now.
+    void begin_wait() {
+        if (awaits_python) brake(false);
+        received_.reset(), is_sampled_ = false;
     }
 
     // For Python: take a datagram that it has read: the first or the last of those that wait together, or one between.
     std::int64_t accept(const char* datagram, std::size_t size, double now, bool is_first, bool is_last) {
-        if (is_first) session.egm.session.begin_batch(), exchange.received_at = core::monotonic_now();
-        session.egm.accept(datagram, size, now);
+        if (is_first) session().begin_batch(), exchange.received_at = core::monotonic_now();
+        egm_.accept(datagram, size, now);
         if (!is_last) return NONE;
         keep(datagram, size);
-        return end_batch(now);
+        return check_batch(now);
     }
 
     // For Python: the answer to the state that was received, which leaves where the core sends it. Without a desired
     // command the arm holds. False where the fallback thread has answered.
     bool reply(const core::ArmCommand* desired, bool sends) {
-        if (limiter.is_answered()) return false;
-        limiter.limit(desired, false);
-        exchange.limited_at = core::monotonic_now();
-        const std::size_t size = session.egm.reply(limiter.exchange.command, exchange.answer);
-        exchange.encoded_at = core::monotonic_now();
-        exchange.answer_size = std::int64_t(size);
-        const bool has_left = !sends || !size || send(socket, exchange.answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
-        exchange.send_error = has_left ? 0 : errno;
-        exchange.sent_at = core::monotonic_now();
+        if (is_sampled_) return !(is_sampled_ = false);
+        if (!awaits_python) return false;
+        exchange.sampled_at = 0.0;
+        answer(desired, sends);
         return true;
     }
 
     // For Python: after the reply.
     void settle() {
-        if (limiter.is_unobserved) limiter.observe();
-        session.egm.session.settle();
-        session.show();
+        if (is_unobserved_) observe();
+        session().settle();
+        session_.show();
     }
 
     // For the fallback thread: take what has arrived, and answer. Of a session that ended by a silence, or has begun,
     // Python has to know first: the controllers are of the one before.
     void receive_and_brake() {
         const double arrival = core::monotonic_now();
-        if (begins_ || !peer() || session.egm.session.is_lost(arrival)) return;
+        if (begins_ || !peer() || session().is_lost(arrival)) return;
         if (!take_waiting(arrival, MOST, false)) return;
-        session.end_batch(arrival, false);
-        begins_ = session.egm.session.state == core::Session::BEGUN;
-        if (session.egm.session.is_accepted() && !begins_) brake(true);
+        end_batch(arrival, false);
+        begins_ = session().state == core::Session::BEGUN;
+        if (session().is_accepted() && !begins_) brake(true);
     }
 
     // Answer so that the arm brakes within its limits, since Python has not in time, or has failed to.
     void brake(bool is_unanswered) {
         const std::int64_t done = limiter.act([&]() -> std::int64_t {
-            const bool was_pythons = session.awaits_python;
-            if (!(was_pythons && limiter.is_checked) && !limiter.check(session.arm)) return 0;
-            limiter.limit(nullptr, is_unanswered);
+            if (is_sampled_) keep_braked();  // of which Python has not heard
+            received_.reset(), is_sampled_ = false;
+            if (!(awaits_python && is_checked_) && !check()) return 0;
+            limit(nullptr, is_unanswered);
             unsigned char answer[core::LARGEST_REFERENCE];
-            const std::size_t size = session.egm.reply(limiter.exchange.command, answer);
+            const std::size_t size = egm_.reply(limiter.exchange.command, answer);
             // A reply that cannot leave is lost, as on any network.
             const bool has_left = size && send(socket, answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
-            limiter.observe();
-            if (is_unanswered)
-                braked_[braked_count_++ % MOST_BRAKED] = {limiter.exchange.state, limiter.exchange.command};
+            observe();
+            if (is_unanswered) keep_braked();
             return has_left;
         });
         if (done < 0) exchange.forbidden = limiter.exchange.forbidden;
-        session.awaits_python = false;
-        session.egm.session.settle();
-        session.show();
+        awaits_python = false;
+        session().settle();
+        session_.show();
     }
 
     // For Python: the newest cycles that the fallback thread has answered since the last call, oldest first; how many.
@@ -144,9 +179,16 @@ private:
     static constexpr int MOST = 256;  // datagrams read at once: whatever arrives, the caller goes on after a while
     static constexpr double SOONEST = 0.5 * core::CYCLE, LATEST = 1.25 * core::CYCLE;  // [s] between two
 
+    core::Session& session() { return session_.session; }
+
+    bool is_punctual(double now) {
+        const double silence = session().silence(now);
+        return SOONEST < silence && silence < LATEST;
+    }
+
     // Take up to so many datagrams into the session; whether there was any.
     bool take_waiting(double now, int most, bool for_python) {
-        session.egm.session.begin_batch();
+        session().begin_batch();
         const std::optional<sockaddr_in> robot = peer();
         unsigned char datagram[sizeof exchange.datagram];
         bool has_any = false;
@@ -162,7 +204,7 @@ private:
                 continue;
             }
             if (for_python) exchange.received_at = core::monotonic_now(), keep(datagram, std::size_t(size));
-            session.egm.accept(datagram, std::size_t(size), now);
+            egm_.accept(datagram, std::size_t(size), now);
             has_any = true;
         }
         return has_any;
@@ -173,15 +215,61 @@ private:
         std::memcpy(exchange.datagram, datagram, std::size_t(exchange.datagram_size));
     }
 
-    // The last of the datagrams that waited together was taken, for Python.
-    std::int64_t end_batch(double now) {
-        session.end_batch(now, true);
-        if (!session.egm.session.is_accepted()) return NONE;
-        const bool is_safe = limiter.check(session.arm);
+    // The last of the datagrams that waited together was taken: what is to be answered, and whether by Python.
+    void end_batch(double now, bool for_python) {
+        if (session().is_accepted()) reported_ = egm_.state(now), awaits_python = for_python;
+        session_.show();
+    }
+
+    std::int64_t check_batch(double now) {
+        end_batch(now, true);
+        if (!session().is_accepted()) return NONE;
+        const bool is_safe = check();
         exchange.checked_at = core::monotonic_now();
         return is_safe ? TO_ANSWER : UNSAFE;
     }
 
+    // Check the state that was reported, which is in the limiter's exchange then; whether a reply is safe.
+    bool check() {
+        if (is_unobserved_) observe();  // of the cycle before
+        limiter.exchange.state = reported_;
+        is_checked_ = limiter.limiter.check(limiter.exchange.state);
+        awaits_python = awaits_python && is_checked_;
+        return is_checked_;
+    }
+
+    void answer(const core::ArmCommand* desired, bool sends) {
+        limit(desired, false);
+        exchange.limited_at = core::monotonic_now();
+        const std::size_t size = egm_.reply(limiter.exchange.command, exchange.answer);
+        exchange.encoded_at = core::monotonic_now();
+        exchange.answer_size = std::int64_t(size);
+        const bool has_left = !sends || !size || send(socket, exchange.answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
+        exchange.send_error = has_left ? 0 : errno;
+        exchange.sent_at = core::monotonic_now();
+    }
+
+    void limit(const core::ArmCommand* desired, bool is_unanswered) {
+        limiter.exchange.command = limiter.limiter.limit(limiter.exchange.state, desired, is_unanswered);
+        is_checked_ = awaits_python = false, is_unobserved_ = true;
+    }
+
+    void observe() {
+        limiter.limiter.observe(limiter.exchange.state);
+        is_unobserved_ = false;
+    }
+
+    void keep_braked() {
+        braked_[braked_count_++ % MOST_BRAKED] = {limiter.exchange.state, limiter.exchange.command};
+    }
+
+    SessionHandle& session_;
+    core::EgmArm egm_;
+    core::ArmState reported_;
+    bool is_checked_ = false;     // whether the state that is to be answered was
+    bool is_unobserved_ = false;  // whether the reply was sent, and not observed yet
+    std::optional<std::int64_t> received_;  // the verdict on a datagram of which Python has not heard
+    bool is_sampled_ = false;               // whether that was answered, too, of which Python has not heard
     BrakedCycle braked_[MOST_BRAKED];
     std::int64_t braked_count_ = 0;
     bool begins_ = false;  // whether a session has begun of which Python does not know

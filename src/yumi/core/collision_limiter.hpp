@@ -13,10 +13,13 @@ constexpr double SHORT = 5e-3;                // [m] segments in which parts mov
 constexpr double BOUNDARY_WITHIN = 0.002;     // [m] a boundary so near is led along
 constexpr double ALLOWED_APPROACH = 1e-4;     // [m] in a cycle, of a part within its margin
 constexpr double TURNING_DEPTH = 5e-4;        // [m] so far within its margin a part may turn round
-constexpr double UNPLANNED_APPROACH = 3e-4;   // [m] one that came nearer by more did so for another reason, and may go on
+// [m] one that came nearer by more did so for another reason, and may go on
+constexpr double UNPLANNED_APPROACH = 3e-4;
 constexpr double COARSE = 0.12;               // [m] where parts move further, segments are cut without looking closer
-constexpr double SIMILAR = 0.5;               // of two segments, that in which parts move by this share of it is cut, too
-constexpr int PLACING = 20, LOOKS = 8;        // so many distances take as long as placing the arms; as one, so many looks
+// of two segments, that in which parts move by this share of it is cut, too
+constexpr double SIMILAR = 0.5;
+// so many distances take as long as placing the arms; as one, so many looks
+constexpr int PLACING = 20, LOOKS = 8;
 
 // Of parts within their margins: how near they may be, and how near in this cycle. Positions sent and robots have their
 // own: a position sent is led no nearer because its robot is.
@@ -42,7 +45,8 @@ struct Pair {
 
 // What was found of two segments. `pairs` are those that are not decided: first and behind the last in Limiter::pairs.
 struct Finding {
-    double free;      // how far parts keep apart beyond their margins at least; nothing is open where it is not negative
+    // how far parts keep apart beyond their margins at least; nothing is open where it is not negative
+    double free;
     bool is_certain;  // that parts come too near: smaller segments would say the same
     std::size_t first, last;
     int mine, theirs;  // numbers of the segments' spans; -1 for what stands still
@@ -71,7 +75,8 @@ struct Limiter {
     std::int64_t budget = 0;
     Decision* decision = nullptr;
 
-    Limiter(const Model& its, const Limits& joints) : model(its), limits(joints) {
+    Limiter(const Model& its, const Limits& joints, const std::int64_t* numbers)
+        : model(its), names(numbers, numbers + its.count), limits(joints) {
         // Two whole paths; then each cut, of which a path has so many, adds the parts of a segment of each arm.
         spans.resize(2 + 2 * (LEVELS + STRIP_LEVELS + 1) * 2 * CURVES);
         pairs.reserve(1 << 14);
@@ -339,12 +344,11 @@ struct Limiter {
         };
         // Where the arms are sent, and where their robots plan to be.
         if (its) {
-            model.place(1 - arm, its->sent[0], spans[3].placed);
-            model.place(1 - arm, its->planned, spans[4].placed);
+            model.place(1 - arm, its->sent.position.data(), spans[3].placed);
+            model.place(1 - arm, its->planned.data(), spans[4].placed);
         }
-        for (const double* posture : {last.sent[0], last.planned}) {
-            model.place(arm, posture, own);
-            const bool is_sent = posture == last.sent[0];
+        for (const bool is_sent : {true, false}) {
+            model.place(arm, (is_sent ? last.sent.position : last.planned).data(), own);
             if (is_sent) note(nullptr, false);
             if (is_sent && its) note(&spans[3].placed, false);
             // Robots are on their way to where they are sent, one later than the other.

@@ -1,10 +1,11 @@
-// Paths of an arm until it rests: how its command brakes, how its robot follows, and where that would coast if
-// link were lost.
+// Where an arm may come until it rests: how its command brakes, how its robot follows, and where that would coast if
+// its link were lost.
 //
 // A part of collision.cpp, which is compiled as one unit.
 
 #pragma once
 
+#include "braking.hpp"
 #include "collision.hpp"
 #include "collision_shapes.hpp"
 
@@ -20,40 +21,12 @@ struct Limits {
     double gain;  // of the robots' position loops [1/s]
 };
 
-// A joint that brakes as hard as it may, forwards: its acceleration changes by its jerk to a peak, stays, and goes back.
-struct Braking {
-    double at, sign, velocity, acceleration, jerk, peak, first, second, third;
+using core::Braking;
 
-    Braking() = default;
-    Braking(const double (&start)[3][JOINTS], int joint, const Limits& limits)
-        : at(start[0][joint]), jerk(limits.jerk[joint]) {
-        const double speed = start[1][joint], rate = start[2][joint], top = limits.acceleration[joint];
-        sign = speed + rate * std::abs(rate) / (2.0 * jerk) < 0.0 ? -1.0 : 1.0;
-        velocity = sign * speed, acceleration = sign * rate;
-        const double fastest = std::max(velocity + acceleration * acceleration / (2.0 * jerk), 0.0);
-        peak = std::min(top, std::sqrt(jerk * fastest));
-        first = std::max((acceleration + peak) / jerk, 0.0);
-        second = std::max((fastest - peak * peak / jerk) / std::max(peak, TINY), 0.0);
-        third = peak / jerk;
-    }
-    double duration() const { return first + second + third; }
-    double position(double time) const {
-        const double one = std::min(time, first), two = std::min(std::max(time - first, 0.0), second);
-        const double three = std::min(std::max(time - first - second, 0.0), third);
-        const double after_first = velocity + acceleration * first - 0.5 * jerk * first * first;
-        const double after_second = after_first - peak * second;
-        return at + sign * (one * (velocity + one * (0.5 * acceleration - one * jerk / 6.0)) +
-                            two * (after_first - 0.5 * two * peak) +
-                            three * (after_second + three * (three * jerk / 6.0 - 0.5 * peak)));
-    }
-    void extend(double& low, double& high) const {  // a range to all where it comes
-        double turning = 0.0;                       // it goes backwards first until its acceleration has turned it round
-        const double root = acceleration * acceleration + 2.0 * jerk * velocity;
-        if (velocity < 0.0) turning = (acceleration - std::sqrt(std::max(root, 0.0))) / jerk;
-        for (double place : {at, position(turning), position(duration())})
-            low = std::min(low, place), high = std::max(high, place);
-    }
-};
+Braking braking_of(const core::Setpoint& start, int joint, const Limits& limits) {
+    return {start.position[joint], start.velocity[joint], start.acceleration[joint], limits.acceleration[joint],
+            limits.jerk[joint]};
+}
 
 // Whether an arm that brakes like this comes to rest so soon that it is led along boundaries.
 bool is_slow(const Braking (&joints)[JOINTS]) {
@@ -91,10 +64,10 @@ struct Segment {
     Slice slice;                           // of that strip
 };
 
-// Where an arm may come, or, of a path that coasts, where its robot may, should its link be lost now or while it brakes:
-// one that is fed speeds goes on straight by its speed over its gain, on a line that sweeps a sheet while the robot
-// brakes. One that is sent positions only rests where its position sent does, and one that follows speeds only is not
-// known to stop.
+// Where an arm may come, or, of a path that coasts, where its robot may, should its link be lost now or while it
+// brakes: one that is fed speeds goes on straight by its speed over its gain, on a line that sweeps a sheet while the
+// robot brakes. One that is sent positions only rests where its position sent does, and one that follows speeds only is
+// not known to stop.
 struct Path {
     Motion motion;
     bool coasts = false, can_sheet = false;
@@ -109,8 +82,8 @@ struct Path {
     bool is_sheet() const { return coasts && can_sheet; }
     const Segment& whole() const { return is_sheet() ? sheet : all; }
 
-    // Where an arm may come from now on: the braking path of the position sent, the robot's way behind it, from where it
-    // plans to be to where it rests, and where it may coast.
+    // Where an arm may come from now on: the braking path of the position sent, the robot's way behind it, from where
+    // it plans to be to where it rests, and where it may coast.
     void begin(const Motion& its, const Limits& limits, bool its_coasts) {
         coasts = its_coasts;
         if (std::memcmp(&motion, &its, sizeof motion) == 0) return;  // as of the other arm's command
@@ -120,8 +93,8 @@ struct Path {
         double range[2][JOINTS];
         for (int j = 0; j < JOINTS; ++j) {
             double &low = range[0][j], &high = range[1][j];
-            braking[j] = Braking(its.sent, j, limits);
-            low = high = its.sent[0][j];
+            braking[j] = braking_of(its.sent, j, limits);
+            low = high = its.sent.position[j];
             braking[j].extend(low, high);
             // A robot that gets its speed by the position alone stays between these.
             extend(range, j, its.planned[j]);
@@ -164,11 +137,11 @@ struct Path {
         if (motion.coasts > 0.0) add_line(motion.planned, motion.coasts_to);
     }
 
-    void add_line(const double* from, const double* to) {
+    void add_line(const core::Values& from, const core::Values& to) {
         Curve& its = curve[curves++];
         its.is_straight = true;
-        std::copy(from, from + JOINTS, its.postures[0]);
-        std::copy(to, to + JOINTS, its.postures[1]);
+        std::copy(from.begin(), from.end(), its.postures[0]);
+        std::copy(to.begin(), to.end(), its.postures[1]);
     }
 
     void add_braking() {
@@ -193,14 +166,14 @@ struct Path {
         double time = 0.0;
         for (int j = 0; j < JOINTS; ++j) {
             time = std::max(time, braking[j].duration());
-            if (is_fed) time = std::max(time, Braking(motion.robot, j, limits).duration());
+            if (is_fed) time = std::max(time, braking_of(motion.robot, j, limits).duration());
         }
         const double dt = time / BRAKING, left = std::exp(-limits.gain * dt);
         for (int j = 0; j < JOINTS; ++j) {
             const Braking joint = braking[j];
             const double top = limits.acceleration[j], rise = limits.jerk[j] * dt, half = 0.5 * rise;
-            double position = is_fed ? motion.robot[0][j] : motion.planned[j];
-            double speed = motion.robot[1][j], rate = motion.robot[2][j];
+            double position = is_fed ? motion.robot.position[j] : motion.planned[j];
+            double speed = motion.robot.velocity[j], rate = motion.robot.acceleration[j];
             for (int i = 0; i < BRAKING; ++i) {
                 its.postures[i][j] = position;
                 if (can_sheet) curve[COASTING].postures[i][j] = position + speed / limits.gain;
@@ -210,7 +183,8 @@ struct Path {
                     continue;
                 }
                 const double missing = limits.gain * (ahead - position) - speed, size = std::abs(missing);
-                const double ease = std::sqrt(2.0 * limits.jerk[j] * size + half * half) - half;  // as ramp_speed has it
+                // as ramp_speed has it
+                const double ease = std::sqrt(2.0 * limits.jerk[j] * size + half * half) - half;
                 const double aim = std::copysign(std::min(std::min(top, ease), dt > 0.0 ? size / dt : 0.0), missing);
                 const double before = rate;
                 rate = std::max(rate - rise, std::min(rate + rise, aim));
@@ -249,7 +223,8 @@ struct Path {
                 // A slice keeps its sides, so that its parts are all of it; before that, each part has its own way.
                 const Slice* sides = segment.level ? &its : nullptr;
                 int count = 0;
-                for (int i = 0; i < 2; ++i) count += sweep(2 * segment.strip + i, segment.level, sides, 1, parts + count);
+                for (int i = 0; i < 2; ++i)
+                    count += sweep(2 * segment.strip + i, segment.level, sides, 1, parts + count);
                 return count;
             }
             const double middle = 0.5 * (its.low + its.high);
@@ -281,7 +256,8 @@ struct Path {
         const double(*ends[2])[JOINTS] = {curve[FOLLOWING].postures, curve[COASTING].postures};
         Slice all = {ends[0][first], ends[0][first], -INF, INF};
         if (!slices) {
-            // Along the longest line, since further cuts in time make it no shorter; without such, along the longest way.
+            // Along the longest line, since further cuts in time make it no shorter; without such, along the longest
+            // way.
             double longest = TINY;
             auto lead = [&](const double* from, const double* to) {
                 double size = 0.0;
@@ -317,7 +293,8 @@ struct Path {
             std::fill(least[0], least[0] + 2 * JOINTS, INF), std::fill(most[0], most[0] + 2 * JOINTS, -INF);
             auto extend = [&](int joint, double its_off, double share) {
                 const double at = its_off + share * way[joint];
-                least[0][joint] = std::min(least[0][joint], its_off), most[0][joint] = std::max(most[0][joint], its_off);
+                least[0][joint] = std::min(least[0][joint], its_off);
+                most[0][joint] = std::max(most[0][joint], its_off);
                 least[1][joint] = std::min(least[1][joint], at), most[1][joint] = std::max(most[1][joint], at);
             };
             auto cross = [&](int end, int i, int other_end, int other) {  // by where an edge crosses a side

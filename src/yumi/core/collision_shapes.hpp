@@ -4,19 +4,17 @@
 
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <cstring>
-#include <limits>
 #include <utility>
 #include <vector>
 
+#include "joints.hpp"
+
 namespace collision {
 
-constexpr int JOINTS = 7;
+using core::INF, core::JOINTS;
+
 constexpr int FRAMES = JOINTS + 1;  // those of the links, and that of tool0
-constexpr double INF = std::numeric_limits<double>::infinity(), TINY = 1e-12;
+constexpr double TINY = 1e-12;
 
 // ---- vectors and frames
 
@@ -133,8 +131,9 @@ Near between_capsules(Vec middle, Vec half, double radius, Vec other_middle, Vec
     return {axes - radius - other_radius, normal, {first + radius * normal, second - other_radius * normal}};
 }
 
-// Half of the squared distance from a box along a segment is convex, and a parabola between the places where the segment
-// crosses the plane of a face. So its slope is a line between two of these: the nearest point is where it is zero.
+// Half of the squared distance from a box along a segment is convex, and a parabola between the places where the
+// segment crosses the plane of a face. So its slope is a line between two of these: the nearest point is where it is
+// zero.
 Near between_capsule_and_box(const Vec& start, const Vec& end, double radius, const Box& box) {
     const Vec from = box.pose.to_local(start), to = box.pose.to_local(end);
     const double at[3] = {from.x, from.y, from.z}, along[3] = {to.x - from.x, to.y - from.y, to.z - from.z};
@@ -179,7 +178,8 @@ Near between_capsule_and_box(const Vec& start, const Vec& end, double radius, co
     const Vec axes[3] = {box.pose.x, box.pose.y, box.pose.z};
     for (int k = 0; k < 3; ++k)
         for (double sign : {1.0, -1.0}) {
-            const double here = sign * at[k], there = sign * (at[k] + along[k]), depth = std::min(here, there) - half[k];
+            const double here = sign * at[k], there = sign * (at[k] + along[k]);
+            const double depth = std::min(here, there) - half[k];
             if (depth <= deepest) continue;
             deepest = depth;
             const Vec normal = -sign * axes[k], point = here < there ? start : end;
@@ -219,6 +219,29 @@ struct Model {
     Arm arms[2];
     std::vector<Box> boxes;
     int count;  // of all parts
+
+    Model(const Frame* origins, const std::int64_t* counts, const Capsule* capsules, const Box* all,
+          std::int64_t number)
+        : boxes(all, all + number) {
+        for (int arm = 0; arm < 2; ++arm) {
+            Arm& its = arms[arm] = {};
+            std::copy(origins + arm * FRAMES, origins + (arm + 1) * FRAMES, its.origins);
+            its.first = arm ? int(counts[0]) : 0;
+            its.parts.assign(capsules + its.first, capsules + its.first + counts[arm]);
+            std::vector<Capsule> of_frames[FRAMES];
+            for (std::size_t i = 0; i < its.parts.size(); ++i) {
+                const auto& [frame, start, end, radius, reach] = its.parts[i];
+                its.axes.push_back({0.5 * (start + end), 0.5 * (end - start)});
+                its.of_frame[int(frame)].push_back(int(i));
+                of_frames[int(frame)].push_back(its.parts[i]);
+                double* most = its.reach[int(frame)];
+                for (int j = 0; j < JOINTS; ++j) most[j] = std::max(most[j], reach[j]);
+            }
+            for (int frame = 0; frame < FRAMES; ++frame)
+                if (!of_frames[frame].empty()) its.around[frame] = around(of_frames[frame]);
+        }
+        count = box_number(int(number));
+    }
 
     int box_number(int box) const { return arms[1].first + int(arms[1].parts.size()) + box; }
 
@@ -271,7 +294,8 @@ struct Model {
 
     static bool is_far(const Axis& axis, const Axis& other, double far) {
         const Vec apart = other.middle - axis.middle;
-        const double size = dot(apart, apart), reach = std::abs(dot(axis.half, apart)) + std::abs(dot(other.half, apart));
+        const double size = dot(apart, apart);
+        const double reach = std::abs(dot(axis.half, apart)) + std::abs(dot(other.half, apart));
         return far < 0.0 || size - reach > far * std::sqrt(size);
     }
 
@@ -306,7 +330,8 @@ struct Model {
     }
 
     // How both ends of a part move along a line of nearest distance, towards the other part.
-    void forward(int arm, const Placed& placed, int part, Vec normal, double behind[2], double slopes[2][JOINTS]) const {
+    void forward(int arm, const Placed& placed, int part, Vec normal, double behind[2],
+                 double slopes[2][JOINTS]) const {
         const int last = std::min(int(arms[arm].parts[part].frame), JOINTS - 1);
         const auto [middle, half] = placed.axes[part];
         const double tilt = dot(half, normal);

@@ -1,6 +1,7 @@
 // EGM as library.py declares it for egm/codec.py and egm/session.py: datagrams and sessions. No exception leaves, and
 // nothing is allocated after the start.
 
+#include "egm_codec.hpp"
 #include "session_handle.hpp"
 
 using namespace core;
@@ -18,58 +19,42 @@ std::int64_t codec_encode(std::uint32_t seqno, const ArmCommand* command, unsign
     return std::int64_t(JointCodec::encode(seqno, *command, datagram));
 }
 
+bool codec_is_running(std::int64_t motors, std::int64_t mci, std::int64_t rapid) {
+    return is_running(motors, mci, rapid);
+}
+
 // ---- sessions
 
-SessionHandle* session_new(double silence) {
-    try {
-        return new SessionHandle(silence);
-    } catch (...) {  // no memory
-        return nullptr;
-    }
-}
+SessionHandle* session_new(double silence) { return made<SessionHandle>(silence); }
 
 void session_delete(SessionHandle* handle) { delete handle; }
 
 void session_begin_batch(SessionHandle* handle) {
-    const Guard guard(lock);
-    handle->egm.session.begin_batch();
-    handle->show();
+    handle->act([](Session& session) { session.begin_batch(); });
 }
 
 bool session_takes(SessionHandle* handle, std::uint32_t seqno, double robot_time, double now) {
-    const Guard guard(lock);
-    const bool is_taken = handle->egm.session.takes(seqno, robot_time, now);
-    handle->show();
-    return is_taken;
+    return handle->act([&](Session& session) { return session.takes(seqno, robot_time, now); });
 }
 
 void session_note_malformed(SessionHandle* handle) {
-    const Guard guard(lock);
-    handle->egm.session.note_malformed();
-    handle->show();
+    handle->act([](Session& session) { session.note_malformed(); });
 }
 
 std::uint32_t session_next_seqno(SessionHandle* handle) {
-    const Guard guard(lock);
-    return handle->egm.session.next_seqno();
+    return handle->act([](Session& session) { return session.next_seqno(); });
 }
 
 void session_settle(SessionHandle* handle) {
-    const Guard guard(lock);
-    handle->egm.session.settle();
-    handle->show();
+    handle->act([](Session& session) { session.settle(); });
 }
 
-double session_silence(const SessionHandle* handle, double now) {
-    const Guard guard(lock);
-    return handle->egm.session.silence(now);
+double session_silence(SessionHandle* handle, double now) {
+    return handle->act([&](Session& session) { return session.silence(now); });
 }
 
 bool session_close_if_silent(SessionHandle* handle, double now) {
-    const Guard guard(lock);
-    const bool is_closed = handle->egm.session.close_if_silent(now);
-    handle->show();
-    return is_closed;
+    return handle->act([&](Session& session) { return session.close_if_silent(now); });
 }
 
 }  // extern "C"

@@ -19,6 +19,13 @@ struct JointReport {
     std::int64_t motors = 0, mci = 0, rapid = 0;
 };
 
+// Whether a robot in these states follows. Undefined counts: a restart of the controller leaves RAPID's so
+// (reference/egm.md §3.3).
+inline bool is_running(std::int64_t motors, std::int64_t mci, std::int64_t rapid) {
+    constexpr int MOTORS_ON = 1, MCI_RUNNING = 3, RAPID_STOPPED = 1;
+    return motors == MOTORS_ON && mci == MCI_RUNNING && rapid != RAPID_STOPPED;
+}
+
 // Why a datagram is not read; as Unreadable in egm/codec.py.
 struct Unreadable {
     enum Why : std::int64_t { NOTHING, TOO_LONG, NOT_DECODED, WRONG_TYPE, NO_TIME, NO_STATE, WRONG_AXES, IMPLAUSIBLE };
@@ -39,6 +46,7 @@ public:
 
     bool is_sound() const { return is_sound_; }
     bool is_over() const { return at_ == end_; }
+    void refuse() { is_sound_ = false; }
 
     // Whether there is another field.
     bool next() {
@@ -123,7 +131,8 @@ public:
         if (size > LARGEST_DATAGRAM) return refuse(unreadable, Unreadable::TOO_LONG);
         const auto* begin = static_cast<const unsigned char*>(datagram);
         Parts parts;
-        if (!parts.read({begin, begin + size})) return refuse(unreadable, Unreadable::NOT_DECODED);
+        if (!read({begin, begin + size}, [&](WireReader& field) { return parts.take(field); }))
+            return refuse(unreadable, Unreadable::NOT_DECODED);
         if (parts.type != DATA || !parts.has_seqno) return refuse(unreadable, Unreadable::WRONG_TYPE, 0, parts.type);
         if (!parts.feedback.has_time) return refuse(unreadable, Unreadable::NO_TIME);
         for (int part : {4, 5, 8})
@@ -131,11 +140,12 @@ public:
         report.seqno = parts.seqno;
         report.time = double(parts.feedback.seconds) + double(parts.feedback.microseconds) * 1e-6;
         report.motors = parts.state[4], report.mci = parts.state[5], report.rapid = parts.state[8];
-        return take(parts.feedback, 2, report.measured, unreadable) && take(parts.planned, 3, report.planned, unreadable);
+        return take(parts.feedback, 2, report.measured, unreadable) &&
+               take(parts.planned, 3, report.planned, unreadable);
     }
 
-    // The datagram that gives an arm its position, and its velocity where there is one; 0 where a value is not finite: a
-    // reference with NaN crashes the controller (reference/egm.md §4.5). Else its size, at most LARGEST_REFERENCE.
+    // The datagram that gives an arm its position, and its velocity where there is one; 0 where a value is not finite:
+    // a reference with NaN crashes the controller (reference/egm.md §4.5). Else its size, at most LARGEST_REFERENCE.
     static std::size_t encode(std::uint32_t seqno, const ArmCommand& command, unsigned char* datagram) {
         if (!command.is_finite()) return 0;
         unsigned char header[8] = {0x08}, *end = header + 1;
@@ -155,6 +165,21 @@ private:
     static constexpr double RAD_PER_DEG = M_PI / 180.0, DEG_PER_RAD = 180.0 / M_PI;
     static constexpr double FARTHEST = 7 * 400.0 * 400.0;  // of squares: no arm's joints turn by so much
 
+    // Read a message whose fields `take` takes, or leaves to be skipped; whether all of it is sound.
+    template <typename Take>
+    static bool read(WireReader from, Take take) {
+        while (from.next())
+            if (!take(from)) from.skip();
+        return from.is_sound();
+    }
+    // The same of a message in a field of another, which then is not sound either.
+    template <typename Take>
+    static bool read_inside(WireReader& from, Take take) {
+        if (from.type != WireReader::BYTES) return false;
+        if (!read(from.inside(), take)) from.refuse();
+        return true;
+    }
+
     // A robot's measured or planned motion.
     struct Motion {
         double axes[6] = {}, external = 0.0;  // [deg]
@@ -162,18 +187,15 @@ private:
         bool has_time = false;
         std::uint64_t seconds = 0, microseconds = 0;
 
-        bool read(WireReader from) {
-            while (from.next()) {
-                if (from.type != WireReader::BYTES || (from.field != 1 && from.field != 3 && from.field != 4)) {
-                    from.skip();
-                    continue;
-                }
-                const int field = from.field;
-                if (!(field == 4 ? read_time(from.inside()) : read_joints(from.inside(), field == 3))) return false;
-            }
-            return from.is_sound();
+        bool take(WireReader& from) {
+            const int part = from.field;
+            if (part != 1 && part != 3 && part != 4) return false;
+            has_time = has_time || (part == 4 && from.type == WireReader::BYTES);
+            return read_inside(from, [&](WireReader& field) {
+                return part == 4 ? take_time(field) : take_joints(field, part == 3);
+            });
         }
-        bool read_joints(WireReader from, bool are_external) {
+        bool take_joints(WireReader& from, bool are_external) {
             auto add = [&](double value) {
                 if (are_external) {
                     if (external_count++ == 0) external = value;
@@ -181,30 +203,22 @@ private:
                     axes[axis_count - 1] = value;
                 }
             };
-            while (from.next()) {
-                if (from.field == 1 && from.type == WireReader::FIXED_64) {
-                    add(from.number());
-                } else if (from.field == 1 && from.type == WireReader::BYTES) {  // packed
-                    WireReader packed = from.inside();
-                    while (packed.is_sound() && !packed.is_over()) add(packed.number());
-                    if (!packed.is_sound()) return false;
-                } else {
-                    from.skip();
-                }
+            if (from.field != 1) return false;
+            if (from.type == WireReader::FIXED_64) {
+                add(from.number());
+            } else if (from.type == WireReader::BYTES) {  // packed
+                WireReader packed = from.inside();
+                while (packed.is_sound() && !packed.is_over()) add(packed.number());
+                if (!packed.is_sound()) from.refuse();
+            } else {
+                return false;
             }
-            return from.is_sound();
+            return true;
         }
-        bool read_time(WireReader from) {
-            has_time = true;
-            while (from.next()) {
-                if (from.type == WireReader::VARINT && from.field == 1)
-                    seconds = from.varint();
-                else if (from.type == WireReader::VARINT && from.field == 2)
-                    microseconds = from.varint();
-                else
-                    from.skip();
-            }
-            return from.is_sound();
+        bool take_time(WireReader& from) {
+            if (from.type != WireReader::VARINT || (from.field != 1 && from.field != 2)) return false;
+            (from.field == 1 ? seconds : microseconds) = from.varint();
+            return true;
         }
     };
 
@@ -214,58 +228,25 @@ private:
         int type = 0, state[9] = {};
         Motion feedback, planned;
 
-        bool read(WireReader from) {
-            while (from.next()) {
-                const int field = from.field;
-                if (from.type != WireReader::BYTES) {
-                    from.skip();
-                    continue;
-                }
-                switch (field) {
-                    case 1:
-                        if (!read_header(from.inside())) return false;
-                        break;
-                    case 2:
-                        if (!feedback.read(from.inside())) return false;
-                        break;
-                    case 3:
-                        if (!planned.read(from.inside())) return false;
-                        break;
-                    case 4:
-                    case 5:
-                    case 8:
-                        if (!read_state(from.inside(), field)) return false;
-                        break;
-                    default: from.skip();
-                }
-            }
-            return from.is_sound();
-        }
-        bool read_header(WireReader from) {
-            while (from.next()) {
-                if (from.type == WireReader::VARINT && from.field == 1)
-                    seqno = std::uint32_t(from.varint()), has_seqno = true;
-                else if (from.type == WireReader::VARINT && from.field == 3)
-                    read_enum(from, 4, type);
-                else
-                    from.skip();
-            }
-            return from.is_sound();
-        }
-        bool read_state(WireReader from, int part) {
-            has_state[part] = true;
-            while (from.next()) {
-                if (from.type == WireReader::VARINT && from.field == 1)
-                    read_enum(from, part == 5 ? 3 : 2, state[part]);
-                else
-                    from.skip();
-            }
-            return from.is_sound();
+        bool take(WireReader& from) {
+            const int part = from.field;
+            const bool is_state = part == 4 || part == 5 || part == 8;
+            if (part != 1 && part != 2 && part != 3 && !is_state) return false;
+            if (is_state && from.type == WireReader::BYTES) has_state[part] = true;
+            return read_inside(from, [&](WireReader& field) {
+                if (is_state) return take_enum(field, 1, part == 5 ? 3 : 2, state[part]);
+                if (part != 1) return (part == 2 ? feedback : planned).take(field);
+                if (field.type != WireReader::VARINT || field.field != 1) return take_enum(field, 3, 4, type);
+                seqno = std::uint32_t(field.varint()), has_seqno = true;
+                return true;
+            });
         }
         // A value that the enumeration does not have counts as none.
-        static void read_enum(WireReader& from, int highest, int& value) {
+        static bool take_enum(WireReader& from, int number, int highest, int& value) {
+            if (from.type != WireReader::VARINT || from.field != number) return false;
             const auto found = std::int32_t(from.varint());
             if (0 <= found && found <= highest) value = found;
+            return true;
         }
     };
 

@@ -1,11 +1,11 @@
 // One robot's EGM sessions as we see them: which datagrams count, when a session begins, when the robot is silent.
 //
 // The robot speaks first and counts its datagrams from 0 in each session; nothing in the protocol announces an end
-// (reference/egm.md §2.1, §4). A robot that comes back after a silence either has counted on all the while, then the session
-// goes on and so does the last reference, or it has begun anew, then everything begins at where it stands.
+// (reference/egm.md §2.1, §4). A robot that comes back after a silence either has counted on all the while, then the
+// session goes on and so does the last reference, or it has begun anew, then everything begins at where it stands.
 //
-// UDP may deliver a datagram late, twice or after a newer one. The robot's number and its clock tell these from the next
-// datagram of the session and from the first of another: accidents are meant, not a sender that forges both
+// UDP may deliver a datagram late, twice or after a newer one. The robot's number and its clock tell these from the
+// next datagram of the session and from the first of another: accidents are meant, not a sender that forges both
 // (docs/explanation/decisions/0055-threat-model.md).
 
 #pragma once
@@ -19,14 +19,15 @@
 
 namespace core {
 
-// How regularly the datagrams of one session arrive, by our clock and the robot's: running estimates, a few additions for
-// each datagram and no memory of them.
+// How regularly the datagrams of one session arrive, by our clock and the robot's: running estimates, a few additions
+// for each datagram and no memory of them.
 class Arrivals {
 public:
     double jitter = 0.0;        // mean difference of two datagrams' delays, as RFC 3550 smooths it [s]
     double worst_jitter = 0.0;  // the largest such difference [s]
-    double drift_ppm = 0.0;     // by how much the robot's clock is faster than ours, from the fastest datagrams of its first
-                                // and its last full second; 0 before the second of them
+    // by how much the robot's clock is faster than ours, from the fastest datagrams of its first and its last full
+    // second; 0 before the second of them
+    double drift_ppm = 0.0;
 
     // Mean time between two datagrams that the robot sent, by our clock; 0 before the second.
     double cycle_time() const { return count_ ? (last_arrival_ - first_arrival_) / double(count_) : 0.0; }
@@ -110,6 +111,15 @@ public:
     void begin_batch() {
         if (state == BEGUN || state == RESUMED) state = OPEN;
         is_accepted_ = false;
+        before_ = last_;
+    }
+
+    // Robot time from the message that was to be answered before to the one accepted last; 0 where that is the first of
+    // a session, or after a silence.
+    double period() const {
+        if (!before_ || state != OPEN) return 0.0;
+        const double passed = last_->time - before_->time;
+        return 0.0 < passed && passed <= LONGEST_PERIOD ? passed : CYCLE;
     }
 
     // Whether a message of this number and the robot's time is newer than all before it: the session's next one, or the
@@ -148,10 +158,13 @@ public:
     }
 
 private:
-    static constexpr int REORDERED = 16;  // of the newest numbers are remembered: what is counted as lost may still arrive
-    static constexpr std::int64_t LARGEST_GAP = 64;  // a number higher by more is none of the session: that is a silence
-    static constexpr double LONG_SILENCE = 1.0;  // [s] after which a datagram begins a session whatever the robot's clock
-                                                 // says: the controller was restarted
+    // of the newest numbers are remembered: what is counted as lost may still arrive
+    static constexpr int REORDERED = 16;
+    // a number higher by more is none of the session: that is a silence
+    static constexpr std::int64_t LARGEST_GAP = 64;
+    // [s] after which a datagram begins a session whatever the robot's clock says: the controller was restarted
+    static constexpr double LONG_SILENCE = 1.0;
+    static constexpr double LONGEST_PERIOD = 0.100;  // [s] the robot's clock is not believed beyond this
     static constexpr double CLOCK_TOLERANCE = 0.05;  // by so much the time for datagrams may differ from their number
     static constexpr std::uint32_t WINDOW = (2u << REORDERED) - 1;
 
@@ -192,8 +205,8 @@ private:
         return goes_on || is_new;
     }
 
-    // Whether the robot's clock has gone on by the time of so many datagrams, or back where these are negative. Our clock
-    // does not count: a virtual robot stands still with us on a machine that stalls.
+    // Whether the robot's clock has gone on by the time of so many datagrams, or back where these are negative. Our
+    // clock does not count: a virtual robot stands still with us on a machine that stalls.
     bool agree(std::int64_t ahead, double later) const {
         const double measured = arrivals.cycle_time(), cycle = measured != 0.0 ? measured : CYCLE;
         return std::abs(later - double(ahead) * cycle) <= cycle + CLOCK_TOLERANCE * std::abs(later);
@@ -235,7 +248,7 @@ private:
 
     double silence_;
     bool is_accepted_ = false;   // of what waited together
-    std::optional<Heard> last_;  // accepted last
+    std::optional<Heard> last_, before_;  // accepted last, and when what waits together began to be taken
     std::uint32_t first_seqno_ = 0;
     std::uint32_t seen_ = 0;     // a bit for each of the newest numbers, bit 0 for the last
     std::int64_t sent_ = 0;      // datagrams that the robot sent since the one settled last

@@ -16,8 +16,8 @@ inline Values reported(const ArmState& state, double later) {
 
 // The speeds fed forward to an arm so far, and how the arm moves by now.
 struct FedForward {
-    // What a robot was seen to make of the positions it was sent: the state replied to last, the position reference that
-    // the robot had then, and the one before that.
+    // What a robot was seen to make of the positions it was sent: the state replied to last, the position reference
+    // that the robot had then, and the one before that.
     struct Seen {
         ArmState state;
         Values position{}, before{};
@@ -37,18 +37,19 @@ struct FedForward {
 };
 
 // A robot in EGM plans to move at k * (position reference - reported position) + speed reference, and uses a command a
-// cycle after it was taken (reference/egm.md §6.1). Each of the two may be within the limits and their sum not: a position
-// that runs ahead already asks for a speed. So the sum is what is kept within the joints' velocity, acceleration and jerk,
-// and able to stop before the end of their ranges; a sum that is smooth passes unchanged. Nothing is kept here between two
-// steps.
+// cycle after it was taken (reference/egm.md §6.1). Each of the two may be within the limits and their sum not: a
+// position that runs ahead already asks for a speed. So the sum is what is kept within the joints' velocity,
+// acceleration and jerk, and able to stop before the end of their ranges; a sum that is smooth passes unchanged.
+// Nothing is kept here between two steps.
 class FeedForwardLimiter {
 public:
-    // Of a robot whose position loop has this gain, 0 where it follows speeds only, and that sends a state each `period`.
+    // Of a robot whose position loop has this gain, 0 where it follows speeds only, and that sends a state each
+    // `period`.
     FeedForwardLimiter(const JointLimits& limits, double gain, double period)
         : limits_(limits), gain_(gain), used_after_(period + CYCLE) {}
 
-    // With the speed that may be fed forward next to `desired`, beside this position reference, which is limited already.
-    // The last commands are not in the robot's state yet; `dt` has passed since the last one.
+    // With the speed that may be fed forward next to `desired`, beside this position reference, which is limited
+    // already. The last commands are not in the robot's state yet; `dt` has passed since the last one.
     FedForward step(const FedForward& fed, const ArmState& state, const Values& position, const Values& desired,
                     bool has_desired, double dt) const {
         if (!has_desired && !fed.robot) return fed;
@@ -78,7 +79,8 @@ public:
             const double goal = lead + std::max(-most, std::min(most, desired[i]));
             const double room = goal > 0.0 ? limits_.upper[i] - place : place - limits_.lower[i];
             const double highest = std::min(most, speed_to_stop(room, top, jerk));
-            const Ramp total = ramp_speed(goal, {robot.velocity[i], robot.acceleration[i]}, highest, EXACT * top, jerk, dt);
+            const Ramp last{robot.velocity[i], robot.acceleration[i]};
+            const Ramp total = ramp_speed(goal, last, highest, EXACT * top, jerk, dt);
             next.is_bounded = next.is_bounded || total.speed != goal;
             after.position[i] = place;
             after.velocity[i] = total.speed;
@@ -100,7 +102,8 @@ public:
     FedForward resume(const FedForward& fed, const ArmState& state, const Values& position) const {
         FedForward next = fed;
         if (fed.robot) {
-            next.robot = Setpoint{fed.robot->position, added(led(position, reported(state, CYCLE)), 1.0, fed.velocity), {}};
+            const Values speeds = added(led(position, reported(state, CYCLE)), 1.0, fed.velocity);
+            next.robot = Setpoint{fed.robot->position, speeds, {}};
         } else if (fed.seen) {
             // A speed that sets in now must not take the way since the last known state for the motion of one cycle.
             next.seen = FedForward::Seen{state, position, position};
@@ -108,8 +111,8 @@ public:
         return next;
     }
 
-    // Coming to the motion of a robot that does not follow the last commands, whose joints have these speeds: within some
-    // cycles, as it may follow them all the same, and its reports be late.
+    // Coming to the motion of a robot that does not follow the last commands, whose joints have these speeds: within
+    // some cycles, as it may follow them all the same, and its reports be late.
     FedForward follow(const FedForward& fed, const Values& speeds, double dt) const {
         FedForward next = fed;
         if (!fed.robot) return next;
@@ -128,8 +131,10 @@ public:
 
 private:
     static constexpr double CORRECTED = 1.5;  // times a joint's acceleration
-    static constexpr double EXACT = 0.995;    // of an acceleration: where the robot will report to be is not predicted better
-    static constexpr double REST = 1e-6;      // [rad/s] slower than this, in two cycles one after the other, is no motion
+    // of an acceleration: where the robot will report to be is not predicted better
+    static constexpr double EXACT = 0.995;
+    // [rad/s] slower than this, in two cycles one after the other, is no motion
+    static constexpr double REST = 1e-6;
     static constexpr double UNEXPECTED = 0.02;  // [rad] of a plan, which the robot's own cap on speeds does not explain
 
     // The motion that the position references before made, upon which a speed sets in.

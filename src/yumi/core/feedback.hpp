@@ -11,17 +11,18 @@
 
 namespace core {
 
-constexpr double LONGEST = 0.1;  // [s] by what a joint moves meanwhile a measured position may be behind the planned one
+// [s] by what a joint moves meanwhile a measured position may be behind the planned one
+constexpr double LONGEST = 0.1;
 
 class FeedbackCheck {
 public:
     static constexpr int DOUBTED = 5;  // implausible positions in a row, after which the arm holds
     static constexpr int LOST = 20;    // after so many the feedback is lost, as after 80 ms without a datagram
 
-    // For joints of these limits, of an arm that moves at most at `speeds`, whatever our limits are: RAPID may have moved
-    // it. Where the other arm was measured last is read from `other`, where that is known.
+    // For joints of these limits, of an arm that moves at most at `speeds`, whatever our limits are: RAPID may have
+    // moved it. Where the other arm was measured last is read from `other`, where that is known.
     FeedbackCheck(const JointLimits& limits, const Values& speeds)
-        : limits_(limits), speeds_(speeds), slowest_(*std::min_element(speeds.begin(), speeds.end())) {}
+        : limits_(limits), speeds_(speeds), slowest_(least(speeds)) {}
 
     std::int64_t implausible = 0;  // states that no arm can have reached
     int in_a_row = 0;              // those since the last plausible one
@@ -32,8 +33,8 @@ public:
     // Whether so many states in a row were implausible that the arm is not known to be anywhere.
     bool is_lost() const { return in_a_row >= LOST; }
 
-    // Whether an arm can be there at the begin of a session, that was sent to the position `sent`. It may have been moved
-    // to where the other one is since the last plausible state, but not in a doubt.
+    // Whether an arm can be there at the begin of a session, that was sent to the position `sent`. It may have been
+    // moved to where the other one is since the last plausible state, but not in a doubt.
     bool is_start(const ArmState& state, const Values& sent) const {
         for (int i = 0; i < JOINTS; ++i)
             if (!(limits_.lower[i] - OUTSIDE <= state.position[i] && state.position[i] <= limits_.upper[i] + OUTSIDE))
@@ -42,10 +43,10 @@ public:
         return is_near_plan(state) && !is_exchanged && (!last_ || can_reach(*last_, state, sent, INF));
     }
 
-    // Whether the arm can be where `state` says, and plan to be where it says, after the last plausible state. While the
-    // robot may follow, it may have gone to the position `sent` last. In doubt a robot that follows can be on this way
-    // only. An arm that does not, with its motors off, may have been moved by hand: then its time since the last plausible
-    // state explains it.
+    // Whether the arm can be where `state` says, and plan to be where it says, after the last plausible state. While
+    // the robot may follow, it may have gone to the position `sent` last. In doubt a robot that follows can be on this
+    // way only. An arm that does not, with its motors off, may have been moved by hand: then its time since the last
+    // plausible state explains it.
     bool is_plausible(const ArmState& state, const Values& sent) const {
         if (!last_) return false;  // a session begins with a plausible state
         if (!in_a_row) {  // nearly always all joints together have moved less than one may
@@ -55,7 +56,8 @@ public:
         } else if (is_of_other_arm(state) || !is_near_plan(state)) {
             return false;
         }
-        const bool is_led = in_a_row && state.is_running && last_->is_running;  // so nothing but what is sent has moved it
+        // so nothing but what is sent has moved it
+        const bool is_led = in_a_row && state.is_running && last_->is_running;
         return can_reach(*last_, state, sent, is_led ? FOLLOWED : INF);
     }
 
@@ -81,12 +83,15 @@ public:
     }
 
 private:
-    static constexpr double OUTSIDE = 0.01;         // [rad] out of its range a joint may stand: its first command is the end
-                                                    // of the range, so near that the robot does not jump there
-    static constexpr double FOLLOWED = 2.0 * CYCLE;  // [s] a robot that follows is on the way to what was sent, or was by so
-                                                    // much longer on the way before
-    static constexpr double EXCHANGED = 0.5;  // [rad] over all joints: a position as near to the other arm's is the other's
-    static constexpr double MARGIN = 0.02;    // [rad] a measured position may differ by from what a joint's speed explains
+    // [rad] out of its range a joint may stand: its first command is the end of the range, so near that the robot does
+    // not jump there
+    static constexpr double OUTSIDE = 0.01;
+    // [s] a robot that follows is on the way to what was sent, or was by so much longer on the way before
+    static constexpr double FOLLOWED = 2.0 * CYCLE;
+    // [rad] over all joints: a position as near to the other arm's is the other's
+    static constexpr double EXCHANGED = 0.5;
+    // [rad] a measured position may differ by from what a joint's speed explains
+    static constexpr double MARGIN = 0.02;
 
     // Whether a position is near where the other arm was measured, and nearer than to where this one was.
     bool is_of_other_arm(const ArmState& state) const {
@@ -108,7 +113,8 @@ private:
         auto is_reached = [&](const Values& before, const Values& after) {
             for (int i = 0; i < JOINTS; ++i) {
                 const double room = speeds_[i] * time + MARGIN;
-                if (!(std::min(before[i], sent[i]) - room <= after[i] && after[i] <= std::max(before[i], sent[i]) + room))
+                const auto [low, high] = std::minmax(before[i], sent[i]);
+                if (!(low - room <= after[i] && after[i] <= high + room))
                     return false;
             }
             return true;

@@ -56,6 +56,9 @@ STATE, COMMAND = Struct("2dq21dq"), Struct("14dq")
 BRAKED = Struct("2dq21dq14dq")
 """A cycle that the fallback thread has answered: the state, and the command."""
 
+SAMPLED = Struct("3q14d")
+"""A controller's law: address and number of its goals, whether it goes to the goal itself; goal and gains."""
+
 MOST_BRAKED = 250
 """Of these are kept: a second."""
 
@@ -120,6 +123,7 @@ class SessionValues(ctypes.Structure):
     Attributes:
         state: of the session: none, begun, resumed, open, silent.
         number: of the session.
+        period: robot time since the message answered before [s].
         counters: as :class:`yumi.egm.session.SessionCounters`.
         arrivals: as :class:`yumi.egm.session.Arrivals`.
     """
@@ -127,6 +131,7 @@ class SessionValues(ctypes.Structure):
     _fields_ = (
         ("state", ctypes.c_int64),
         ("number", ctypes.c_int64),
+        ("period", ctypes.c_double),
         ("counters", ctypes.c_int64 * 6),
         ("arrivals", ctypes.c_double * 4),
     )
@@ -136,7 +141,8 @@ class ArmExchange(ctypes.Structure):
     """What Python reads of a cycle; as ``ArmExchange`` in ``arm_handle.hpp``.
 
     Attributes:
-        received_at, checked_at, limited_at, encoded_at, sent_at: when a stage was done, by :func:`time.monotonic` [s].
+        begun_at, received_at, checked_at, sampled_at, limited_at, encoded_at, sent_at: when a cycle began that the core
+            has sampled, and when the stages were done, by :func:`time.monotonic` [s]; sampled_at is 0 of other cycles.
         send_error: errno of the answer, 0 where the answer has left.
         answer_size: of the answer, 0 where a value of the command is not finite.
         datagram_size: of the robot's newest.
@@ -147,8 +153,10 @@ class ArmExchange(ctypes.Structure):
     """
 
     _fields_ = (
+        ("begun_at", ctypes.c_double),
         ("received_at", ctypes.c_double),
         ("checked_at", ctypes.c_double),
+        ("sampled_at", ctypes.c_double),
         ("limited_at", ctypes.c_double),
         ("encoded_at", ctypes.c_double),
         ("sent_at", ctypes.c_double),
@@ -177,6 +185,7 @@ SIZES = (
     ctypes.sizeof(SessionValues),
     ctypes.sizeof(ArmExchange),
     BRAKED.size * MOST_BRAKED,
+    SAMPLED.size,
 )
 """Of what crosses, in the order of ``core_sizes`` in ``limiter.cpp``."""
 
@@ -191,7 +200,7 @@ def load() -> ctypes.PyDLL:
     path = PACKAGED if PACKAGED.exists() else compiled()
     try:
         # Calls take microseconds: giving up the interpreter for them would let other threads in between.
-        library = ctypes.PyDLL(str(path))
+        library, released = ctypes.PyDLL(str(path)), ctypes.CDLL(str(path))
     except OSError as error:
         raise MissingPrerequisite(message("core_not_loaded", error=said_by(error), path=str(path))) from error
     address, integer, double, boolean = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_bool
@@ -204,34 +213,23 @@ def load() -> ctypes.PyDLL:
         ("collisions_new", address, address, address, address),
         ("collisions_delete", None, address),
         ("collisions_permit", None, address, address),
-        ("collisions_segments", integer, address, packed, boolean, integer, address, address),
         ("collisions_is_clear", boolean, address, integer, packed, packed, packed, double, integer, address),
         ("arm_collisions_new", address, address, integer, double),
         ("arm_collisions_delete", None, address),
         ("arm_collisions_note_permission", None, address),
-        ("arm_collisions_begin_cycle", boolean, address, integer, packed, packed, double),
+        ("arm_collisions_begin_cycle", None, address, integer),
         ("arm_collisions_accepts", boolean, address, integer, packed, packed, packed, boolean),
         ("arm_collisions_note_sent", None, address, integer, packed, packed, packed),
-        ("arm_collisions_steer", boolean, address, integer, address),
-        ("arm_collisions_lose_connection", None, address, integer),
         ("arm_collisions_note_measured", None, address, integer, packed),
         ("arm_collisions_limited", boolean, address, integer, address),
-        ("arm_collisions_decisions", integer, address, integer),
-        ("arm_collisions_motion", address, address, integer),
-        ("arm_collisions_is_held", boolean, address, integer),
-        ("arm_collisions_limit_distances", None, address, integer),
         ("limiter_new", address, packed, packed, address, integer),
         ("limiter_delete", None, address),
         ("limiter_exchange", address, address),
         ("limiter_pair", None, address, address),
-        ("limiter_check", integer, address, packed),
-        ("limiter_limit", integer, address, packed),
-        ("limiter_repeat", integer, address),
-        ("limiter_observe", integer, address, packed),
         ("limiter_lose", integer, address, integer),
-        ("limiter_go", integer, address, integer),
         ("limiter_scale_speed", None, address, double),
         ("codec_decode", boolean, packed, integer, address, address),
+        ("codec_is_running", boolean, integer, integer, integer),
         ("codec_encode", integer, ctypes.c_uint32, packed, address),
         ("session_new", address, double),
         ("session_delete", None, address),
@@ -246,6 +244,7 @@ def load() -> ctypes.PyDLL:
         ("arm_delete", None, address),
         ("arm_receive", integer, address, double),
         ("arm_accept", integer, address, packed, integer, double, boolean, boolean),
+        ("arm_prepare", None, address, packed),
         ("arm_reply", integer, address, packed, boolean),
         ("arm_settle", integer, address),
         ("arm_take_braked", integer, address, address),
@@ -253,16 +252,16 @@ def load() -> ctypes.PyDLL:
         ("fallback_thread_add", None, address, address),
         ("fallback_thread_start", boolean, address),
         ("fallback_thread_delete", None, address),
-        ("fallback_thread_note_busy", None, address),
-        ("fallback_thread_note_waiting", None, address),
+        ("fallback_thread_wait", integer, address, integer, integer),
         ("motion_step_towards", boolean, packed, packed, packed, double, packed, address),
         ("motion_step_to_rest", None, packed, packed, double, packed, address),
         ("motion_ramp_speed", None, double, double, double, double, double, double, double, address),
         ("motion_speed_to_stop", double, double, double, double),
         ("motion_braking_path", None, double, double, double, double, address),
     ):
-        function = getattr(library, name)
+        function = getattr(released if name == "fallback_thread_wait" else library, name)
         function.restype, function.argtypes = result, arguments
+        setattr(library, name, function)
     sizes = (integer * len(SIZES))()
     library.core_sizes(sizes)
     if tuple(sizes) != SIZES:  # one would read and write beside what the other has

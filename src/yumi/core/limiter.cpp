@@ -6,39 +6,13 @@
 
 using namespace core;
 
-// Both arms.
-struct CollisionsHandle {
-    SharedByArms shared;
-    ArmCollisionLimiter arms[2];
-
-    explicit CollisionsHandle(const SharedByArms& settings) : shared(settings), arms{{shared, 0}, {shared, 1}} {
-        arms[0].other = &arms[1], arms[1].other = &arms[0];
-    }
-};
-
-namespace {
-
-const Setpoint* given(const double* values) { return reinterpret_cast<const Setpoint*>(values); }
-
-Values values_at(const double* values) {
-    Values copied;
-    std::copy(values, values + JOINTS, copied.begin());
-    return copied;
-}
-
-}  // namespace
-
 extern "C" {
 
 // ---- the limiter of an arm
 
 LimiterHandle* limiter_new(const Limiter::Settings* settings, const StateTable* table, CollisionsHandle* both,
                            std::int64_t arm) {
-    try {
-        return new LimiterHandle(*settings, *table, both ? &both->arms[arm] : nullptr);
-    } catch (...) {  // no memory
-        return nullptr;
-    }
+    return made<LimiterHandle>(*settings, *table, both ? &both->arms[arm] : nullptr);
 }
 
 void limiter_delete(LimiterHandle* arm) { delete arm; }
@@ -51,52 +25,10 @@ void limiter_pair(LimiterHandle* arm, LimiterHandle* other) {
     other->limiter.pair(arm->limiter);
 }
 
-// Check a state: 0 where no reply is safe, 1 where the state is as it was reported, 2 where
-// something in it was replaced.
-std::int64_t limiter_check(LimiterHandle* arm, const ArmState* state) {
-    return arm->act([&]() -> std::int64_t {
-        if (!arm->check(*state)) return 0;
-        return std::memcmp(state, &arm->exchange.state, sizeof *state) == 0 ? 1 : 2;
-    });
-}
-
-// Limit the command for the state that was checked; without a desired one hold.
-std::int64_t limiter_limit(LimiterHandle* arm, const ArmCommand* desired) {
-    return arm->act([&]() -> std::int64_t {
-        arm->limit(desired, false);
-        return 0;
-    });
-}
-
-// The command where no reply is safe.
-std::int64_t limiter_repeat(LimiterHandle* arm) {
-    return arm->act([&]() -> std::int64_t {
-        arm->exchange.command = arm->limiter.repeat(arm->exchange.state);
-        return 0;
-    });
-}
-
-// After the reply to a state; null: to the one that was checked.
-std::int64_t limiter_observe(LimiterHandle* arm, const ArmState* state) {
-    return arm->act([&]() -> std::int64_t {
-        if (state) arm->exchange.state = *state;
-        arm->observe();
-        return 0;
-    });
-}
-
 // No datagram arrives, which is the event.
 std::int64_t limiter_lose(LimiterHandle* arm, std::int64_t event) {
     return arm->act([&]() -> std::int64_t {
         arm->limiter.lose(Event(event));
-        return 0;
-    });
-}
-
-// An event, for tests.
-std::int64_t limiter_go(LimiterHandle* arm, std::int64_t event) {
-    return arm->act([&]() -> std::int64_t {
-        arm->limiter.go(Event(event));
         return 0;
     });
 }
@@ -110,31 +42,34 @@ void limiter_scale_speed(LimiterHandle* arm, double scale) {
 
 // With the descriptor of its socket, -1 where Python reads and sends.
 ArmHandle* arm_new(LimiterHandle* limiter, SessionHandle* session, std::int64_t socket) {
-    try {
-        return new ArmHandle(*limiter, *session, int(socket));
-    } catch (...) {  // no memory
-        return nullptr;
-    }
+    return made<ArmHandle>(*limiter, *session, int(socket));
 }
 
 void arm_delete(ArmHandle* arm) { delete arm; }
 
 std::int64_t arm_receive(ArmHandle* arm, double now) {
-    return arm->limiter.act_for_python([&] { return arm->receive(now); });
+    return arm->act_for_python([&] { return arm->receive(now); });
 }
 
-std::int64_t arm_accept(ArmHandle* arm, const char* datagram, std::int64_t size, double now, bool is_first, bool is_last) {
-    return arm->limiter.act_for_python(
+std::int64_t arm_accept(ArmHandle* arm, const char* datagram, std::int64_t size, double now, bool is_first,
+                        bool is_last) {
+    return arm->act_for_python(
         [&] { return arm->accept(datagram, std::size_t(size), now, is_first, is_last); });
+}
+
+// What answers the next datagram while Python waits for it; null: Python does.
+void arm_prepare(ArmHandle* arm, const Sampled* sampled) {
+    const Guard guard(lock);
+    arm->prepared = sampled ? std::optional<Sampled>(*sampled) : std::nullopt;
 }
 
 // 0 where the fallback thread has answered.
 std::int64_t arm_reply(ArmHandle* arm, const ArmCommand* desired, bool sends) {
-    return arm->limiter.act_for_python([&]() -> std::int64_t { return arm->reply(desired, sends); });
+    return arm->act_for_python([&]() -> std::int64_t { return arm->reply(desired, sends); });
 }
 
 std::int64_t arm_settle(ArmHandle* arm) {
-    return arm->limiter.act_for_python([&]() -> std::int64_t {
+    return arm->act_for_python([&]() -> std::int64_t {
         arm->settle();
         return 0;
     });
@@ -142,18 +77,12 @@ std::int64_t arm_settle(ArmHandle* arm) {
 
 // As BRAKED in library.py, MOST_BRAKED at most; how many.
 std::int64_t arm_take_braked(ArmHandle* arm, BrakedCycle* cycles) {
-    return arm->limiter.act_for_python([&] { return arm->take_braked(cycles); });
+    return arm->act_for_python([&] { return arm->take_braked(cycles); });
 }
 
 // ---- the thread that answers while Python does not
 
-FallbackThread* fallback_thread_new() {
-    try {
-        return new FallbackThread();
-    } catch (...) {  // no memory, no thread or no descriptor
-        return nullptr;
-    }
-}
+FallbackThread* fallback_thread_new() { return made<FallbackThread>(); }
 
 // Before the thread begins.
 void fallback_thread_add(FallbackThread* thread, ArmHandle* arm) { thread->add(*arm); }
@@ -163,60 +92,45 @@ bool fallback_thread_start(FallbackThread* thread) { return thread->start(); }
 // Ends the thread, and waits for its end.
 void fallback_thread_delete(FallbackThread* thread) { delete thread; }
 
-void fallback_thread_note_busy(FallbackThread* thread) { thread->note_busy(); }
-
-void fallback_thread_note_waiting(FallbackThread* thread) { thread->note_waiting(); }
+// As FallbackThread::wait; the one function that is called without Python's lock.
+std::int64_t fallback_thread_wait(FallbackThread* thread, std::int64_t other, std::int64_t milliseconds) {
+    return thread->wait(int(other), int(milliseconds));
+}
 
 // ---- both arms
 
 CollisionsHandle* arm_collisions_new(collision::Limiter* limiter, std::int64_t distances, double gain) {
-    try {
-        return new CollisionsHandle({limiter, distances, gain});
-    } catch (...) {  // no memory
-        return nullptr;
-    }
+    return made<CollisionsHandle>(SharedByArms{limiter, distances, gain});
 }
 
 void arm_collisions_delete(CollisionsHandle* both) { delete both; }
 
-// Other margins are kept from now on.
 void arm_collisions_note_permission(CollisionsHandle* both) {
     const Guard guard(lock);
-    ++both->shared.permission;
-    for (ArmCollisionLimiter& arm : both->arms) arm.forget_boundaries();
+    both->note_permission();
 }
 
-bool arm_collisions_begin_cycle(CollisionsHandle* both, std::int64_t arm, const ArmCommand* desired,
-                                const double* measured, double dt) {
+// A cycle in which nothing is desired.
+void arm_collisions_begin_cycle(CollisionsHandle* both, std::int64_t arm) {
     const Guard guard(lock);
-    return both->arms[arm].begin_cycle(desired, values_at(measured), dt);
+    both->arms[arm].begin_cycle(nullptr, {}, 0.0);
 }
 
-bool arm_collisions_accepts(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent,
-                            const double* robot, bool feeds_forward) {
+bool arm_collisions_accepts(CollisionsHandle* both, std::int64_t arm, const Values* planned, const Setpoint* sent,
+                            const Setpoint* robot, bool feeds_forward) {
     const Guard guard(lock);
-    return both->arms[arm].accepts(values_at(planned), *given(sent), given(robot), feeds_forward);
+    return both->arms[arm].accepts(*planned, *sent, robot, feeds_forward);
 }
 
-void arm_collisions_note_sent(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent,
-                              const double* robot) {
+void arm_collisions_note_sent(CollisionsHandle* both, std::int64_t arm, const Values* planned, const Setpoint* sent,
+                              const Setpoint* robot) {
     const Guard guard(lock);
-    both->arms[arm].note_sent(values_at(planned), *given(sent), given(robot));
+    both->arms[arm].note_sent(*planned, *sent, robot);
 }
 
-bool arm_collisions_steer(CollisionsHandle* both, std::int64_t arm, ArmCommand* desired) {
+void arm_collisions_note_measured(CollisionsHandle* both, std::int64_t arm, const Values* position) {
     const Guard guard(lock);
-    return both->arms[arm].steer(*desired);
-}
-
-void arm_collisions_lose_connection(CollisionsHandle* both, std::int64_t arm) {
-    const Guard guard(lock);
-    both->arms[arm].lose_connection();
-}
-
-void arm_collisions_note_measured(CollisionsHandle* both, std::int64_t arm, const double* position) {
-    const Guard guard(lock);
-    both->arms[arm].note_measured(values_at(position));
+    both->arms[arm].note_measured(*position);
 }
 
 // What limits an arm in this cycle; whether anything does.
@@ -227,30 +141,6 @@ bool arm_collisions_limited(const CollisionsHandle* both, std::int64_t arm, Limi
     return found.has_value();
 }
 
-// As many distances may be calculated for an arm in a cycle from now on.
-void arm_collisions_limit_distances(CollisionsHandle* both, std::int64_t most) {
-    const Guard guard(lock);
-    both->shared.distances = most;
-}
-
-// Whether an arm is held since it came no nearer to where it is commanded.
-bool arm_collisions_is_held(const CollisionsHandle* both, std::int64_t arm) {
-    const Guard guard(lock);
-    return both->arms[arm].is_held();
-}
-
-// How often paths of an arm were compared, for tests.
-std::int64_t arm_collisions_decisions(const CollisionsHandle* both, std::int64_t arm) {
-    const Guard guard(lock);
-    return both->arms[arm].decisions;
-}
-
-// How the command sent last moves an arm.
-const collision::Motion* arm_collisions_motion(const CollisionsHandle* both, std::int64_t arm) {
-    const Guard guard(lock);
-    return &both->arms[arm].motion;
-}
-
 // ---- what Python declares, too
 
 // The sizes of what crosses, in the order of SIZES in library.py.
@@ -258,23 +148,20 @@ void core_sizes(std::int64_t* sizes) {
     for (std::size_t size : {sizeof(ArmState), sizeof(ArmCommand), sizeof(Limiter::Settings), sizeof(StateTable),
                              sizeof(LimiterExchange), sizeof(Limited), sizeof(collision::Motion), sizeof(Setpoint),
                              sizeof(JointLimits), sizeof(JointReport), sizeof(Unreadable), sizeof(SessionValues),
-                             sizeof(ArmExchange), sizeof(BrakedCycle) * ArmHandle::MOST_BRAKED})
+                             sizeof(ArmExchange), sizeof(BrakedCycle) * ArmHandle::MOST_BRAKED, sizeof(Sampled)})
         *sizes++ = std::int64_t(size);
 }
 
 // ---- motion
 
 bool motion_step_towards(const JointLimits* limits, const Setpoint* now, const Setpoint* goal, double dt,
-                         const bool* enabled, Setpoint* reached) {
-    Flags flags;
-    std::copy(enabled, enabled + JOINTS, flags.begin());
-    return step_towards(*now, *goal, *limits, dt, flags, *reached);
+                         const Flags* enabled, Setpoint* reached) {
+    return step_towards(*now, *goal, *limits, dt, *enabled, *reached);
 }
 
-void motion_step_to_rest(const JointLimits* limits, const Setpoint* now, double dt, const bool* enabled, Setpoint* after) {
-    Flags flags;
-    std::copy(enabled, enabled + JOINTS, flags.begin());
-    *after = step_to_rest(*now, *limits, dt, flags);
+void motion_step_to_rest(const JointLimits* limits, const Setpoint* now, double dt, const Flags* enabled,
+                         Setpoint* after) {
+    *after = step_to_rest(*now, *limits, dt, *enabled);
 }
 
 void motion_ramp_speed(double goal, double last, double rate, double top, double acceleration, double jerk, double dt,

@@ -1,16 +1,16 @@
 // The limiter: the last step before the network. No command leaves that a robot must never get.
 //
-// The limiter refuses what is not a number, keeps positions inside the joint limits, and lets the command move only as fast,
-// and change its motion only as quickly, as the joints may, measured from the command sent before. To hold means to come to
-// rest, then to repeat the last command, not the measured position, which creeps under load.
+// The limiter refuses what is not a number, keeps positions inside the joint limits, and lets the command move only as
+// fast, and change its motion only as quickly, as the joints may, measured from the command sent before. To hold means
+// to come to rest, then to repeat the last command, not the measured position, which creeps under load.
 //
-// It does not trust the session. Whatever a datagram says, as long as the robot may be following earlier commands the next
-// one goes on from the last. What the feedback is worth is decided in feedback.hpp, which commands the robot follows in
-// references.hpp (docs/explanation/decisions/0014-feedback-is-doubted.md).
+// It does not trust the session. Whatever a datagram says, as long as the robot may be following earlier commands the
+// next one goes on from the last. What the feedback is worth is decided in feedback.hpp, which commands the robot
+// follows in references.hpp (docs/explanation/decisions/0014-feedback-is-doubted.md).
 //
-// What is done with the arm follows from one state, and the table of control/limiter_state.py. How fast positions change is
-// limited in position_limiter.hpp, the speeds sent with them in feed_forward_limiter.hpp, both within the factor of
-// control/speed_scale.py.
+// What is done with the arm follows from one state, and the table of control/limiter_state.py. How fast positions
+// change is limited in position_limiter.hpp, the speeds sent with them in feed_forward_limiter.hpp, both within the
+// factor of control/speed_scale.py.
 
 #pragma once
 
@@ -25,8 +25,8 @@ namespace core {
 
 // Cycles in which the limiter changed something; as LimiterCounters in control/counters.py.
 struct LimiterCounters {
-    std::int64_t refused = 0, position_limited = 0, slowed = 0, implausible = 0, kept_apart = 0, feedforward_withheld = 0;
-    std::int64_t unanswered = 0;
+    std::int64_t refused = 0, position_limited = 0, slowed = 0, implausible = 0, kept_apart = 0;
+    std::int64_t feedforward_withheld = 0, unanswered = 0;
 };
 
 // What one arm was sent so far, as far as the next command depends on it.
@@ -34,12 +34,14 @@ struct SentMotion {
     PositionMotion positions;
     FedForward speeds;
     bool is_at_rest = true;    // whether the command stands, and does not lead the robot any more
-    bool must_settle = false;  // whether the arm is held until its command is back where the arm is, whatever is desired
+    // whether the arm is held until its command is back where the arm is, whatever is desired
+    bool must_settle = false;
     double held_for = 0.0;     // for how long the arm is held, and nothing else was desired
     // The positions between which an arm that holds may come to rest; none while it does not hold.
     std::optional<std::array<Values, 2>> stop_within;
     std::optional<Values> stop_at;  // where the arm holds while its feedback is implausible; none while it is not
-    bool was_refused = false;  // whether nothing but braking kept the arms apart, and no command beside a boundary did since
+    // whether nothing but braking kept the arms apart, and no command beside a boundary did since
+    bool was_refused = false;
     LimiterCounters counters;
 
     ArmCommand command() const { return {positions.sent.position, speeds.velocity, speeds.has_velocity}; }
@@ -51,15 +53,16 @@ public:
     struct Settings {
         JointLimits limits;   // of the joints
         Values speeds;        // of the arm itself, whatever the limits are
-        double period;        // between two states of the arm; no command moves further than the joints may within it, in
-                              // which the robot takes a command, however long ago the one before was
+        // between two states of the arm; no command moves further than the joints may within it, in which the robot
+        // takes a command, however long ago the one before was
+        double period;
         double gain;          // of the robot's position loop
         double bandwidth;     // of the robot's low-pass filter on the speed [Hz]; 0 is none
     };
 
     Limiter(const Settings& settings, const StateTable& table, ArmCollisionLimiter* collisions)
         : table_(table), limits_(settings.limits), period_(settings.period), gain_(settings.gain),
-          near_(*std::min_element(limits_.acceleration.begin(), limits_.acceleration.end()) * FEEDBACK_DELAY / EGM_GAIN),
+          near_(FEEDBACK_DELAY / EGM_GAIN * least(limits_.acceleration)),
           following_(FOLLOWING_TIME / (gain_ > 0.0 ? gain_ : EGM_GAIN)), position_limiter_(limits_),
           feed_forward_limiter_(limits_, gain_, period_), feedback_(limits_, settings.speeds),
           references_(gain_, limits_.velocity, period_, settings.bandwidth), collisions_(collisions) {
@@ -98,9 +101,9 @@ public:
         feed_forward_limiter_ = FeedForwardLimiter(limits_.slower(scale), gain_, period_);
     }
 
-    // Whether a reply is safe, else it is open whether the robot still follows, or where it is. A position that no arm can
-    // have reached is replaced by the last plausible one, and the plan by where the references lead it, as long as it is in
-    // doubt. To be called before `limit`, which takes what this makes of the state.
+    // Whether a reply is safe, else it is open whether the robot still follows, or where it is. A position that no arm
+    // can have reached is replaced by the last plausible one, and the plan by where the references lead it, as long as
+    // it is in doubt. To be called before `limit`, which takes what this makes of the state.
     bool check(ArmState& state) {
         const ArmState reported = state;
         bool is_safe = true;
@@ -120,7 +123,8 @@ public:
         motion_.counters.implausible = feedback_.implausible;
         if (is_safe && reported.dt <= 0.0 && !reported.is_running &&
             distance(last_position(), reported.planned) >= SLIGHT_LEAD) {
-            // After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at once.
+            // After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at
+            // once.
             rest();
             is_safe = false;
         }
@@ -147,12 +151,6 @@ public:
         return motion_.command();
     }
 
-    // The command that is repeated where no reply is safe; before the first one, where the robot is.
-    ArmCommand repeat(const ArmState& state) {
-        if (sent_at_ == -INF) begin(state);
-        return motion_.command();
-    }
-
     // After the reply to `state`: what the next one depends on.
     void observe(const ArmState& state) {
         motion_.speeds.observe(state, last_position());
@@ -166,19 +164,23 @@ private:
     static constexpr double HOP = 1e-3;            // [rad] beside something an arm goes by so much at once
     static constexpr double HOPS = 0.1;            // [rad/s] while it is slower than this
     static constexpr double FEEDBACK_DELAY = 0.050;  // [s] the measured speed may be behind the robot's own, at most
-    // Time constants of the robot's position loop after which it stands where its references lead it: what is left is less
-    // than a hundredth of the lead. Until then a new session does not mean that the last command is of no effect.
+    // Time constants of the robot's position loop after which it stands where its references lead it: what is left is
+    // less than a hundredth of the lead. Until then a new session does not mean that the last command is of no effect.
     static constexpr double FOLLOWING_TIME = 5.0;
     static constexpr double TAKEN_AT_ONCE = 0.75;  // of what a joint's speed may change in a cycle
     static constexpr double LATE = 1.25;           // periods: the robot has repeated the last command meanwhile
-    static constexpr double NO_TIME = 0.1;         // of a period: nothing follows from how far something moved meanwhile
+    // of a period: nothing follows from how far something moved meanwhile
+    static constexpr double NO_TIME = 0.1;
     static constexpr double NO_LEAD = 1e-4;        // [rad] less than the joints' resolution
     static constexpr double SLIGHT_LEAD = 0.01;    // [rad] a lead that a robot may follow at once
-    static constexpr double PROBE = 1e-3;          // [rad] the lead that shows whether a robot that ignored them follows again
+    // [rad] the lead that shows whether a robot that ignored them follows again
+    static constexpr double PROBE = 1e-3;
     static constexpr double SETTLING_TIME = 1.0;   // [s] after which a command that is back settles no further
     static constexpr double NEAR = 0.02;           // [rad] as near as a measured position is known
-    static constexpr double CREEPS = 2e-5;  // [rad] a command that follows the noise of an arm that stands moves less in a cycle
-    static constexpr int SCALES = SERVO_CYCLES + 2;  // positions are sent later than the speeds that go with them, by cycles
+    // [rad] a command that follows the noise of an arm that stands moves less in a cycle
+    static constexpr double CREEPS = 2e-5;
+    // positions are sent later than the speeds that go with them, by cycles
+    static constexpr int SCALES = SERVO_CYCLES + 2;
 
     const Values& last_position() const { return motion_.positions.sent.position; }
 
@@ -426,10 +428,10 @@ private:
 
     // Come to rest, then repeat the last command.
     //
-    // A command runs ahead of the robot by its speed over the loop gain. It goes back to the robot within its limits, which
-    // takes longer than the robot needs to stop; what is left of the lead meanwhile, a speed against it cancels, as quickly
-    // as the robot may brake. So it comes to rest on its way, not where the lead points; and not beyond, since a command
-    // would run after a plan that is reported elsewhere than the robot's for as long as that follows.
+    // A command runs ahead of the robot by its speed over the loop gain. It goes back to the robot within its limits,
+    // which takes longer than the robot needs to stop; what is left of the lead meanwhile, a speed against it cancels,
+    // as quickly as the robot may brake. So it comes to rest on its way, not where the lead points; and not beyond,
+    // since a command would run after a plan that is reported elsewhere than the robot's for as long as that follows.
     SentMotion hold(const SentMotion& motion, const ArmState& state, double dt) const {
         SentMotion held = motion;
         const Values last = motion.positions.sent.position;
@@ -456,8 +458,8 @@ private:
         return held;
     }
 
-    // The position that a robot goes on to report if it stops now: nearer to its plan while it moves. Not that of its plan,
-    // which a load keeps elsewhere than what is reported: the robot's loop would go on.
+    // The position that a robot goes on to report if it stops now: nearer to its plan while it moves. Not that of its
+    // plan, which a load keeps elsewhere than what is reported: the robot's loop would go on.
     static Values place_to_rest(const ArmState& state) {
         Values place = state.position;
         for (int i = 0; i < JOINTS; ++i) {
@@ -468,8 +470,8 @@ private:
         return place;
     }
 
-    // Between which positions a robot that is to stop comes to rest: it brakes from where it plans to be, or follows the
-    // last command until that has stopped.
+    // Between which positions a robot that is to stop comes to rest: it brakes from where it plans to be, or follows
+    // the last command until that has stopped.
     std::array<Values, 2> places_to_stop(const SentMotion& motion, const ArmState& state) const {
         const Values speeds = references_.speeds(state, motion.command()), last = motion.positions.sent.position;
         const Values stop = position_limiter_.place_to_stop(motion.positions);
@@ -484,11 +486,12 @@ private:
         return range;
     }
 
-    // Go to where an arm is that does not follow: were it to follow after all, it would not feel a step. Where its position
-    // is implausible, come to rest where the command itself does.
+    // Go to where an arm is that does not follow: were it to follow after all, it would not feel a step. Where its
+    // position is implausible, come to rest where the command itself does.
     void come_to(const ArmState& state, double dt) {
         const Values last = last_position();
-        if (feedback_.in_a_row && !motion_.stop_at) motion_.stop_at = position_limiter_.place_to_stop(motion_.positions);
+        if (feedback_.in_a_row && !motion_.stop_at)
+            motion_.stop_at = position_limiter_.place_to_stop(motion_.positions);
         const Values goal = feedback_.in_a_row ? *motion_.stop_at : state.position;
         motion_.positions = go_to(motion_.positions, goal, state, dt);
         const Values& position = last_position();
@@ -504,14 +507,15 @@ private:
         return next;
     }
 
-    // Whether the robot's speed, and what its acceleration can add, explain how far the command is ahead. Else the robot
-    // does not get our commands, and all that piles up would reach it as one blow. A robot that follows speeds only makes
-    // nothing of a lead.
+    // Whether the robot's speed, and what its acceleration can add, explain how far the command is ahead. Else the
+    // robot does not get our commands, and all that piles up would reach it as one blow. A robot that follows speeds
+    // only makes nothing of a lead.
     bool is_near(const ArmState& state) const {
         const Values& last = last_position();
         if (gain_ == 0.0 || distance(last, state.planned) < near_) return true;
         for (int i = 0; i < JOINTS; ++i) {
-            // At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it faster.
+            // At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it
+            // faster.
             const double speed = std::abs(state.velocity[i]) + limits_.acceleration[i] * FEEDBACK_DELAY;
             if (!(std::abs(last[i] - state.planned[i]) < speed / EGM_GAIN)) return false;
         }

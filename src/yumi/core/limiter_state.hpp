@@ -51,8 +51,8 @@ struct ForbiddenTransition {
     Event event;
 };
 
-// Of each state and event what follows, -1 where it is forbidden; and the states after which an arm has to settle before
-// anything that is desired is taken.
+// Of each state and event what follows, -1 where it is forbidden; and the states after which an arm has to settle
+// before anything that is desired is taken.
 struct StateTable {
     std::int8_t next[STATES][EVENTS];
     std::int8_t settles[STATES];

@@ -6,7 +6,7 @@
 
 #include <ruckig/ruckig.hpp>
 
-#include "joints.hpp"
+#include "braking.hpp"
 
 namespace core {
 
@@ -26,30 +26,15 @@ inline double speed_to_come(double acceleration, double jerk) { return accelerat
 
 // The quickest way to standstill, at most `top` strong. `top` and `jerk` are above 0.
 inline BrakingPath braking_path(double velocity, double acceleration, double top, double jerk) {
-    const double change = speed_to_come(acceleration, jerk);
-    if (velocity + std::copysign(change, acceleration) < 0.0) {  // its speed is backwards once the acceleration is gone
-        const BrakingPath mirrored = braking_path(-velocity, -acceleration, top, jerk);
-        return {-mirrored.highest, -mirrored.lowest, -mirrored.end};
-    }
-    // A joint without acceleration at `speed` brakes for twice `pause`, symmetrically in time, so it goes on by
-    // speed * pause. Ours has that speed after, or would have had it before, the `time` its acceleration takes.
-    const double speed = velocity + change, time = std::abs(acceleration) / jerk;
-    const double pause = jerk * speed <= top * top ? std::sqrt(speed / jerk) : 0.5 * (speed / top + top / jerk);
-    const double end = acceleration >= 0.0
-                           ? speed * pause + time * (velocity + time * (acceleration / 2.0 - time * jerk / 6.0))
-                           : speed * pause - time * (speed - time * time * jerk / 6.0);
-    double turn = 0.0;
-    if (velocity < 0.0) {  // it still goes backwards until its acceleration has turned it round
-        const double left = std::max(acceleration * acceleration + 2.0 * jerk * velocity, 0.0);
-        const double t = (acceleration - std::sqrt(left)) / jerk;
-        turn = t * (velocity + t * (acceleration / 2.0 - t * jerk / 6.0));
-    }
+    const Braking braking(0.0, velocity, acceleration, top, jerk);
+    BrakingPath path{0.0, 0.0, braking.end()};
     // One that turns round may rest behind the place it started from: its way forwards is 0 then, not negative.
-    return {std::min({0.0, turn, end}), std::max(0.0, end), end};
+    braking.extend(path.lowest, path.highest);
+    return path;
 }
 
-// How fast a joint may be that has `room` to stop in: the inverse of the way it needs at most, v/2 * (v/a + 3a/j), since
-// its acceleration may have to be turned round first.
+// How fast a joint may be that has `room` to stop in: the inverse of the way it needs at most, v/2 * (v/a + 3a/j),
+// since its acceleration may have to be turned round first.
 inline double speed_to_stop(double room, double acceleration, double jerk) {
     if (room <= 0.0) return 0.0;
     const double slow = 3.0 * acceleration / jerk;
@@ -63,7 +48,8 @@ struct Ramp {
 
 // The next speed after `dt` on the way from `last` to `goal`: see ramp_speed in control/motion.py.
 inline Ramp ramp_speed(double goal, const Ramp& last, double top, double acceleration, double jerk, double dt) {
-    constexpr double ROUNDING = 1.0 + 1e-3;  // a speed at a limit is not refused for the last digits of the planned position
+    // a speed at a limit is not refused for the last digits of the planned position
+    constexpr double ROUNDING = 1.0 + 1e-3;
     double change = (goal - last.speed) / dt;
     const double rises = goal * change > 0.0 ? speed_to_come(change, jerk) : 0.0;
     if (std::abs(goal) + rises <= top * ROUNDING && std::abs(change) <= acceleration * ROUNDING &&
@@ -79,16 +65,22 @@ inline Ramp ramp_speed(double goal, const Ramp& last, double top, double acceler
     return {last.speed + change * dt, change};
 }
 
-inline bool is_planned(ruckig::Result result) {
-    return result == ruckig::Result::Working || result == ruckig::Result::Finished;
+// Where the joints are after `dt` of a plan; false if none was found.
+inline bool plan_step(const ruckig::InputParameter<JOINTS>& plan, double dt, Setpoint& after) {
+    ruckig::Ruckig<JOINTS> generator;  // a new one for each plan keeps no state between plans
+    ruckig::Trajectory<JOINTS> planned;
+    const ruckig::Result result = generator.calculate(plan, planned);
+    if (result != ruckig::Result::Working && result != ruckig::Result::Finished) return false;
+    planned.at_time(dt, after.position, after.velocity, after.acceleration);
+    return true;
 }
 
 // Where the `enabled` joints are after `dt` on their quickest ways to their goals; false if none was found.
 //
-// Each joint moves for itself. Ruckig plans to a goal at rest; so the way is planned as seen from an observer that moves
-// with the goal, at constant acceleration, and the joint's limits are shifted by the goal's motion. A goal that moves is
-// thereby caught up with and followed without lag, which a goal at rest in every cycle would not give.
-// The goals are those at the end of the step, slower and weaker than the limits.
+// Each joint moves for itself. Ruckig plans to a goal at rest; so the way is planned as seen from an observer that
+// moves with the goal, at constant acceleration, and the joint's limits are shifted by the goal's motion. A goal that
+// moves is thereby caught up with and followed without lag, which a goal at rest in every cycle would not give. The
+// goals are those at the end of the step, slower and weaker than the limits.
 inline bool step_towards(const Setpoint& now, const Setpoint& goal, const JointLimits& limits, double dt,
                          const Flags& enabled, Setpoint& reached) {
     ruckig::InputParameter<JOINTS> plan;
@@ -108,11 +100,8 @@ inline bool step_towards(const Setpoint& now, const Setpoint& goal, const JointL
         (*plan.min_acceleration)[i] = -limits.acceleration[i] - rate;
     }
     plan.max_jerk = limits.jerk;
-    ruckig::Ruckig<JOINTS> generator;  // a new one for each plan keeps no state between plans
-    ruckig::Trajectory<JOINTS> planned;
-    if (!is_planned(generator.calculate(plan, planned))) return false;
     Setpoint ahead;
-    planned.at_time(dt, ahead.position, ahead.velocity, ahead.acceleration);
+    if (!plan_step(plan, dt, ahead)) return false;
     reached = {added(goal.position, 1.0, ahead.position), added(goal.velocity, 1.0, ahead.velocity),
                added(goal.acceleration, 1.0, ahead.acceleration)};
     return true;
@@ -131,13 +120,8 @@ inline Setpoint step_to_rest(const Setpoint& now, const JointLimits& limits, dou
     plan.max_velocity = limits.velocity;
     plan.max_acceleration = limits.acceleration;
     plan.max_jerk = limits.jerk;
-    ruckig::Ruckig<JOINTS> generator;
-    ruckig::Trajectory<JOINTS> planned;
     Setpoint after;
-    if (is_planned(generator.calculate(plan, planned))) {
-        planned.at_time(dt, after.position, after.velocity, after.acceleration);
-        return after;
-    }
+    if (plan_step(plan, dt, after)) return after;
     // Without a plan: at the highest acceleration, whatever the jerk.
     for (int i = 0; i < JOINTS; ++i) {
         const double speed = std::max(0.0, std::abs(now.velocity[i]) - limits.acceleration[i] * dt);

@@ -1,8 +1,8 @@
 // The delay of positions that are desired with a speed.
 //
-// A robot's plan takes a speed at once, and the robot reports the position that goes with the speed later, by its servo's
-// delay. Its position loop is closed over what it reports: sent together, position and speed would both ask for the
-// distance of that delay (docs/explanation/decisions/0051-position-behind-its-speed.md).
+// A robot's plan takes a speed at once, and the robot reports the position that goes with the speed later, by its
+// servo's delay. Its position loop is closed over what it reports: sent together, position and speed would both ask for
+// the distance of that delay (docs/explanation/decisions/0051-position-behind-its-speed.md).
 
 #pragma once
 
@@ -16,7 +16,8 @@ public:
     void clear() { count_ = 0, with_speed_ = -INF; }
 
     // `desired`, of finite numbers, with the position that goes with its speed; itself where no speeds are desired any
-    // more. `dt` has passed since the last call, by the robot's time; the first position is gone to from the one sent last.
+    // more. `dt` has passed since the last call, by the robot's time; the first position is gone to from the one sent
+    // last.
     ArmCommand next(ArmCommand desired, double dt, const Values& sent) {
         now_ += dt;
         if (!count_) add({now_ - dt, sent});

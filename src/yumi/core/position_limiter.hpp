@@ -48,7 +48,6 @@ struct PositionMotion {
 class PositionLimiter {
 public:
     explicit PositionLimiter(const JointLimits& limits) : limits_(limits) {
-        auto least = [](const Values& values) { return *std::min_element(values.begin(), values.end()); };
         speed_ = least(limits.velocity), top_ = least(limits.acceleration), jerk_ = least(limits.jerk);
         for (int i = 0; i < JOINTS; ++i)
             longest_ramp_ = std::max(longest_ramp_, limits.acceleration[i] / limits.jerk[i]);
@@ -77,8 +76,8 @@ public:
         if (!is_found) planned = goal;
         Flags must_brake{};
         for (int i = 0; i < JOINTS; ++i)
-            must_brake[i] = is_late[i] &&
-                            !(is_found && is_safe(i, planned.position[i], planned.velocity[i], planned.acceleration[i]));
+            must_brake[i] = is_late[i] && !(is_found && is_safe(i, planned.position[i], planned.velocity[i],
+                                                                 planned.acceleration[i]));
         // A joint that is not late takes its step; braking is possible from any state that is safe.
         const Setpoint brake = has_any(must_brake) ? step_to_rest(now, limits_, dt, must_brake) : planned;
         PositionMotion result;
@@ -128,9 +127,11 @@ public:
     }
 
 private:
-    static constexpr double ROUNDING = 1.0 + 1e-6;  // a command that uses a limit fully is not refused for its last digit
+    // a command that uses a limit fully is not refused for its last digit
+    static constexpr double ROUNDING = 1.0 + 1e-6;
     static constexpr double CLOSE = 1e-9;           // [rad] a joint may come to rest at the end of its range
-    static constexpr double FOLLOWABLE = 0.96;  // a goal nearly as fast, or as strong, as the joint cannot be caught up with
+    // a goal nearly as fast, or as strong, as the joint cannot be caught up with
+    static constexpr double FOLLOWABLE = 0.96;
 
     // The step from the last position to this one: velocity and acceleration as differences.
     static Setpoint step_to(const PositionMotion& motion, const Values& position, double dt) {

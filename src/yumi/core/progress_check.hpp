@@ -1,9 +1,9 @@
 // The progress check: an arm that is limited and comes no nearer to where it is commanded is held.
 //
-// Two arms that are pushed at each other each slide along a boundary that the other one moves, for ever. So an arm that is
-// limited has to come nearer in joint space, or it holds until it is commanded something else, or what limits it has
-// changed. If the other arm is limited itself, it has to move twice as far each time that trying again was of no use; so
-// both come to rest.
+// Two arms that are pushed at each other each slide along a boundary that the other one moves, for ever. So an arm that
+// is limited has to come nearer in joint space, or it holds until it is commanded something else, or what limits it has
+// changed. If the other arm is limited itself, it has to move twice as far each time that trying again was of no use;
+// so both come to rest.
 
 #pragma once
 
@@ -36,9 +36,9 @@ public:
     // Whether it has been limited since it came nearer to where it is commanded.
     bool is_limited() const { return limited_for_ > 0.0 || held_by_; }
 
-    // Whether the arm is to hold whatever is desired; in every cycle. `measured` is where it is, `sent` the position it was
-    // sent last, `dt` the time since the cycle before, `by` what limited it in that cycle, unless it was too fast to be led
-    // along a boundary.
+    // Whether the arm is to hold whatever is desired; in every cycle. `measured` is where it is, `sent` the position it
+    // was sent last, `dt` the time since the cycle before, `by` what limited it in that cycle, unless it was too fast
+    // to be led along a boundary.
     bool holds(const ArmCommand* desired, const Values& measured, const Values& sent, double dt,
                const std::optional<Limited>& by, const Surroundings& now) {
         const double far = desired ? distance(desired->position, sent) : INF;
@@ -65,13 +65,16 @@ public:
     }
 
 private:
-    static constexpr double LIMITED_FOR = 0.15;   // [s] an arm may be limited without getting nearer to where it is commanded
+    // [s] an arm may be limited without getting nearer to where it is commanded
+    static constexpr double LIMITED_FOR = 0.15;
     static constexpr double NEARER = 1e-3;        // [rad] by less it is no nearer
     static constexpr double NEARER_SHARE = 0.1;   // nor by less than this share of what is left
     static constexpr double SAME = 5e-4;          // [rad] a position desired that changes by less is the same
-    static constexpr double OWN = 0.5;            // a proportional controller's changes with the arm itself, by a share less
+    // a proportional controller's changes with the arm itself, by a share less
+    static constexpr double OWN = 0.5;
     static constexpr double SAME_SPEED = 1e-2;    // [rad/s]
-    static constexpr double ELSEWHERE = 0.02;     // [rad] when the other arm has moved by this, an arm that is held tries again
+    // [rad] when the other arm has moved by this, an arm that is held tries again
+    static constexpr double ELSEWHERE = 0.02;
 
     void begin(const ArmCommand* desired, const Values& measured, double far) {
         desired_ = desired ? std::optional<ArmCommand>(*desired) : std::nullopt;

@@ -2,7 +2,8 @@
 //
 // The robot's plan shows that, whatever the protocol claims (docs/explanation/decisions/0014-feedback-is-doubted.md,
 // docs/explanation/decisions/0049-lost-commands-wait.md): it is the integral of speeds that our references make
-// (reference/egm.md §6.1). How it has moved shows which command moved it, and whether it moves at all although it is led.
+// (reference/egm.md §6.1). How it has moved shows which command moved it, and whether it moves at all although it is
+// led.
 
 #pragma once
 
@@ -14,8 +15,8 @@ namespace core {
 
 class ReferenceMonitor {
 public:
-    // Of a robot whose position loop has this gain, whose joints do not exceed these speeds under EGM, which sends a state
-    // each `period`, and filters its speed with this bandwidth [Hz], 0 for none.
+    // Of a robot whose position loop has this gain, whose joints do not exceed these speeds under EGM, which sends a
+    // state each `period`, and filters its speed with this bandwidth [Hz], 0 for none.
     ReferenceMonitor(double gain, const Values& fastest, double period, double bandwidth)
         : gain_(gain), fastest_(fastest), period_(period), bandwidth_(bandwidth) {}
 
@@ -63,7 +64,8 @@ public:
             differences[i] = distance(bounded(speeds(*last, commands_[i])), moved);
             closest = i ? std::min(closest, differences[i]) : differences[i];
         }
-        if (!(closest <= EXPLAINED + EXPLAINED_SHARE * length(moved))) {  // false feedback, or a robot that moves otherwise
+        // false feedback, or a robot that moves otherwise
+        if (!(closest <= EXPLAINED + EXPLAINED_SHARE * length(moved))) {
             doubt();
             return;
         }
@@ -93,14 +95,15 @@ public:
         if (!is_repeating()) return false;
         const ArmCommand &old = commands_[0], &newest = commands_[count_ - 1];
         for (int i = 0; i < JOINTS; ++i)
-            if (std::abs(gain_ * (newest.position[i] - old.position[i]) + newest.velocity[i] - old.velocity[i]) > changes[i])
+            if (std::abs(gain_ * (newest.position[i] - old.position[i]) + newest.velocity[i] - old.velocity[i]) >
+                changes[i])
                 return true;
         return false;
     }
 
-    // After the reply `sent` to `state`; the robot's plan does not show it yet, but the one before. A state is valid where
-    // the robot follows, and it is plausible; a command is at rest that leads nowhere, and waits since newer ones than
-    // that which moves the robot were lost.
+    // After the reply `sent` to `state`; the robot's plan does not show it yet, but the one before. A state is valid
+    // where the robot follows, and it is plausible; a command is at rest that leads nowhere, and waits since newer ones
+    // than that which moves the robot were lost.
     void observe(const ArmState& state, const ArmCommand& sent, bool is_valid, bool is_at_rest, bool is_waiting) {
         const ArmCommand before = sent_;
         sent_ = sent, last_ = state;
@@ -127,8 +130,8 @@ public:
         if (!are_ignored) compare_from(state);
     }
 
-    // Whether there was a reply; then `state` gets the positions of a robot that followed what it was sent until then. The
-    // replies before the last one move the robot at first.
+    // Whether there was a reply; then `state` gets the positions of a robot that followed what it was sent until then.
+    // The replies before the last one move the robot at first.
     bool expect(ArmState& state) const {
         if (!last_) return false;
         ArmState robot = *last_;
@@ -137,11 +140,15 @@ public:
             const double dt = std::min(left, period_);
             left -= dt;
             const Values speed = speeds(robot, i < 2 ? acting_[i] : sent_);
-            const double share = dt / (SERVO_CYCLES * CYCLE);
-            robot.position = added(robot.position, share, added(robot.planned, -1.0, robot.position));
+            // What is reported comes to where the plan is now, from how fast it is by now: a servo that only brakes
+            // with its plan some cycles later goes on further than the rest of the way shows.
+            constexpr double BEHIND = SERVO_CYCLES * CYCLE;
+            const Values change = added(added(robot.planned, -1.0, robot.position), -BEHIND, robot.velocity);
+            robot.velocity = added(robot.velocity, 2.0 * dt / (BEHIND * (BEHIND + dt)), change);
+            robot.position = added(robot.position, dt, robot.velocity);
             robot.planned = added(robot.planned, dt, speed);
         }
-        state.planned = robot.planned, state.position = robot.position;
+        state.planned = robot.planned, state.position = robot.position, state.velocity = robot.velocity;
         return true;
     }
 
@@ -153,18 +160,21 @@ public:
     }
 
 private:
-    static constexpr double IGNORED_AFTER = 0.12;  // [s] a robot whose plan stands still for so long although references
-                                                   // lead it ignores them; what begins meanwhile is judged by the next time
+    // [s] a robot whose plan stands still for so long although references lead it ignores them; what begins meanwhile
+    // is judged by the next time
+    static constexpr double IGNORED_AFTER = 0.12;
     static constexpr double MOTION = 1e-4;     // [rad] over all joints: a plan that moves
     static constexpr double DUE = 5e-3;        // [rad] of motion that should have been; an arm at rest is led by less
-    static constexpr double FOLLOWED = 0.002;  // of it a robot has moved at least which follows: little, in a slow ramp-in
+    // of it a robot has moved at least which follows: little, in a slow ramp-in
+    static constexpr double FOLLOWED = 0.002;
     static constexpr int LOST_AFTER = 3;       // cycles in which one command moves the robot, the later ones are lost
     static constexpr double EXPLAINED = 0.05, EXPLAINED_SHARE = 0.02;  // [rad/s] over all joints, and of the speed
     static constexpr int LATEST = 25;          // of the commands that are usually on their way: the most
     static constexpr double FORGETTING = 0.02;  // and by how much fewer a cycle
     static constexpr int NEXT = 2;             // commands further a robot goes in a cycle if none is lost, at most
     static constexpr int REMEMBERED = 40;      // commands: the first of them, and the newest
-    static constexpr double SAME_SPEED = 2e-3;  // [rad/s] over all joints: what two commands make of the plan is the same
+    // [rad/s] over all joints: what two commands make of the plan is the same
+    static constexpr double SAME_SPEED = 2e-3;
 
     // A state shows nothing: what was not shown before begins anew, and what was shown stays.
     void doubt() {

@@ -1,33 +1,36 @@
-// The session of an arm as Python holds it, and whether the datagram that was accepted last waits for Python's answer.
+// The session of a robot as Python holds it.
 
 #pragma once
 
-#include "egm_arm.hpp"
+#include "egm_session.hpp"
 #include "lock.hpp"
 
 // What Python reads of it; as SessionValues in library.py.
 struct SessionValues {
     std::int64_t state = core::Session::NONE, number = 0;
+    double period = 0.0;
     core::SessionCounters counters;
     double jitter = 0.0, worst_jitter = 0.0, drift_ppm = 0.0, cycle_time = 0.0;
 };
 
 struct SessionHandle : SessionValues {
-    core::EgmArm egm;
-    core::ArmState arm;  // as it was reported last
-    bool awaits_python = false;
+    core::Session session;
 
-    explicit SessionHandle(double silence) : egm(silence) {}
+    explicit SessionHandle(double silence) : session(silence) {}
 
-    // The last of the datagrams that waited together was taken: what is to be answered, and whether by Python.
-    void end_batch(double now, bool for_python) {
-        if (egm.session.is_accepted()) arm = egm.state(now), awaits_python = for_python;
-        show();
+    // Act, and show what has become of the session.
+    template <typename Act>
+    auto act(Act action) {
+        const core::Guard guard(core::lock);
+        struct Shown {
+            SessionHandle& handle;
+            ~Shown() { handle.show(); }
+        } shown{*this};
+        return action(session);
     }
 
     void show() {
-        const core::Session& session = egm.session;
-        state = session.state, number = session.number, counters = session.counters;
+        state = session.state, number = session.number, period = session.period(), counters = session.counters;
         jitter = session.arrivals.jitter, worst_jitter = session.arrivals.worst_jitter;
         drift_ppm = session.arrivals.drift_ppm, cycle_time = session.arrivals.cycle_time();
     }

@@ -14,22 +14,12 @@ from dataclasses import dataclass
 
 from yumi.catalogue import Message
 from yumi.clock import Clock
-from yumi.driver.readiness import NO_STOP
-from yumi.driver.readiness import Request
-from yumi.driver.readiness import check_request
-from yumi.driver.readiness import unmet
-from yumi.driver.robot_state import Report
-from yumi.driver.robot_state import RobotState
-from yumi.driver.robot_state import arms_in_words
-from yumi.driver.state_machine import EgmMotionSettings
-from yumi.driver.state_machine import MachineState
-from yumi.driver.state_machine import SpeedSetting
-from yumi.driver.state_machine import StateMachines
+from yumi.driver.controller_panel import OBEY_TIMEOUT, ControllerPanel
+from yumi.driver.launch_checks import EgmAddress, LaunchChecks
+from yumi.driver.readiness import NO_STOP, Request, check_request, unmet
+from yumi.driver.robot_state import Report, RobotState, arms_in_words
+from yumi.driver.state_machine import EgmMotionSettings, MachineState, SpeedSetting, StateMachines
 from yumi.errors import RobotNotReady
-from yumi.driver.controller_panel import OBEY_TIMEOUT
-from yumi.driver.controller_panel import ControllerPanel
-from yumi.driver.launch_checks import EgmAddress
-from yumi.driver.launch_checks import LaunchChecks
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode

@@ -223,6 +223,7 @@ class ControlServer:
         self._given_up = given_up or shared_numbers(1)
         self._pipe = pipe
         self._arms = {side: arm.loop for side, arm in arms.items()}
+        self._sides = tuple(arms)
         self._cycle_done = cycle_done
         self._clock = clock
         self._processors = processors
@@ -233,10 +234,10 @@ class ControlServer:
         self._failures: dict[str, float] = {}
         self._dropped = 0
         self._fallback = next((arm.fallback for arm in arms.values() if arm.fallback is not None), None)
-        self._poller = Poller(self._fallback.note_busy if self._fallback is not None else None)
+        self._poller = Poller()
         for side, arm in arms.items():
             self._poller.watch(arm.socket, partial(self._reply, side))
-        self._poller.watch(pipe, self._note_command)
+        self._watch_pipe()
 
     def run(self) -> None:
         """Serve datagrams and commands until asked to stop, and until the arms stand."""
@@ -245,10 +246,8 @@ class ControlServer:
             self._keep_awake(is_needed=any(arm.state is not None for arm in arms))
             self._flush()
             looked = self._clock.now()  # what comes later may wait in a socket while we do something else
-            if self._fallback is not None:
-                self._fallback.note_waiting()
-            if self._poller.wait(POLL_PERIOD):  # answers every datagram that waits
-                self._poller.wait(0.0)  # and the other arm's, which came meanwhile, before what can wait
+            if self._wait(POLL_PERIOD):  # answers every datagram that waits
+                self._wait(0.0)  # and the other arm's, which came meanwhile, before what can wait
             self._settle()
             if self._has_command and not any(arm.is_datagram_due(self._clock.now()) for arm in arms):
                 self._read_command()
@@ -268,6 +267,20 @@ class ControlServer:
         if self._fallback is not None:
             self._fallback.close()
         self._poller.close()
+
+    def _wait(self, timeout: float) -> bool:
+        """Wait for datagrams and commands, at most ``timeout`` [s]; answer the first. Whether there was any."""
+        if self._fallback is None:
+            return self._poller.wait(timeout)
+        if timeout:
+            for arm in self._arms.values():
+                arm.prepare()
+        ready, has_command = self._fallback.wait(self._pipe_at, timeout)
+        for number in ready:
+            self._reply(self._sides[number])
+        if has_command:
+            self._note_command()
+        return bool(ready)
 
     def _keep_awake(self, *, is_needed: bool) -> None:
         """Keep the processors from halting, or let them halt again."""
@@ -310,6 +323,8 @@ class ControlServer:
     def _fail(self, side: Side, error: Exception) -> None:
         """Have the arm hold with its next reply, and report the fault now and then: at 250 Hz it would bury others."""
         self._arms[side].manager.deactivate_commanding()
+        if self._fallback is not None:
+            self._arms[side].prepare()
         self._note_failure(side, error)
 
     def _note_failure(self, side: Side, error: Exception) -> None:
@@ -320,8 +335,12 @@ class ControlServer:
 
     def _note_command(self) -> None:
         """To serve a command may take longer than a reply: no datagram should have to wait for it."""
-        self._has_command = True
+        self._has_command, self._pipe_at = True, -1
         self._poller.forget(self._pipe)
+
+    def _watch_pipe(self) -> None:
+        self._pipe_at = self._pipe.fileno()
+        self._poller.watch(self._pipe, self._note_command)
 
     def _read_command(self) -> None:
         self._has_command = False
@@ -337,7 +356,7 @@ class ControlServer:
         except Exception as error:  # the next one is sound
             refusal = Refusal(message("command_unreadable", kind=type(error).__name__, reason=said_by(error)))
             self._send(Answer(UNREADABLE, refusal))
-        self._poller.watch(self._pipe, self._note_command)
+        self._watch_pipe()
 
     def _serve(self, call: Call) -> object:
         """The answer to a command; one that has failed already for who gave it would be a surprise."""

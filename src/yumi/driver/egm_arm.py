@@ -1,7 +1,8 @@
 """An arm of the control loop that is guided by EGM: what arrives becomes its state, what controllers want its answer.
 
-All of that is compiled, ``core/arm_handle.hpp``: the socket, the datagrams, the session and the limiter. No arm waits
-for Python: :class:`FallbackThread` answers for controllers that do not.
+All of that is compiled, ``core/arm_handle.hpp``: the socket, the datagrams, the session and the limiter. Where the
+controller's law is known there, too, the answer has left before Python is woken. No arm waits for Python:
+:class:`FallbackThread` answers for controllers that do not.
 """
 
 from __future__ import annotations
@@ -14,12 +15,13 @@ from struct import Struct
 from weakref import finalize
 
 from yumi.catalogue import message
+from yumi.control.controller import Sampled
 from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle
 from yumi.control.limiter import Limiter, command_of, pack_command, state_of
 from yumi.control.limiter_state import ForbiddenTransition, LimiterEvent
-from yumi.control.stage_times import DECODE, ENCODE, LIMIT, RECEIVE, SEND, StageClock
-from yumi.core.library import BRAKED, MOST_BRAKED, ArmExchange, load
+from yumi.control.stage_times import DECODE, LIMIT, RECEIVE, SEND, UPDATE, StageClock
+from yumi.core.library import BRAKED, MOST_BRAKED, SAMPLED, ArmExchange, load
 from yumi.driver.egm_server import DatagramLink, wire_counters
 from yumi.egm.codec import not_finite
 from yumi.egm.session import Session
@@ -27,8 +29,9 @@ from yumi.egm.udp import LOST_ON_THE_WAY
 from yumi.errors import MissingPrerequisite
 from yumi.robot.joints import ArmCommand, ArmState
 
+_READY = ((), (0,), (1,), (0, 1))  # arms, by the bits that the core returns
 _NONE, _UNSAFE, _TO_ANSWER = range(3)  # what became of the datagrams that waited, as in the core
-_STAGES = Struct("5d")
+_STAGES = Struct("7d")  # in the order of the marks
 _STATE = 25  # values of a state
 _ANSWER_AT, _DATAGRAM_AT = ArmExchange.answer.offset, ArmExchange.datagram.offset
 
@@ -62,7 +65,6 @@ class EgmArm:
         self.handle: int = self._library.arm_new(limiter.handle, session.handle, link.fileno())
         if not self.handle:
             raise MemoryError("no memory for an arm")
-        limiter.session = session
         finalize(self, self._library.arm_delete, self.handle).atexit = False  # threads may still use it
         self._braked = create_string_buffer(BRAKED.size * MOST_BRAKED)
         self._exchange = ArmExchange.from_address(self.handle)
@@ -102,8 +104,11 @@ class EgmArm:
         elif exchange.send_error and exchange.send_error not in LOST_ON_THE_WAY:
             raise OSError(exchange.send_error, os.strerror(exchange.send_error))
         if self._stages is not None:
-            marks = self._stages.marks
-            marks[RECEIVE], marks[DECODE], marks[LIMIT], marks[ENCODE], marks[SEND] = _STAGES.unpack_from(exchange)
+            marks, noted = self._stages.marks, _STAGES.unpack_from(exchange)
+            if noted[UPDATE]:  # the core has sampled it
+                marks[: SEND + 1] = noted
+            else:
+                marks[RECEIVE : DECODE + 1], marks[LIMIT : SEND + 1] = noted[RECEIVE : DECODE + 1], noted[LIMIT:]
         return sent
 
     def settle(self, state: ArmState) -> None:
@@ -112,6 +117,13 @@ class EgmArm:
             self._exchange.forbidden = -1
             raise ForbiddenTransition(f"{LimiterEvent(forbidden).name}, in the fallback thread")
         self._keep(string_at(self.handle + _DATAGRAM_AT, self._exchange.datagram_size))
+
+    def prepare(self, sampled: Sampled | None) -> None:
+        packed = None
+        if sampled is not None:
+            goal, gains = sampled.goal, sampled.gains
+            packed = SAMPLED.pack(sampled.address, sampled.taken, gains is None, *goal, *(gains or goal))
+        self._library.arm_prepare(self.handle, packed)
 
     def take_braked(self) -> Sequence[Cycle]:
         count = self._limiter.done(self._library.arm_take_braked(self.handle, self._braked))
@@ -162,16 +174,20 @@ class FallbackThread:
             self.close()
             raise MissingPrerequisite(message("no_thread_for_core"))
 
-    def note_busy(self) -> None:
-        """This process has found something to do."""
-        self._library.fallback_thread_note_busy(self._handle)
+    def wait(self, other: int, timeout: float) -> tuple[Sequence[int], bool]:
+        """Wait for datagrams, and for the file of descriptor ``other``, at most ``timeout`` [s] in whole milliseconds.
 
-    def note_waiting(self) -> None:
-        """This process waits for datagrams; what it has left without an answer, since something failed, is answered."""
-        self._library.fallback_thread_note_waiting(self._handle)
+        What an arm has left without an answer, since something failed, is answered at first. Datagrams that come are
+        answered at once where that was prepared, see :meth:`EgmArm.prepare`.
+
+        Returns:
+            The numbers of the arms that are to receive, and whether the other file can be read.
+        """
+        ready = self._library.fallback_thread_wait(self._handle, other, round(1e3 * timeout))
+        return _READY[ready & 3], ready > 3
 
     def close(self) -> None:
-        """End the thread; nothing may be noted any more."""
+        """End the thread; :meth:`wait` may not be called any more."""
         handle, self._handle = self._handle, None
         if handle is not None:
             self._library.fallback_thread_delete(handle)

@@ -19,11 +19,10 @@ from yumi.control.loop_events import (
 )
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.bringup import Bringup
-from yumi.driver.robot_state import Report
 from yumi.driver.robot_state import arms_in_words
 from yumi.driver.state_machine import MachineState
-from yumi.errors import CommandRefused
 from yumi.driver.watchdog import Watchdog
+from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
 
 POSITION_CONTROLLER = "joint_position_controller"

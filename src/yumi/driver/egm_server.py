@@ -14,22 +14,20 @@ from typing import Protocol, TypeVar, cast
 from yumi.catalogue import message
 from yumi.clock import Clock, SystemClock
 from yumi.control.counters import WireCounters
+from yumi.core.library import load
 from yumi.egm.codec import (
     MOST_NUMBERS,
-    MciState,
-    MotorState,
     PathCorrection,
     RapidData,
-    RapidState,
     RobotMessage,
     SensorCodec,
     SensorMessage,
     Twist,
 )
-from yumi.egm.session import SILENCE, Counted, SensorSession, Session
+from yumi.egm.session import SILENCE, SensorSession, Session
 from yumi.egm.udp import Poller, UdpServer, address_towards
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
-from yumi.robot.joints import CYCLE, Pose, Quaternion, Vector
+from yumi.robot.joints import Pose, Quaternion, Vector
 
 POLL_PERIOD = 0.050
 """How often a wait checks whether it is to end [s]."""
@@ -37,12 +35,8 @@ POLL_PERIOD = 0.050
 UNREADABLE = 25
 """So many datagrams that cannot be read, and none that can: this is no robot we know."""
 
-LONGEST_PERIOD = 0.100
-"""The robot's clock is not believed beyond this [s]."""
-
 _NORM_TOLERANCE = 1e-3  # by how much the norm of a quaternion may differ from 1
 _OLDEST_MEASUREMENT = 1e6  # [s]
-_ON, _RUNNING, _STOPPED = MotorState.ON, MciState.RUNNING, RapidState.STOPPED  # the enumerations are slow to look into
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,11 +273,7 @@ class EgmServer:
             self._link.release()  # the robot may come back from another port
         received = accept_from(self._link, session.accept, self._link.receive(), now)
         if received is not None:
-            is_fresh = session.is_first or session.is_resumed
-            before = self._state.message if self._state and not is_fresh else None
-            self._arrived = self._state = RobotState(
-                now, period(before, received), session.number, session.is_first, received
-            )
+            self._arrived = self._state = RobotState(now, session.period, session.number, session.is_first, received)
             if session.is_first:
                 self._held = standstill(received)
         elif not session.number and session.counters.malformed >= UNREADABLE:
@@ -433,16 +423,8 @@ def accept_from(
 
 
 def is_running(message: RobotMessage) -> bool:
-    """Whether the robot follows; undefined counts: a restart of the controller leaves it so (reference/egm.md §3.3)."""
-    return message.motors is _ON and message.mci is _RUNNING and message.rapid is not _STOPPED
-
-
-def period(before: Counted | None, message: Counted) -> float:
-    """Robot time from one message to the next [s], 0 where there is none before."""
-    if before is None:
-        return 0.0
-    passed = message.measured_time - before.measured_time
-    return passed if 0.0 < passed <= LONGEST_PERIOD else CYCLE
+    """Whether the robot follows, as the core judges it of the arms of the control loop."""
+    return bool(load().codec_is_running(message.motors, message.mci, message.rapid))
 
 
 def wire_counters(session: Session, foreign: int) -> WireCounters:

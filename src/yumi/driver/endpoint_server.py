@@ -25,17 +25,9 @@ from typing import Any
 import msgspec
 
 from yumi.catalogue import FrontEnd, Message, cut, message, said_by
-from yumi.control.loop_events import ControllerReport
-from yumi.control.loop_events import Event
-from yumi.control.loop_events import is_fault
-from yumi.driver.command import RECENT
-from yumi.driver.command import Caller
-from yumi.driver.command import Command
-from yumi.driver.command import CommandedRobot
-from yumi.driver.command import Lane
-from yumi.driver.command import Request
-from yumi.driver.commands import carry_out
-from yumi.driver.commands import offered_to
+from yumi.control.loop_events import ControllerReport, Event, is_fault
+from yumi.driver.command import RECENT, Caller, Command, CommandedRobot, Lane, Request
+from yumi.driver.commands import carry_out, offered_to
 from yumi.driver.endpoint import (
     FIRST_REQUEST,
     MAX_REQUEST,

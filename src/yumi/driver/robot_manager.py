@@ -25,13 +25,9 @@ from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
 from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
-from yumi.driver.robot_state import Mode
-from yumi.driver.robot_state import Report
-from yumi.driver.robot_state import RobotState
 from yumi.driver.rapid_routines import RapidRoutines
-from yumi.driver.recovery import AutomaticRecovery
-from yumi.driver.recovery import Recovery
-from yumi.driver.recovery import RecoverySettings
+from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
+from yumi.driver.robot_state import Mode, Report, RobotState
 from yumi.driver.stops import StopLog
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 from yumi.errors import CommandRefused, RobotNotReady, YumiError

@@ -122,6 +122,11 @@ class Session:
         return Arrivals(*self._values.arrivals)
 
     @property
+    def period(self) -> float:
+        """Robot time since the message answered before [s]; 0 for the first of a session or after a silence."""
+        return float(self._values.period)
+
+    @property
     def is_open(self) -> bool:
         """Whether a session is going on."""
         return self._values.state not in (_NONE, _SILENT)

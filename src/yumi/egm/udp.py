@@ -300,13 +300,9 @@ class Poller:
     """Calls a handler per readable thing; one thread only.
 
     It stands between a datagram and its reply, with cold caches: hence ``poll`` itself, not the layers of a selector.
-
-    Args:
-        on_ready: called as soon as a wait is over, before the handlers.
     """
 
-    def __init__(self, on_ready: Callable[[], None] | None = None) -> None:
-        self._on_ready = on_ready
+    def __init__(self) -> None:
         self._poll = select.poll()
         self._handlers: dict[int, Callable[[], None]] = {}
 
@@ -328,8 +324,6 @@ class Poller:
             Whether anything was readable.
         """
         ready = self._poll.poll(timeout * _MS)
-        if self._on_ready is not None:
-            self._on_ready()
         for descriptor, _ in ready:
             self._handlers[descriptor]()
         return bool(ready)

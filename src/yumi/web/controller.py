@@ -24,9 +24,8 @@ import numpy as np
 
 from yumi.catalogue import Message, message
 from yumi.clock import Clock, SystemClock
+from yumi.driver.launch_checks import LaunchChecks, other_robot
 from yumi.driver.reports import EventReport
-from yumi.driver.launch_checks import LaunchChecks
-from yumi.driver.launch_checks import other_robot
 from yumi.driver.settings import RobotSettings
 from yumi.driver.surroundings import Surroundings
 from yumi.errors import ControllerRefused, ProtocolError, RobotNotReady, YumiError

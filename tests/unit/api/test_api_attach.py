@@ -30,17 +30,12 @@ from yumi.api.motion_registry import Motion, Way
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.loop_commands import ControllerCommand
-from yumi.control.loop_events import ControllerReport
-from yumi.control.loop_events import SessionLost
+from yumi.control.loop_events import ControllerReport, SessionLost
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.shared_state import JointStates
-from yumi.control.shared_state import Snapshot
-from yumi.control.trajectory_commands import FollowTrajectory
-from yumi.control.trajectory_commands import ResultCode
-from yumi.control.trajectory_commands import TrajectoryEnded
+from yumi.control.shared_state import JointStates, Snapshot
+from yumi.control.trajectory_commands import FollowTrajectory, ResultCode, TrajectoryEnded
 from yumi.control.trajectory_commands import Outcome as TrajectoryOutcome
-from yumi.driver import endpoint_server
-from yumi.driver import motion_commands
+from yumi.driver import endpoint_server, motion_commands
 from yumi.driver.endpoint import MAX_REQUEST, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
 from yumi.driver.reports import ArmMode

@@ -5,6 +5,7 @@ import pytest
 from controller_arms import LimitedArm
 from egm_loop import EgmLoop
 from refusals import assert_says
+from reported_limiter import ReportedLimiter
 from yumi.catalogue import message
 from yumi.control.controller import Controller
 from yumi.control.counters import LimiterCounters, WireCounters
@@ -87,7 +88,7 @@ def loop(arm: ScriptedArm, snapshots: MemoryBuffer) -> ArmLoop:
     manager = ControllerManager(joint_names(Side.LEFT))
     manager.load("pusher", Pusher())
     manager.configure("pusher")
-    limiter = Limiter(YUMI_LIMITS)
+    limiter = ReportedLimiter(YUMI_LIMITS)
     return ArmLoop(Side.LEFT, LimitedArm(arm, limiter), manager, limiter, snapshots)
 
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from reported_limiter import ReportedLimiter
 from yumi.control.controller import Controller
 from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
@@ -156,7 +157,7 @@ def bent(position: Joints, angle: float) -> Joints:
 def test_arm_that_a_load_keeps_off_its_plan_stands_when_it_is_held(deflection: float) -> None:
     start, model = home(Side.LEFT), ArmModel()
     limiter, motion, servo = (
-        Limiter(YUMI_LIMITS),
+        ReportedLimiter(YUMI_LIMITS),
         EgmMotion(start, EgmSettings(max_speed=10.0), model),
         Servo(start, model),
     )

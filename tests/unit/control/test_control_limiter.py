@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from reported_limiter import ReportedLimiter, reportable
 from soak import long, short
-from yumi.control.limiter import Limiter
 from yumi.control.limiter_state import LimiterState
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.shared_state import Problem
@@ -25,20 +25,20 @@ def state(position: Joints, *, session: int = 1, dt: float = DT, is_running: boo
 
 
 @pytest.fixture
-def limiter() -> Limiter:
-    return Limiter(YUMI_LIMITS)
+def limiter() -> ReportedLimiter:
+    return ReportedLimiter(YUMI_LIMITS)
 
 
 def moved(position: Joints, index: int, by: float) -> Joints:
     return tuple(value + by * (place == index) for place, value in enumerate(position))  # type: ignore[return-value]
 
 
-def test_limiter_starts_a_session_with_the_measured_position(limiter: Limiter, middle: Joints) -> None:
+def test_limiter_starts_a_session_with_the_measured_position(limiter: ReportedLimiter, middle: Joints) -> None:
     assert limiter.limit(state(middle), ArmCommand(ZERO)) == ArmCommand(middle)
 
 
 def test_limiter_comes_to_the_measured_position_within_the_limits_while_the_robot_does_not_follow(
-    limiter: Limiter, middle: Joints
+    limiter: ReportedLimiter, middle: Joints
 ) -> None:
     path = [limiter.limit(state(middle), None).position] * 3
     elsewhere = moved(middle, 0, 0.02)
@@ -47,7 +47,9 @@ def test_limiter_comes_to_the_measured_position_within_the_limits_while_the_robo
     assert_within_limits(path)
 
 
-def test_limiter_holds_the_last_sent_command_not_the_measured_position(limiter: Limiter, middle: Joints) -> None:
+def test_limiter_holds_the_last_sent_command_not_the_measured_position(
+    limiter: ReportedLimiter, middle: Joints
+) -> None:
     limiter.limit(state(middle), None)
     crept = moved(middle, 1, -0.01)
     assert limiter.limit(state(crept), None) == ArmCommand(middle)
@@ -60,7 +62,7 @@ def smooth_path(start: Joints, index: int, distance: float, duration: float) -> 
     return [moved(start, index, distance * share) for share in shares]
 
 
-def follow(limiter: Limiter, path: Iterable[Joints], start: Joints, *, dt: float = DT) -> list[Joints]:
+def follow(limiter: ReportedLimiter, path: Iterable[Joints], start: Joints, *, dt: float = DT) -> list[Joints]:
     """What is sent of a path, for a robot that starts at ``start`` and is where it was sent."""
     places = [start]
     for position in path:
@@ -69,7 +71,7 @@ def follow(limiter: Limiter, path: Iterable[Joints], start: Joints, *, dt: float
 
 
 @pytest.mark.parametrize("index", range(7))
-def test_limiter_lets_a_smooth_motion_pass_unchanged(limiter: Limiter, middle: Joints, index: int) -> None:
+def test_limiter_lets_a_smooth_motion_pass_unchanged(limiter: ReportedLimiter, middle: Joints, index: int) -> None:
     limiter.limit(state(middle), None)
     path = smooth_path(middle, index, 0.3, 1.0)
     assert follow(limiter, path, middle) == path
@@ -77,20 +79,20 @@ def test_limiter_lets_a_smooth_motion_pass_unchanged(limiter: Limiter, middle: J
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])
-def test_limiter_holds_when_a_command_is_not_finite(limiter: Limiter, middle: Joints, value: float) -> None:
+def test_limiter_holds_when_a_command_is_not_finite(limiter: ReportedLimiter, middle: Joints, value: float) -> None:
     limiter.limit(state(middle), None)
     assert limiter.limit(state(middle), ArmCommand(moved(middle, 2, value))) == ArmCommand(middle)
     assert limiter.counters.refused == 1
 
 
-def test_limiter_holds_when_a_speed_is_not_finite(limiter: Limiter, middle: Joints) -> None:
+def test_limiter_holds_when_a_speed_is_not_finite(limiter: ReportedLimiter, middle: Joints) -> None:
     limiter.limit(state(middle), None)
     assert limiter.limit(state(middle), ArmCommand(middle, moved(ZERO, 0, nan))) == ArmCommand(middle)
 
 
 @pytest.mark.parametrize("index", range(7))
 @pytest.mark.parametrize("direction", [-1.0, 1.0])
-def test_limiter_stops_each_joint_at_its_range(limiter: Limiter, index: int, direction: float) -> None:
+def test_limiter_stops_each_joint_at_its_range(limiter: ReportedLimiter, index: int, direction: float) -> None:
     limit = (YUMI_LIMITS.upper if direction > 0 else YUMI_LIMITS.lower)[index]
     limiter.limit(state(ZERO), None)
     path = follow(limiter, [moved(ZERO, index, limit + direction)] * 1000, ZERO)
@@ -107,7 +109,7 @@ def test_limiter_sends_no_position_out_of_range_to_an_arm_that_stands_a_little_o
     outside_by: Joints, wanted: list[Joints | None]
 ) -> None:
     """Nor leads it back to its range harder than a joint may accelerate."""
-    limiter = Limiter(YUMI_LIMITS)
+    limiter = ReportedLimiter(YUMI_LIMITS)
     rows = zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, outside_by, strict=True)
     start = joints([high + by if by > 0.0 else low + by for low, high, by in rows])
     first = limiter.limit(state(start), None)
@@ -120,7 +122,7 @@ def test_limiter_sends_no_position_out_of_range_to_an_arm_that_stands_a_little_o
     assert all(EGM_GAIN * abs(to - now) <= top * DT for to, now, top in rows)
 
 
-def test_limiter_brings_an_arm_back_into_its_range_no_faster_than_it_may_move(limiter: Limiter) -> None:
+def test_limiter_brings_an_arm_back_into_its_range_no_faster_than_it_may_move(limiter: ReportedLimiter) -> None:
     outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + 0.01)
     path = [limiter.limit(state(outside), None).position]
     assert path[0] == moved(ZERO, 1, YUMI_LIMITS.upper[1])
@@ -130,7 +132,7 @@ def test_limiter_brings_an_arm_back_into_its_range_no_faster_than_it_may_move(li
 
 
 @pytest.mark.parametrize("by", [0.011, 0.05, 0.11])
-def test_limiter_does_not_answer_an_arm_that_stands_further_outside(limiter: Limiter, by: float) -> None:
+def test_limiter_does_not_answer_an_arm_that_stands_further_outside(limiter: ReportedLimiter, by: float) -> None:
     outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + by)
     for _ in range(30):
         assert limiter.check(state(outside)) is None
@@ -145,7 +147,7 @@ def rates(path: list[Joints], dt: float) -> list[Joints]:
 def test_limiter_keeps_speed_acceleration_and_jerk_whatever_is_asked(
     wanted: list[Joints], hold: int, dt: float
 ) -> None:
-    limiter = Limiter(YUMI_LIMITS)
+    limiter = ReportedLimiter(YUMI_LIMITS)
     path = [limiter.limit(state(ZERO), None).position] * 3
     path += follow(limiter, [position for position in wanted for _ in range(hold)], ZERO, dt=dt)
     velocities = rates(path, dt)
@@ -188,7 +190,7 @@ def wandering(random: Random, cycles: int) -> Iterator[Joints]:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_limiter_keeps_its_bounds_between_motions_at_the_limits_and_jumps(limiter: Limiter, seed: int) -> None:
+def test_limiter_keeps_its_bounds_between_motions_at_the_limits_and_jumps(limiter: ReportedLimiter, seed: int) -> None:
     """Also while a joint is on its way to a goal that moves, turns back, or leads past the end of the range."""
     path = [limiter.limit(state(ZERO), None).position] * 3
     for wanted in wandering(Random(seed), 300):
@@ -208,7 +210,7 @@ def test_limiter_keeps_its_bounds_between_motions_at_the_limits_and_jumps(limite
 def test_slow_limiter_keeps_its_speed_and_never_fails(seed: int, speed_deg: float) -> None:
     """Goals that are much faster than the joints may be, and cycles of uneven length."""
     random, limits = Random(seed), YUMI_LIMITS.slowed_to(radians(speed_deg))
-    limiter, place = Limiter(limits), ZERO
+    limiter, place = ReportedLimiter(limits), ZERO
     limiter.limit(state(ZERO), None)
     for wanted in wandering(random, 300):
         dt = random.uniform(0.001, 0.005)
@@ -218,7 +220,7 @@ def test_slow_limiter_keeps_its_speed_and_never_fails(seed: int, speed_deg: floa
 
 
 @pytest.mark.parametrize("noise", [1e-6, 1e-5, 3e-5])
-def test_limiter_follows_a_noisy_goal_without_shaking(limiter: Limiter, noise: float) -> None:
+def test_limiter_follows_a_noisy_goal_without_shaking(limiter: ReportedLimiter, noise: float) -> None:
     random, place = Random(1), ZERO
     limiter.limit(state(ZERO), None)
     late = []
@@ -232,7 +234,7 @@ def test_limiter_follows_a_noisy_goal_without_shaking(limiter: Limiter, noise: f
 
 @given(wanted=st.lists(WANTED | st.none(), min_size=1, max_size=20), dt=st.floats(0.0, 1.0))
 def test_limiter_never_steps_by_more_than_velocity_times_dt(wanted: list[Joints | None], dt: float) -> None:
-    limiter = Limiter(YUMI_LIMITS)
+    limiter = ReportedLimiter(YUMI_LIMITS)
     last = limiter.limit(state(ZERO), None).position
     for position in wanted:
         now = limiter.limit(state(ZERO, dt=dt), None if position is None else ArmCommand(position)).position
@@ -241,7 +243,7 @@ def test_limiter_never_steps_by_more_than_velocity_times_dt(wanted: list[Joints 
         last = now
 
 
-def test_limiter_arrives_at_a_step_without_overshoot_and_stays(limiter: Limiter, middle: Joints) -> None:
+def test_limiter_arrives_at_a_step_without_overshoot_and_stays(limiter: ReportedLimiter, middle: Joints) -> None:
     limiter.limit(state(middle), None)
     goal = moved(middle, 0, 0.5)
     path = follow(limiter, [goal] * 300, middle)
@@ -250,7 +252,7 @@ def test_limiter_arrives_at_a_step_without_overshoot_and_stays(limiter: Limiter,
     assert limiter.counters.slowed > 0
 
 
-def test_limiter_catches_up_with_a_moving_goal(limiter: Limiter, middle: Joints) -> None:
+def test_limiter_catches_up_with_a_moving_goal(limiter: ReportedLimiter, middle: Joints) -> None:
     """A jump onto a ramp: afterwards the ramp is followed without lag."""
     limiter.limit(state(middle), None)
     ramp = [moved(middle, 3, 0.2 + 1.0 * DT * count) for count in range(200)]
@@ -259,7 +261,7 @@ def test_limiter_catches_up_with_a_moving_goal(limiter: Limiter, middle: Joints)
 
 @pytest.mark.parametrize("gap", [1, 5, 12])
 def test_limiter_catches_up_after_a_gap_and_does_not_swing_about_its_goal(
-    limiter: Limiter, middle: Joints, gap: int
+    limiter: ReportedLimiter, middle: Joints, gap: int
 ) -> None:
     limiter.limit(state(middle), None)
     path = smooth_path(middle, 3, 0.5, 1.0)
@@ -272,26 +274,29 @@ def test_limiter_catches_up_after_a_gap_and_does_not_swing_about_its_goal(
     assert min(late) > -0.1 * max(late)
 
 
-def test_limiter_takes_its_lead_back_when_it_has_to_hold_then_stays(limiter: Limiter, middle: Joints) -> None:
-    limiter.limit(state(middle), None)
-    moving = ArmState(0.0, DT, 1, middle, moved(ZERO, 0, 10.0), middle, is_running=True)
-    ahead = [limiter.limit(moving, ArmCommand(moved(middle, 0, 1.0))).position for _ in range(80)][-1]
-    path = [limiter.limit(moving, None).position for _ in range(400)]
-    assert ahead[0] - middle[0] > 0.3
-    assert path[-1] == pytest.approx(middle, abs=2e-4)
-    assert path[-1] == path[-50]
-    assert_within_limits([ahead, *path])
-
-
 def hears(planned: Joints, command: ArmCommand) -> Joints:
     """Where a robot plans to be one cycle after it got ``command``."""
     rows = zip(planned, command.position, command.velocity, strict=True)
     return joints([now + DT * (EGM_GAIN * (ahead - now) + speed) for now, ahead, speed in rows])
 
 
+def test_limiter_takes_its_lead_back_when_it_has_to_hold_then_stays(limiter: ReportedLimiter, middle: Joints) -> None:
+    limiter.limit(state(middle), None)
+    planned, path, leads = middle, [], []
+    for cycle in range(480):
+        command = limiter.limit(state(planned), ArmCommand(moved(middle, 0, 1.0)) if cycle < 80 else None)
+        path.append(command.position)
+        leads.append(command.position[0] - planned[0])
+        planned = hears(planned, command)
+    assert leads[79] > 0.3
+    assert path[-1] == pytest.approx(planned, abs=2e-4)
+    assert path[-1] == path[-50]
+    assert_within_limits(path[79:])
+
+
 @pytest.mark.parametrize("direction", [-1.0, 1.0])
 def test_limiter_notices_a_robot_that_does_not_get_its_commands_and_does_not_run_away_from_it(
-    limiter: Limiter, middle: Joints, direction: float
+    limiter: ReportedLimiter, middle: Joints, direction: float
 ) -> None:
     limiter.limit(state(middle), None)
     goal = moved(middle, 0, direction)
@@ -328,7 +333,7 @@ def test_limiter_notices_a_robot_that_does_not_get_its_commands_and_does_not_run
 @pytest.mark.parametrize("top", [0.01, 0.2, 10.0])
 def test_limiter_does_not_report_a_slow_robot_as_ignoring_references(middle: Joints, gain: float, top: float) -> None:
     """Low gains, and a MaxSpeedDeviation that the limiter does not know of; two cycles of delay."""
-    limiter, planned = Limiter(YUMI_LIMITS, gain=gain * EGM_GAIN), middle
+    limiter, planned = ReportedLimiter(YUMI_LIMITS, gain=gain * EGM_GAIN), middle
     limiter.limit(state(middle), None)
     late = [ArmCommand(middle)] * 3
     for count in range(2000):
@@ -344,7 +349,7 @@ def test_limiter_does_not_report_a_slow_robot_as_ignoring_references(middle: Joi
 @pytest.mark.parametrize("seconds", [short(20.0), long(600.0, 600.0)])
 @pytest.mark.parametrize(("noise", "deadband"), [(0.0, 1e-5), (0.0, 1e-4), (5e-5, 0.0), (2e-4, 0.0)])
 def test_limiter_does_not_report_a_robot_at_rest_as_ignoring_references(
-    limiter: Limiter, middle: Joints, noise: float, deadband: float, seconds: float
+    limiter: ReportedLimiter, middle: Joints, noise: float, deadband: float, seconds: float
 ) -> None:
     """One that settles a little short, and one whose measured positions a controller turns into noise of its goals."""
     planned, random, command = middle, Random(1), ArmCommand(middle)
@@ -365,7 +370,7 @@ def test_limiter_does_not_report_a_robot_at_rest_as_ignoring_references(
 
 @pytest.mark.parametrize("distance", [0.008, 0.015, 0.2])
 def test_limiter_does_not_report_a_robot_that_ramps_in_slowly(
-    limiter: Limiter, middle: Joints, distance: float
+    limiter: ReportedLimiter, middle: Joints, distance: float
 ) -> None:
     planned, command = middle, ArmCommand(middle)
     for count in range(2500):
@@ -379,7 +384,7 @@ def test_limiter_does_not_report_a_robot_that_ramps_in_slowly(
 
 @pytest.mark.parametrize("rested_for", [0.0, 0.05, 0.1, 5.0])
 def test_limiter_notices_within_300_ms_that_references_are_ignored_when_a_controller_rested_before(
-    limiter: Limiter, middle: Joints, rested_for: float
+    limiter: ReportedLimiter, middle: Joints, rested_for: float
 ) -> None:
     """Whenever the motion begins within the time that is looked at."""
     random, since = Random(1), 0.0
@@ -398,7 +403,7 @@ def test_limiter_notices_within_300_ms_that_references_are_ignored_when_a_contro
 
 @pytest.mark.parametrize("noise", [0.0, 3e-6, 1e-5, 1e-4])
 def test_limiter_that_held_goes_to_the_next_goal_whatever_the_noise_of_the_plan(
-    limiter: Limiter, middle: Joints, noise: float
+    limiter: ReportedLimiter, middle: Joints, noise: float
 ) -> None:
     random, planned, command = Random(1), middle, ArmCommand(middle)
     goal = moved(middle, 0, 0.2)
@@ -416,7 +421,9 @@ def test_limiter_that_held_goes_to_the_next_goal_whatever_the_noise_of_the_plan(
 
 
 @pytest.mark.parametrize("jump", [radians(2.0), radians(5.0), radians(30.0), 10.0, -10.0])
-def test_limiter_goes_on_when_one_position_cannot_be_true(limiter: Limiter, middle: Joints, jump: float) -> None:
+def test_limiter_goes_on_when_one_position_cannot_be_true(
+    limiter: ReportedLimiter, middle: Joints, jump: float
+) -> None:
     limiter.limit(state(middle), None)
     path, place = [middle] * 3, middle
     for count, wanted in enumerate(smooth_path(middle, 0, 0.3, 1.0)):
@@ -431,7 +438,7 @@ def test_limiter_goes_on_when_one_position_cannot_be_true(limiter: Limiter, midd
 
 
 def test_limiter_holds_where_it_is_while_positions_cannot_be_true_and_goes_on_afterwards(
-    limiter: Limiter, middle: Joints
+    limiter: ReportedLimiter, middle: Joints
 ) -> None:
     """Those of the other arm, say; however long they come, they are not checked."""
     limiter.limit(state(middle), None)
@@ -452,7 +459,7 @@ def test_limiter_holds_where_it_is_while_positions_cannot_be_true_and_goes_on_af
 
 @pytest.mark.parametrize("distance", [1.0, 0.05])
 def test_robot_that_follows_feels_no_step_when_a_session_begins_in_its_motion(
-    limiter: Limiter, middle: Joints, distance: float
+    limiter: ReportedLimiter, middle: Joints, distance: float
 ) -> None:
     command = limiter.limit(state(middle), None)
     planned, speeds, withheld = middle, [], 0
@@ -474,13 +481,14 @@ def test_robot_that_follows_feels_no_step_when_a_session_begins_in_its_motion(
 
 
 def test_limiter_begins_where_the_robot_stands_when_its_new_session_does_not_follow_the_last_command(
-    limiter: Limiter, middle: Joints
+    limiter: ReportedLimiter, middle: Joints
 ) -> None:
     limiter.limit(state(middle), None)
     planned = before = middle
     for count in range(60):
         now = ArmState(count * DT, DT, 1, planned, change_rate(planned, before, DT), planned, is_running=True)
         before, planned = planned, hears(planned, limiter.limit(now, ArmCommand(moved(middle, 0, 1.0))))
+    planned = reportable(planned)
     sent_at, first = 59 * DT, ArmState(0.0, DT, 2, planned, ZERO, planned, is_running=True)
     for count in range(62, 59 + 250):  # as long as it could follow the last command
         assert limiter.check(first._replace(time=count * DT)) is None
@@ -490,19 +498,21 @@ def test_limiter_begins_where_the_robot_stands_when_its_new_session_does_not_fol
     assert limiter.limit(checked, None) == ArmCommand(planned)
 
 
-def test_limiter_does_not_answer_a_session_that_begins_far_out_of_range(limiter: Limiter, middle: Joints) -> None:
+def test_limiter_does_not_answer_a_session_that_begins_far_out_of_range(
+    limiter: ReportedLimiter, middle: Joints
+) -> None:
     assert limiter.check(state(moved(middle, 1, 2.0))) is None
     assert limiter.check(state(middle)) is not None  # and should the cycle fail then, the next one begins
     assert limiter.limit(state(middle), None) == ArmCommand(middle)
 
 
 def test_limiter_does_not_begin_in_a_new_session_where_the_arm_cannot_have_got_since_it_was_last_heard(
-    limiter: Limiter, middle: Joints
+    limiter: ReportedLimiter, middle: Joints
 ) -> None:
     """In range, of a robot that follows no earlier command any more: joint 1 turns by 180° a second."""
     start = moved(middle, 0, -2.5)
     path = [limiter.limit(state(start), None)]
-    far = moved(start, 0, 5.0)
+    far = reportable(moved(start, 0, 5.0))
     assert YUMI_LIMITS.outside(far) is None
     for session, time in ((2, 1.2), (3, 1.5)):
         too_soon = state(far, session=session, dt=0.0)._replace(time=time)
@@ -516,7 +526,7 @@ def test_limiter_does_not_begin_in_a_new_session_where_the_arm_cannot_have_got_s
 
 @pytest.mark.parametrize("is_running", [True, False])
 def test_limiter_never_believes_positions_that_agree_with_each_other_but_not_with_the_robots_plan(
-    limiter: Limiter, middle: Joints, is_running: bool
+    limiter: ReportedLimiter, middle: Joints, is_running: bool
 ) -> None:
     """A robot without motors may be moved by hand: there it is believed when its plan is there, too."""
     limiter.limit(state(middle), None)
@@ -535,30 +545,35 @@ def test_limiter_never_believes_positions_that_agree_with_each_other_but_not_wit
         assert checked.position == (middle if is_running else elsewhere)
 
 
-def test_limiter_does_not_begin_where_the_robots_plan_is_not(limiter: Limiter, middle: Joints) -> None:
+def test_limiter_does_not_begin_where_the_robots_plan_is_not(limiter: ReportedLimiter, middle: Joints) -> None:
     assert limiter.check(state(moved(middle, 0, 0.5))._replace(planned=middle)) is None
     assert limiter.check(state(middle)) is not None
 
 
-def test_limiter_does_nothing_in_no_time(limiter: Limiter, middle: Joints) -> None:
+def test_limiter_does_nothing_in_no_time(limiter: ReportedLimiter, middle: Joints) -> None:
     limiter.limit(state(middle), None)
     assert limiter.limit(state(middle, dt=0.0), ArmCommand(moved(middle, 0, 1.0))).position == middle
 
 
-def test_limiter_limits_fed_forward_speeds_and_their_change(limiter: Limiter, middle: Joints) -> None:
+def test_limiter_limits_fed_forward_speeds_and_their_change(limiter: ReportedLimiter, middle: Joints) -> None:
     limiter.limit(state(middle), None)
     fast: Joints = (100.0, -100.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    speeds = [limiter.limit(state(middle), ArmCommand(middle, fast)).velocity for _ in range(100)]
+    planned, speeds = middle, []
+    for _ in range(100):
+        command = limiter.limit(state(planned), ArmCommand(planned, fast))
+        before, planned = planned, hears(planned, command)
+        speeds.append(change_rate(planned, before, DT))
     gentlest = YUMI_LIMITS.jerk[0] * DT * DT
     assert speeds[0][:2] == pytest.approx((gentlest, -gentlest))
     steps = [(new[0] - old[0]) / DT for old, new in pairwise(speeds)]
     assert max(steps) == pytest.approx(YUMI_LIMITS.acceleration[0], rel=0.05)
-    assert speeds[-1][:2] == pytest.approx((YUMI_LIMITS.velocity[0], -YUMI_LIMITS.velocity[1]), rel=0.03)
+    assert command.velocity[:2] == pytest.approx((YUMI_LIMITS.velocity[0], -YUMI_LIMITS.velocity[1]), rel=0.03)
+    assert max(map(abs, speeds[-1])) < 1.001 * YUMI_LIMITS.velocity[0]
 
 
 @pytest.mark.parametrize("gain", [0.0, EGM_GAIN])
 def test_limiter_does_not_feed_an_old_speed_to_an_arm_that_stands_in_a_new_session(middle: Joints, gain: float) -> None:
-    limiter = Limiter(YUMI_LIMITS, gain=gain)
+    limiter = ReportedLimiter(YUMI_LIMITS, gain=gain)
     planned, speed, command = middle, 0.0, None
     for count in range(150):
         now = ArmState(count * DT, DT * bool(count), 1, planned, ZERO, planned, is_running=True)
@@ -581,7 +596,7 @@ def test_limiter_does_not_feed_an_old_speed_to_an_arm_that_stands_in_a_new_sessi
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-4])
 def test_arm_that_was_held_stays_where_something_else_has_moved_it(
-    limiter: Limiter, middle: Joints, noise: float
+    limiter: ReportedLimiter, middle: Joints, noise: float
 ) -> None:
     """It is held, stops following, is moved by RAPID or a hand, then follows again while nothing is desired."""
     random, time, planned, command = Random(1), 0.0, middle, ArmCommand(middle)
@@ -616,7 +631,7 @@ def test_arm_that_was_held_stays_where_something_else_has_moved_it(
 @pytest.mark.parametrize("gain", [0.0, EGM_GAIN])
 def test_speed_that_has_faded_is_none(gain: float, middle: Joints) -> None:
     """Not seven zeros: who looks whether an arm is to move would see a speed."""
-    limiter, planned = Limiter(YUMI_LIMITS, gain=gain), middle
+    limiter, planned = ReportedLimiter(YUMI_LIMITS, gain=gain), middle
     limiter.limit(state(middle), None)
     for cycle in range(400):
         desired = ArmCommand(planned, moved(ZERO, 6, 0.001)) if cycle < 30 else None

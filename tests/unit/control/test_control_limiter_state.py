@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.control.limiter import Limiter
+from reported_limiter import ReportedLimiter, reportable
 from yumi.control.limiter_state import (
     MEANINGS,
     SEEN,
@@ -61,16 +61,16 @@ def test_arm_follows_again_only_after_it_has_settled(state: LimiterState) -> Non
 
 
 def test_what_the_table_forbids_raises_and_changes_nothing() -> None:
-    limiter = Limiter(YUMI_LIMITS)
+    limiter = ReportedLimiter(YUMI_LIMITS)
     with pytest.raises(ForbiddenTransition, match="DESIRED in the state NO_SESSION"):
-        limiter._go(LimiterEvent.DESIRED)
+        limiter.go(LimiterEvent.DESIRED)
     assert limiter.state is LimiterState.NO_SESSION
 
 
 @pytest.mark.parametrize("is_running", [True, False], ids=["follows", "does not follow"])
 def test_first_command_is_where_the_robot_is_whatever_comes_before(is_running: bool) -> None:
     """A first datagram of a robot that does not follow gets no reply; then the connection was lost for a while."""
-    limiter = Limiter(YUMI_LIMITS)
+    limiter = ReportedLimiter(YUMI_LIMITS)
     position = joints([0.3, -1.0, 0.5, 0.2, 0.1, -0.3, 0.4])
     first = ArmState(session=1, time=10.0, dt=0.0, position=position, velocity=ZERO, planned=position, is_running=False)
     assert limiter.check(first) is None
@@ -90,8 +90,9 @@ def test_first_command_is_where_the_robot_is_whatever_comes_before(is_running: b
 
 def test_session_does_not_begin_where_the_arm_was_in_the_session_before() -> None:
     """Its first datagram gets no reply, and the position of the next one is false."""
-    limiter = Limiter(YUMI_LIMITS)
-    there, here = joints([0.3, -1.0, 0.5, 0.2, 0.1, -0.3, 0.4]), joints([0.1, -1.2, 0.3, 0.0, -0.1, -0.1, 0.2])
+    limiter = ReportedLimiter(YUMI_LIMITS)
+    there = joints([0.3, -1.0, 0.5, 0.2, 0.1, -0.3, 0.4])
+    here = reportable(joints([0.1, -1.2, 0.3, 0.0, -0.1, -0.1, 0.2]))
     old = ArmState(session=1, time=10.0, dt=0.0, position=there, velocity=ZERO, planned=there, is_running=True)
     limiter.limit(old, None)
     limiter.observe(old)
@@ -108,7 +109,7 @@ def test_session_does_not_begin_where_the_arm_was_in_the_session_before() -> Non
     "event", [LimiterEvent.NOT_FOLLOWING, LimiterEvent.INTERRUPTION, LimiterEvent.FEEDBACK_DOUBTED]
 )
 def test_arm_that_has_to_settle_still_has_to_after_something_else(event: LimiterEvent) -> None:
-    limiter = Limiter(YUMI_LIMITS)
+    limiter = ReportedLimiter(YUMI_LIMITS)
     for each in (
         LimiterEvent.SESSION_NEW,
         LimiterEvent.FIRST_SENT,
@@ -116,5 +117,5 @@ def test_arm_that_has_to_settle_still_has_to_after_something_else(event: Limiter
         LimiterEvent.UNDESIRED,
         event,
     ):
-        limiter._go(each)
+        limiter.go(each)
     assert limiter.must_settle

@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 from controller_arms import LimitedArm, PerfectArm
+from reported_limiter import ReportedLimiter
 from unit.control.controller_doubles import RUNNING, Double
 from yumi.catalogue import Message, in_words, message
 from yumi.control.controller import State
 from yumi.control.goals import MemoryBuffer
-from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import COMMANDS, Commands, ControllerCommand, serve
 from yumi.control.loop_events import ControllerReport
@@ -38,7 +38,7 @@ class Arms:
         manager.load("double", self.doubles[side])
         manager.configure("double")
         manager.switch(["double"], [], RUNNING)
-        limiter = Limiter(YUMI_LIMITS)
+        limiter = ReportedLimiter(YUMI_LIMITS)
         return ArmLoop(side, LimitedArm(PerfectArm(ZERO), limiter), manager, limiter, self.buffers[side])
 
     def call(self, command: Any, *args: Any) -> Any:

@@ -90,11 +90,11 @@ struct Wire {
 
     // What Python does with a datagram: takes it, and answers it unless the thread has.
     void take() {
-        limiter.act_for_python([&] { return arm.receive(core::monotonic_now()); });
+        arm.act_for_python([&] { return arm.receive(core::monotonic_now()); });
     }
     bool answer() {
         const core::Guard guard(core::lock);
-        return limiter.act_for_python([&]() -> std::int64_t {
+        return arm.act_for_python([&]() -> std::int64_t {
             if (!arm.reply(nullptr, true)) return 0;
             arm.settle();
             return 1;
@@ -175,4 +175,101 @@ TEST(each_datagram_is_answered_once_however_both_threads_meet) {
     CHECK(!wire.is_answered(20));
     const std::int64_t count = wire.unanswered();
     CHECK(20 < count && count < 380);
+}
+
+namespace {
+
+// A robot that stands at zero and sends in its cycle; what is prepared is a proportional law.
+struct PreparedWire : Wire {
+    core::SharedGoal goals{};
+    core::Sampled law{&goals, 0, false, joint_1(0.002), {}};  // so near that it is no wonder that the robot stands
+
+    PreparedWire() {
+        law.gain.fill(0.5);
+        for (int cycle = 0; cycle < 3; ++cycle) CHECK(is_taken_and_answered());
+    }
+    // What a wait for the robot's next datagram, a cycle later, returns.
+    std::int64_t come(long after = 3'500'000) {
+        const timespec pause{0, after};
+        nanosleep(&pause, nullptr);
+        robot_sends();
+        return thread.wait(-1, 1000);
+    }
+    bool is_taken_and_answered() {
+        const bool has_come = come() == 1;
+        take();
+        return has_come && answer() && is_answered(1000);
+    }
+    // Whether the robot's next datagram is answered while the other thread waits, which has nothing to do then.
+    bool is_sampled(long after = 3'500'000) {
+        arm.prepared = law;
+        come(after);
+        if (!is_answered(0)) return false;
+        take();
+        return answer() && !is_answered(0) && arm.exchange.sampled_at > 0.0;
+    }
+    // Whether joint 1 is sent there by datagrams that are answered so. Where the machine is late, they are taken.
+    bool comes_to(double goal) {
+        for (int cycle = 0, sampled = 0; cycle < 2000; ++cycle) {
+            if (is_sampled()) {
+                if (++sampled > 50 && std::abs(limiter.exchange.command.position[0] - goal) < 1e-9) return true;
+            } else {
+                take(), answer(), is_answered(5);
+            }
+        }
+        return false;
+    }
+};
+
+}  // namespace
+
+TEST(datagram_is_answered_by_the_law_that_was_prepared) {
+    PreparedWire wire;
+    CHECK(wire.comes_to(0.001));
+    wire.law.goes_there = true;
+    CHECK(wire.comes_to(0.002));
+}
+
+TEST(law_that_was_prepared_takes_the_newest_goal_of_its_session) {
+    core::SharedGoal goals{2, 2, 7, 0.0, joint_1(0.2), {}};
+    core::Sampled law{&goals, 1, true, joint_1(0.1), {}};
+    core::ArmState state = standing();
+    CHECK(law.command(state)->position == joint_1(0.1));  // a goal for another session
+    state.session = 7;
+    CHECK(law.command(state)->position == joint_1(0.2));
+    law.taken = 2;
+    CHECK(law.command(state)->position == joint_1(0.1));  // one that was taken, and is not in force any more
+    goals.begun = 3;
+    CHECK(!law.command(state));
+}
+
+TEST(datagram_that_comes_late_or_without_a_law_is_left_to_the_other_thread) {
+    PreparedWire wire;
+    CHECK(wire.come() == 1);
+    CHECK(!wire.is_answered(0));
+    wire.take();
+    CHECK(wire.answer());
+    CHECK(wire.is_answered(1000));
+    CHECK(!wire.is_sampled(20'000'000));
+    wire.take();
+    CHECK(wire.answer());
+    CHECK(wire.is_answered(1000));
+    wire.goals.begun = 1;  // a goal is being written
+    CHECK(!wire.is_sampled());
+    wire.take();
+    CHECK(wire.answer());
+    CHECK(wire.is_answered(1000));
+}
+
+TEST(what_was_sampled_is_recorded_where_the_other_thread_does_not_hear_of_it) {
+    PreparedWire wire;
+    wire.arm.prepared = wire.law;
+    wire.come();
+    const bool is_sampled = wire.is_answered(0);
+    wire.robot_sends();
+    CHECK(wire.is_answered(1000));  // the other thread has been busy since
+    CHECK(!wire.answer());
+    BrakedCycle cycles[ArmHandle::MOST_BRAKED];
+    const core::Guard guard(core::lock);
+    CHECK(wire.arm.take_braked(cycles) == 1 + is_sampled);
 }

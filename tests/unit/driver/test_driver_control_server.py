@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import socket
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -208,6 +209,66 @@ def test_control_process_goes_on_when_allowed_collisions_fail_and_both_arms_hold
     assert min(done.values()) >= 1
     assert all(arm.deactivated >= 1 for arm in arms.values())
     assert {each.side for each in parent.received if isinstance(each, CycleFailed)} == set(Side)
+
+
+class LoggedArm(Arm):
+    """Logs what is done with it, and reads its datagram; the right one's reply takes until the left one's comes."""
+
+    def __init__(self, clock: ManualClock, parent: Parent, side: Side, sockets: dict[Side, Source]) -> None:
+        super().__init__(clock, parent, is_broken=False)
+        self.log: list[tuple[str, Side]] = []
+        self._parent, self._side, self._sockets = parent, side, sockets
+
+    def prepare(self) -> None:
+        self.log.append(("prepare", self._side))
+
+    def reply(self, now: float) -> None:
+        os.read(self._sockets[self._side].fileno(), 1)
+        self.log.append(("reply", self._side))
+        if self._side is Side.RIGHT:
+            self._sockets[Side.LEFT].make_readable()
+
+    def settle(self, now: float) -> bool:
+        self.log.append(("settle", self._side))
+        if self._side is Side.LEFT:
+            self._parent.make_readable()
+        return True
+
+
+class Waits:
+    """The core's waits, each of which returns whose file is readable by then."""
+
+    def __init__(self, sockets: dict[Side, Source]) -> None:
+        self._sockets = [each.fileno() for each in sockets.values()]
+
+    def wait(self, other: int, timeout: float) -> tuple[list[int], bool]:
+        poll = select.poll()
+        for descriptor in (*self._sockets, *((other,) if other >= 0 else ())):
+            poll.register(descriptor, select.POLLIN)
+        ready = {descriptor for descriptor, _ in poll.poll(1e3 * timeout)}
+        return [number for number, each in enumerate(self._sockets) if each in ready], other in ready
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+
+@pytest.mark.parametrize("is_in_core", [False, True])
+def test_datagram_of_the_other_arm_that_comes_during_a_reply_is_answered_before_what_can_wait(
+    parent: Parent, clock: ManualClock, is_in_core: bool
+) -> None:
+    sockets = {side: Source() for side in (Side.RIGHT, Side.LEFT)}
+    arms = {side: LoggedArm(clock, parent, side, sockets) for side in sockets}
+    log = arms[Side.LEFT].log = arms[Side.RIGHT].log
+    sockets[Side.RIGHT].make_readable()
+    fallback: Any = Waits(sockets) if is_in_core else None
+    connected: Any = {side: ConnectedArm(arm, sockets[side], fallback) for side, arm in arms.items()}  # type: ignore[arg-type]
+    events: Any = {side: SimpleNamespace(release=lambda: None) for side in sockets}
+    ControlServer(parent, connected, events, clock).run()  # type: ignore[arg-type]
+    for each in sockets.values():
+        each.close()
+    prepared = [("prepare", side) for side in sockets] if is_in_core else []
+    answered = [(done, side) for done in ("reply", "settle") for side in sockets]
+    assert log[: len(prepared) + len(answered)] == [*prepared, *answered]
 
 
 def test_command_with_a_defect_is_refused_and_the_next_one_is_served(

@@ -3,18 +3,24 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import count
 
 import pytest
 
 from yumi.catalogue import clause, message
+from yumi.clock import SystemClock
+from yumi.control.controller import Sampled
+from yumi.control.goals import SessionGoal
 from yumi.control.limiter import Limiter
+from yumi.control.shared_memory import SharedBuffer
 from yumi.control.shared_state import Limited, Snapshot
-from yumi.driver.egm_arm import EgmArm
+from yumi.control.stage_times import BEGIN, SEND, StageClock
+from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.reports import arm_report
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.egm.session import Session
 from yumi.egm.udp import MemoryLink, UdpClient, UdpServer, memory_links
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints, Side
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints, Side, joints
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
 MESSAGE = RobotMessage(
@@ -204,6 +210,38 @@ def test_arm_keeps_no_datagram_of_another_sender_that_waited_with_the_robots_fir
         assert arm.wire_counters().foreign == 3
         robot.close()
         forger.close()
+
+
+def test_datagram_is_answered_by_the_law_that_was_prepared_before_it_is_received() -> None:
+    """Where the machine was not late: then it is received and answered as ever."""
+    goals, clock = SharedBuffer(SessionGoal), SystemClock()
+    goal = joints([angle + 1e-3 for angle in HOME])
+    with UdpServer("127.0.0.1", 0) as server:
+        robot, stages = Sender(server), StageClock(clock.now)
+        arm = EgmArm(server, Session(1.0), Limiter(YUMI_LIMITS), stages)
+        core, before, sampled = FallbackThread([arm]), 0, 0
+        for seqno in count():
+            assert core.wait(-1, CYCLE) == ((), False)
+            arm.prepare(Sampled(goals.address, 0, goal))
+            robot.send(seqno)
+            assert core.wait(-1, 1.0) == ((0,), False)
+            before = robot.answers()
+            stages.begin(clock.now())
+            state = arm.receive(clock.now())
+            assert state is not None
+            sent = arm.reply(ArmCommand(goal))
+            assert sent is not None
+            assert before + robot.answers() == 1
+            arm.settle(state)
+            if before:
+                sampled += 1
+                assert stages.marks[: SEND + 1] == sorted(stages.marks[: SEND + 1])
+                assert stages.marks[BEGIN] > 0.0
+            if sampled == 20:
+                break
+        assert sent.position == pytest.approx(goal, abs=1e-6)
+        core.close()
+        robot.close()
 
 
 FLOOD = """

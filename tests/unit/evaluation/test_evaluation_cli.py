@@ -33,3 +33,9 @@ def test_unknown_contender_and_wake_mode_are_refused_with_those_that_exist() -> 
     wake = CliRunner().invoke(main, ["bench", "--wake", "never"])
     no_mode = message("wake_mode_unknown", mode="never", known=("blocking", "auto"))
     assert (wake.exit_code, wake.output) == (2, f"Error: {sentence(no_mode, FrontEnd.SHELL)}\n")
+
+
+def test_soak_with_a_server_of_the_user_is_refused_before_anything_is_compiled() -> None:
+    result = CliRunner().invoke(main, ["bench", "--soak", "1", "--server", "./server"])
+    refused = message("server_has_no_soak")
+    assert (result.exit_code, result.output) == (2, f"Error: {sentence(refused, FrontEnd.SHELL)}\n")

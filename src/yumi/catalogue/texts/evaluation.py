@@ -107,6 +107,7 @@ EVALUATION: Mapping[str, Text] = {
     "not_shown_by_motion": Text("the motion does not show it"),
     # ---- benchmark
     "wake_mode_unknown": Text("there is no wake mode {mode:quoted}; there are: {known:list}"),
+    "server_has_no_soak": Text("--soak loads both arms, and a --server answers one", "leave out one of both options"),
     "contender_unknown": Text("there is no contender {name:quoted}; there are: {known:list}"),
     "benchmark_without_controller": Text("there is no controller in this benchmark; only EGM is spoken"),
     "benchmark_needs_linux": Text("the benchmark needs Linux: it uses kernel receive time stamps and /proc"),

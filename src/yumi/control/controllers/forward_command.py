@@ -11,6 +11,7 @@ from math import inf
 from yumi.control.controller import IDLE, Controller, check_joints
 from yumi.control.goals import GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.speed_motion import SpeedMotion
+from yumi.control.sampled import Sampled
 from yumi.control.speed_scale import SpeedScale
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
 from yumi.settings import Parameter, Values, number, text
@@ -97,6 +98,11 @@ class ForwardCommandController(Controller):
             return None
         is_silent = 0.0 < self._timeout < state.time - self._given_at
         return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
+
+    @property
+    def sampled(self) -> Sampled | None:
+        is_simple = type(self) in FORWARDERS and self._forwarded == "position"
+        return self._buffers["position"].sampled(self._wanted) if is_simple and self._wanted is not None else None
 
     def note_withheld(self, position: Joints) -> None:
         self._motion.give_up(position)

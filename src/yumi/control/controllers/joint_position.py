@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.controller import IDLE, Controller
+from yumi.control.controller import IDLE, Controller, Sampled
 from yumi.control.goals import Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import fixed
@@ -117,6 +117,11 @@ class JointPositionController(Controller):
         if self._goal is None:
             return None
         return self._track(state, goal) if self._feeds_forward else self._control(state, self._goal)
+
+    @property
+    def sampled(self) -> Sampled | None:
+        is_simple = type(self) is JointPositionController and self._is_proportional and not self._feeds_forward
+        return self._inbox.sampled(self._goal, self._p) if is_simple and self._goal is not None else None
 
     def is_idle(self, now: float) -> bool:
         return now - self._given_at > IDLE

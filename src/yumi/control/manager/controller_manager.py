@@ -16,7 +16,7 @@ from functools import reduce
 from operator import or_
 
 from yumi.catalogue import Message, message, said_by
-from yumi.control.controller import Controller, State
+from yumi.control.controller import Controller, Sampled, State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.goals import GoalKind
 from yumi.control.manager.controller_switch import Strictness, Switch, find, plan_switch
@@ -277,6 +277,13 @@ class ControllerManager:
         except Exception as error:
             self._fail(self._commanding[self._merged.asked if self._merged else 0], error)
             return None
+
+    @property
+    def sampled(self) -> Sampled | None:
+        """The law of the next :meth:`update`, where the core can sample that itself."""
+        if self._merged is not None or not self._commanding:
+            return None
+        return self._commanding[0].controller.sampled
 
     def watch(self, state: ArmState) -> None:
         """Let the controllers that only watch see ``state``; after the reply has left. Never raises."""

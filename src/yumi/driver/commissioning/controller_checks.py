@@ -19,8 +19,7 @@ from yumi.driver.launch_checks import (
     EgmAddress,
     LaunchChecks,
 )
-from yumi.driver.readiness import NO_STOP
-from yumi.driver.readiness import unmet
+from yumi.driver.readiness import NO_STOP, unmet
 from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import WATCHDOG
 from yumi.errors import ControllerRefused, LoginRefused, ProtocolError, RobotNotReady, YumiError

@@ -18,7 +18,6 @@ from yumi.rws.documents import Form, Pairs, first_value
 from yumi.rws.operations import subscriptions as table
 from yumi.rws.types import PROTOCOL, Code, Priority, Resource
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refused
 from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.mastership import Mastership

@@ -1,0 +1,44 @@
+// The next command of a controller whose law the core has, so that no Python runs between a datagram and its answer.
+
+#pragma once
+
+#include <iterator>
+#include <optional>
+
+#include "joints.hpp"
+
+namespace core {
+
+// Goals in the memory of several processes, the newest only; as SharedBuffer[SessionGoal] has them.
+struct SharedGoal {
+    std::int64_t begun, finished;  // which write: equal where the goal is whole
+    std::int64_t session;          // that the goal is meant for
+    double time;
+    Values position, velocity;
+};
+
+// position + gain · (goal - position), or the goal itself; as SAMPLED in library.py.
+struct Sampled {
+    const SharedGoal* goals;
+    std::int64_t taken;  // which of them was taken last, and what it was
+    std::int64_t goes_there;
+    Values goal, gain;
+
+    // The command for a state; none while a goal is written.
+    std::optional<ArmCommand> command(const ArmState& state) const {
+        const std::int64_t newest = __atomic_load_n(&goals->finished, __ATOMIC_ACQUIRE);
+        std::int64_t words[sizeof(SharedGoal) / sizeof(std::int64_t)];  // each read before the count is read again
+        const auto* shared = reinterpret_cast<const std::int64_t*>(goals);
+        for (std::size_t i = 0; i < std::size(words); ++i) words[i] = __atomic_load_n(shared + i, __ATOMIC_ACQUIRE);
+        SharedGoal found;
+        std::memcpy(&found, words, sizeof found);
+        if (__atomic_load_n(&goals->begun, __ATOMIC_RELAXED) != newest) return std::nullopt;
+        ArmCommand command;
+        command.position = newest != taken && found.session == state.session ? found.position : goal;
+        for (int i = 0; i < JOINTS && !goes_there; ++i)
+            command.position[i] = state.position[i] + gain[i] * (command.position[i] - state.position[i]);
+        return command;
+    }
+};
+
+}  // namespace core
