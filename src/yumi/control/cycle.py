@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from yumi.control.controller import Sampled
 from yumi.control.counters import WireCounters
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.setpoint import largest_difference
+from yumi.control.sampled import Sampled
 from yumi.control.stage_times import UPDATE, StageClock
 from yumi.robot.joints import ArmCommand, ArmState
 

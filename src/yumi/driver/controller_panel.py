@@ -7,7 +7,8 @@ from math import isfinite
 
 from yumi.catalogue import message
 from yumi.clock import Clock, wait_until
-from yumi.driver.readiness import Request, RobotState, check_request
+from yumi.driver.readiness import Request, check_request
+from yumi.driver.robot_state import RobotState
 from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient

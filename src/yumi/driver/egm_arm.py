@@ -15,11 +15,11 @@ from struct import Struct
 from weakref import finalize
 
 from yumi.catalogue import message
-from yumi.control.controller import Sampled
 from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle
 from yumi.control.limiter import Limiter, command_of, pack_command, state_of
 from yumi.control.limiter_state import ForbiddenTransition, LimiterEvent
+from yumi.control.sampled import Sampled
 from yumi.control.stage_times import DECODE, LIMIT, RECEIVE, SEND, UPDATE, StageClock
 from yumi.core.library import BRAKED, MOST_BRAKED, SAMPLED, ArmExchange, load
 from yumi.driver.egm_server import DatagramLink, wire_counters

@@ -7,7 +7,8 @@ import re
 from yumi.catalogue import Message, message
 from yumi.clock import Clock, wait_until
 from yumi.driver.controller_panel import RAPID_NAME, ControllerPanel
-from yumi.driver.readiness import Request, RobotState, check_request
+from yumi.driver.readiness import Request, check_request
+from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import RAPID, RUN_RAPID, MachineState, StateMachines
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
 from yumi.robot.joints import Side

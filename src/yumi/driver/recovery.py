@@ -18,7 +18,7 @@ from yumi.catalogue import message
 from yumi.clock import Clock, wait_until
 from yumi.driver.bringup import Bringup
 from yumi.driver.egm_control import ArmControl, EgmControl
-from yumi.driver.readiness import Report
+from yumi.driver.robot_state import Report
 from yumi.driver.stops import StopLog, explain
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.process.supervision import SupervisedThread

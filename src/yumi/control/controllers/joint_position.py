@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.controller import IDLE, Controller, Sampled
+from yumi.control.controller import IDLE, Controller
 from yumi.control.goals import Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import fixed
 from yumi.control.motion.speed_motion import speeds_without_noise
 from yumi.control.motion.target_predictor import TargetPredictor
 from yumi.control.motion.tracking_filter import TrackingFilter
+from yumi.control.sampled import Sampled
 from yumi.control.speed_scale import SpeedScale
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 from yumi.settings import Parameter, Values, flag, number

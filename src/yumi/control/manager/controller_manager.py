@@ -16,13 +16,14 @@ from functools import reduce
 from operator import or_
 
 from yumi.catalogue import Message, message, said_by
-from yumi.control.controller import Controller, Sampled, State
+from yumi.control.controller import Controller, State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.goals import GoalKind
 from yumi.control.manager.controller_switch import Strictness, Switch, find, plan_switch
 from yumi.control.manager.hardware_component import HardwareComponent
 from yumi.control.manager.loaded_controller import LoadedController
 from yumi.control.manager.merged_command import MergedCommand
+from yumi.control.sampled import Sampled
 from yumi.control.stage_times import DECODE, UPDATE
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints
