@@ -12,19 +12,14 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.rapid.call import Call
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
+from yumi.rapid import Call, Library, RapidRuntimeError
 from yumi.robot.arms import Lost
 from yumi.robot.joints import Joints
 from yumi.rws.types import EventType
 from yumi.virtual.event_log import EventLog
 from yumi.virtual.instructions.moves import MOVES, place_of
 from yumi.virtual.mechanics.path import Passage
-from yumi.virtual.mechanics.path_geometry import (
-    Leg,
-    MotionFault,
-)
+from yumi.virtual.mechanics.path_geometry import Leg, MotionFault
 from yumi.virtual.mechanics.units import ArmUnit
 
 Array = NDArray[np.float64]

@@ -12,26 +12,11 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from yumi.rapid import STANDARD
+from yumi.rapid import STANDARD, Library, RapidRuntimeError
 from yumi.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.arms import Arm
-from yumi.robot.joints import (
-    JOINT_COUNT,
-    JointLimits,
-    Joints,
-    Pose,
-    Quaternion,
-    abb_from_chain,
-    chain_from_abb,
-    joints,
-)
-from yumi.robot.kinematics import (
-    compose,
-    inverse,
-    upper_half,
-)
+from yumi.robot.joints import JOINT_COUNT, JointLimits, Joints, Pose, Quaternion, abb_from_chain, chain_from_abb, joints
+from yumi.robot.kinematics import compose, inverse, upper_half
 from yumi.virtual.mechanics.arm_motion import StopMode
 from yumi.virtual.mechanics.egm_client import EgmState
 

@@ -16,8 +16,9 @@ from yumi.rapid import ast as s
 from yumi.rapid.devices import Dialog
 from yumi.rapid.modules import UserRoutine
 from yumi.rapid.parser import parse_module
+from yumi.rapid.pauses import StackEntry, StepKind
 from yumi.rapid.states import Execution
-from yumi.rapid.task import StackEntry, StepKind, Task
+from yumi.rapid.task import Task
 from yumi.rapid.types import RapidReferenceError
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code, Grant
