@@ -86,8 +86,6 @@ class Kind:
         if self.title in ("Instructions", "Functions"):
             routine = library.routine(name)
             found = name if name.lower() in LANGUAGE else routine
-            if routine is not None and getattr(routine.implementation, "__qualname__", "").endswith(".accept"):
-                return Support.ACCEPTED.value
             return None if found is None else Support.DONE.value if routine is None else routine.support.value
         has = library.find_type(name) if self.title == "Data types" else library.datum(name)
         return None if has is None else Support.DONE.value

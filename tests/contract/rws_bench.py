@@ -11,8 +11,9 @@ import yumi.virtual.controller
 from yumi.clock import ManualClock
 from yumi.rapid.devices import FlexPendant, MessageQueues
 from yumi.rapid.library import Library
+from yumi.rapid.pauses import StepKind
 from yumi.rapid.states import Execution
-from yumi.rapid.task import ModuleInfo, StepKind
+from yumi.rapid.task import ModuleInfo
 from yumi.rapid.types import RapidValueError, UnknownSymbol
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode, SignalType
 from yumi.virtual.controller.file_store import FileStore

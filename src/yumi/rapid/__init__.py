@@ -40,11 +40,13 @@ from yumi.rapid.types import (
 
 __all__ = [
     "ROBOTWARE_NAMES",
+    "STANDARD",
     "Call",
     "EventKind",
     "Execution",
     "Host",
     "InstructionSet",
+    "Library",
     "Module",
     "ModuleInfo",
     "RapidReferenceError",

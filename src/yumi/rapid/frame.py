@@ -9,13 +9,7 @@ from typing import Any, Protocol
 from yumi.rapid.call import RunningTask
 from yumi.rapid.modules import UserRoutine
 from yumi.rapid.states import SystemEvent
-from yumi.rapid.types import (
-    ABSENT,
-    ALL_ERRORS,
-    RapidRuntimeError,
-    RapidValueError,
-    Reference,
-)
+from yumi.rapid.types import ABSENT, ALL_ERRORS, RapidRuntimeError, RapidValueError, Reference
 
 Step = Callable[["Stack", "Frame"], None]
 Evaluate = Callable[["Frame"], Any]

@@ -19,9 +19,7 @@ from lark.parsers.lalr_analysis import Shift
 from yumi.rapid import ast as s
 from yumi.rapid.ast import Expression, Module, Parameter, Reference
 from yumi.rapid.tree_builder import BUILDER, NotAllowed
-from yumi.rapid.types import (
-    RapidSyntaxError,
-)
+from yumi.rapid.types import RapidSyntaxError
 
 LONGEST_MODULE = 2_000_000  # characters; a longer one takes more memory than the rest of the controller
 LONGEST_EXPRESSION = 16_000  # characters of a value that stands alone, as clients write them

@@ -8,17 +8,12 @@ from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import Any, TypeVar
 
 from yumi.errors import RobotNotReady
 from yumi.rapid import ast as s
 from yumi.rapid.call import Call
-from yumi.rapid.compiler import (
-    compile_program,
-    faults_of,
-    initialise_variables,
-)
+from yumi.rapid.compiler import compile_program, faults_of, initialise_variables
 from yumi.rapid.devices import Host
 from yumi.rapid.frame import Frame
 from yumi.rapid.interrupts import Interrupts
@@ -27,17 +22,12 @@ from yumi.rapid.loading import Prepared, free, prepared, removed_by
 from yumi.rapid.machine import Machine
 from yumi.rapid.modules import LoadedModule, UserRoutine
 from yumi.rapid.parser import parse_module
+from yumi.rapid.pauses import Pauses, StackEntry, StepKind
 from yumi.rapid.program import Program
 from yumi.rapid.states import EventKind, Execution, Severity, SystemEvent, TaskEvent
 from yumi.rapid.task_data import TaskData
 from yumi.rapid.timers import TimerQueue
-from yumi.rapid.types import (
-    ModuleNameTaken,
-    RapidReferenceError,
-    RapidRuntimeError,
-    Reference,
-    Variable,
-)
+from yumi.rapid.types import ModuleNameTaken, RapidReferenceError, RapidRuntimeError, Reference, Variable
 
 T = TypeVar("T")
 STEPS_PER_ADVANCE = 2000  # so that an endless loop without a wait cannot hang the controller
@@ -70,23 +60,6 @@ class ModuleInfo:
     is_system: bool
     filename: str
     text: str = field(default="", repr=False, compare=False)
-
-
-class StepKind(Enum):
-    """How far a step goes; the values are RWS' words."""
-
-    IN = "stepin"
-    OVER = "stepover"
-    OUT = "stepout"
-
-
-@dataclass(frozen=True, slots=True)
-class StackEntry:
-    """A routine of the call stack and the line it is at, counted from 1 in the module's file."""
-
-    module: str
-    routine: str
-    line: int
 
 
 @dataclass(slots=True)
@@ -131,7 +104,7 @@ class Task(TaskData):
         repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
         cyclic_bools: the flags that follow conditions (SetupCyclicBool), by their names in lower case.
         has_flag_timer: whether one of the timers computes them.
-        spy, end_of_spy: called before each statement while execution is recorded, and then (SpyStart, SpyStop).
+        pauses: where the task pauses: steps and breakpoints.
     """
 
     def __init__(self, name: str, host: Host, library: Library, entry: str = "main") -> None:
@@ -144,8 +117,6 @@ class Task(TaskData):
         self.repeats = False
         self.cyclic_bools: dict[str, CyclicBool] = {}
         self.has_flag_timer = False
-        self.spy: Callable[[StackEntry], None] | None = None
-        self.end_of_spy: Callable[[], None] = lambda: None
         self.now = self.elapsed = 0.0
         self.timers = TimerQueue()
         self.in_position: Callable[[], bool] = lambda: True
@@ -166,11 +137,7 @@ class Task(TaskData):
         self._pp_moved = self._stop_event = ""
         self.pp_moved_in_manual = False
         self.machine = Machine(self)
-        self._pauses: Callable[[Frame], EventKind | None] | None = None
-        self._breakpoints: set[tuple[str, int]] = set()  # module in lower case, and line
-        self._step: StepKind | None = None
-        self._stops_at_breakpoints = False
-        self._started_at = 0  # the machine's instant
+        self.pauses = Pauses(self.machine)
         self._execution = Execution.UNINITIALIZED
         self._prepared: Prepared | None = None
         self.linked_program: Program | None = None
@@ -381,7 +348,7 @@ class Task(TaskData):
             self._failures.clear()
             self.machine.booked.clear()
             self.cyclic_bools.clear()
-            self.spy = None
+            self.pauses.spy = None
             initialise_variables(self.program)
             self.machine.enter(routine, (), None)
             self._execution = Execution.READY
@@ -410,25 +377,12 @@ class Task(TaskData):
         if not (program := self.machine.program):
             raise RobotNotReady(f"The task {self.name} has no program pointer; move PP to main before the start.")
         program[-1].is_interrupted = False  # by a step or a breakpoint
-        self._step, self._stops_at_breakpoints = step, stop_at_breakpoints
-        self._started_at, self._pauses = self.machine.instant, None
-        self._watch_breakpoints()
+        self.pauses.begin(step, stop_at_breakpoints=stop_at_breakpoints)
         self._stop_event, self._pp_moved = self._pp_moved, ""
         from_beginning = self._execution is Execution.READY
         self._execution = Execution.STARTED
         self.is_running = True
         self.begin_event(SystemEvent.STEP if step else SystemEvent.START if from_beginning else SystemEvent.RESTART)
-
-    def watch_statements(self) -> None:
-        """Let the machine ask before each statement what steps, breakpoints and a recording need; otherwise not."""
-        pauses = self._pauses
-
-        def watch(frame: Frame) -> EventKind | None:
-            if self.spy is not None:
-                self.spy(StackEntry(frame.routine.module.name, frame.routine.name, frame.next_line))
-            return None if pauses is None else pauses(frame)
-
-        self.machine.pause = pauses if self.spy is None else watch
 
     @property
     def stop_event(self) -> str:
@@ -438,7 +392,7 @@ class Task(TaskData):
     @property
     def breakpoints(self) -> Collection[tuple[str, int]]:
         """Module in lower case and line of each; they count when `start` says so."""
-        return tuple(sorted(self._breakpoints))
+        return tuple(sorted(self.pauses.breakpoints))
 
     def set_breakpoint(self, module: str, line: int) -> None:
         """Stop before the statements of a line, also while the task runs.
@@ -451,45 +405,13 @@ class Task(TaskData):
         routines = (each.syntax for each in found.routines)
         if not any(line == each.line for routine in routines for each in s.statements(routine)):
             raise RapidReferenceError(f"No statement of the module '{found.name}' begins on line {line}.")
-        self._breakpoints.add((found.name.lower(), line))
-        self._watch_breakpoints()
+        self.pauses.breakpoints.add((found.name.lower(), line))
+        self.pauses.watch()
 
     def clear_breakpoints(self, module: str, lines: Collection[int]) -> None:
         """Remove those of some lines of a module."""
-        self._breakpoints -= {(module.lower(), line) for line in lines}
-        self._watch_breakpoints()
-
-    def _watch_breakpoints(self) -> None:
-        """Let the machine look for steps and breakpoints; while there are none it executes as fast as ever."""
-        are_some = self._stops_at_breakpoints and bool(self._breakpoints)
-        if self._step is None and not are_some:
-            self._pauses = None
-        elif self._pauses is None and self.machine.program:
-            self._pauses = self._pauses_at(self._step, has_begun=self.machine.instant != self._started_at)
-        self.watch_statements()
-
-    def _pauses_at(self, step: StepKind | None, *, has_begun: bool) -> Callable[[Frame], EventKind | None]:
-        """Why the task pauses before a statement; not before the one it starts with."""
-        frames, program = self.machine.frames, self.machine.program
-        depth, top = len(program), program[-1]
-        begun = has_begun or not top.is_between_statements()
-        depths = {StepKind.IN: math.inf, StepKind.OVER: depth, StepKind.OUT: depth - 1, None: -1}
-
-        def pauses(frame: Frame) -> EventKind | None:
-            nonlocal begun
-            if not begun and frame is top:
-                begun = True
-                return None
-            begun = True
-            module = frame.routine.module
-            may_enter = step is not StepKind.IN or frame is top or "NOSTEPIN" not in module.syntax.attributes
-            if may_enter and len(frames) <= depths[step]:
-                return EventKind.STEPPED
-            if self._stops_at_breakpoints and (module.name.lower(), frame.next_line) in self._breakpoints:
-                return EventKind.BREAKPOINT
-            return None
-
-        return pauses
+        self.pauses.breakpoints -= {(module.lower(), line) for line in lines}
+        self.pauses.watch()
 
     @property
     def call_stack(self) -> tuple[StackEntry, ...]:

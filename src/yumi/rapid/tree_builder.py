@@ -11,9 +11,7 @@ from typing import Any, TypeVar
 from lark import Token, Transformer, v_args
 
 from yumi.rapid import ast as s
-from yumi.rapid.types import (
-    LONGEST_STRING,
-)
+from yumi.rapid.types import LONGEST_STRING
 
 NodeType = TypeVar("NodeType", bound=s.Node)
 Clause = tuple[str, Any]

@@ -20,16 +20,7 @@ from yumi.rapid.library import Library
 from yumi.rapid.modules import LoadedModule
 from yumi.rapid.parser import parse_reference
 from yumi.rapid.task import frame_of, task_of
-from yumi.rapid.types import (
-    UNSET,
-    ArrayType,
-    RapidRuntimeError,
-    Reference,
-    Type,
-    Variable,
-    is_assignable,
-    resolved,
-)
+from yumi.rapid.types import UNSET, ArrayType, RapidRuntimeError, Reference, Type, Variable, is_assignable, resolved
 
 SYMBOLS = Library(CONSTANTS)
 LONGEST_PATTERN = 80

@@ -7,14 +7,10 @@ from collections.abc import Callable
 from yumi.rapid.builtins.data import CONSTANTS
 from yumi.rapid.call import Call
 from yumi.rapid.library import Library
+from yumi.rapid.pauses import StackEntry
 from yumi.rapid.states import EventKind
-from yumi.rapid.task import CyclicBool, StackEntry, Task, frame_of, task_of, tasks_of
-from yumi.rapid.types import (
-    ABSENT,
-    RapidRuntimeError,
-    Reference,
-    Variable,
-)
+from yumi.rapid.task import CyclicBool, Task, frame_of, task_of, tasks_of
+from yumi.rapid.types import ABSENT, RapidRuntimeError, Reference, Variable
 
 EXECUTION = Library(CONSTANTS)
 
@@ -211,14 +207,14 @@ def record_execution(call: Call) -> None:
         except OSError as error:
             raise RapidRuntimeError("ERR_FILEOPEN", f"SpyStop: '{path}' cannot be written: {error}") from error
 
-    task.spy, task.end_of_spy = watch, write
-    task.watch_statements()
+    task.pauses.spy, task.pauses.end_of_spy = watch, write
+    task.pauses.watch()
 
 
 @EXECUTION.instruction("SpyStop")
 def end_recording(call: Call) -> None:
     task = task_of(call)
-    if task.spy is not None:
-        task.spy = None
-        task.watch_statements()
-        task.end_of_spy()
+    if task.pauses.spy is not None:
+        task.pauses.spy = None
+        task.pauses.watch()
+        task.pauses.end_of_spy()

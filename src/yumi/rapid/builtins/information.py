@@ -17,16 +17,7 @@ from yumi.rapid.interrupts import ChangeOrder
 from yumi.rapid.library import Library
 from yumi.rapid.states import Execution, Severity
 from yumi.rapid.task import Task, task_of, tasks_of
-from yumi.rapid.types import (
-    BOOL,
-    LONGEST_STRING,
-    Part,
-    RapidRuntimeError,
-    Reference,
-    Variable,
-    is_numeric,
-    resolved,
-)
+from yumi.rapid.types import BOOL, LONGEST_STRING, Part, RapidRuntimeError, Reference, Variable, is_numeric, resolved
 
 INFORMATION = Library(CONSTANTS)
 

@@ -9,11 +9,7 @@ from yumi.rapid.builtins.data import CONSTANTS
 from yumi.rapid.call import Call
 from yumi.rapid.interrupts import ChangeOrder, Edge, SignalOrder, TimerOrder
 from yumi.rapid.library import Library
-from yumi.rapid.types import (
-    Part,
-    RapidRuntimeError,
-    Variable,
-)
+from yumi.rapid.types import Part, RapidRuntimeError, Variable
 
 INTERRUPTS = Library(CONSTANTS)
 

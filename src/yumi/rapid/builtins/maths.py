@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 from yumi.rapid.builtins.data import DATA
 from yumi.rapid.call import Call
 from yumi.rapid.library import Library
-from yumi.rapid.types import (
-    ArrayType,
-    RapidRuntimeError,
-    Reference,
-    resolved,
-)
+from yumi.rapid.types import ArrayType, RapidRuntimeError, Reference, resolved
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,7 @@ from yumi.rapid.devices import Message, MessageQueues
 from yumi.rapid.interrupts import ChangeOrder
 from yumi.rapid.library import Library
 from yumi.rapid.literals import format_value, parse_value
-from yumi.rapid.types import (
-    RapidRuntimeError,
-    RapidValueError,
-    resolved,
-)
+from yumi.rapid.types import RapidRuntimeError, RapidValueError, resolved
 
 QUEUES = Library(CONSTANTS)
 

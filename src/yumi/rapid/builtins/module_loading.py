@@ -14,13 +14,7 @@ from yumi.rapid.library import Library
 from yumi.rapid.loading import saved_text
 from yumi.rapid.parser import parse_module
 from yumi.rapid.task import Task, task_of
-from yumi.rapid.types import (
-    ProgramTooLarge,
-    RapidReferenceError,
-    RapidRuntimeError,
-    RapidSyntaxError,
-    UnknownSymbol,
-)
+from yumi.rapid.types import ProgramTooLarge, RapidReferenceError, RapidRuntimeError, RapidSyntaxError, UnknownSymbol
 
 MODULES = Library(CONSTANTS)
 

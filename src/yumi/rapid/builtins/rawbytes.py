@@ -11,15 +11,7 @@ from typing import Any, TypeVar
 from yumi.rapid.builtins.data import CONSTANTS
 from yumi.rapid.call import Call, whole_argument
 from yumi.rapid.library import Library
-from yumi.rapid.types import (
-    DNUM,
-    LONGEST_STRING,
-    STRING,
-    RapidRuntimeError,
-    Type,
-    is_numeric,
-    resolved,
-)
+from yumi.rapid.types import DNUM, LONGEST_STRING, STRING, RapidRuntimeError, Type, is_numeric, resolved
 
 T = TypeVar("T")
 

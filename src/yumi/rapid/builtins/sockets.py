@@ -19,10 +19,7 @@ from yumi.rapid.builtins.rawbytes import ENCODING, LARGEST_BYTE, MOST_BYTES, RAW
 from yumi.rapid.call import Call, Wait, whole_argument
 from yumi.rapid.devices import Socket
 from yumi.rapid.library import Library
-from yumi.rapid.types import (
-    LONGEST_STRING,
-    RapidRuntimeError,
-)
+from yumi.rapid.types import LONGEST_STRING, RapidRuntimeError
 
 T = TypeVar("T")
 SOCKETS = Library(RAWBYTES)

@@ -10,14 +10,7 @@ from yumi.rapid.builtins.maths import decimals
 from yumi.rapid.call import Call
 from yumi.rapid.library import Library
 from yumi.rapid.literals import format_value, parse_value
-from yumi.rapid.types import (
-    LONGEST_STRING,
-    STRING,
-    RapidRuntimeError,
-    RapidValueError,
-    resolved,
-    value_count,
-)
+from yumi.rapid.types import LONGEST_STRING, STRING, RapidRuntimeError, RapidValueError, resolved, value_count
 
 STRINGS = Library(CONSTANTS)
 _ARGUMENT_PLACE = re.compile(r"\{([1-5])\}")  # of StrFormat

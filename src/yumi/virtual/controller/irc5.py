@@ -10,9 +10,10 @@ from functools import partial
 from pathlib import PurePosixPath
 
 from yumi.errors import SettingsError
+from yumi.rapid.pauses import StepKind
 from yumi.rapid.program import Program
 from yumi.rapid.states import Execution, SystemEvent
-from yumi.rapid.task import MOST_RETRIES, StepKind, Task
+from yumi.rapid.task import MOST_RETRIES, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
 from yumi.virtual.controller.file_store import FileStore

@@ -17,8 +17,9 @@ from yumi.egm.codec import RapidState
 from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.ast import Storage
 from yumi.rapid.devices import Devices, NoNetwork
+from yumi.rapid.pauses import StepKind
 from yumi.rapid.states import EventKind, Execution, Severity, SystemEvent, TaskEvent
-from yumi.rapid.task import StepKind, Task
+from yumi.rapid.task import Task
 from yumi.rapid.types import UNSET, ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol, Variable
 from yumi.rws.types import EventType
 from yumi.virtual.controller.file_store import FileStore

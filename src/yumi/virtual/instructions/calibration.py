@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.rapid.call import Call, Wait
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
+from yumi.rapid import Call, Library, RapidRuntimeError, Wait
 from yumi.robot.kinematics import matrix, quaternion_from_matrix
 from yumi.virtual.instructions.moves import FATAL, MOVES, MoveInstructions
 from yumi.virtual.instructions.robot_data import NOT_PRESENT, chain_from_jointtarget, unit_quaternion

@@ -12,13 +12,11 @@ import numpy as np
 
 from yumi.egm.codec import PartialJoints
 from yumi.errors import RobotNotReady
-from yumi.rapid.call import Call, Wait
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
+from yumi.rapid import Call, Library, RapidRuntimeError, Wait
 from yumi.robot.joints import JOINT_COUNT
 from yumi.robot.kinematics import compose
 from yumi.rws.types import EventType
-from yumi.virtual.instructions.moves import MOVES, SPEED, MoveInstructions, check_may_move
+from yumi.virtual.instructions.moves import MOVES, SPEED, MoveInstructions, check_may_move, standing
 from yumi.virtual.instructions.path_corrections import PathCorrections
 from yumi.virtual.instructions.robot_data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
 from yumi.virtual.mechanics.egm_client import EgmOutcome
@@ -355,8 +353,7 @@ class EgmInstructions:
         if not arm.path.is_empty:
             sentence = f"{call.name}: EGM has to begin in a fine point: end the move before it with zonedata fine."
             raise RapidRuntimeError(FATAL, sentence)
-        while not arm.is_stationary:
-            yield None
+        yield from standing(arm)
 
     @EGM.instruction("EGMWaitCond", _IDENTITY)
     def wait_cond(self, call: Call) -> Wait:
@@ -369,8 +366,7 @@ class EgmInstructions:
     def stop(self, call: Call) -> Wait:
         """Done when the arm stands."""
         self._client.stop(StopMode(int(call["Mode"])), call.get("RampOutTime", 0.0))
-        while not self._unit.arm.is_stationary:
-            yield None
+        yield from standing(self._unit.arm)
 
     @EGM.instruction("EGMStreamStart", rf"{_IDENTITY}, \num SampleRate")
     def stream_start(self, call: Call) -> None:
@@ -398,8 +394,7 @@ class EgmInstructions:
                 # The program had been stopped and continues: the interrupted instruction starts EGM again.
                 check_may_move(call)
                 self._do(lambda: self._client.run_joint(run))
-        while not self._unit.arm.is_stationary:
-            yield None
+        yield from standing(self._unit.arm)
 
     def _do(self, action: Callable[[], None]) -> None:
         try:

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
-from yumi.rapid.call import Call
-from yumi.rapid.library import Library
+from yumi.rapid import Call, Library
 from yumi.rapid.task import task_of
 from yumi.rapid.types import UNSET, RapidRuntimeError
 from yumi.robot.joints import JOINT_COUNT, abb_from_chain

@@ -8,14 +8,12 @@ from math import inf, radians
 from typing import Any
 
 from yumi.errors import RobotNotReady
-from yumi.rapid.call import Call, Wait
-from yumi.rapid.library import Library
+from yumi.rapid import Call, Library, RapidRuntimeError, Wait
 from yumi.rapid.states import SystemEvent
 from yumi.rapid.task import frame_of
-from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.joints import JOINT_COUNT, Pose
 from yumi.robot.kinematics import compose, inverse
-from yumi.virtual.instructions.moves import FATAL, MOVES, MoveInstructions, check_may_move
+from yumi.virtual.instructions.moves import FATAL, MOVES, MoveInstructions, check_may_move, standing
 from yumi.virtual.instructions.robot_data import NOT_PRESENT, chain_order, jointtarget, rapid_from_pose, unit_quaternion
 from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
 from yumi.virtual.mechanics.path import Acceleration
@@ -48,6 +46,8 @@ SETTINGS.alias("motionprocessmode", "num")
 _MODES = ("OPTIMAL_CYCLE_TIME_MODE", "LOW_SPEED_ACCURACY_MODE", "LOW_SPEED_STIFF_MODE", "ACCURACY_MODE")
 for _number, _name in enumerate((*_MODES, *(f"MPM_USER_MODE_{each}" for each in range(1, 5))), start=1):
     SETTINGS.data(_name, "motionprocessmode", float(_number))
+SETTINGS.accepted("MechUnitLoad", "mecunit MechUnit, num AxisNo, loaddata Load")
+SETTINGS.accepted("MotionProcessModeSet", "motionprocessmode Mode")
 _ON_OFF = r"\switch On | \switch Off"
 _ALL_TASKS = r"\switch AllMotionTasks"
 
@@ -313,11 +313,6 @@ class MotionSettingInstructions:
         name = call["MechUnit"].name
         raise RapidRuntimeError(FATAL, f"DeactUnit: {name} belongs to the robot and cannot be deactivated.")
 
-    @SETTINGS.instruction("MechUnitLoad", "mecunit MechUnit, num AxisNo, loaddata Load")
-    @SETTINGS.instruction("MotionProcessModeSet", "motionprocessmode Mode")
-    def accept(self, call: Call) -> None:
-        """What changes nothing that can be seen: tuning of servos, process modes, path resolution."""
-
     @SETTINGS.instruction("SetLeadThrough", rf"{_ON_OFF}, \switch NoStopMove, \switch NoClearPath, \switch NoStartMove")
     def lead(self, call: Call) -> Wait:
         r"""An arm that is led by hand stands on its path; \Off forgets the path, and goes on.
@@ -452,8 +447,7 @@ class MotionSettingInstructions:
         arm = self._unit.arm
         if self._unit.stored_paths:
             raise RapidRuntimeError(FATAL, "StorePath: a path is stored already; RestoPath has to come before.")
-        while not arm.is_stationary:
-            yield None
+        yield from standing(arm)
         self._unit.stored_paths.append(arm.path.store())
 
     @SETTINGS.instruction("RestoPath")
@@ -462,8 +456,7 @@ class MotionSettingInstructions:
         arm = self._unit.arm
         if not self._unit.stored_paths:
             raise RapidRuntimeError(FATAL, "RestoPath: no path is stored.")
-        while not arm.is_stationary:
-            yield None
+        yield from standing(arm)
         arm.leave_path()  # it may stand elsewhere than where the stored path goes on
         arm.path.restore(self._unit.stored_paths.pop())
 
@@ -481,8 +474,7 @@ class MotionSettingInstructions:
         """Stop the movements and let the error handler go on, with ERR_PATH_STOP."""
         arm = self._unit.arm
         arm.path.hold(STOP_MOVE)
-        while not arm.is_stationary:
-            yield None
+        yield from standing(arm)
         raise RapidRuntimeError("ERR_PATH_STOP", "ProcerrRecovery has stopped the movements.")
 
 

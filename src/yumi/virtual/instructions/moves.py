@@ -16,10 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.errors import RobotNotReady
+from yumi.rapid import Call, Library, RapidRuntimeError, Wait
 from yumi.rapid.builtins.information import OF_TASK, task_meant
-from yumi.rapid.call import Call, Wait
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.arm_kinematics import Arm
 from yumi.robot.confdata import Configuration
 from yumi.robot.joints import Joints, Pose
@@ -35,6 +33,7 @@ from yumi.virtual.instructions.robot_data import (
     unit_quaternion,
     wobj_from_rapid,
 )
+from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.path import Offset, Passage
 from yumi.virtual.mechanics.path_geometry import (
     STOP,
@@ -371,8 +370,7 @@ class MoveInstructions:
     @MOVES.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")
     def wait_rob(self, call: Call) -> Wait:
         """Until the arm stands."""
-        while not self.arm.is_stationary:
-            yield None
+        yield from standing(self.arm)
 
     # Where the robot is -------------------------------------------------------------------------------------------
 
@@ -590,6 +588,12 @@ MOVING = (
 def refuse_motion(call: Call) -> None:
     sentence = f"{call.name} moves a robot, which the task {call.task.name} may not (MotionTask in CAB_TASKS)."
     raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+
+
+def standing(arm: VirtualArm) -> Wait:
+    """Until the arm stands."""
+    while not arm.is_stationary:
+        yield None
 
 
 def _predefined(call: Call, name: str) -> Any:

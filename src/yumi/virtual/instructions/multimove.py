@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from yumi.rapid.call import Call, Wait
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
+from yumi.rapid import Call, Library, RapidRuntimeError, Wait
+from yumi.virtual.instructions.moves import standing
 from yumi.virtual.instructions.robot_data import ROBOT_DATA
 from yumi.virtual.mechanics.units import ArmUnit, SyncPoints
 
@@ -45,8 +44,7 @@ class MultiMoveInstructions:
     @MULTIMOVE.instruction("SyncMoveOn", r"VAR syncident SyncID, anytype TaskList, \num TimeOut")
     def sync_move_on(self, call: Call) -> Wait:
         """When every task of the list is here and stands, their moves are synchronized."""
-        while not self._unit.arm.is_stationary:
-            yield None
+        yield from standing(self._unit.arm)
         tasks = tuple(task.taskname for task in call["TaskList"])
         if call.task.name.upper() not in (name.upper() for name in tasks):
             raise RapidRuntimeError("ERR_SYNCMOVEON", f"{call.task.name} is not in the list of {call.name}.")
@@ -56,8 +54,7 @@ class MultiMoveInstructions:
     @MULTIMOVE.instruction("SyncMoveOff", r"VAR syncident SyncID, \num TimeOut")
     def sync_move_off(self, call: Call) -> Wait:
         """When every synchronized task is here and stands, each moves by itself again."""
-        while not self._unit.arm.is_stationary:
-            yield None
+        yield from standing(self._unit.arm)
         tasks = self._unit.synchronized_tasks or (call.task.name,)
         yield from self._meet(call, call.reference("SyncID").name.lower(), tasks, "ERR_SYNCMOVEOFF")
         self._unit.synchronized_tasks = ()
@@ -81,8 +78,7 @@ class MultiMoveInstructions:
         """The movements are synchronized again."""
         if not self._unit.suspended_tasks:
             raise RapidRuntimeError("ERR_SYNCMOVEON", f"{call.name} comes after SyncMoveSuspend.")
-        while not self._unit.arm.is_stationary:
-            yield None
+        yield from standing(self._unit.arm)
         yield from self._meet(call, "SyncMoveResume", self._unit.suspended_tasks, "ERR_SYNCMOVEON")
         self._unit.synchronized_tasks, self._unit.suspended_tasks = self._unit.suspended_tasks, ()
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.rapid.call import Call
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.arm_kinematics import Lost
+from yumi.rapid import Call
+from yumi.rapid import Library
+from yumi.rapid import RapidRuntimeError
 from yumi.robot.joints import Joints
 from yumi.rws.types import EventType
 from yumi.virtual.event_log import EventLog

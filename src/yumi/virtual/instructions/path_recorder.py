@@ -10,12 +10,16 @@ from math import radians
 
 import numpy as np
 
-from yumi.rapid.call import Call, Wait
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
+from yumi.rapid import Call, Library, RapidRuntimeError, Wait
 from yumi.robot.joints import Joints
-from yumi.virtual.instructions.moves import MOVES, MoveInstructions
-from yumi.virtual.mechanics.path_geometry import Leg, Speed, Zone, followed, retraced_leg
+from yumi.virtual.instructions.moves import MOVES
+from yumi.virtual.instructions.moves import MoveInstructions
+from yumi.virtual.mechanics.path_geometry import Leg
+from yumi.virtual.mechanics.path_geometry import Speed
+from yumi.virtual.mechanics.path_geometry import Zone
+from yumi.virtual.mechanics.path_geometry import followed
+from yumi.virtual.mechanics.path_geometry import retraced_leg
+from yumi.virtual.instructions.moves import standing
 
 MOST_RECORDED = 50_000  # positions: what is older is forgotten
 _RECORDED_STEP = radians(0.1)  # between two positions, of the axis that moves most
@@ -135,8 +139,7 @@ class PathRecorder:
     def _retrace(self, call: Call, end: int | None) -> Wait:
         assert end is not None, "it was checked"
         positions, arm = self._positions, self._unit.arm
-        while not arm.is_stationary:
-            yield None
+        yield from standing(arm)
         if self._at is None:
             self._at = len(positions) - 1
             if positions[-1] != arm.planned:  # where the way back begins is where the way forth ends

@@ -7,16 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from yumi.rapid import STANDARD
-from yumi.rapid.call import Call
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
-from yumi.robot.joints import (
-    Pose,
-    Quaternion,
-    Vector,
-    rotate,
-)
+from yumi.rapid import STANDARD, Call, Library, RapidRuntimeError
+from yumi.robot.joints import Pose, Quaternion, Vector, rotate
 from yumi.robot.kinematics import (
     compose,
     euler_zyx,

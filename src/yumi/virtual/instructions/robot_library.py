@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from yumi.rapid import InstructionSet
-from yumi.rapid.library import Library
+from yumi.rapid import InstructionSet, Library
 from yumi.virtual.event_log import EventLog
 from yumi.virtual.instructions.calibration import CALIBRATION, CalibrationInstructions
 from yumi.virtual.instructions.egm_instructions import EGM, EgmInstructions

@@ -7,10 +7,7 @@ from enum import Enum
 from typing import Any, TypeVar
 
 from yumi.errors import CommandRefused, RobotNotReady
-from yumi.rapid import STANDARD
-from yumi.rapid.call import Call, Wait
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
+from yumi.rapid import STANDARD, Call, Library, RapidRuntimeError, Wait
 from yumi.robot.gripper import MAX_FORCE, TOP_SPEED, TRAVEL, ServoState
 from yumi.rws.types import EventType
 from yumi.virtual.event_log import EventLog

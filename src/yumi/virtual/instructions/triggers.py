@@ -12,9 +12,8 @@ from functools import partial
 
 import numpy as np
 
+from yumi.rapid import Call, Library, Wait
 from yumi.rapid.builtins.strings import RELATIONS
-from yumi.rapid.call import Call, Wait
-from yumi.rapid.library import Library
 from yumi.rapid.types import ArrayType, RapidRuntimeError, SignalType, resolved
 from yumi.virtual.instructions.moves import FATAL, FRAMES, MOVES, MoveInstructions
 from yumi.virtual.mechanics.path import Passage, Trigger

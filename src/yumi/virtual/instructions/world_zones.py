@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from math import radians
 from typing import Any, cast
 
-from yumi.rapid.call import Call
-from yumi.rapid.library import Library
-from yumi.rapid.types import RapidRuntimeError
+from yumi.rapid import Call, Library, RapidRuntimeError
 from yumi.robot.joints import Joints, Vector, chain_from_abb
 from yumi.virtual.instructions.moves import FATAL
 from yumi.virtual.instructions.robot_data import ROBOT_DATA

@@ -15,8 +15,9 @@ from yumi.errors import RapidError
 from yumi.rapid import ast as s
 from yumi.rapid.modules import UserRoutine
 from yumi.rapid.parser import parse_module
+from yumi.rapid.pauses import StackEntry, StepKind
 from yumi.rapid.states import Execution
-from yumi.rapid.task import StackEntry, StepKind, Task
+from yumi.rapid.task import Task
 from yumi.rapid.types import RapidReferenceError
 from yumi.rws.documents import JointTarget, Link, Page, RobTarget, State
 from yumi.rws.operations import rapid as table

@@ -8,8 +8,8 @@ import pytest
 
 from refusals import refused
 from yumi.errors import SettingsError
+from yumi.rapid.pauses import StepKind
 from yumi.rapid.states import Execution
-from yumi.rapid.task import StepKind
 from yumi.robot.joints import Side, joints
 from yumi.rws.types import ControllerState, EventType, OperatingMode
 from yumi.virtual.controller.backup import write_backup

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from yumi.rapid.pauses import StepKind
 from yumi.rapid.states import Execution
-from yumi.rapid.task import StepKind
 from yumi.robot.joints import Joints, Side
 from yumi.rws.types import ControllerState, EventType
 from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
@@ -850,7 +850,7 @@ def test_background_task_moves_no_arm_whose_program_is_stopped(tmp_path: Path) -
     run(world, 1.0)
     assert moved_by(world, position) < 0.01
     watcher = controller.tasks["WATCHER"]
-    assert watcher.error_name(float(watcher.read("Main", "number"))) == "ERR_PROGSTOP"
+    assert watcher.machine.error_name(float(watcher.read("Main", "number"))) == "ERR_PROGSTOP"
 
 
 @pytest.mark.parametrize("discards_programs", [False, True])
