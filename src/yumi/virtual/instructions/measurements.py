@@ -7,9 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import degrees, dist
 
-from yumi.rapid import Call
-from yumi.rapid import Library
-from yumi.rapid import RapidRuntimeError
+from yumi.rapid import Call, Library, RapidRuntimeError
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side, abb_from_chain
 from yumi.robot.kinematics import compose
 from yumi.virtual.instructions.robot_data import ROBOT_DATA, pose_from_rapid

@@ -12,10 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.rapid import Call, Library, RapidRuntimeError
 from yumi.robot.arm_kinematics import Lost
-from yumi.rapid import Call
-from yumi.rapid import Library
-from yumi.rapid import RapidRuntimeError
 from yumi.robot.joints import Joints
 from yumi.rws.types import EventType
 from yumi.virtual.event_log import EventLog

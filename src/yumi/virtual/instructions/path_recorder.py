@@ -12,14 +12,8 @@ import numpy as np
 
 from yumi.rapid import Call, Library, RapidRuntimeError, Wait
 from yumi.robot.joints import Joints
-from yumi.virtual.instructions.moves import MOVES
-from yumi.virtual.instructions.moves import MoveInstructions
-from yumi.virtual.mechanics.path_geometry import Leg
-from yumi.virtual.mechanics.path_geometry import Speed
-from yumi.virtual.mechanics.path_geometry import Zone
-from yumi.virtual.mechanics.path_geometry import followed
-from yumi.virtual.mechanics.path_geometry import retraced_leg
-from yumi.virtual.instructions.moves import standing
+from yumi.virtual.instructions.moves import MOVES, MoveInstructions, standing
+from yumi.virtual.mechanics.path_geometry import Leg, Speed, Zone, followed, retraced_leg
 
 MOST_RECORDED = 50_000  # positions: what is older is forgotten
 _RECORDED_STEP = radians(0.1)  # between two positions, of the axis that moves most

@@ -15,17 +15,8 @@ import numpy as np
 from yumi.rapid import STANDARD, Library, RapidRuntimeError
 from yumi.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
 from yumi.robot.arm_kinematics import Arm
-from yumi.robot.joints import JOINT_COUNT
-from yumi.robot.joints import JointLimits
-from yumi.robot.joints import Joints
-from yumi.robot.joints import Pose
-from yumi.robot.joints import Quaternion
-from yumi.robot.joints import abb_from_chain
-from yumi.robot.joints import chain_from_abb
-from yumi.robot.joints import joints
-from yumi.robot.kinematics import compose
-from yumi.robot.kinematics import inverse
-from yumi.robot.kinematics import upper_half
+from yumi.robot.joints import JOINT_COUNT, JointLimits, Joints, Pose, Quaternion, abb_from_chain, chain_from_abb, joints
+from yumi.robot.kinematics import compose, inverse, upper_half
 from yumi.virtual.mechanics.egm_client import EgmState
 from yumi.virtual.mechanics.egm_motion import StopMode
 
