@@ -15,7 +15,7 @@ from yumi.rws.types import Code, Grant, read_cfg
 from yumi.virtual.controller.file_store import CAPACITY, DEVICES, File
 from yumi.virtual.controller.installed_system import DOMAINS
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 from yumi.virtual.rws.http import HttpReply, entry, resource
 from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, invalid
 from yumi.virtual.system_parameters import Configuration, Instance, defaults_of

@@ -17,7 +17,7 @@ from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.backup import check_backup, restore_backup, write_backup
 from yumi.virtual.controller.file_store import DEVICES
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 from yumi.virtual.rws.configuration import path_of_file
 from yumi.virtual.rws.http import HttpReply, entry, resource
 from yumi.virtual.rws.operations import Call, Failure, Operation, invalid, not_there

@@ -20,7 +20,7 @@ from yumi.errors import YumiError
 from yumi.rws.documents import Link, Page, Pairs, State, Status, first_value
 from yumi.rws.types import GRANTS, Code, Grant, OperatingMode
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 from yumi.virtual.rws.http import HttpReply, entry, resource
 
 _MOST_DIGITS = 12

@@ -19,7 +19,7 @@ from yumi.errors import ProtocolError, RapidError, SettingsError
 from yumi.rws.documents import FORM_TYPE, Form, Page, Pairs, State, Status, decode_form
 from yumi.rws.types import GRANTS, Code, Grant
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refused
+from yumi.virtual.controller_log import Refused
 from yumi.virtual.rws import configuration, ctrl, io, motion, rapid, symbols, system
 from yumi.virtual.rws.http import (
     NONCE_LIFE,

@@ -20,7 +20,7 @@ from yumi.rws.documents import Form, Link, Pairs, State, first_value
 from yumi.rws.types import PROTOCOL, Code, Priority, Resource
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.signals import path_of, printed
-from yumi.virtual.event_log import Refused
+from yumi.virtual.controller_log import Refused
 from yumi.virtual.rws import system
 from yumi.virtual.rws.http import HttpReply, write_event, write_group
 from yumi.virtual.rws.io import MessageService

@@ -13,7 +13,7 @@ from datetime import datetime, timezone
 from yumi.rws.documents import Argument, Form, Link, Page, State
 from yumi.rws.types import Code, Grant, OperatingMode, sentence
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Event
+from yumi.virtual.controller_log import Event
 from yumi.virtual.rws import ctrl
 from yumi.virtual.rws.configuration import path_of_file
 from yumi.virtual.rws.http import HttpReply, entry, resource
