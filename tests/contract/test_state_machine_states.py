@@ -5,7 +5,7 @@ from state_machine_bench import ARMS, Bench
 
 from yumi.robot.joints import Side, home
 from yumi.rws.types import ControllerState
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 
 EDGES = ("EGM_START_JOINT", "EGM_START_POSE", "EGM_START_STREAM", "EGM_STOP", "EGM_STOP_STREAM")
 

@@ -15,7 +15,7 @@ from yumi.rapid.code_builder import CodeBuilder
 from yumi.rapid.expressions import Expressions, Scope, caller
 from yumi.rapid.frame import Code, Evaluate, Frame, HandlerCode, LocalName, Stack, Step, Target
 from yumi.rapid.library import LibraryRoutine
-from yumi.rapid.modules import LoadedModule, UserRoutine, misfit
+from yumi.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
 from yumi.rapid.program import Local, Program
 from yumi.rapid.types import (
     LARGEST_ARRAY,

@@ -16,7 +16,7 @@ from yumi.rapid.call import Call
 from yumi.rapid.code_builder import CodeBuilder
 from yumi.rapid.frame import Evaluate, Frame, Stack, Step, Target
 from yumi.rapid.library import FormalParameter, LibraryRoutine
-from yumi.rapid.modules import LoadedModule, UserRoutine, misfit
+from yumi.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
 from yumi.rapid.program import Found, Local, Program, Signature
 from yumi.rapid.types import (
     ABSENT,

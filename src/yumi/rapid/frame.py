@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from yumi.rapid.call import RunningTask
-from yumi.rapid.modules import UserRoutine
+from yumi.rapid.loaded_modules import UserRoutine
 from yumi.rapid.states import SystemEvent
 from yumi.rapid.types import ABSENT, ALL_ERRORS, RapidRuntimeError, RapidValueError, Reference
 

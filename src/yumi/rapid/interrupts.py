@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
-from yumi.rapid.modules import UserRoutine
+from yumi.rapid.loaded_modules import UserRoutine
 from yumi.rapid.types import RapidRuntimeError
 
 MOST_INTERRUPTS = 100

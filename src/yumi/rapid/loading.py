@@ -12,7 +12,7 @@ from yumi.rapid import ast as s
 from yumi.rapid.compiler import compile_routine, link_module
 from yumi.rapid.frame import Code
 from yumi.rapid.literals import format_value
-from yumi.rapid.modules import LoadedModule
+from yumi.rapid.loaded_modules import LoadedModule
 from yumi.rapid.program import Program
 from yumi.rapid.types import UNSET, ProgramTooLarge, RapidReferenceError
 

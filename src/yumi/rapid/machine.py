@@ -17,7 +17,7 @@ from yumi.rapid.call import RunningTask
 from yumi.rapid.compiler import MOST_VALUES, compile_routine, link_module
 from yumi.rapid.frame import Code, Frame, Propagated, too_large
 from yumi.rapid.interrupts import Interrupts
-from yumi.rapid.modules import UserRoutine
+from yumi.rapid.loaded_modules import UserRoutine
 from yumi.rapid.program import Program
 from yumi.rapid.states import EventKind, SystemEvent
 from yumi.rapid.types import (

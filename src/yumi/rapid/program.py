@@ -14,7 +14,7 @@ from yumi.rapid import ast as s
 from yumi.rapid.devices import Host
 from yumi.rapid.frame import Code
 from yumi.rapid.library import FormalParameter, Library, LibraryRoutine
-from yumi.rapid.modules import LoadedModule, Symbol, UserRoutine, UserType, misfit
+from yumi.rapid.loaded_modules import LoadedModule, Symbol, UserRoutine, UserType, misfit
 from yumi.rapid.types import AliasType, ArrayType, RecordType, Signal, Type, Unresolved, Variable
 
 

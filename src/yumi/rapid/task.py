@@ -18,9 +18,9 @@ from yumi.rapid.devices import Host
 from yumi.rapid.frame import Frame
 from yumi.rapid.interrupts import Interrupts
 from yumi.rapid.library import Library
+from yumi.rapid.loaded_modules import LoadedModule, UserRoutine
 from yumi.rapid.loading import Prepared, free, prepared, removed_by
 from yumi.rapid.machine import Machine
-from yumi.rapid.modules import LoadedModule, UserRoutine
 from yumi.rapid.parser import parse_module
 from yumi.rapid.pauses import Pauses, StackEntry, StepKind
 from yumi.rapid.program import Program

@@ -13,8 +13,8 @@ from yumi.rapid.compiler import CONSTANT_FRAME, link
 from yumi.rapid.expressions import Expressions, Scope
 from yumi.rapid.frame import Frame, LocalName
 from yumi.rapid.literals import format_value, parse_value
+from yumi.rapid.loaded_modules import LoadedModule
 from yumi.rapid.machine import Machine
-from yumi.rapid.modules import LoadedModule
 from yumi.rapid.parser import parse_reference
 from yumi.rapid.program import Local, Program
 from yumi.rapid.types import (

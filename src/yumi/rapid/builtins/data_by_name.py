@@ -17,7 +17,7 @@ from yumi.rapid.call import Call
 from yumi.rapid.compiler import CONSTANT_FRAME
 from yumi.rapid.expressions import Expressions, Scope
 from yumi.rapid.library import Library
-from yumi.rapid.modules import LoadedModule
+from yumi.rapid.loaded_modules import LoadedModule
 from yumi.rapid.parser import parse_reference
 from yumi.rapid.task import frame_of, task_of
 from yumi.rapid.types import UNSET, ArrayType, RapidRuntimeError, Reference, Type, Variable, is_assignable, resolved

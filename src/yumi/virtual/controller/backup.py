@@ -7,7 +7,7 @@ from datetime import datetime, timezone
 from yumi.virtual.controller.file_store import ENCODING
 from yumi.virtual.controller.installed_system import BACKUP_INFO, DOMAINS, HOME
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 from yumi.virtual.system_parameters import Configuration
 
 

@@ -24,7 +24,7 @@ from yumi.virtual.controller.rapid_devices import rapid_devices
 from yumi.virtual.controller.signals import DRIVE_SIGNALS, Signals
 from yumi.virtual.controller.task_settings import TaskSettings, event_routines, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
-from yumi.virtual.event_log import EventLog, Refusal, Refused
+from yumi.virtual.controller_log import EventLog, Refusal, Refused
 from yumi.virtual.instructions.robot_data import JointTarget, jointtarget
 from yumi.virtual.instructions.robot_library import robot_library
 from yumi.virtual.mechanics.arm import VirtualArm

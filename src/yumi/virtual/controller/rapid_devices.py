@@ -15,7 +15,7 @@ from yumi.virtual.controller.file_store import CAPACITY, File, FileStore, clean_
 from yumi.virtual.controller.identity import Identity
 from yumi.virtual.controller.installed_system import Robot
 from yumi.virtual.controller.signals import Signals
-from yumi.virtual.event_log import Event, EventLog, Refused
+from yumi.virtual.controller_log import Event, EventLog, Refused
 from yumi.virtual.system_parameters import Configuration, SystemParameters
 
 _EVENT_TYPES = {

@@ -26,7 +26,7 @@ from yumi.virtual.controller.file_store import FileStore
 from yumi.virtual.controller.rapid_devices import RapidDisk
 from yumi.virtual.controller.signals import Signals
 from yumi.virtual.controller.task_settings import TaskSettings, TaskType, TrustLevel
-from yumi.virtual.event_log import EventLog, Refusal, Refused
+from yumi.virtual.controller_log import EventLog, Refusal, Refused
 from yumi.virtual.mechanics.units import ArmUnit
 
 log = logging.getLogger(__name__)

@@ -23,7 +23,7 @@ from yumi.robot.confdata import Configuration
 from yumi.robot.joints import Joints, Pose
 from yumi.robot.kinematics import compose, matrix, quaternion_from_matrix
 from yumi.rws.types import EventType
-from yumi.virtual.event_log import EventLog
+from yumi.virtual.controller_log import EventLog
 from yumi.virtual.instructions.robot_data import (
     NOT_PRESENT,
     ROBOT_DATA,

@@ -16,7 +16,7 @@ from yumi.rapid import Call, Library, RapidRuntimeError
 from yumi.robot.arm_kinematics import Lost
 from yumi.robot.joints import Joints
 from yumi.rws.types import EventType
-from yumi.virtual.event_log import EventLog
+from yumi.virtual.controller_log import EventLog
 from yumi.virtual.instructions.moves import MOVES, place_of
 from yumi.virtual.mechanics.path import Passage
 from yumi.virtual.mechanics.path_geometry import Leg, MotionFault

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from yumi.rapid import InstructionSet, Library
-from yumi.virtual.event_log import EventLog
+from yumi.virtual.controller_log import EventLog
 from yumi.virtual.instructions.calibration import CALIBRATION, CalibrationInstructions
 from yumi.virtual.instructions.egm_instructions import EGM, EgmInstructions
 from yumi.virtual.instructions.measurements import MEASUREMENTS, MeasurementInstructions

@@ -10,7 +10,7 @@ from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rapid import STANDARD, Call, Library, RapidRuntimeError, Wait
 from yumi.robot.gripper import MAX_FORCE, TOP_SPEED, TRAVEL, ServoState
 from yumi.rws.types import EventType
-from yumi.virtual.event_log import EventLog
+from yumi.virtual.controller_log import EventLog
 from yumi.virtual.mechanics.virtual_gripper import CHANNELS, SETTLING_TIME, VirtualGripper
 
 _FINGER_TIMEOUT = 5.0

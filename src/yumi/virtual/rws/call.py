@@ -12,7 +12,7 @@ from yumi.rws.documents import Page, Pairs, Status, first_value
 from yumi.rws.operations.operation import Operation
 from yumi.rws.types import Code
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 from yumi.virtual.rws.http import HttpReply
 
 _MOST_DIGITS = 12

@@ -9,7 +9,7 @@ from yumi.rws.operations import files as table
 from yumi.rws.types import Code
 from yumi.virtual.controller.file_store import CAPACITY, DEVICES, File
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 from yumi.virtual.rws.call import Call, Failure, Shown, invalid
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.render import entry, resource

@@ -13,7 +13,7 @@ from typing import TypeVar
 from yumi.errors import ProtocolError
 from yumi.rapid import ast as s
 from yumi.rapid.literals import format_value, parse_value
-from yumi.rapid.modules import LoadedModule, UserRoutine
+from yumi.rapid.loaded_modules import LoadedModule, UserRoutine
 from yumi.rapid.parser import parse_expression
 from yumi.rapid.task import Task
 from yumi.rapid.types import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol, Variable

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 from yumi.errors import RapidError
 from yumi.rapid import ast as s
-from yumi.rapid.modules import UserRoutine
+from yumi.rapid.loaded_modules import UserRoutine
 from yumi.rapid.parser import parse_module
 from yumi.rapid.pauses import StackEntry, StepKind
 from yumi.rapid.states import Execution

@@ -13,7 +13,7 @@ from yumi.rws.operations.rapid import ACTIVE_DIALOG
 from yumi.rws.types import Code, Priority, Resource
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.signals import path_of, printed
-from yumi.virtual.event_log import Refused
+from yumi.virtual.controller_log import Refused
 from yumi.virtual.rws.call import Failure
 from yumi.virtual.rws.dialogs import shown_dialog
 from yumi.virtual.rws.mastership import Mastership

@@ -9,7 +9,7 @@ from yumi.rapid.states import Execution
 from yumi.robot.joints import Side, home
 from yumi.rws.types import ControllerState, OperatingMode
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 from yumi.virtual.world import World, WorldSettings
 
 Request = Callable[[Irc5], None]

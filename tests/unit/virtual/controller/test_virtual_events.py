@@ -4,7 +4,7 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.rws.types import EventType
-from yumi.virtual.event_log import EventLog
+from yumi.virtual.controller_log import EventLog
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 
 from yumi.virtual.controller import file_store
 from yumi.virtual.controller.file_store import CAPACITY, LONGEST_PATH, MOST_FILES, FileStore
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 
 
 @pytest.fixture

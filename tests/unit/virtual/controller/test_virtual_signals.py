@@ -4,7 +4,7 @@ import pytest
 
 from yumi.rws.types import SignalType
 from yumi.virtual.controller.signals import Signal, Signals
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 from yumi.virtual.system_parameters import Configuration
 
 Edge = tuple[str, float, float]

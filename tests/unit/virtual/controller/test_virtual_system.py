@@ -22,7 +22,7 @@ from yumi.virtual.controller.installed_system import (
     with_programs,
 )
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Refusal, Refused
+from yumi.virtual.controller_log import Refusal, Refused
 from yumi.virtual.mechanics.units import Supervision
 from yumi.virtual.world import World, WorldSettings
 

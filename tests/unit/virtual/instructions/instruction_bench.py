@@ -12,7 +12,7 @@ from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Joints, Side
 from yumi.virtual.controller.signals import Signal, Signals
 from yumi.virtual.controller.tasks import TaskHost
-from yumi.virtual.event_log import EventLog
+from yumi.virtual.controller_log import EventLog
 from yumi.virtual.instructions.robot_library import robot_library
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.egm_client import EgmClient
