@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
+from yumi.rws.operations.answer import record
 from yumi.rws.operations.operation import TRUTH, absent, get, post
 from yumi.rws.types import Grant
 
@@ -15,6 +19,18 @@ _CONDITIONS = ", ".join(
     f"{_OF_SIGNAL.format(number)}, invert{number}={TRUTH}, blocked{number}={TRUTH}" for number in ("", "2")
 )
 
+
+@dataclass(frozen=True, slots=True)
+class AccessRights:
+    """From where a signal or device may be changed, by mode."""
+
+    rapid: bool
+    local_manual: Annotated[bool, "localmanual"]
+    local_auto: Annotated[bool, "localauto"]
+    remote_manual: Annotated[bool, "remotemanual"]
+    remote_auto: Annotated[bool, "remoteauto"]
+
+
 IO_SYSTEM = get(_IO)
 NETWORKS = get(f"{_IO}/networks")
 SEARCH_NETWORKS = post(f"{_IO}/networks", "search", "name, state", status=200)
@@ -26,7 +42,9 @@ DEVICES = get(f"{_IO}/devices")
 SEARCH_DEVICES = post(f"{_IO}/devices", "search", "name, lstate=enabled|disabled, network", status=200)
 UPGRADE = get(f"{_PROFINET}/upgradeinfo", status=204)
 DEVICE = get(_DEVICE)
-DEVICE_CONFIG = get(_DEVICE, "configtype=1|2|3", resource="config")
+DEVICE_CONFIG = get(_DEVICE, "configtype=1|2|3", resource="config").shows(
+    record("ios-device-config-runtime", AccessRights)
+)
 SET_DEVICE = post(_DEVICE, "set", "lstate=enable|disable", grant=Grant.IO_WRITE)
 SET_INPUTDATA = post(_DEVICE, "set-inputdata", "startbyte, signaldata, datamask", grant=Grant.IO_WRITE, status=400)
 SET_OUTPUTDATA = post(_DEVICE, "set-outputdata", "startbyte, signaldata, datamask", grant=Grant.IO_WRITE, status=400)
@@ -35,7 +53,9 @@ SIGNAL_SEARCH = post(f"{_IO}/signals", "signal-search", _CONDITIONS, query="star
 SIGNAL_SEARCHEX = post(f"{_IO}/signals", "signal-searchex", _CONDITIONS, query="start, limit", status=200)
 UNBLOCK_SIGNALS = post(f"{_IO}/signals", "unblock-signal", grant=Grant.IO_WRITE)
 SIGNAL = get(_SIGNAL)
-SIGNAL_CONFIG = get(_SIGNAL, "configtype=1|2|3", resource="config")
+SIGNAL_CONFIG = get(_SIGNAL, "configtype=1|2|3", resource="config").shows(
+    record("ios-signal-config-runtime", AccessRights)
+)
 SET_SIGNAL = post(
     _SIGNAL,
     "set",

@@ -11,6 +11,7 @@ from yumi.errors import CommandRefused
 from yumi.rws import documents
 from yumi.rws.documents import Page, Signal, State
 from yumi.rws.operations import io as table
+from yumi.rws.operations.io import AccessRights
 from yumi.rws.services.service import Service
 from yumi.rws.types import SignalType
 
@@ -65,17 +66,6 @@ class SignalDetails:
     physical_value: float
 
 
-@dataclass(frozen=True, slots=True)
-class AccessRights:
-    """From where a signal or device may be changed, by mode."""
-
-    rapid: bool
-    local_manual: bool
-    local_auto: bool
-    remote_manual: bool
-    remote_auto: bool
-
-
 class Io(Service):
     """``/rw/iosystem``."""
 
@@ -112,8 +102,7 @@ class Io(Service):
 
     def signal_access(self, name: str) -> AccessRights:
         """From where a signal may be written."""
-        page = self._shown(f"reading {name}", table.SIGNAL_CONFIG, name, configtype=1)
-        return _access_rights(page.one("ios-signal-config-runtime"))
+        return self._answer(f"reading {name}", table.SIGNAL_CONFIG, name, configtype=1)
 
     def find_signals(
         self,
@@ -226,8 +215,7 @@ class Io(Service):
 
     def device_access(self, name: str) -> AccessRights:
         """From where the signals of a device may be written."""
-        page = self._shown(f"reading {name}", table.DEVICE_CONFIG, name, configtype=1)
-        return _access_rights(page.one("ios-device-config-runtime"))
+        return self._answer(f"reading {name}", table.DEVICE_CONFIG, name, configtype=1)
 
     def has_upgrade(self, network: str, name: str) -> bool:
         """Whether there is newer firmware for a device."""
@@ -257,8 +245,3 @@ def _signal_details(state: State) -> SignalDetails:
 def _network(state: State) -> Network:
     is_enabled = state.text("lstate") in ("started", "enabled")
     return Network(state.text("name"), is_enabled, state.text("pstate") == "running", state.fields.get("address", ""))
-
-
-def _access_rights(state: State) -> AccessRights:
-    names = ("rapid", "localmanual", "localauto", "remotemanual", "remoteauto")
-    return AccessRights(*(state.flag(name) for name in names))

@@ -223,7 +223,7 @@ def get_device_config(controller: Irc5, call: Call) -> Page:
         "networkname": device.network,
         "inputbits": str(bits[False]),
         "outputbits": str(bits[True]),
-        **dict.fromkeys(("rapid", "localmanual", "localauto", "remotemanual", "remoteauto"), "TRUE"),
+        **table.DEVICE_CONFIG.answered.write(table.AccessRights(True, True, True, True, True)),
         "unitaddress": device.address,
         "denydeactivate": "TRUE" if device.network == _LOCAL else "FALSE",
     }
@@ -320,13 +320,12 @@ def get_signal(controller: Irc5, call: Call) -> Page:
 @ROUTES.answer(table.SIGNAL_CONFIG)
 def get_signal_config(controller: Irc5, call: Call) -> Page:
     signal = controller.signals.get(_signal_name(call))
-    may_write = "TRUE" if signal.access.upper() == "ALL" else "FALSE"
+    may_write = signal.access.upper() == "ALL"
+    rights = table.AccessRights(True, True, may_write, may_write, may_write)
     fields = {
         "signalname": signal.name,
         "signalbits": str(max(len(_bits(controller, signal)), 1)),
-        "rapid": "TRUE",
-        "localmanual": "TRUE",
-        **dict.fromkeys(("localauto", "remotemanual", "remoteauto"), may_write),
+        **table.SIGNAL_CONFIG.answered.write(rights),
         "setbydevicetransfer": "FALSE",
     }
     return resource(
