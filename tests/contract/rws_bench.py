@@ -22,10 +22,8 @@ from yumi.virtual.controller.jobs import Jobs
 from yumi.virtual.controller.signals import Signal, Signals
 from yumi.virtual.controller.task_settings import TaskSettings
 from yumi.virtual.controller.tasks import InstalledTask
+from yumi.virtual.controller_log import EventLog, Refusal, Refused
 from yumi.virtual.http_server import HttpServer
-from yumi.virtual.controller_log import EventLog
-from yumi.virtual.controller_log import Refusal
-from yumi.virtual.controller_log import Refused
 from yumi.virtual.mechanics.units import YUMI_UNITS, MotionSystem
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService

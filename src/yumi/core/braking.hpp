@@ -1,4 +1,4 @@
-// How a joint brakes as hard as it may: its acceleration changes by its jerk to a peak, stays, and goes back.
+// The braking of a joint, as hard as it may: its acceleration changes by its jerk to a peak, stays, and goes back.
 
 #pragma once
 

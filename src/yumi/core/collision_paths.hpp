@@ -1,4 +1,4 @@
-// Where an arm may come until it rests: how its command brakes, how its robot follows, and where that would coast if
+// Paths of an arm until it rests: how its command brakes, how its robot follows, and where that would coast if
 // its link were lost.
 //
 // A part of collision.cpp, which is compiled as one unit.

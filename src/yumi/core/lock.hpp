@@ -1,4 +1,4 @@
-// What Python and the thread of the core both use: how Python makes it, whose turn it is, and the clock of both.
+// The lock of the core: how Python makes it, whose turn it is, and the clock of both.
 
 #pragma once
 

@@ -11,16 +11,11 @@ from yumi.rws.operations import configuration as table
 from yumi.rws.types import Code, read_cfg
 from yumi.virtual.controller.installed_system import DOMAINS
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.call import invalid
+from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.render import entry
-from yumi.virtual.rws.render import resource
+from yumi.virtual.rws.render import entry, resource
 from yumi.virtual.rws.router import Routes
-from yumi.virtual.controller_log import Refusal
-from yumi.virtual.controller_log import Refused
 from yumi.virtual.system_parameters import Configuration, Instance, defaults_of
 
 _CFG_BASE = "/rw/cfg/"

@@ -18,17 +18,12 @@ from yumi.rws.types import Code
 from yumi.virtual.controller.backup import check_backup, restore_backup, write_backup
 from yumi.virtual.controller.file_store import DEVICES
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.call import invalid
+from yumi.virtual.controller_log import Refusal, Refused
+from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.render import entry
-from yumi.virtual.rws.render import resource
-from yumi.virtual.rws.router import Routes
-from yumi.virtual.rws.router import absent
-from yumi.virtual.controller_log import Refusal
-from yumi.virtual.controller_log import Refused
+from yumi.virtual.rws.render import entry, resource
+from yumi.virtual.rws.router import Routes, absent
 
 _BASE = "/ctrl/"
 _DURATION = 2.0  # of a backup and other jobs [s]

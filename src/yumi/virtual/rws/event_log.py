@@ -9,7 +9,7 @@ from yumi.rws.documents import Argument, Form, Link, Page, State
 from yumi.rws.operations import event_log as table
 from yumi.rws.types import Code
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.event_log import Event
+from yumi.virtual.controller_log import Event
 from yumi.virtual.rws.call import Call, Failure
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply

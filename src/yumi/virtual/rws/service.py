@@ -21,23 +21,9 @@ from yumi.rws.operations.operation import Operation
 from yumi.rws.operations.users import LOGOUT
 from yumi.rws.types import GRANTS, Code, Grant
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws import configuration
-from yumi.virtual.rws import ctrl
-from yumi.virtual.rws import dialogs
-from yumi.virtual.rws import event_log
-from yumi.virtual.rws import files
-from yumi.virtual.rws import io
-from yumi.virtual.rws import modules
-from yumi.virtual.rws import motion
-from yumi.virtual.rws import panel
-from yumi.virtual.rws import rapid
-from yumi.virtual.rws import system
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.call import Shown
-from yumi.virtual.rws.call import invalid
-from yumi.virtual.rws.call import refusal
 from yumi.virtual.controller_log import Refused
+from yumi.virtual.rws import configuration, ctrl, dialogs, event_log, files, io, modules, motion, panel, rapid, system
+from yumi.virtual.rws.call import Call, Failure, Shown, invalid, refusal
 from yumi.virtual.rws.http import (
     NONCE_LIFE,
     Challenge,

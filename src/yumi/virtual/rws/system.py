@@ -9,14 +9,10 @@ from yumi.rws.documents import Link, Page, State
 from yumi.rws.operations import system as table
 from yumi.rws.types import Code, sentence
 from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.call import Failure
+from yumi.virtual.rws.call import Call, Failure
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.render import entry
-from yumi.virtual.rws.render import resource
-from yumi.virtual.rws.router import Routes
-from yumi.virtual.rws.router import absent
-from yumi.virtual.controller_log import Event
+from yumi.virtual.rws.render import entry, resource
+from yumi.virtual.rws.router import Routes, absent
 
 _ROOT_SERVICES = ("ctrl", "rw", "progress", "fileservice", "users", "subscription")
 

@@ -16,9 +16,9 @@ from yumi.robot.joints import Joints, Side
 from yumi.rws.types import ControllerState, EventType
 from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
 from yumi.virtual.controller.irc5 import Irc5
+from yumi.virtual.controller_log import Refused
 from yumi.virtual.mechanics.egm_motion import EgmRun
 from yumi.virtual.rws.call import Call
-from yumi.virtual.controller_log import Refused
 from yumi.virtual.rws.rapid import get_task
 from yumi.virtual.world import World, WorldSettings
 
