@@ -1,4 +1,4 @@
-"""The law by which the core samples a controller itself, before Python knows of the datagram."""
+"""The law by which the core samples a controller itself, before Python runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recovery: says what stopped the robot, clears what may be cleared, and brings the robot back.
+"""Recovery: reports what stopped the robot, clears what may be cleared, and brings the robot back.
 
 No process is restarted. :class:`AutomaticRecovery` does that without a person, where no person was involved in the
 stop: a setting, off by default. It does nothing after a stop that a person must confirm, nor where the cause is not

@@ -1,4 +1,4 @@
-"""Work in the background: what takes longer than a cycle is done in a thread of its own, one piece after another."""
+"""Work in the background: what takes longer than a cycle is done in a thread of its own, one job after another."""
 
 from __future__ import annotations
 
