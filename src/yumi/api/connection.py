@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from yumi.api.arm_access import GOAL_CONTROLLER, LAST_STOP
+from yumi.api.arm_access import GOAL_CONTROLLER
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import Message, message
@@ -323,5 +323,4 @@ class Connection:
 
     def _come_to_rest(self) -> None:
         with suppress(YumiError):  # an arm that its controller cannot stop is held by the limiter
-            for motion in self.executor.stop(self._arms):
-                motion.wait(LAST_STOP)
+            self.executor.bring_to_rest(self._arms)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from typing import Any
@@ -17,6 +18,11 @@ from yumi.errors import RobotNotReady
 
 _LONGEST_LINE = 1 << 22  # of a driver [bytes]; a state has some kilobytes
 _answer_decoder = msgspec.json.Decoder(Answer)
+
+
+def _close_result(connecting: asyncio.Future[socket.socket]) -> None:
+    if not connecting.cancelled() and connecting.exception() is None:
+        connecting.result().close()
 
 
 class DriverLink:
@@ -35,7 +41,12 @@ class DriverLink:
         Raises:
             RobotNotReady: none runs, or several do; the message says what to do.
         """
-        connected = await asyncio.to_thread(lambda: connect_driver(find_driver(robot)))
+        connecting = asyncio.ensure_future(asyncio.to_thread(lambda: connect_driver(find_driver(robot))))
+        try:
+            connected = await asyncio.shield(connecting)
+        except asyncio.CancelledError:  # the thread connects all the same
+            connecting.add_done_callback(_close_result)
+            raise
         reader, writer = await asyncio.open_unix_connection(sock=connected, limit=_LONGEST_LINE)
         link = cls(reader, writer)
         link._write(Attach())  # a page that has taken control may ask for nothing for long
