@@ -18,7 +18,6 @@ PAGE = ROOT / "docs" / "explanation" / "files.md"
 LONG = 700
 """A file with more lines needs a reason."""
 
-_HANDLERS = "one handler an operation of the service"
 REASONS = {
     "cli/rapid.py": "not split yet: check, debug and answer",
     "cli/up.py": "not split yet: up, view and record",

@@ -122,11 +122,6 @@ class Dynamics:
             self, model=replace(self.model, limits=few, egm_acceleration=None if most is None else some(most))
         )
 
-    def without_limits(self) -> Dynamics:
-        """The same with joints whose speeds and accelerations nothing limits."""
-        free = self.limited_to((inf,) * len(self.model.limits.velocity))
-        return replace(free, model=replace(free.model, egm_acceleration=None))
-
     @property
     def values(self) -> Array:
         """The fitted parameters, as :data:`_NAMES` says."""

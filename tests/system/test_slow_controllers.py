@@ -24,7 +24,7 @@ from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
 from yumi.egm.udp import Poller, UdpClient, free_port
 from yumi.process.child import ChildProcess, PipeEnd
-from yumi.process.realtime import prefer_process
+from yumi.process.realtime import prefer_process, prefer_thread
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side, home, joints
 
 pytestmark = pytest.mark.real_time
@@ -104,6 +104,7 @@ def stream(pipe: PipeEnd, ports: Mapping[Side, int]) -> None:
     Returns by the pipe, for each arm: how many datagrams were sent, and all it was told.
     """
     prefer_process()
+    prefer_thread()  # as the virtual robot: else a controller that computes takes the processor from both arms
     clock, codec, poller = SystemClock(), RobotCodec(), Poller()
     links = {side: UdpClient("127.0.0.1", port) for side, port in ports.items()}
     told: dict[Side, Sent] = {side: [] for side in ports}
@@ -193,7 +194,10 @@ def test_each_datagram_is_answered_within_the_limits_while_a_controller_is_busy(
     assert {NAME} == {name for event in late for name in event.controllers}
     assert sum(event.cycles for event in late) > 20
     if trouble == "hang":
-        assert {event.side: event.deactivated for event in late} == dict.fromkeys(Side, (NAME,))
+        # While Python records what was answered for it, one more may have to be: that comes as a report of its own.
+        deactivated = [(event.side, event.deactivated) for event in late if event.deactivated]
+        assert dict(deactivated) == dict.fromkeys(Side, (NAME,))
+        assert len(deactivated) == len(Side)
         for _, told in answers.values():
             path = [position for _, position in told]
             assert path[-250:] == [path[-1]] * 250  # the last second

@@ -18,7 +18,7 @@ inline collision::Motion arm_motion(const Values& planned, const Setpoint& sent,
 struct SharedByArms {
     collision::Limiter* limiter;
     std::int64_t distances;       // that may be calculated for an arm in a cycle
-    double gain;                  // at which the robots' plans close their leads, see plan_gain in control/motion.py
+    double gain;                  // at which the robots' plans close their leads, see plan_gain in robot_response.py
     std::int64_t permission = 0;  // how often other margins were set
 };
 
@@ -156,7 +156,7 @@ private:
     static constexpr double NOISE = 1e-3;   // [rad] of where the robot plans to be
     static constexpr double EXACT = 1e-6;   // [m]
     static constexpr double STAYS = 1e-6;   // [rad]
-    static constexpr double FLAT = 1e-4;    // [m²/rad²] of a boundary's slope, below which no joint leads away from it
+    static constexpr double FLAT = 1e-4;    // [m²/rad²] of a slope below which no joint leads away
     static constexpr int REPEATS = 3;       // of leading off one boundary after the other
 
     struct Near {

@@ -69,6 +69,7 @@ struct ArmHandle {
 
     // For Python: take what waits in the socket.
     std::int64_t receive(double now) {
+        if (forbidden_ >= 0) throw core::ForbiddenTransition{core::Event(std::exchange(forbidden_, -1))};
         if (received_) return *std::exchange(received_, std::nullopt);
         prepared.reset(), begins_ = false;
         // Of a robot that is on time nothing else can wait behind the first, and another look would cost time.
@@ -82,7 +83,7 @@ struct ArmHandle {
     void answer_prepared() {
         const std::optional<core::Sampled> law = std::exchange(prepared, std::nullopt);
         const double now = core::monotonic_now();
-        if (!law || !is_punctual(now)) return;
+        if (!law || !is_punctual(now) || !peer()) return;
         exchange.begun_at = now;
         const std::int64_t done = act_for_python([&]() -> std::int64_t {
             received_ = receive(now);
@@ -92,13 +93,14 @@ struct ArmHandle {
             if (desired) answer(&*desired, true), is_sampled_ = true;
             return 0;
         });
-        if (done < 0) exchange.forbidden = limiter.exchange.forbidden, received_.reset();
+        if (done < 0) received_ = done, forbidden_ = limiter.exchange.forbidden;  // receive raises it
     }
 
     // Python waits again: what it has left without an answer, since something failed, is answered now.
     void begin_wait() {
         if (awaits_python) brake(false);
-        received_.reset(), is_sampled_ = false;
+        if (is_sampled_) keep_braked();  // of which Python has not heard
+        received_.reset(), forbidden_ = -1, is_sampled_ = false;
     }
 
     // For Python: take a datagram that it has read: the first or the last of those that wait together, or one between.
@@ -269,6 +271,7 @@ private:
     bool is_checked_ = false;     // whether the state that is to be answered was
     bool is_unobserved_ = false;  // whether the reply was sent, and not observed yet
     std::optional<std::int64_t> received_;  // the verdict on a datagram of which Python has not heard
+    std::int64_t forbidden_ = -1;           // the event of that datagram that the table forbids
     bool is_sampled_ = false;               // whether that was answered, too, of which Python has not heard
     BrakedCycle braked_[MOST_BRAKED];
     std::int64_t braked_count_ = 0;

@@ -156,7 +156,7 @@ struct Path {
     }
 
     // How the robot follows the position sent while that brakes, at the speed that its position loop makes of the lead.
-    // A speed fed forward is taken back, as control/feed_forward_limiter.py does it. The rest of the way is straight.
+    // A speed fed forward is taken back, as feed_forward_limiter.hpp does it. The rest of the way is straight.
     // One that may coast on a sheet, with where it would coast to from there.
     void add_following(const Limits& limits) {
         constexpr int BRAKING = 3 * SAMPLES / 4;

@@ -197,7 +197,7 @@ struct Placed {
     bool has_parts;
 };
 
-// Two parts that are near each other, as in collision.py.
+// Two parts that are near each other, as in robot/collision.py.
 struct Contact {
     double distance, normal[3], points[2][3];
     double behind[2][2];          // how much further back than its foremost end each end of each part is

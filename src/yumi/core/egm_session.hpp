@@ -191,8 +191,8 @@ private:
         } else {
             const bool is_of_session = agree(ahead, later);
             goes_on = is_of_session && ahead > 0;
-            // A datagram of the session comes late by a few, not by many after a long silence: a simulated robot that was
-            // restarted may count and keep time exactly as the first time.
+            // A datagram of the session comes late by a few, not by many after a long silence: a simulated robot that
+            // was restarted may count and keep time exactly as the first time.
             const bool is_late = is_of_session && -REORDERED <= ahead && ahead <= 0;
             is_new = !goes_on && !is_late && (silence > LONG_SILENCE || (!is_of_session && later > 0.0));
         }

@@ -118,6 +118,7 @@ private:
             is_in_charge = is_busy_ && left == 0.0;
             if (!is_in_charge) continue;
             for (int i = 0; i < count_; ++i) {
+                arms_[i]->prepared.reset();  // Python may have to deactivate the controllers first
                 if (arms_[i]->awaits_python) arms_[i]->brake(true);
                 arms_[i]->receive_and_brake();
             }

@@ -14,8 +14,8 @@ namespace core {
 constexpr int JOINTS = 7;
 constexpr double INF = std::numeric_limits<double>::infinity();
 constexpr double CYCLE = 0.004032;  // [s] of the robot's motion control; as in robot/joints.py
-constexpr int SERVO_CYCLES = 4;     // by so much a robot's report is behind its plan; as in control/motion.py
-constexpr double EGM_GAIN = 5.0;    // [1/s] of the robot's position loop; as in control/motion.py
+constexpr int SERVO_CYCLES = 4;     // a robot's report is so far behind its plan; as in control/motion/robot_response.py
+constexpr double EGM_GAIN = 5.0;    // [1/s] of the robot's position loop; as in control/motion/robot_response.py
 
 using Values = std::array<double, JOINTS>;
 

@@ -1,5 +1,6 @@
-// The limiters of both arms, with the state that they share, as library.py declares them for control/limiter.py,
-// control/collisions.py and control/motion.py. No exception leaves, and nothing is allocated after the start.
+// The C interface of the limiters, both arms and the fallback thread, as library.py declares it for
+// control/limiter.py, control/collisions.py, control/motion/joint_steps.py and driver/egm_arm.py.
+// No exception leaves, and nothing is allocated after the start.
 
 #include "limiter_handle.hpp"
 #include "fallback_thread.hpp"

@@ -46,7 +46,7 @@ struct Ramp {
     double speed, rate;
 };
 
-// The next speed after `dt` on the way from `last` to `goal`: see ramp_speed in control/motion.py.
+// The next speed after `dt` on the way from `last` to `goal`: see ramp_speed in joint_steps.py.
 inline Ramp ramp_speed(double goal, const Ramp& last, double top, double acceleration, double jerk, double dt) {
     // a speed at a limit is not refused for the last digits of the planned position
     constexpr double ROUNDING = 1.0 + 1e-3;

@@ -109,7 +109,7 @@ class Command(Request, Generic[R], frozen=True):
 
     Attributes:
         lane: what it waits for.
-        front_ends: who may give it; a script does by ``driver.call(...)``.
+        front_ends: those that make an entry of their own from the table; a script does by ``driver.call(...)``.
         shell_name: its name on the command line, where that is another one.
         examples: for its help on the command line.
         service: its name in ROS, where that is another one.

@@ -273,8 +273,11 @@ class ControlServer:
         if self._fallback is None:
             return self._poller.wait(timeout)
         if timeout:
-            for arm in self._arms.values():
-                arm.prepare()
+            for side, arm in self._arms.items():
+                try:
+                    arm.prepare()
+                except Exception as error:  # a controller's own law
+                    self._fail(side, error)
         ready, has_command = self._fallback.wait(self._pipe_at, timeout)
         for number in ready:
             self._reply(self._sides[number])

@@ -27,6 +27,7 @@ import numpy as np
 
 from yumi.catalogue import Message, message
 from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.motion.spline_limits import check_motion
 from yumi.control.tool_limits import FASTEST, ToolLimits
 from yumi.control.trajectory_commands import ArmPlan
 from yumi.errors import CommandRefused
@@ -195,7 +196,9 @@ def plan_path(
     knots = sorted({*range(0, len(ticks), _KNOTS), len(ticks) - 1})
     points = [TrajectoryPoint(float(ticks[index]), joints(values[index, :7].tolist())) for index in knots]
     points[0] = TrajectoryPoint(0.0, start)
-    return ArmPlan(side, points[0], smooth_spline_through(points), None)
+    spline = smooth_spline_through(points)
+    check_motion(spline.segments, joint_names(side), limits)
+    return ArmPlan(side, points[0], spline, None)
 
 
 def _check_request(

@@ -45,7 +45,6 @@ LONGEST_TRANSFER = 600.0
 _UNAUTHORIZED = 401
 _REPEATS = 2
 _CONNECTIONS = 2
-_MOST_SESSIONS = 70  # at a time, of a controller (reference/rws.md §2)
 _PATIENCE = 0.5  # [s] a request waits so long for the one before it; a controller answers within some 10 ms
 
 _PATH_SAFE = "/;:$@-._~"

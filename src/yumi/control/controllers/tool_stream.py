@@ -1,8 +1,8 @@
 """A stream of poses or velocities that a tool follows.
 
 The tool's target moves smoothly, within the tool's limits, and the joints follow it by one step of the inverse
-kinematics (:class:`yumi.robot.kinematics.DifferentialSolver`). What would be too fast for a joint, as near a
-singularity, slows all of them down; a joint at the end of its range stays there, and the elbow gives way first.
+kinematics (:mod:`yumi.robot.differential_kinematics`). What would be too fast for a joint, as near a singularity, slows
+all of them down; a joint at the end of its range stays there, and the elbow gives way first.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The doctor: checks all that driving a robot takes, on the controller and on this machine, and leaves all as it was.
+"""A finding of the doctor: a requirement of driving a robot, whether it is met, and what to do.
 
-It goes on where the driver gives up at the first thing that is missing. Each finding names a requirement, whether it is
-met, why it matters, what to do, and where. Three parts are examined: the controller over Robot Web Services; this
+The doctor goes on where the driver gives up at the first thing that is missing. Each finding names a requirement,
+whether it is met, why it matters, what to do, and where. Three parts are examined: the controller over Robot Web Services; this
 machine with its way to the robot, ports, firewall, permissions and ROS environment; and EGM's position streams, for
 which the robot's program may have to run meanwhile: do the datagrams of both arms arrive, each at its port, and how
 regularly? The arms do not move.
