@@ -189,10 +189,11 @@ struct PreparedWire : Wire {
         for (int cycle = 0; cycle < 3; ++cycle) CHECK(is_taken_and_answered());
     }
     // What a wait for the robot's next datagram, a cycle later, returns.
-    std::int64_t come(long after = 3'500'000) {
+    std::int64_t come(long after = 3'500'000, std::optional<core::Sampled> prepared = std::nullopt) {
         const timespec pause{0, after};
         nanosleep(&pause, nullptr);
         robot_sends();
+        arm.prepared = prepared;  // just before the wait, as Python does it
         return thread.wait(-1, 1000);
     }
     bool is_taken_and_answered() {
@@ -202,8 +203,7 @@ struct PreparedWire : Wire {
     }
     // Whether the robot's next datagram is answered while the other thread waits, which has nothing to do then.
     bool is_sampled(long after = 3'500'000) {
-        arm.prepared = law;
-        come(after);
+        come(after, law);
         if (!is_answered(0)) return false;
         take();
         return answer() && !is_answered(0) && arm.exchange.sampled_at > 0.0;
@@ -261,10 +261,21 @@ TEST(datagram_that_comes_late_or_without_a_law_is_left_to_the_other_thread) {
     CHECK(wire.is_answered(1000));
 }
 
+TEST(law_that_was_prepared_is_forgotten_while_the_other_thread_is_busy) {
+    PreparedWire wire;
+    wire.robot_sends(), wire.take();
+    CHECK(wire.answer());
+    CHECK(wire.is_answered(1000));
+    wire.arm.prepared = wire.law;
+    wire.thread.note_busy();
+    wire.robot_sends();
+    CHECK(wire.is_answered(1000));
+    CHECK(!wire.arm.prepared);  // its controller may have to be deactivated first
+}
+
 TEST(what_was_sampled_is_recorded_where_the_other_thread_does_not_hear_of_it) {
     PreparedWire wire;
-    wire.arm.prepared = wire.law;
-    wire.come();
+    wire.come(3'500'000, wire.law);
     const bool is_sampled = wire.is_answered(0);
     wire.robot_sends();
     CHECK(wire.is_answered(1000));  // the other thread has been busy since

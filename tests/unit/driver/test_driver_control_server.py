@@ -271,6 +271,27 @@ def test_datagram_of_the_other_arm_that_comes_during_a_reply_is_answered_before_
     assert log[: len(prepared) + len(answered)] == [*prepared, *answered]
 
 
+def test_arm_whose_law_cannot_be_prepared_fails_alone(parent: Parent, clock: ManualClock) -> None:
+    sockets = {side: Source() for side in (Side.RIGHT, Side.LEFT)}
+    arms = {side: LoggedArm(clock, parent, side, sockets) for side in sockets}
+    failures = iter([ValueError("a law of six gains")])
+
+    def prepare() -> None:
+        for failure in failures:
+            raise failure
+
+    arms[Side.RIGHT].prepare = prepare  # type: ignore[method-assign]
+    sockets[Side.RIGHT].make_readable()
+    fallback: Any = Waits(sockets)
+    connected: Any = {side: ConnectedArm(arm, sockets[side], fallback) for side, arm in arms.items()}  # type: ignore[arg-type]
+    events: Any = {side: SimpleNamespace(release=lambda: None) for side in sockets}
+    ControlServer(parent, connected, events, clock).run()  # type: ignore[arg-type]
+    for each in sockets.values():
+        each.close()
+    assert arms[Side.RIGHT].deactivated == arms[Side.LEFT].deactivated + 1  # both are at the end
+    assert ("reply", Side.LEFT) in arms[Side.LEFT].log
+
+
 def test_command_with_a_defect_is_refused_and_the_next_one_is_served(
     arms: dict[Side, Arm], parent: Parent, clock: ManualClock
 ) -> None:

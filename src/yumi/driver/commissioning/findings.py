@@ -1,10 +1,10 @@
 """A finding of the doctor: a requirement of driving a robot, whether it is met, and what to do.
 
 The doctor goes on where the driver gives up at the first thing that is missing. Each finding names a requirement,
-whether it is met, why it matters, what to do, and where. Three parts are examined: the controller over Robot Web Services; this
-machine with its way to the robot, ports, firewall, permissions and ROS environment; and EGM's position streams, for
-which the robot's program may have to run meanwhile: do the datagrams of both arms arrive, each at its port, and how
-regularly? The arms do not move.
+whether it is met, why it matters, what to do, and where. Three parts are examined: the controller over Robot Web
+Services; this machine with its way to the robot, ports, firewall, permissions and ROS environment; and EGM's position
+streams, for which the robot's program may have to run meanwhile: do the datagrams of both arms arrive, each at its
+port, and how regularly? The arms do not move.
 """
 
 from __future__ import annotations
