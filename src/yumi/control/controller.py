@@ -78,7 +78,7 @@ class Controller(ABC):
 
     @property
     def sampled(self) -> Sampled | None:
-        """The law of the next :meth:`update`, if that is so simple; then it may be called after the reply has left."""
+        """The formula of the next :meth:`update`, if that is so simple; it may then be called after the reply."""
         return None
 
     def check(self, command: object, state: ArmState | None) -> None:

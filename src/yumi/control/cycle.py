@@ -40,7 +40,7 @@ class ArmPort(Protocol):
         """After the reply to ``state``: what the next one depends on."""
 
     def prepare(self, sampled: Sampled | None) -> None:
-        """Answer the next state by this law as soon as it comes: :meth:`receive` and :meth:`reply` follow all the same.
+        """Answer the next state by this formula as soon as it comes; :meth:`receive` and :meth:`reply` still follow.
 
         It holds for the next wait for states only. None: nothing is answered before.
         """

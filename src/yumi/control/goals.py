@@ -123,7 +123,7 @@ class GoalInbox:
         self._number = newest[0] if newest else 0
 
     def sampled(self, goal: Joints, gains: Joints | None = None) -> Sampled | None:
-        """The law of a controller that took ``goal`` last; None where the goals are not in shared memory."""
+        """The formula of a controller that took ``goal`` last; None where the goals are not in shared memory."""
         address = getattr(self._buffer, "address", None)
         return None if address is None else Sampled(address, self._number, goal, gains)
 

@@ -1,4 +1,4 @@
-"""The law by which the core samples a controller itself, before Python runs."""
+"""The formula by which the core samples a controller itself, before Python runs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from yumi.robot.joints import Joints
 
 
 class Sampled(NamedTuple):
-    """The law by which the core samples a controller itself: ``position + gains · (goal - position)``.
+    """The formula by which the core samples a controller itself: ``position + gains · (goal - position)``.
 
     The goal is the newest in shared memory that is meant for the session, or else the one that was taken last.
 

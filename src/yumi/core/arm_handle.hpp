@@ -1,7 +1,7 @@
 // One arm of the control loop: what waits in its socket becomes a state, what its controllers want becomes the answer.
 //
 // In each cycle Python calls receive, reply, and after the replies of both arms settle. Where Python does not, the
-// fallback thread answers. Where the controller's law is known here, the answer has left before Python is woken.
+// fallback thread answers. Where the controller's formula is known here, the answer has left before Python is woken.
 
 #pragma once
 
@@ -81,14 +81,14 @@ struct ArmHandle {
     // reply, which have nothing to do then. Of a robot that is late, a session that begins and the like Python knows
     // first.
     void answer_prepared() {
-        const std::optional<core::Sampled> law = std::exchange(prepared, std::nullopt);
+        const std::optional<core::Sampled> formula = std::exchange(prepared, std::nullopt);
         const double now = core::monotonic_now();
-        if (!law || !is_punctual(now) || !peer()) return;
+        if (!formula || !is_punctual(now) || !peer()) return;
         exchange.begun_at = now;
         const std::int64_t done = act_for_python([&]() -> std::int64_t {
             received_ = receive(now);
             if (*received_ != TO_ANSWER || session().state != core::Session::OPEN) return 0;
-            const std::optional<core::ArmCommand> desired = law->command(limiter.exchange.state);
+            const std::optional<core::ArmCommand> desired = formula->command(limiter.exchange.state);
             exchange.sampled_at = core::monotonic_now();
             if (desired) answer(&*desired, true), is_sampled_ = true;
             return 0;

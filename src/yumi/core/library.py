@@ -57,7 +57,7 @@ BRAKED = Struct("2dq21dq14dq")
 """A cycle that the fallback thread has answered: the state, and the command."""
 
 SAMPLED = Struct("3q14d")
-"""A controller's law: address and number of its goals, whether it goes to the goal itself; goal and gains."""
+"""A controller's formula: address and number of its goals, whether it goes to the goal itself; goal and gains."""
 
 MOST_BRAKED = 250
 """Of these are kept: a second."""

@@ -1,4 +1,4 @@
-// The next command of a controller whose law the core has, so that no Python runs between a datagram and its answer.
+// The next command of a controller whose formula the core has, and no Python runs between a datagram and its answer.
 
 #pragma once
 

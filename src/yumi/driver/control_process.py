@@ -276,7 +276,7 @@ class ControlServer:
             for side, arm in self._arms.items():
                 try:
                     arm.prepare()
-                except Exception as error:  # a controller's own law
+                except Exception as error:  # a controller's own formula
                     self._fail(side, error)
         ready, has_command = self._fallback.wait(self._pipe_at, timeout)
         for number in ready:

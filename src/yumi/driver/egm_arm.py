@@ -1,7 +1,7 @@
 """An arm of the control loop that is guided by EGM: what arrives becomes its state, what controllers want its answer.
 
 All of that is compiled, ``core/arm_handle.hpp``: the socket, the datagrams, the session and the limiter. Where the
-controller's law is known there, too, the answer has left before Python is woken. No arm waits for Python:
+controller's formula is known there, too, the answer has left before Python is woken. No arm waits for Python:
 :class:`FallbackThread` answers for controllers that do not.
 """
 

@@ -139,9 +139,12 @@ def test_arm_that_starts_within_the_margin_may_leave_it_and_comes_no_nearer() ->
     for _ in range(50):
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, name="box")))})
     assert nearest(arms, arms.commanded()) >= first - 1e-4
-    for _ in range(40):  # as far as it was led along the box, which the last digits decide
+    distances = []
+    for _ in range(40):
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, 1.0, "box")))})
-    assert nearest(arms, arms.commanded()) > MARGIN
+        distances.append(nearest(arms, arms.commanded()))
+    assert min(distances) >= first - 1e-4
+    assert max(distances) > MARGIN
 
 
 def test_free_motion_is_not_touched() -> None:

@@ -1,4 +1,4 @@
-"""The law that a controller gives the core is what it commands itself."""
+"""The formula that a controller gives the core is what it commands itself."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def position(sampled: Sampled, goals: SharedBuffer[SessionGoal], state: ArmState
 
 @pytest.mark.parametrize("forwards", [False, True])
 @given(cycles=st.lists(st.tuples(POSITIONS, st.none() | st.tuples(st.integers(1, 3), POSITIONS)), max_size=6))
-def test_law_is_what_the_controller_commands(
+def test_formula_is_what_the_controller_commands(
     forwards: bool, cycles: list[tuple[Joints, tuple[int, Joints] | None]]
 ) -> None:
     goals = SharedBuffer(SessionGoal)
@@ -87,7 +87,7 @@ def test_controller_that_is_not_so_simple_is_asked_itself(controller: Controller
     assert managed(controller, values).sampled is None
 
 
-def test_law_ends_with_the_controllers_activity() -> None:
+def test_formula_ends_with_the_controllers_activity() -> None:
     manager = managed(shared())
     assert manager.sampled is not None
     manager.deactivate_commanding()

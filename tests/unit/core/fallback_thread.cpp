@@ -179,13 +179,13 @@ TEST(each_datagram_is_answered_once_however_both_threads_meet) {
 
 namespace {
 
-// A robot that stands at zero and sends in its cycle; what is prepared is a proportional law.
+// A robot that stands at zero and sends in its cycle; what is prepared is a proportional formula.
 struct PreparedWire : Wire {
     core::SharedGoal goals{};
-    core::Sampled law{&goals, 0, false, joint_1(0.002), {}};  // so near that it is no wonder that the robot stands
+    core::Sampled formula{&goals, 0, false, joint_1(0.002), {}};  // so near that it is no wonder that the robot stands
 
     PreparedWire() {
-        law.gain.fill(0.5);
+        formula.gain.fill(0.5);
         for (int cycle = 0; cycle < 3; ++cycle) CHECK(is_taken_and_answered());
     }
     // What a wait for the robot's next datagram, a cycle later, returns.
@@ -203,7 +203,7 @@ struct PreparedWire : Wire {
     }
     // Whether the robot's next datagram is answered while the other thread waits, which has nothing to do then.
     bool is_sampled(long after = 3'500'000) {
-        come(after, law);
+        come(after, formula);
         if (!is_answered(0)) return false;
         take();
         return answer() && !is_answered(0) && arm.exchange.sampled_at > 0.0;
@@ -223,27 +223,27 @@ struct PreparedWire : Wire {
 
 }  // namespace
 
-TEST(datagram_is_answered_by_the_law_that_was_prepared) {
+TEST(datagram_is_answered_by_the_formula_that_was_prepared) {
     PreparedWire wire;
     CHECK(wire.comes_to(0.001));
-    wire.law.goes_there = true;
+    wire.formula.goes_there = true;
     CHECK(wire.comes_to(0.002));
 }
 
-TEST(law_that_was_prepared_takes_the_newest_goal_of_its_session) {
+TEST(formula_that_was_prepared_takes_the_newest_goal_of_its_session) {
     core::SharedGoal goals{2, 2, 7, 0.0, joint_1(0.2), {}};
-    core::Sampled law{&goals, 1, true, joint_1(0.1), {}};
+    core::Sampled formula{&goals, 1, true, joint_1(0.1), {}};
     core::ArmState state = standing();
-    CHECK(law.command(state)->position == joint_1(0.1));  // a goal for another session
+    CHECK(formula.command(state)->position == joint_1(0.1));  // a goal for another session
     state.session = 7;
-    CHECK(law.command(state)->position == joint_1(0.2));
-    law.taken = 2;
-    CHECK(law.command(state)->position == joint_1(0.1));  // one that was taken, and is not in force any more
+    CHECK(formula.command(state)->position == joint_1(0.2));
+    formula.taken = 2;
+    CHECK(formula.command(state)->position == joint_1(0.1));  // one that was taken, and is not in force any more
     goals.begun = 3;
-    CHECK(!law.command(state));
+    CHECK(!formula.command(state));
 }
 
-TEST(datagram_that_comes_late_or_without_a_law_is_left_to_the_other_thread) {
+TEST(datagram_that_comes_late_or_without_a_formula_is_left_to_the_other_thread) {
     PreparedWire wire;
     CHECK(wire.come() == 1);
     CHECK(!wire.is_answered(0));
@@ -261,12 +261,12 @@ TEST(datagram_that_comes_late_or_without_a_law_is_left_to_the_other_thread) {
     CHECK(wire.is_answered(1000));
 }
 
-TEST(law_that_was_prepared_is_forgotten_while_the_other_thread_is_busy) {
+TEST(formula_that_was_prepared_is_forgotten_while_the_other_thread_is_busy) {
     PreparedWire wire;
     wire.robot_sends(), wire.take();
     CHECK(wire.answer());
     CHECK(wire.is_answered(1000));
-    wire.arm.prepared = wire.law;
+    wire.arm.prepared = wire.formula;
     wire.thread.note_busy();
     wire.robot_sends();
     CHECK(wire.is_answered(1000));
@@ -275,7 +275,7 @@ TEST(law_that_was_prepared_is_forgotten_while_the_other_thread_is_busy) {
 
 TEST(what_was_sampled_is_recorded_where_the_other_thread_does_not_hear_of_it) {
     PreparedWire wire;
-    wire.come(3'500'000, wire.law);
+    wire.come(3'500'000, wire.formula);
     const bool is_sampled = wire.is_answered(0);
     wire.robot_sends();
     CHECK(wire.is_answered(1000));  // the other thread has been busy since

@@ -271,10 +271,10 @@ def test_datagram_of_the_other_arm_that_comes_during_a_reply_is_answered_before_
     assert log[: len(prepared) + len(answered)] == [*prepared, *answered]
 
 
-def test_arm_whose_law_cannot_be_prepared_fails_alone(parent: Parent, clock: ManualClock) -> None:
+def test_arm_whose_formula_cannot_be_prepared_fails_alone(parent: Parent, clock: ManualClock) -> None:
     sockets = {side: Source() for side in (Side.RIGHT, Side.LEFT)}
     arms = {side: LoggedArm(clock, parent, side, sockets) for side in sockets}
-    failures = iter([ValueError("a law of six gains")])
+    failures = iter([ValueError("a formula of six gains")])
 
     def prepare() -> None:
         for failure in failures:

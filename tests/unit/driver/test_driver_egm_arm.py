@@ -212,7 +212,7 @@ def test_arm_keeps_no_datagram_of_another_sender_that_waited_with_the_robots_fir
         forger.close()
 
 
-def test_datagram_is_answered_by_the_law_that_was_prepared_before_it_is_received() -> None:
+def test_datagram_is_answered_by_the_formula_that_was_prepared_before_it_is_received() -> None:
     """Where the machine was not late: then it is received and answered as ever."""
     goals, clock = SharedBuffer(SessionGoal), SystemClock()
     goal = joints([angle + 1e-3 for angle in HOME])

@@ -281,7 +281,7 @@ class ControllerManager:
 
     @property
     def sampled(self) -> Sampled | None:
-        """The law of the next :meth:`update`, where the core can sample that itself."""
+        """The formula of the next :meth:`update`, where the core can sample that itself."""
         if self._merged is not None or not self._commanding:
             return None
         return self._commanding[0].controller.sampled
