@@ -170,6 +170,9 @@ class ArmExchange(ctypes.Structure):
     )
 
 
+SHARED_GOAL = Struct("qqqd14d")
+"""A goal in shared memory, of a ``SharedBuffer[SessionGoal]``: its write begun and finished, then its fields."""
+
 SIZES = (
     STATE.size,
     COMMAND.size,
@@ -186,6 +189,7 @@ SIZES = (
     ctypes.sizeof(ArmExchange),
     BRAKED.size * MOST_BRAKED,
     SAMPLED.size,
+    SHARED_GOAL.size,
 )
 """Of what crosses, in the order of ``core_sizes`` in ``limiter.cpp``."""
 

@@ -149,7 +149,8 @@ void core_sizes(std::int64_t* sizes) {
     for (std::size_t size : {sizeof(ArmState), sizeof(ArmCommand), sizeof(Limiter::Settings), sizeof(StateTable),
                              sizeof(LimiterExchange), sizeof(Limited), sizeof(collision::Motion), sizeof(Setpoint),
                              sizeof(JointLimits), sizeof(JointReport), sizeof(Unreadable), sizeof(SessionValues),
-                             sizeof(ArmExchange), sizeof(BrakedCycle) * ArmHandle::MOST_BRAKED, sizeof(Sampled)})
+                             sizeof(ArmExchange), sizeof(BrakedCycle) * ArmHandle::MOST_BRAKED, sizeof(Sampled),
+                             sizeof(SharedGoal)})
         *sizes++ = std::int64_t(size);
 }
 

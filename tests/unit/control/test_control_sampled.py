@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ctypes import string_at
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.shared_memory import SharedBuffer
+from yumi.core.library import SHARED_GOAL
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
 from yumi.settings import Values
 
@@ -92,3 +94,11 @@ def test_formula_ends_with_the_controllers_activity() -> None:
     assert manager.sampled is not None
     manager.deactivate_commanding()
     assert manager.sampled is None
+
+
+def test_goals_lie_in_shared_memory_as_the_core_reads_them() -> None:
+    goals = SharedBuffer(SessionGoal)
+    goal = SessionGoal(2, 3.0, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7), (1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7))
+    goals.write(goal)
+    written = SHARED_GOAL.unpack(string_at(goals.address, SHARED_GOAL.size))
+    assert written == (1, 1, goal.session, goal.time, *goal.position, *goal.velocity)
