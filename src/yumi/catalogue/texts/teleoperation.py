@@ -1,0 +1,34 @@
+"""Teleoperation: frames of devices that are refused, and why a held clutch moves nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from yumi.catalogue.text import Text
+
+_AGAIN = "release the clutch and press it again"
+
+TELEOPERATION: Mapping[str, Text] = {
+    # ---- frames that are refused
+    "device_motion_count": Text(
+        "for the {arm} arm the frame has {count} of pose, twist and joints; with the clutch held it has exactly one"
+    ),
+    "device_value_implausible": Text("the device reports {value} m or rad for the {arm} arm"),
+    "device_quaternion_malformed": Text(
+        "the device's orientation for the {arm} arm is a quaternion of length {length:.3g}; it has length 1"
+    ),
+    "device_setting_out_of_range": Text("{name} is {value:g}; its range is {lowest:g} to {highest:g}"),
+    "device_time_not_finite": Text("the frame's time is {time}; a time is a finite number of seconds"),
+    "teleoperated_by_another": Text(
+        "another device teleoperates the robot", "wait until its operator has ended, for a second"
+    ),
+    # ---- why a held clutch moves nothing
+    "teleoperation_link_lost": Text("no frame of the device came for a while; the arm holds", _AGAIN),
+    "teleoperation_interrupted": Text("something else commands the {arm} arm, or EGM has ended on it", _AGAIN),
+    "device_hand_jumped": Text("the device's hand for the {arm} arm has jumped; the arm holds", _AGAIN),
+    "device_motion_changed": Text("the device moves the {arm} arm in another way than before; the arm holds", _AGAIN),
+    "leader_too_far": Text(
+        "a joint of the leader is {distance:.1°} away from the {arm} arm; it may be {most:.1°} away",
+        "bring the leader to where the arm is, then press the clutch again",
+    ),
+}
