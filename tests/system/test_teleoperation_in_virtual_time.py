@@ -5,72 +5,96 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from math import radians
+from math import cos, pi, radians, sin
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from cartesian_bench import Shares, shares
+from refusals import refused
 from system.test_endpoint_in_virtual_time import Driver
+from unit.robot.test_robot_kinematics import rad
+from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER
+from yumi.control.loop_commands import Commands
 from yumi.control.motion.one_euro import distance_between
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperationReport
-from yumi.driver.teleoperation import Teleoperation
-from yumi.errors import YumiError
+from yumi.driver.teleoperated_arm import BLENDING, LINK_LOST
+from yumi.driver.teleoperation import OPERATOR_HOLDS, Teleoperation
+from yumi.errors import CommandRefused, YumiError
 from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import Pose, Side, Vector, named_pose
+from yumi.robot.inverse_kinematics import arm_angle
+from yumi.robot.joints import CYCLE, Pose, Side, Vector, joints
 from yumi.robot.kinematics import compose, multiply, quaternion_of, tool0_to_body
 
 RATE = 60.0  # [Hz] of the device
 RIGHT = Side.RIGHT
+START = rad((20, -90, -110, 10, 30, 60, 10))  # of the right arm, away from the body
+HAND: Vector = (0.3, 0.1, 1.2)  # where it is at first
+WITHIN = Shares(*[1.0 + 1e-5] * 3)  # the last digits of differences
+EXACT = (1e-4, radians(0.1))  # 0.1 mm, 0.1 degrees
+
+
+class Fingers:
+    """A gripper's goals, taken in no time."""
+
+    def __init__(self) -> None:
+        self.goals: list[float] = []
+        self.refusal = None
+
+    def take(self, closed: float) -> None:
+        self.goals.append(closed)
+
+    def forget(self) -> None:
+        """Nothing waits."""
 
 
 class Operator:
-    """A person with a device: its frames, and what the driver answered last; time goes by between two frames."""
+    """A person with a device, and what the driver answered last; time goes by between two frames."""
 
     def __init__(self, driver: Driver, elsewhere: ThreadPoolExecutor) -> None:
         self.driver = driver
         self.settings = DeviceSettings(cutoff=0.0)
         self.report = TeleoperationReport()
-        self.teleoperation = Teleoperation(driver.mover, driver.control, {side: Gripper() for side in Side})
+        self.fingers = {side: Fingers() for side in Side}
+        self.teleoperation = Teleoperation(driver.mover, driver.control, self.fingers)  # type: ignore[arg-type]
         self._elsewhere = elsewhere
 
-    def send(self, time: float | None = None, **hands: DeviceHand) -> None:
-        frame = DeviceFrame(time=self.driver.now() if time is None else time, settings=self.settings, **hands)
+    def send(self, hand: DeviceHand, time: float | None = None, *, who: object = None) -> None:
+        """A frame for the right arm, made at ``time`` [s], else now."""
+        made_at = self.driver.now() if time is None else time
+        frame = DeviceFrame(time=made_at, right=hand, settings=self.settings)
         frame.check()
-        self.report = self.teleoperation.take(frame, self, self._elsewhere.submit)
+        self.report = self.teleoperation.take(frame, who or self, self._elsewhere.submit)
 
-    def hold(self, seconds: float, hand: Callable[[float], DeviceHand]) -> None:
-        """Send frames, with what ``hand`` gives for the right arm for each time since now [s]."""
+    def hold(self, seconds: float, hand: Callable[[float], DeviceHand], rate: float = RATE) -> None:
+        """Send frames, with what ``hand`` gives for each time since now [s]."""
         begin = self.driver.now()
         while (time := self.driver.now() - begin) < seconds:
-            self.send(right=hand(time))
-            self.driver.wait(1.0 / RATE)
+            self.send(hand(time))
+            self.driver.wait(1.0 / rate)
 
     def engage(self, hand: DeviceHand) -> None:
-        self.hold_until(lambda: self.report.right.clutch == "engaged", hand)
-
-    def hold_until(self, is_so: Callable[[], bool], hand: DeviceHand) -> None:
-        """Send the same again and again, also while another thread takes the arm over."""
+        """Press the clutch until the arm follows; another thread takes it over meanwhile."""
         for _ in range(1000):
             self.hold(1.0 / RATE, lambda time: hand)
-            if is_so():
+            if self.clutch == "engaged":
                 return
         raise AssertionError(self.report)
 
-    def release(self) -> None:
-        self.hold(0.5, lambda time: DeviceHand())
+    def release(self, seconds: float = 0.5) -> None:
+        self.hold(seconds, lambda time: DeviceHand())
 
+    @property
+    def clutch(self) -> str:
+        return self.report.right.clutch
 
-class Gripper:
-    """A gripper that takes no goals."""
-
-    refusal = None
-
-    def take(self, closed: float) -> None:
-        raise AssertionError(closed)
-
-    def forget(self) -> None:
-        """There is none."""
+    @property
+    def why(self) -> str:
+        """The code of why it is inert."""
+        return "" if self.report.right.why is None else self.report.right.why.code
 
 
 @pytest.fixture
@@ -79,8 +103,11 @@ def driver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Driver]:
     driver = Driver(are_calibrated=True)
     driver.client.connect()
     driver.start_egm()
-    driver.mover.move({side: named_pose(side, "ready") for side in Side}, 1.0, None)
-    driver.wait(4.0)
+    driver.mover.move({RIGHT: START}, 1.0, None)
+    driver.wait(2.5)
+    assert driver.snapshot(RIGHT).sent == pytest.approx(START, abs=1e-9)
+    for arm in driver.arms.values():
+        arm.admitted.clear()
     yield driver
     with suppress(YumiError):
         driver.client.close()
@@ -92,23 +119,301 @@ def operator(driver: Driver) -> Iterator[Operator]:
         yield Operator(driver, elsewhere)
 
 
+def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: Vector = (0.0, 0.0, 0.0)) -> DeviceHand:
+    """The hand, moved from where it is at first, with the clutch held."""
+    a, b, c = HAND
+    return DeviceHand(clutch=True, pose=(a + x, b + y, c + z, *quaternion_of(turn)))
+
+
+def sway(time: float) -> DeviceHand:
+    """A hand that moves some centimetres to and fro."""
+    way = 0.04 * sin(3.0 * time), 0.03 * (1.0 - cos(4.0 * time)), 0.02 * sin(5.0 * time)
+    return at(*way, (0.2 * sin(time), 0.0, 0.1 * sin(2.0 * time)))
+
+
 def tip(driver: Driver, side: Side = RIGHT) -> Pose:
     """Where the fingertips are sent."""
     return compose(tool0_to_body(side, driver.snapshot(side).sent), FINGERTIPS)
 
 
-def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: Vector = (0.0, 0.0, 0.0)) -> DeviceHand:
-    """The hand, moved from where it is at first, with the clutch held."""
-    a, b, c = 0.3, 0.1, 1.2
-    return DeviceHand(clutch=True, pose=(a + x, b + y, c + z, *quaternion_of(turn)))
+def sent(driver: Driver, side: Side = RIGHT) -> NDArray[np.float64]:
+    """The positions sent in each cycle [rad], (n, 7)."""
+    return np.array(driver.arms[side].admitted)
+
+
+def is_exact(pose: Pose, other: Pose) -> bool:
+    way, turn = distance_between(pose, other)
+    return way <= EXACT[0] and turn <= EXACT[1]
+
+
+def is_within_limits(driver: Driver, side: Side = RIGHT) -> bool:
+    return all(share <= most for share, most in zip(shares(sent(driver, side)), WITHIN, strict=True))
+
+
+def stands_after(driver: Driver, since: int) -> float:
+    """How long after the cycle ``since`` the right arm's command stood [s]."""
+    moves = np.max(np.abs(np.diff(sent(driver)[since:], axis=0)), axis=1) / CYCLE
+    moving = np.nonzero(moves > 1e-3)[0]
+    return 0.0 if not len(moving) else float(moving[-1] + 1) * CYCLE
 
 
 def test_tool_moves_by_what_the_hand_moves(driver: Driver, operator: Operator) -> None:
-    before = tip(driver)
+    before, angle = tip(driver), arm_angle(RIGHT, driver.snapshot(RIGHT).sent)
     operator.engage(at())
-    assert distance_between(before, tip(driver)) < (1e-4, radians(0.1))
+    assert is_exact(before, tip(driver))
     operator.hold(2.0, lambda time: at(0.05, -0.04, 0.03, (0.0, 0.0, 0.2)))
+    x, y, z = before.position
+    turned = multiply(quaternion_of((0.0, 0.0, 0.2)), before.orientation)
+    assert is_exact(tip(driver), Pose((x + 0.05, y - 0.04, z + 0.03), turned))
+    assert arm_angle(RIGHT, driver.snapshot(RIGHT).sent) == pytest.approx(angle, abs=radians(0.1))
+    assert is_within_limits(driver)
+
+
+def test_nothing_moves_unless_the_clutch_is_held(driver: Driver, operator: Operator) -> None:
+    operator.hold(1.0, lambda time: msgspec.structs.replace(sway(time), clutch=False, gripper=abs(sin(time))))
+    assert np.ptp(sent(driver), axis=0).max() == 0.0
+    assert operator.fingers[RIGHT].goals == []
+    assert driver.mover.commanding(RIGHT) == (GOAL_CONTROLLER,)
+
+
+def test_pressing_the_clutch_moves_nothing(driver: Driver, operator: Operator) -> None:
+    operator.engage(at(0.3, -0.2, 0.4, (1.0, 0.5, 0.0)))
+    operator.hold(0.5, lambda time: at(0.3, -0.2, 0.4, (1.0, 0.5, 0.0)))
+    assert np.ptp(sent(driver), axis=0).max() < 1e-9
+    assert np.ptp(sent(driver, Side.LEFT), axis=0).max() == 0.0
+
+
+def test_clutch_that_is_pressed_again_goes_on_from_where_the_arm_is(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    operator.hold(1.0, sway)
+    operator.release(0.1)  # and pressed again before the arm stands: the reference is taken where it stands
+    operator.engage(at(0.2, 0.3, -0.2, (0.5, 0.0, 0.3)))
+    before = tip(driver)
+    operator.hold(0.5, lambda time: at(0.2, 0.3, -0.2, (0.5, 0.0, 0.3)))
+    assert is_exact(before, tip(driver))
+    operator.hold(2.0, lambda time: at(0.23, 0.3, -0.2, (0.5, 0.0, 0.3)))
+    x, y, z = before.position
+    assert is_exact(tip(driver), Pose((x + 0.03, y, z), before.orientation))
+    assert is_within_limits(driver)
+
+
+def test_releasing_the_clutch_brakes_and_holds(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    operator.hold(0.5, lambda time: at(0.2 * time))
+    cycles = len(sent(driver))
+    assert np.abs(np.diff(sent(driver)[-2:], axis=0)).max() / CYCLE > 0.1
+    operator.release(1.0)
+    assert operator.clutch == "released"
+    assert stands_after(driver, cycles) < 0.2
+    assert is_within_limits(driver)
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.15])
+def test_burst_after_a_gap_is_followed_within_the_limits(driver: Driver, operator: Operator, gap: float) -> None:
+    operator.engage(at())
+    begin = driver.now()
+    for _ in range(4):
+        operator.hold(0.4, lambda _: sway(driver.now() - begin))
+        late = [driver.now() + number / RATE for number in range(round(gap * RATE))]
+        driver.wait(gap)
+        for time in late:
+            operator.send(sway(time - begin), time)
+    assert operator.clutch == "engaged"
+    assert operator.report.dropped == 0
+    assert is_within_limits(driver)
+
+
+def test_frames_older_than_the_newest_are_dropped(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    before = tip(driver)
+    now = driver.now()
+    operator.send(at(), now)
+    for late in (0.001, 0.05, 0.1):
+        operator.send(at(0.04), now - late)
+    driver.wait(CYCLE)
+    operator.hold(0.3, lambda time: at())
+    assert operator.report.dropped == 3
+    assert is_exact(before, tip(driver))
+
+
+def test_frames_that_come_too_late_are_no_link(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    before, lateness = tip(driver), 2.0 * LINK_LOST
+    driver.wait(lateness)
+    for _ in range(30):  # a queue on the way that never empties
+        operator.send(at(0.04), driver.now() - lateness)
+        driver.wait(1.0 / RATE)
+    assert is_exact(before, tip(driver))
+    assert operator.clutch == "inert"
+
+
+def test_lost_link_brakes_and_the_clutch_is_inert_until_it_is_pressed_again(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    operator.hold(0.5, lambda time: at(0.2 * time))
+    cycles = len(sent(driver))
+    driver.wait(LINK_LOST)
+    operator.teleoperation.lose(operator)
+    driver.wait(0.5)
+    assert stands_after(driver, cycles) < LINK_LOST + 0.2
+    before = tip(driver)
+    operator.hold(1.0, sway)
+    assert (operator.clutch, operator.why) == ("inert", "teleoperation_link_lost")
+    assert is_exact(before, tip(driver))
+    operator.release(0.1)
+    operator.engage(at())
+    operator.hold(1.5, lambda time: at(0.02))
+    assert tip(driver).position[0] == pytest.approx(before.position[0] + 0.02, abs=1e-4)
+    assert is_within_limits(driver)
+
+
+def test_gap_that_no_timer_saw_is_a_lost_link_too(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    driver.wait(LINK_LOST + 0.01)
+    operator.send(at(0.01))
+    assert (operator.clutch, operator.why) == ("inert", "teleoperation_link_lost")
+
+
+def test_way_of_the_hand_is_scaled_and_seen_from_where_the_operator_stands(driver: Driver, operator: Operator) -> None:
+    operator.settings = DeviceSettings(cutoff=0.0, scale=0.25, yaw=pi)
+    operator.engage(at())
+    before = tip(driver)
+    operator.hold(2.0, lambda time: at(0.08, 0.04, 0.04, (0.2, 0.0, 0.0)))
+    x, y, z = before.position
+    turned = multiply(quaternion_of((-0.2, 0.0, 0.0)), before.orientation)
+    assert is_exact(tip(driver), Pose((x - 0.02, y - 0.01, z + 0.01), turned))
+
+
+def test_tool_is_no_faster_than_the_settings_allow(driver: Driver, operator: Operator) -> None:
+    operator.settings = DeviceSettings(cutoff=0.0, speed=0.05, turning=0.1)
+    operator.engage(at())
+    operator.hold(1.0, lambda time: at(0.04 * min(1.0, 4.0 * time), turn=(0.0, 0.3 * min(1.0, 4.0 * time), 0.0)))
+    tips = [compose(tool0_to_body(RIGHT, joints(row)), FINGERTIPS) for row in sent(driver).tolist()]
+    steps = [distance_between(first, then) for first, then in zip(tips[:-10], tips[10:], strict=True)]
+    assert max(way for way, _ in steps) / (10.0 * CYCLE) < 0.05 * 1.1
+    assert max(turn for _, turn in steps) / (10.0 * CYCLE) < 0.1 * 1.1
+    assert max(way for way, _ in steps) > 0.0
+
+
+def test_trembling_of_a_hand_is_filtered(driver: Driver, operator: Operator) -> None:
+    generator = np.random.default_rng(5)
+
+    def trembling(time: float) -> DeviceHand:
+        x, y, z = (generator.normal(size=3) * 0.5e-3).tolist()
+        return at(x, y, z)
+
+    spread = []
+    for cutoff in (0.0, 1.0):
+        operator.settings = DeviceSettings(cutoff=cutoff, beta=5.0)
+        operator.engage(at())
+        count = len(sent(driver))
+        operator.hold(2.0, trembling)
+        spread.append(float(np.std(sent(driver)[count:], axis=0).max()))
+        operator.release()
+    assert spread[1] < 0.4 * spread[0]
+
+
+def test_device_that_lost_a_hand_for_a_moment_moves_nothing(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    before = tip(driver)
+    operator.hold(0.2, lambda time: at(0.5))
+    assert (operator.clutch, operator.why) == ("inert", "device_hand_jumped")
+    assert is_exact(before, tip(driver))
+
+
+def test_one_operator_at_a_time(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    other = object()
+    with refused(CommandRefused, "teleoperated_by_another"):
+        operator.send(at(), who=other)
+    operator.hold(0.1, lambda time: at())
+    assert operator.clutch == "engaged"
+    driver.wait(OPERATOR_HOLDS)
+    operator.send(at(), who=other)
+    assert operator.clutch == "inert"  # what the first one has left
+    operator.teleoperation.lose(operator)  # its end is not the other one's
+    driver.wait(CYCLE)
+    operator.send(DeviceHand(), who=other)
+    assert operator.clutch == "released"
+
+
+def test_arm_that_another_program_takes_is_left_alone(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    operator.hold(0.3, sway)
+    driver.call(Commands.switch_controllers, RIGHT, (GOAL_CONTROLLER,), (CARTESIAN_CONTROLLER,))
+    operator.hold(0.3, sway)
+    assert (operator.clutch, operator.why) == ("inert", "teleoperation_interrupted")
+    assert driver.mover.commanding(RIGHT) == (GOAL_CONTROLLER,)
+
+
+def test_arm_that_does_not_follow_is_not_taken_over(driver: Driver, operator: Operator) -> None:
+    driver.manager.stop_egm()
+    driver.wait(1.0)
+    for _ in range(1000):
+        operator.hold(1.0 / RATE, lambda time: at())
+        if operator.clutch == "inert":
+            break
+    assert operator.why == "goal_refused"
+
+
+def test_gripper_takes_what_has_changed_enough_since_the_clutch_was_pressed(driver: Driver, operator: Operator) -> None:
+    def trigger(value: float) -> DeviceHand:
+        return msgspec.structs.replace(at(), gripper=value)
+
+    goals = operator.fingers[RIGHT].goals
+    operator.engage(trigger(0.0))
+    operator.hold(0.2, lambda time: trigger(0.04 * sin(40.0 * time) ** 2))
+    assert goals == []  # what is held is not let go by pressing the clutch
+    operator.hold(1.0, lambda time: trigger(min(1.0, 2.0 * time)))
+    assert goals[-1] == 1.0
+    assert len(goals) <= 21
+    operator.release(0.2)
+    operator.engage(trigger(0.0))
+    assert goals[-1] == 1.0
+
+
+def test_velocity_of_a_stick_moves_the_tool_and_the_elbow(driver: Driver, operator: Operator) -> None:
+    def stick(x: float, elbow: float = 0.0) -> DeviceHand:
+        return DeviceHand(clutch=True, twist=(x, 0.0, 0.0, 0.0, 0.0, 0.0), elbow=elbow)
+
+    before, angle = tip(driver), arm_angle(RIGHT, driver.snapshot(RIGHT).sent)
+    operator.engage(stick(0.0))
+    operator.hold(1.0, lambda time: stick(0.05, 0.2))
+    operator.hold(0.5, lambda time: stick(0.0))
     after = tip(driver)
-    assert np.subtract(after.position, before.position) == pytest.approx((0.05, -0.04, 0.03), abs=1e-4)
-    way = distance_between(Pose(after.position, multiply(quaternion_of((0.0, 0.0, 0.2)), before.orientation)), after)
-    assert way[1] < radians(0.1)
+    assert after.position[0] - before.position[0] == pytest.approx(0.05, abs=0.005)
+    assert after.position[1:] == pytest.approx(before.position[1:], abs=1e-3)
+    assert arm_angle(RIGHT, driver.snapshot(RIGHT).sent) - angle == pytest.approx(0.2, abs=0.03)
+    operator.hold(0.1, lambda time: at())
+    assert operator.why == "device_motion_changed"
+    assert is_within_limits(driver)
+
+
+def leader(*change: float) -> DeviceHand:
+    """A leader arm, by so much away from where the follower stands at first."""
+    return DeviceHand(clutch=True, joints=joints([a + b for a, b in zip(START, change, strict=True)]))
+
+
+def test_follower_of_a_leader_arm_keeps_the_offset(driver: Driver, operator: Operator) -> None:
+    far = (0.4, 0.3, -0.5, 0.2, 0.1, -0.3, 0.6)
+    operator.engage(leader(*far))
+    operator.hold(0.5, lambda time: leader(*far))
+    assert sent(driver)[-1] == pytest.approx(START, abs=1e-4)
+    operator.hold(3.0, lambda time: leader(0.4 + 0.1 * min(1.0, time), *far[1:]))
+    assert sent(driver)[-1] == pytest.approx((START[0] + 0.1, *START[1:]), abs=2e-3)
+    cycles = len(sent(driver))
+    operator.hold(0.5, lambda time: leader(0.5 - 0.5 * time, *far[1:]))
+    operator.release(1.0)
+    assert stands_after(driver, cycles + round(0.5 / CYCLE)) < 0.3
+    assert is_within_limits(driver)
+
+
+def test_follower_goes_to_its_leader_where_it_is_near(driver: Driver, operator: Operator) -> None:
+    operator.settings = DeviceSettings(cutoff=0.0, is_absolute=True)
+    near = (0.1, -0.1, 0.05, 0.15, 0.0, 0.1, -0.15)
+    operator.engage(leader(*near))
+    operator.hold(BLENDING + 1.0, lambda time: leader(*near))
+    assert sent(driver)[-1] == pytest.approx(np.add(START, near), abs=2e-3)
+    operator.release()
+    operator.hold(0.5, lambda time: leader(0.9, *near[1:]))
+    assert (operator.clutch, operator.why) == ("inert", "leader_too_far")
+    assert is_within_limits(driver)

@@ -219,9 +219,11 @@ class ArmStreams(ArmAccess):
         if isinstance(goal, JointsGoal):
             write_goal(buffer, session, goal.position, time=time)
         elif isinstance(goal, PoseGoal):
-            buffer.write(pose_goal(session, goal.pose, FINGERTIPS, goal.angle, time))
+            asked = pose_goal(session, goal.pose, FINGERTIPS, goal.angle, time)
+            buffer.write(asked._replace(speed=goal.speed, turning=goal.turning))
         else:
-            buffer.write(twist_goal(session, goal.twist, FINGERTIPS, is_in_tool=goal.is_in_tool, time=time))
+            asked = twist_goal(session, goal.twist, FINGERTIPS, is_in_tool=goal.is_in_tool, time=time)
+            buffer.write(asked._replace(speed=goal.speed, turning=goal.turning))
         self._followed[side] = _number(buffer)
 
     def is_following(self, side: Side) -> bool:

@@ -59,17 +59,21 @@ class Follower(Enum):
 
 
 class PoseGoal(NamedTuple):
-    """Where the tool is to be, with the arm angle [rad]."""
+    """Where the tool is to be, with the arm angle [rad]; at most so fast, [m/s] and [rad/s]."""
 
     pose: Pose
     angle: float
+    speed: float
+    turning: float
 
 
 class TwistGoal(NamedTuple):
-    """How fast the tool and the arm angle are to move [m/s], [rad/s], (7,)."""
+    """How fast the tool and the arm angle are to move [m/s], [rad/s], (7,); at most so fast, [m/s] and [rad/s]."""
 
     twist: Joints
     is_in_tool: bool
+    speed: float
+    turning: float
 
 
 class JointsGoal(NamedTuple):
@@ -189,7 +193,7 @@ class TeleoperatedArm:
             self._motion = _JointFollowing(hand.joints, settings, time, sent)
             goal = JointsGoal(sent)
         else:
-            goal = TwistGoal(ZERO, hand.is_in_tool)
+            goal = TwistGoal(ZERO, hand.is_in_tool, settings.speed, settings.turning)
         self.clutch, self._gripper = Clutch.ENGAGED, hand.gripper
         return Step(goal=goal)
 
@@ -244,12 +248,13 @@ class _PoseFollowing:
         sent: Joints,
     ) -> None:
         here = compose(tool0_to_body(side, sent), tool)
-        self.reference = PoseGoal(Pose(here.position, unit(here.orientation)), arm_angle(side, sent))
+        self.reference = PoseGoal(
+            Pose(here.position, unit(here.orientation)), arm_angle(side, sent), settings.speed, settings.turning
+        )
         self.time = time
         self._hand = self._last = _pose_of_hand(hand)
         self._elbow = elbow
         self._filter = PoseFilter(self._hand, settings.cutoff, settings.beta)
-        self._goal = self.reference
 
     def has_jumped(self, values: Joints, dt: float) -> bool:
         """Whether no hand can have moved so far since the last frame."""
@@ -257,7 +262,7 @@ class _PoseFollowing:
         return way > _JITTER + _FASTEST_HAND * dt or turn > _JITTER + _FASTEST_TURN * dt
 
     def step(self, values: Joints, elbow: float | None, settings: DeviceSettings, dt: float) -> PoseGoal:
-        """The next goal, at most as far from the last one as the tool may move in ``dt`` [s]."""
+        """The next goal, ``dt`` [s] after the last one."""
         self._last, self.time = _pose_of_hand(values), self.time + dt
         hand = self._filter.step(self._last, dt)
         turned = (cos(0.5 * settings.yaw), 0.0, 0.0, sin(0.5 * settings.yaw))
@@ -266,20 +271,9 @@ class _PoseFollowing:
         x, y, z = (at + settings.scale * by for at, by in zip(self.reference.pose.position, way, strict=True))
         orientation = multiply(quaternion_of(turn), self.reference.pose.orientation)
         bend = 0.0 if elbow is None or self._elbow is None else elbow - self._elbow
-        self._goal = self._within_speed(
-            PoseGoal(Pose((x, y, z), orientation), self.reference.angle + bend), settings, dt
+        return PoseGoal(
+            Pose((x, y, z), unit(orientation)), self.reference.angle + bend, settings.speed, settings.turning
         )
-        return self._goal
-
-    def _within_speed(self, goal: PoseGoal, settings: DeviceSettings, dt: float) -> PoseGoal:
-        last = self._goal
-        way = _within(_difference(goal.pose.position, last.pose.position), settings.speed * dt)
-        turn = _within(turn_between(last.pose.orientation, goal.pose.orientation), settings.turning * dt)
-        most = settings.turning * dt
-        x, y, z = (at + by for at, by in zip(last.pose.position, way, strict=True))
-        orientation = unit(multiply(quaternion_of(turn), last.pose.orientation))
-        angle = last.angle + max(-most, min(most, goal.angle - last.angle))
-        return PoseGoal(Pose((x, y, z), orientation), angle)
 
 
 class _JointFollowing:
@@ -344,4 +338,5 @@ def _limited_twist(hand: DeviceHand, settings: DeviceSettings) -> TwistGoal:
         turned: Quaternion = (cos(0.5 * settings.yaw), 0.0, 0.0, sin(0.5 * settings.yaw))
         linear, angular = rotate(turned, linear), rotate(turned, angular)
     bend = max(-settings.turning, min(settings.turning, settings.scale * (hand.elbow or 0.0)))
-    return TwistGoal((*_within(linear, settings.speed), *_within(angular, settings.turning), bend), hand.is_in_tool)
+    twist = (*_within(linear, settings.speed), *_within(angular, settings.turning), bend)
+    return TwistGoal(twist, hand.is_in_tool, settings.speed, settings.turning)
