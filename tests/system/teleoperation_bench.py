@@ -71,6 +71,7 @@ class Operator:
 
     def engage(self, hand: DeviceHand) -> None:
         """Press the clutch until the arm follows; another thread takes it over meanwhile."""
+        self.release(1.0 / RATE)
         for _ in range(1000):
             self.hold(1.0 / RATE, lambda time: hand)
             if self.clutch == "engaged":

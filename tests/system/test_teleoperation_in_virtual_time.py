@@ -246,6 +246,12 @@ def test_device_that_lost_a_hand_for_a_moment_moves_nothing(driver: Driver, oper
     assert is_exact(before, tip(driver))
 
 
+def test_clutch_that_is_held_while_the_device_connects_is_inert(driver: Driver, operator: Operator) -> None:
+    operator.hold(0.5, sway)
+    assert (operator.clutch, operator.why) == ("inert", "teleoperation_begins")
+    assert np.ptp(sent(driver), axis=0).max() == 0.0
+
+
 def test_one_operator_at_a_time(driver: Driver, operator: Operator) -> None:
     operator.engage(at())
     other = object()
@@ -274,6 +280,7 @@ def test_arm_that_another_program_takes_is_left_alone(driver: Driver, operator: 
 def test_arm_that_does_not_follow_is_not_taken_over(driver: Driver, operator: Operator) -> None:
     driver.manager.stop_egm()
     driver.wait(1.0)
+    operator.release(0.1)
     for _ in range(1000):
         operator.hold(1.0 / RATE, lambda time: at())
         if operator.clutch == "inert":

@@ -36,7 +36,8 @@ class DeviceHand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
             what the hand has moved since the clutch was pressed.
         twist: velocity of the tool [m/s] and its angular velocity [rad/s] in the operator's frame.
         joints: of a leader arm [rad], (7,) in chain order, with the signs of the arm that follows.
-        gripper: 0 is open, 1 is closed; None leaves it. It counts from when it has changed with the clutch held.
+        gripper: 0 is open, 1 is closed; None leaves it. Where it is when the clutch engages changes nothing; each
+            change from then on counts.
         elbow: beside a pose an angle [rad] by whose change the arm angle changes, None keeps the arm angle; beside a
             twist the arm angle's speed [rad/s].
         is_in_tool: whether ``twist`` is seen from the tool instead.
@@ -151,7 +152,7 @@ class TeleoperatedArmReport(msgspec.Struct, frozen=True):
     Attributes:
         clutch: ``released``; ``engaging``, held but the arm is being taken over and moves from when it stands;
             ``engaged``, the arm follows; ``inert``, held, but nothing moves until it was released and pressed again.
-        why: it is inert; None otherwise.
+        why: a held clutch is inert; None otherwise.
         limited: what the arm is kept apart from now, to be felt.
         gripper: why the gripper did not take its goal; None otherwise.
     """

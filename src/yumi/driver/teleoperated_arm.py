@@ -136,7 +136,7 @@ class TeleoperatedArm:
         self._stands_since = 0.0
         self._follower = Follower.TOOL
         self._motion: _PoseFollowing | _JointFollowing | None = None  # of this hold; a twist needs none
-        self._gripper: float | None = None  # the value from which on a change counts
+        self._gripper: float | None = None  # the value of the gripper when it counted last, or when the clutch engaged
 
     def take(self, hand: DeviceHand, settings: DeviceSettings, time: float, now: float, arm: ArmNow) -> Step:
         """What the next frame asks of the arm.
@@ -163,8 +163,8 @@ class TeleoperatedArm:
         return self._follow(hand, settings, time) if arm.is_taken else self._inert("teleoperation_interrupted")
 
     def end(self, why: Message) -> Step:
-        """Have a held clutch move nothing until it was released: the arm brakes if it was following."""
-        if self.clutch in (Clutch.RELEASED, Clutch.INERT):
+        """Have a clutch move nothing until it was released: the arm brakes if it was following."""
+        if self.clutch is Clutch.INERT:
             return _NOTHING
         brakes = self.clutch is Clutch.ENGAGED
         self.clutch, self.why, self._motion = Clutch.INERT, why, None
@@ -219,12 +219,10 @@ class TeleoperatedArm:
         if value is None:
             return None
         value = 1.0 if value > _CLOSED else 0.0 if value < _OPEN else value
-        if self._gripper is None:  # the device begins to report it
-            self._gripper = value
-            return None
-        is_new = abs(value - self._gripper) > _GRIPPER_STEP or (value in (0.0, 1.0) and value != self._gripper)
-        if not is_new:
-            return None
+        if self._gripper is not None:
+            is_at_end = value in (0.0, 1.0) and value != self._gripper
+            if not is_at_end and abs(value - self._gripper) <= _GRIPPER_STEP:
+                return None
         self._gripper = value
         return value
 

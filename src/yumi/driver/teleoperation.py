@@ -12,7 +12,7 @@ from math import inf
 from threading import Lock
 from typing import Protocol
 
-from yumi.catalogue import message
+from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.commander import Commander
 from yumi.control.shared_state import Snapshot
@@ -129,8 +129,12 @@ class Teleoperation:
         steps: dict[Side, Step] = {}
         with self._lock:
             self._check_operator(operator, now)
-            if now - self._came_at > LINK_LOST:
-                steps |= self._end_all()
+            if operator is not self._operator:
+                self._operator, self._dropped = operator, 0
+                # Nothing moves by connecting: who begins with a held clutch has to press it again, too.
+                steps |= self._end_all(message("teleoperation_begins"))
+            elif now - self._came_at > LINK_LOST:
+                steps |= self._end_all(message("teleoperation_link_lost"))
             made_at = self._clock.here(frame.time, now)
             if frame.time <= self._clock.newest or now - made_at > LINK_LOST:
                 self._dropped += 1
@@ -161,20 +165,19 @@ class Teleoperation:
     def lose(self, operator: object) -> None:
         """The operator's device or connection is silent: the arms that follow brake, and their clutches are inert."""
         with self._lock:
-            steps = self._end_all() if operator is self._operator else {}
+            is_operator = operator is self._operator
+            steps = self._end_all(message("teleoperation_link_lost")) if is_operator else {}
         for side in steps:
             self._brake(side)
 
     def _check_operator(self, operator: object, now: float) -> None:
-        if operator is not self._operator:
-            if self._operator is not None and now - self._came_at < OPERATOR_HOLDS:
-                raise CommandRefused(message("teleoperated_by_another"))
-            self._operator, self._clock, self._dropped = operator, DeviceClock(), 0
+        if operator is not self._operator and self._operator is not None and now - self._came_at < OPERATOR_HOLDS:
+            raise CommandRefused(message("teleoperated_by_another"))
 
-    def _end_all(self) -> dict[Side, Step]:
-        """Make every held clutch inert; what is left to do for it, by arm. A device whose clock began anew counts."""
+    def _end_all(self, why: Message) -> dict[Side, Step]:
+        """Make every clutch inert; what is left to do for it, by arm. The device's clock may have begun anew."""
         self._clock = DeviceClock()
-        steps = {side: arm.teleoperated.end(message("teleoperation_link_lost")) for side, arm in self._arms.items()}
+        steps = {side: arm.teleoperated.end(why) for side, arm in self._arms.items()}
         return {side: step for side, step in steps.items() if step.brakes}
 
     def _carry_out(self, side: Side, step: Step, commander: Commander, elsewhere: Elsewhere) -> None:

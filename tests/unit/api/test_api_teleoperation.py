@@ -52,6 +52,7 @@ class Device:
         return self._attached.call(Teleoperate(frame=frame)).right
 
     def engage(self) -> None:
+        assert self.send(clutch=False).clutch == "released"
         self.until(lambda: self.send(gripper=0.0).clutch == "engaged")
 
     @staticmethod
