@@ -52,7 +52,7 @@ def operator(driver: Driver) -> Iterator[Operator]:
 
 
 def sway(time: float) -> DeviceHand:
-    """A hand that moves some centimetres to and fro."""
+    """A hand that moves some centimetres and back."""
     way = 0.04 * sin(3.0 * time), 0.03 * (1.0 - cos(4.0 * time)), 0.02 * sin(5.0 * time)
     return at(*way, (0.2 * sin(time), 0.0, 0.1 * sin(2.0 * time)))
 

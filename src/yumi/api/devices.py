@@ -56,11 +56,11 @@ def teleoperate(
     due = time.monotonic()
     while True:
         now = time.monotonic()
-        hands = device.read(now)
+        reports = device.read(now)
         frame = DeviceFrame(
             time=now,
-            right=hands.get(Side.RIGHT, DeviceHand()),
-            left=hands.get(Side.LEFT, DeviceHand()),
+            right=reports.get(Side.RIGHT, DeviceHand()),
+            left=reports.get(Side.LEFT, DeviceHand()),
             settings=settings,
         )
         on_report(driver.call(Teleoperate(frame=frame)))
@@ -119,18 +119,18 @@ class Gamepad:
         way = -axis("ABS_Y"), -axis("ABS_X"), upper - lower
         turn = axis("ABS_HAT0X"), -axis(right_y), -axis(right_x)
         clutches = {Side.RIGHT: "BTN_TR" in pressed, Side.LEFT: "BTN_TL" in pressed}
-        hands = {}
+        reports = {}
         for side, is_held in clutches.items():
             if is_held and {"BTN_SOUTH", "BTN_EAST"} & pressed:
                 self._grippers[side] = 1.0 if "BTN_SOUTH" in pressed else 0.0
-            hands[side] = DeviceHand(
+            reports[side] = DeviceHand(
                 clutch=is_held,
                 twist=twist_of(way, turn, self._settings),
                 elbow=-axis("ABS_HAT0Y") * self._settings.turning,
                 gripper=self._grippers.get(side),
                 is_in_tool=self._is_in_tool,
             )
-        return hands
+        return reports
 
 
 class SpaceMouse:

@@ -111,7 +111,7 @@ class DeviceFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     """What a device reports at one moment; an arm that is left out has its clutch released.
 
     Attributes:
-        time: on the device's own clock [s], when its hands were there: the newest counts, older ones are dropped.
+        time: on the device's own clock [s], when it was where it reports: the newest counts, older ones are dropped.
         device: a headset or phone, or another device such as a gamepad.
         right: for the right arm.
         left: for the left arm.
@@ -125,7 +125,7 @@ class DeviceFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     settings: DeviceSettings = DeviceSettings()
 
     @property
-    def hands(self) -> Mapping[Side, DeviceHand]:
+    def by_arm(self) -> Mapping[Side, DeviceHand]:
         """What it reports for each arm."""
         return {Side.RIGHT: self.right, Side.LEFT: self.left}
 
@@ -139,7 +139,7 @@ class DeviceFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         if not isfinite(self.time):
             raise CommandRefused(message("device_time_not_finite", time=str(self.time)))
         self.settings.check()
-        for side, hand in self.hands.items():
+        for side, hand in self.by_arm.items():
             hand.check(side.word)
 
 

@@ -195,7 +195,7 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
         self.frame.check()
 
     def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
-        return tuple(side for side, hand in self.frame.hands.items() if hand.clutch)
+        return tuple(side for side, hand in self.frame.by_arm.items() if hand.clutch)
 
     def run(self, robot: CommandedRobot, caller: Caller) -> TeleoperationReport:
         try:

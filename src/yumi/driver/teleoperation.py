@@ -149,7 +149,7 @@ class Teleoperation:
     def _move(self, frame: DeviceFrame, now: float, made_at: float) -> dict[Side, Step]:
         """Give the arms their goals; what is left to do, by arm."""
         steps = {}
-        for side, hand in frame.hands.items():
+        for side, hand in frame.by_arm.items():
             arm = self._arms[side]
             is_taken = arm.taken == arm.hold and self._robot.is_following(side)
             state = ArmNow(self._control.snapshot(side).sent, is_taken)
