@@ -46,9 +46,9 @@ def numbers(text: str) -> tuple[float, ...]:
 @click.option(
     "--path", default="", metavar="FILE", help="The device's file, such as /dev/input/event7; else the first."
 )
-@click.option("--arm", type=ARMS, help="The arm that a SpaceMouse or a leader moves; a gamepad has a clutch for each.")
+@click.option("--arm", type=ARMS, help="Which arm.")
 @_of_settings("scale", 0.2, 1.0, _DEFAULT.scale, "Factor on what the hand does.")
-@_of_settings("speed", 0.01, 1.0, 0.1, "Of the tool, at most, in m/s.")
+@_of_settings("tool-speed", 0.01, 1.0, 0.1, "Of the tool, at most, in m/s.")
 @_of_settings("turning", 0.05, 6.0, 0.5, "Of the tool's orientation and of the elbow, at most, in rad/s.")
 @_of_settings("joint-speed", 0.05, 3.0, _DEFAULT.joint_speed, "Of each joint after a leader, at most, in rad/s.")
 @_of_settings("yaw", -360.0, 360.0, 0.0, "Where you stand, in degrees: 0 is behind the robot, 180 opposite of it.")
@@ -64,7 +64,7 @@ def teleop(
     is_list: bool,
     robot: str | None,
     json_output: JsonOutput,
-    speed: float,
+    tool_speed: float,
     turning: float,
     joint_speed: float,
     scale: float,
@@ -81,12 +81,12 @@ def teleop(
     \b
     Gamepad: bumpers are the clutches of the two arms; left stick and triggers move, right stick and cross turn,
       cross up and down turns the elbow; lower button closes the gripper, right button opens it.
-    SpaceMouse: the left button is the clutch; the right one closes and opens the gripper.
+    SpaceMouse: the left button is the clutch of the arm; the right one closes and opens its gripper.
 
     \b
     Examples:
       yumi teleop --list
-      yumi teleop gamepad --speed 0.05
+      yumi teleop gamepad --tool-speed 0.05
       yumi teleop spacemouse --arm left
       yumi teleop leader --leader my_leader.py:MyLeader --arm right
     """
@@ -99,7 +99,7 @@ def teleop(
     settings = DeviceSettings(
         scale=scale,
         yaw=radians(yaw),
-        speed=speed,
+        speed=tool_speed,
         turning=turning,
         joint_speed=joint_speed,
         is_absolute=absolute,

@@ -84,7 +84,7 @@ def test_stick_of_a_gamepad_moves_an_arm_and_its_button_the_gripper(
     connect(monkeypatch, pad)
     moved = [axis("Y", -32768)], [button("BTN_SOUTH", 1)], []
     Script(driver, pad, [], PRESSED, *[[]] * WAITS, *moved)
-    result = run("--speed", "0.05")
+    result = run("--tool-speed", "0.05")
     assert goal(driver).twist[:3] == pytest.approx((0.05, 0.0, 0.0))
     assert goal(driver).speed == 0.05
     assert driver.robot.tool_goals[Side.LEFT].read() is None
