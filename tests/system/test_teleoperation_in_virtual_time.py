@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import cos, pi, radians, sin
+from math import cos, pi, radians, sin, tau
 from pathlib import Path
 
 import msgspec
@@ -209,6 +209,15 @@ def test_way_of_the_hand_is_scaled_and_seen_from_where_the_operator_stands(drive
     assert is_exact(tip(driver), Pose((x - 0.02, y - 0.01, z + 0.01), turned))
 
 
+def test_scale_that_is_changed_while_the_clutch_is_held_moves_nothing(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    operator.hold(2.0, lambda time: at(0.04, 0.02))
+    before = tip(driver)
+    operator.settings = DeviceSettings(cutoff=0.0, scale=0.2, yaw=1.0)
+    operator.hold(1.0, lambda time: at(0.04, 0.02))
+    assert is_exact(before, tip(driver))
+
+
 def test_tool_is_no_faster_than_the_settings_allow(driver: Driver, operator: Operator) -> None:
     operator.settings = DeviceSettings(cutoff=0.0, speed=0.05, turning=0.1)
     operator.engage(at())
@@ -236,6 +245,23 @@ def test_trembling_of_a_hand_is_filtered(driver: Driver, operator: Operator) -> 
         spread.append(float(np.std(sent(driver)[count:], axis=0).max()))
         operator.release()
     assert spread[1] < 0.4 * spread[0]
+
+
+def test_tool_is_sent_a_moment_after_the_hand(driver: Driver, operator: Operator) -> None:
+    def swing(time: float) -> float:
+        return 0.04 * (1.0 - cos(tau * 0.7 * time))
+
+    operator.settings = DeviceSettings(speed=1.0)
+    operator.engage(at())
+    start, count = tip(driver).position[0], len(sent(driver))
+    operator.hold(4.0, lambda time: at(swing(time)))
+    tips = [compose(tool0_to_body(RIGHT, joints(row)), FINGERTIPS).position[0] for row in sent(driver)[count:].tolist()]
+    times = CYCLE * np.arange(1, 1 + len(tips))
+    settled = times > 1.5
+    lags = np.arange(0.0, 0.2, 0.002)
+    errors = [np.std((np.array(tips) - start)[settled] - np.vectorize(swing)(times[settled] - lag)) for lag in lags]
+    assert lags[int(np.argmin(errors))] < 0.03
+    assert min(errors) < 0.003
 
 
 def test_device_that_lost_a_hand_for_a_moment_moves_nothing(driver: Driver, operator: Operator) -> None:

@@ -344,7 +344,7 @@ class CommandedRobot:
             side: GripperFollower(gripper, self.force, self.manager.check_not_stopped)
             for side, gripper in self.grippers.items()
         }
-        object.__setattr__(self, "teleoperation", Teleoperation(self.mover, self.control, grippers))
+        object.__setattr__(self, "teleoperation", Teleoperation(self.mover, self.control, grippers, self.on_change))
 
     def state(self) -> DriverState:
         """All that is known of the driver, without its events."""

@@ -69,7 +69,8 @@ class DeviceSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
     """How a tool follows a device.
 
     Attributes:
-        scale: the tool moves so much as the hand; turns are not scaled. It is a factor on a twist, too.
+        scale: the tool moves so much as the hand; turns are not scaled. It is a factor on a twist, too. With a pose,
+            scale and yaw are those of when the clutch was pressed.
         yaw: by which the operator's frame is turned about the vertical from the robot's base [rad]: 0 stands behind the
             robot, pi opposite of it.
         speed: of the tool, at most [m/s]; a hand that is faster is followed later.

@@ -252,6 +252,8 @@ class _PoseFollowing:
         self.time = time
         self._hand = self._last = _pose_of_hand(hand)
         self._elbow = elbow
+        # Kept until the clutch is released: another scale would move the tool of a hand that stands.
+        self._scale, self._turned = settings.scale, _yaw_of(settings)
         self._filter = PoseFilter(self._hand, settings.cutoff, settings.beta)
 
     def has_jumped(self, values: Joints, dt: float) -> bool:
@@ -263,10 +265,9 @@ class _PoseFollowing:
         """The next goal, ``dt`` [s] after the last one."""
         self._last, self.time = _pose_of_hand(values), self.time + dt
         hand = self._filter.step(self._last, dt)
-        turned = (cos(0.5 * settings.yaw), 0.0, 0.0, sin(0.5 * settings.yaw))
-        way = rotate(turned, _difference(hand.position, self._hand.position))
-        turn = rotate(turned, turn_between(self._hand.orientation, hand.orientation))
-        x, y, z = (at + settings.scale * by for at, by in zip(self.reference.pose.position, way, strict=True))
+        way = rotate(self._turned, _difference(hand.position, self._hand.position))
+        turn = rotate(self._turned, turn_between(self._hand.orientation, hand.orientation))
+        x, y, z = (at + self._scale * by for at, by in zip(self.reference.pose.position, way, strict=True))
         orientation = multiply(quaternion_of(turn), self.reference.pose.orientation)
         bend = 0.0 if elbow is None or self._elbow is None else elbow - self._elbow
         return PoseGoal(
@@ -284,6 +285,7 @@ class _JointFollowing:
     def __init__(self, leader: Joints, settings: DeviceSettings, time: float, sent: Joints) -> None:
         self.time = self._begin = time
         self._last = leader
+        self._is_absolute = settings.is_absolute  # as long as the clutch is held, as the scale of a pose
         self._offset: Joints = joints([a - b for a, b in zip(sent, leader, strict=True)])
         self._filter = OneEuroFilter(leader, settings.cutoff, settings.beta)
         self._goal = sent
@@ -295,7 +297,7 @@ class _JointFollowing:
     def step(self, values: Joints, elbow: float | None, settings: DeviceSettings, dt: float) -> JointsGoal:
         """The next goal, at most as far from the last one as the joints may move in ``dt`` [s]."""
         self._last, self.time = values, self.time + dt
-        share = min(1.0, (self.time - self._begin) / BLENDING) if settings.is_absolute else 0.0
+        share = min(1.0, (self.time - self._begin) / BLENDING) if self._is_absolute else 0.0
         left = 1.0 - share * share * (3.0 - 2.0 * share)  # the offset fades without a step in speed
         leader, most = self._filter.step(values, dt), settings.joint_speed * dt
         rows = zip(leader, self._offset, self._goal, YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)
@@ -312,6 +314,11 @@ def _pose_of_hand(values: Joints) -> Pose:
     x, y, z, *orientation = values
     w, i, j, k = orientation
     return Pose((x, y, z), unit((w, i, j, k)))
+
+
+def _yaw_of(settings: DeviceSettings) -> Quaternion:
+    """How the operator's frame is turned from the robot's base."""
+    return (cos(0.5 * settings.yaw), 0.0, 0.0, sin(0.5 * settings.yaw))
 
 
 def _difference(to: Vector, start: Vector) -> Vector:
@@ -333,7 +340,7 @@ def _limited_twist(hand: DeviceHand, settings: DeviceSettings) -> TwistGoal:
     linear: Vector = (settings.scale * vx, settings.scale * vy, settings.scale * vz)
     angular: Vector = (settings.scale * wx, settings.scale * wy, settings.scale * wz)
     if not hand.is_in_tool:
-        turned: Quaternion = (cos(0.5 * settings.yaw), 0.0, 0.0, sin(0.5 * settings.yaw))
+        turned = _yaw_of(settings)
         linear, angular = rotate(turned, linear), rotate(turned, angular)
     bend = max(-settings.turning, min(settings.turning, settings.scale * (hand.elbow or 0.0)))
     twist = (*_within(linear, settings.speed), *_within(angular, settings.turning), bend)

@@ -103,6 +103,7 @@ class Teleoperation:
         arms: that are moved.
         control: the control process.
         grippers: of both arms.
+        on_change: called when an arm was taken over.
     """
 
     def __init__(
@@ -110,8 +111,9 @@ class Teleoperation:
         arms: TeleoperatedArms,
         control: Snapshots,
         grippers: Mapping[Side, GripperFollower],
+        on_change: Callable[[], None] = lambda: None,
     ) -> None:
-        self._robot, self._control, self._grippers = arms, control, grippers
+        self._robot, self._control, self._grippers, self._on_change = arms, control, grippers, on_change
         self._lock = Lock()
         self._arms = {side: _Arm(side) for side in Side}
         self._operator: object = None
@@ -196,6 +198,7 @@ class Teleoperation:
 
     def _take_over(self, side: Side, follower: Follower, commander: Commander, hold: int) -> None:
         arm = self._arms[side]
+        self._grippers[side].refusal = None
         try:
             self._robot.begin_following(side, follower, commander)
         except YumiError as error:
@@ -205,6 +208,7 @@ class Teleoperation:
             return
         with self._lock:
             arm.taken = hold
+        self._on_change()
 
     def _report(self) -> TeleoperationReport:
         def of(side: Side) -> TeleoperatedArmReport:

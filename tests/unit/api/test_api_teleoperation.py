@@ -81,6 +81,7 @@ def test_frames_become_goals_of_the_cartesian_controller(driver: FakeDriver) -> 
     with attach() as attached:
         device = Device(driver, attached)
         device.engage()
+        assert len(driver.changes) == 1  # of its controllers
         begin = newest(driver).pose
         for _ in range(60):
             device.send(0.1)
