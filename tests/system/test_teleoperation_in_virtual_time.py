@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from math import cos, pi, radians, sin, tau
 from pathlib import Path
 
@@ -24,15 +25,19 @@ from system.teleoperation_bench import (
     driver_in_egm,
     operator_of,
 )
-from system.test_endpoint_in_virtual_time import Driver
+from system.test_endpoint_in_virtual_time import Driver, poll_until
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER
 from yumi.control.loop_commands import Commands
 from yumi.control.motion.one_euro import distance_between
-from yumi.driver.device_frame import DeviceHand, DeviceSettings
+from yumi.driver.command import Caller
+from yumi.driver.commands import carry_out
+from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperatedArmReport, TeleoperationReport
+from yumi.driver.motion_commands import Teleoperate
 from yumi.driver.teleoperated_arm import BLENDING, LINK_LOST
 from yumi.driver.teleoperation import OPERATOR_HOLDS
 from yumi.errors import CommandRefused
 from yumi.robot.description import FINGERTIPS
+from yumi.robot.gripper import TRAVEL
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, Pose, Side, joints
 from yumi.robot.kinematics import compose, multiply, quaternion_of, tool0_to_body
@@ -376,3 +381,21 @@ def test_follower_goes_to_its_leader_where_it_is_near(driver: Driver, operator: 
     operator.hold(0.5, lambda time: leader(0.9, *near[1:]))
     assert (operator.clutch, operator.why) == ("inert", "leader_too_far")
     assert is_within_limits(driver)
+
+
+def test_gripper_grips_while_the_arm_is_teleoperated(driver: Driver) -> None:
+    robot, gripper = driver.server._robot, driver.grippers[Side.LEFT]
+    with ThreadPoolExecutor(2) as elsewhere:
+        caller = Caller(client=object(), elsewhere=elsewhere.submit)
+
+        def send(closed: float, *, clutch: bool = True) -> TeleoperationReport:
+            hand = msgspec.structs.replace(at(), clutch=clutch, gripper=closed)
+            report = carry_out(Teleoperate(frame=DeviceFrame(time=driver.now(), left=hand)), robot, caller)
+            driver.wait(1.0 / RATE)
+            return report
+
+        send(1.0, clutch=False)
+        poll_until(lambda: send(1.0).left.clutch == "engaged")
+        poll_until(lambda: send(0.0).left.clutch == "engaged" and gripper.position() > 0.9 * TRAVEL)
+        poll_until(lambda: send(1.0).left.clutch == "engaged" and gripper.is_holding())
+        assert send(1.0) == TeleoperationReport(left=TeleoperatedArmReport("engaged"))
