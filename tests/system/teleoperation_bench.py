@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from math import radians
 
@@ -52,6 +52,7 @@ class Operator:
         self.fingers = {side: Fingers() for side in Side}
         self.teleoperation = Teleoperation(driver.mover, driver.control, self.fingers)  # type: ignore[arg-type]
         self._elsewhere = elsewhere
+        self._pending: set[Future[None]] = set()
 
     def send(
         self, hand: DeviceHand, time: float | None = None, *, left: DeviceHand = RELEASED, who: object = None
@@ -60,7 +61,12 @@ class Operator:
         made_at = self.driver.now() if time is None else time
         frame = DeviceFrame(time=made_at, right=hand, left=left, settings=self.settings)
         frame.check()
-        self.report = self.teleoperation.take(frame, who or self, self._elsewhere.submit)
+        self.report = self.teleoperation.take(frame, who or self, self._begin)
+        if self._pending:  # else time goes by here faster than there
+            self._pending = wait(self._pending, 0.003).not_done
+
+    def _begin(self, work: Callable[[], None]) -> None:
+        self._pending.add(self._elsewhere.submit(work))
 
     def hold(self, seconds: float, hand: Callable[[float], DeviceHand], rate: float = RATE) -> None:
         """Send frames, with what ``hand`` gives for each time since now [s]."""

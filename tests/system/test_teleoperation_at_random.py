@@ -89,8 +89,9 @@ class RandomTeleoperation:
         )
         for _ in range(12):
             for hand in self._hands.values():
-                hand.act(str(self._random.choice(["press", "press", "stay", "stay", "stay", "release", "jump"])))
-            silence = float(self._random.choice([0.0, 0.0, 0.1, 0.15, LINK_LOST + 0.1]))
+                held = ["stay"] * 7 + ["release"] * 5 + ["jump"]
+                hand.act(str(self._random.choice(held if hand.frame.clutch else ["stay"] + ["press"] * 4)))
+            silence = float(self._random.choice([0.0] * 14 + [0.1, 0.15, LINK_LOST + 0.1]))
             self._send_for(float(self._random.uniform(0.1, 0.7)), silence, is_mixed=bool(self._random.uniform() < 0.3))
         for hand in self._hands.values():
             hand.act("release")
@@ -148,4 +149,4 @@ def test_no_command_is_beyond_the_limits_and_nothing_moves_without_a_clutch(
         driver.until(lambda: not any(driver.mover.is_moving(side) for side in Side), 10.0)
         if count > 3 and number % 10 == 0:
             tell(f"{number} sequences: engaged for {teleoperation.engaged / RATE:.0f} s; shares of the limits {worst}")
-    assert teleoperation.engaged > 50 * count
+    assert teleoperation.engaged > 100 * count
