@@ -7,7 +7,7 @@ servos of a GELLO. With a driver that runs:
 """
 
 import time
-from math import sin
+from math import cos
 
 from yumi.api.devices import LeaderReading
 
@@ -21,5 +21,5 @@ class Played:
     def read(self) -> LeaderReading:
         elapsed = time.monotonic() - self.begin
         is_pressed = elapsed > 1.0
-        angle = 0.2 * sin(elapsed - 1.0) if is_pressed else 0.0
+        angle = 0.1 * (1.0 - cos(elapsed - 1.0)) if is_pressed else 0.0
         return LeaderReading(joints=(angle, 0.0, 0.0, 0.0, 0.0, 0.0, -angle), clutch=is_pressed)
