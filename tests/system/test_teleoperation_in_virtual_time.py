@@ -324,7 +324,8 @@ def test_gripper_takes_what_has_changed_enough_since_the_clutch_was_pressed(driv
         return msgspec.structs.replace(at(), gripper=value)
 
     goals = operator.fingers[RIGHT].goals
-    operator.engage(trigger(0.0))
+    operator.engage(trigger(0.02))  # triggers do not rest quite at 0
+    operator.hold(0.2, lambda time: trigger(0.02))
     operator.hold(0.2, lambda time: trigger(0.04 * sin(40.0 * time) ** 2))
     assert goals == []  # what is held is not let go by pressing the clutch
     operator.hold(1.0, lambda time: trigger(min(1.0, 2.0 * time)))

@@ -194,7 +194,7 @@ class TeleoperatedArm:
             goal = JointsGoal(sent)
         else:
             goal = TwistGoal(ZERO, hand.is_in_tool, settings.speed, settings.turning)
-        self.clutch, self._gripper = Clutch.ENGAGED, hand.gripper
+        self.clutch, self._gripper = Clutch.ENGAGED, None if hand.gripper is None else _to_end(hand.gripper)
         return Step(goal=goal)
 
     def _follow(self, hand: DeviceHand, settings: DeviceSettings, time: float) -> Step:
@@ -218,7 +218,7 @@ class TeleoperatedArm:
         """A goal of the gripper where the device's value has changed enough since the last one."""
         if value is None:
             return None
-        value = 1.0 if value > _CLOSED else 0.0 if value < _OPEN else value
+        value = _to_end(value)
         if self._gripper is not None:
             is_at_end = value in (0.0, 1.0) and value != self._gripper
             if not is_at_end and abs(value - self._gripper) <= _GRIPPER_STEP:
@@ -308,6 +308,11 @@ class _JointFollowing:
             ]
         )
         return JointsGoal(self._goal)
+
+
+def _to_end(value: float) -> float:
+    """A gripper's value, where a trigger that rests or is pulled to its end is there exactly."""
+    return 1.0 if value > _CLOSED else 0.0 if value < _OPEN else value
 
 
 def _pose_of_hand(values: Joints) -> Pose:
