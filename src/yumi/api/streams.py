@@ -205,6 +205,11 @@ class ArmStreams(ArmAccess):
     def begin_following(self, side: Side, follower: Follower, commander: Commander) -> None:
         """Have an arm follow the goals of a device, from standstill, which may last seconds.
 
+        Args:
+            side: the arm.
+            follower: what of it follows.
+            commander: the person who commands it by the device.
+
         Raises:
             CommandRefused: the driver has no such controller.
             RobotNotReady: the arm does not follow.
