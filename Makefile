@@ -29,7 +29,7 @@ help:
 SETUP = python=$$(sh setup/find_python.sh '$(PYTHON)') && "$$python" -E -S setup
 UV = .venv/bin/uv
 WHAT_IS_TYPED = evaluation robotware7
-PARTS_OF_TESTS = check test page compare planning plot $(WHAT_IS_TYPED)
+PARTS_OF_TESTS = check test page compare planning plot teleop $(WHAT_IS_TYPED)
 
 setup:
 	@$(SETUP) $(WITH)

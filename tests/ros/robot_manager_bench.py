@@ -102,7 +102,7 @@ def commanded(manager: FakeManager, check_arms: Callable[[Sequence[Side]], None]
         manager=manager,  # type: ignore[arg-type]
         control=absent,
         datagram=absent,
-        grippers=absent,
+        grippers={},
         gripper_state=absent,
         force=0.0,
         mover=absent,

@@ -13,12 +13,15 @@ from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
 from yumi.clock import Clock
+from yumi.control.commander import Commander
 from yumi.control.goals import Buffer, write_goal, write_speeds
 from yumi.control.loop_commands import Commands, ControllerCommand
-from yumi.control.tool_goal import ToolGoal, check_twist, twist_goal
+from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.teleoperated_arm import Follower, JointsGoal, MotionGoal, PoseGoal
 from yumi.errors import CommandRefused, YumiError
+from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, joints
 
 _JOG_GAP = 0.3  # [s] jogs that follow each other within this time belong to one press of a key
@@ -50,6 +53,7 @@ class ArmStreams(ArmAccess):
     def __init__(self, control: ControlProcess, motions: MotionRegistry, arms: tuple[Side, ...], clock: Clock) -> None:
         super().__init__(control, motions, arms, clock)
         self._jogs: dict[Side, _Jog] = {}
+        self._followed: dict[Side, int] = {}  # the number of the last message of an arm that follows a device
         self._jog_locks = {side: Lock() for side in Side}  # held briefly: the end of a jog waits for it
 
     def stream(self, side: Side, goal: Position) -> None:
@@ -195,6 +199,63 @@ class ArmStreams(ArmAccess):
         """
         session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
         self.control.buffers[side].tool_goals.write(goal(session))
+
+    # ---- devices of people
+
+    def begin_following(self, side: Side, follower: Follower, commander: Commander) -> None:
+        """Have an arm follow the goals of a device, from standstill, which may last seconds.
+
+        Args:
+            side: the arm.
+            follower: what of it follows.
+            commander: the person who commands it by the device.
+
+        Raises:
+            CommandRefused: the driver has no such controller.
+            RobotNotReady: the arm does not follow.
+            GoalNotReached: an arm that moved did not come to rest.
+        """
+        self._begin_stream(side, CARTESIAN_CONTROLLER if follower is Follower.TOOL else STREAM_CONTROLLER)
+        self._followed[side] = _number(self._stream_of(side)[1])
+
+    def follow_device(self, side: Side, goal: MotionGoal, time: float) -> None:
+        """Give an arm that follows a device the next goal; it was made at ``time`` [s]."""
+        (_, session, _), buffer = self._stream_of(side)
+        if isinstance(goal, JointsGoal):
+            write_goal(buffer, session, goal.position, time=time)
+        elif isinstance(goal, PoseGoal):
+            asked = pose_goal(session, goal.pose, FINGERTIPS, goal.angle, time)
+            buffer.write(asked._replace(speed=goal.speed, turning=goal.turning))
+        else:
+            asked = twist_goal(session, goal.twist, FINGERTIPS, is_in_tool=goal.is_in_tool, time=time)
+            buffer.write(asked._replace(speed=goal.speed, turning=goal.turning))
+        self._followed[side] = _number(buffer)
+
+    def is_following(self, side: Side) -> bool:
+        """Whether an arm follows the goals of its device, and nothing else has given it any."""
+        snapshot, (stream, buffer) = self.control.snapshot(side), self._stream_of(side)
+        return (
+            stream == (stream[0], snapshot.session, snapshot.activation)
+            and snapshot.is_running
+            and snapshot.is_commanded
+            and self.motions.fault(side) is None
+            and _number(buffer) == self._followed.get(side)
+        )
+
+    def end_following(self, side: Side) -> None:
+        """Have an arm brake and hold that follows a device; one that something else commands is left alone."""
+        if not self.is_following(side):
+            return
+        if self.streaming[side][0] == CARTESIAN_CONTROLLER:
+            # As at the end of a jog.
+            self.control.call(Commands.send_commands, ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory()))
+        else:
+            self.stop((side,))
+
+    def _stream_of(self, side: Side) -> tuple[tuple[str, int, int], Buffer[Any]]:
+        """The stream of an arm, and where its messages go."""
+        stream, buffers = self.streaming.get(side, ("", 0, 0)), self.control.buffers[side]
+        return stream, buffers.tool_goals if stream[0] == CARTESIAN_CONTROLLER else buffers.goals
 
 
 def _number(buffer: Buffer[Any]) -> int:

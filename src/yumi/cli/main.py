@@ -26,6 +26,7 @@ from yumi.cli.options import ROS_ARGUMENTS, with_json_targets
 from yumi.cli.rapid import answer, rapid
 from yumi.cli.robot import DRIVER_COMMANDS
 from yumi.cli.shell import completion, shell
+from yumi.cli.teleop import teleop
 from yumi.cli.up import record, up, view
 from yumi.errors import SettingsError, YumiError, missing_extra
 
@@ -37,7 +38,7 @@ _NAMESPACE = "__ns:="
 
 _OPERATE = (
     *("state", "mode", "start", "stop", "recover", "retreat", "move", "grip", "calibrate"),
-    *("speed-scale", "controllers", "switch", "shell"),
+    *("speed-scale", "controllers", "switch", "shell", "teleop"),
 )
 SECTIONS: Mapping[str, tuple[str, ...]] = {
     "Start": ("demo", "controller", "up"),
@@ -179,7 +180,7 @@ def main() -> None:
 
 _COMMANDS = (
     *(answer, completion, controller, demo, doctor, fault, install, moveit_config, rapid, record, rws, shell),
-    *(uninstall, up, view, *DRIVER_COMMANDS, *GRAPH_COMMANDS),
+    *(teleop, uninstall, up, view, *DRIVER_COMMANDS, *GRAPH_COMMANDS),
 )
 for _command in _COMMANDS:
     main.add_command(_command)

@@ -26,6 +26,8 @@ class ToolGoal(NamedTuple):
         pose: of the tool in the body frame: x, y, z [m], quaternion w, x, y, z.
         twist: velocity x, y, z [m/s], angular velocity x, y, z [rad/s], and of the arm angle [rad/s].
         tool: the tool's frame in tool0, as ``pose``.
+        speed: of the tool on this stream, at most [m/s]; NaN is the controller's.
+        turning: of its orientation and of the arm angle, at most [rad/s]; NaN is the controller's.
     """
 
     session: int
@@ -36,6 +38,8 @@ class ToolGoal(NamedTuple):
     pose: Joints
     twist: Joints
     tool: Joints = TOOL0
+    speed: float = nan
+    turning: float = nan
 
 
 def numbers_of(pose: Pose) -> Joints:

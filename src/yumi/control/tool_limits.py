@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import fsum
+from math import fsum, inf
 from typing import NamedTuple
 
 from yumi.catalogue import Message, message
@@ -49,10 +49,12 @@ class ToolLimits:
     Attributes:
         speed: at most [m/s].
         walls: that it stays behind.
+        turning: of its orientation on streams, at most [rad/s].
     """
 
     speed: float = FASTEST
     walls: tuple[Wall, ...] = ()
+    turning: float = inf
 
 
 class ToolLimited(NamedTuple):

@@ -25,6 +25,7 @@ from yumi.catalogue import FrontEnd, Message, message
 from yumi.control.loop_commands import CommandPort, Commands
 from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.gripper import Check, Gripper
+from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.reports import (
     ArmReport,
     ControllerStatus,
@@ -38,6 +39,7 @@ from yumi.driver.reports import (
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.robot_state import Report
 from yumi.driver.surroundings import Surroundings
+from yumi.driver.teleoperation import Elsewhere, TeleoperatedArms, Teleoperation
 from yumi.errors import ProtocolError, RobotNotReady
 from yumi.robot.gripper import GripperState
 from yumi.robot.joints import Joints, Pose, Side
@@ -180,6 +182,7 @@ class Caller:
         is_gone: whether the client is not there any more, or the driver ends.
         hold: keeps what the client has begun under a name: it is ended when the client is gone, or after a time [s]
             unless it is held anew by then.
+        elsewhere: has something done on a thread that may wait, while the command is answered.
     """
 
     client: object = None
@@ -187,6 +190,7 @@ class Caller:
     show_motions: Callable[[dict[str, MotionReport]], None] = lambda motions: None
     is_gone: Callable[[], bool] = lambda: False
     hold: Callable[[Hashable, Callable[[], object], float | None], None] = lambda name, end, after: None
+    elsewhere: Elsewhere = lambda work: work()
 
     def check(self, step: str = "") -> None:
         """See that it is there; raises RobotNotReady: what it has asked for ends before its next step."""
@@ -209,8 +213,8 @@ class RunningMotion(Protocol):
     def way(self) -> tuple[float, float | None]: ...
 
 
-class Mover(Protocol):
-    """Sends arms to positions."""
+class Mover(TeleoperatedArms, Protocol):
+    """Sends arms to positions, and has them follow streams."""
 
     def move(
         self,
@@ -311,6 +315,7 @@ class CommandedRobot:
         on_subscription: called when a client wants to see the state again and again.
         events: the newest lines of the driver's log.
         moving: held while a motion of the arms is carried out, one at a time.
+        teleoperation: of the arms and grippers.
     """
 
     address: str
@@ -331,7 +336,15 @@ class CommandedRobot:
     on_subscription: Callable[[], None] = lambda: None
     events: EventLog = field(default_factory=EventLog)
     moving: Lock = field(default_factory=Lock)
+    teleoperation: Teleoperation = field(init=False)
     _controllers: dict[Side, tuple[int, tuple[ControllerStatus, ...]]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        grippers = {
+            side: GripperFollower(gripper, self.force, self.manager.check_not_stopped)
+            for side, gripper in self.grippers.items()
+        }
+        object.__setattr__(self, "teleoperation", Teleoperation(self.mover, self.control, grippers, self.on_change))
 
     def state(self) -> DriverState:
         """All that is known of the driver, without its events."""

@@ -13,7 +13,7 @@ import socket
 import struct
 import time
 from collections.abc import Callable, Hashable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import reduce
 from operator import or_
@@ -325,6 +325,7 @@ class EndpointServer:
             lambda motions: client.send_soon(Answer(id=command.id, motions=motions)),
             lambda: client.is_gone or self._is_over.is_set(),
             lambda name, end, after: client.call_soon(self._hold, client, name, end, after),
+            self._elsewhere,
         )
         try:
             result = msgspec.Raw(msgspec.json.encode(carry_out(command, self._robot, caller)))
@@ -332,6 +333,11 @@ class EndpointServer:
         except Exception as error:  # a fault of ours, too: the client must not wait for ever
             answer = _failed(command, error)
         client.send_soon(answer)
+
+    def _elsewhere(self, work: Callable[[], None]) -> None:
+        """Have a worker do something for a client who does not wait for it; not once the driver ends."""
+        with suppress(RuntimeError):  # the workers have ended
+            self._workers.submit(work).add_done_callback(_log_failure)
 
     def _hold(self, client: _Client, name: Hashable, end: Callable[[], object], after: float | None) -> None:
         """Keep what a client has begun until the client is gone, or for ``after`` [s] unless it is held anew."""
@@ -374,6 +380,12 @@ class EndpointServer:
             if now - self._made[0] > _FRESH:
                 self._made = now, msgspec.Raw(msgspec.json.encode(self._robot.state()))
             return self._made[1]
+
+
+def _log_failure(work: Future[None]) -> None:
+    """What no client waits for is a fault of ours when it fails: what may fail is reported by who does it."""
+    if not work.cancelled() and (error := work.exception()) is not None:
+        _log.error("Work for a client of the local endpoint failed", exc_info=error)
 
 
 def _refused(number: int, said: Message) -> Answer:

@@ -25,7 +25,9 @@ from yumi.driver.command import (
     TimedPoint,
     side_of,
 )
+from yumi.driver.device_frame import DeviceFrame, TeleoperationReport
 from yumi.driver.reports import MotionReport
+from yumi.driver.teleoperated_arm import LINK_LOST
 from yumi.errors import CommandRefused, GoalNotReached, YumiError
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import Joints, Side
@@ -174,6 +176,32 @@ class JogTool(Command[str], frozen=True):
             side,
             lambda: robot.mover.jog_tool(side, twist, FINGERTIPS, caller.client, is_in_tool=is_in_tool),
         )
+
+
+class Teleoperate(Command[TeleoperationReport], frozen=True):
+    """Have tools or joints follow a person's device, of which ``frame`` is the newest report.
+
+    A device sends its frames again and again, such as 60 times a second, over one connection. An arm moves while its
+    clutch is held. The driver brakes the arms when no frame has come for 0.2 s, or the connection ends; the clutch must
+    then be released and pressed again. One device at a time moves the arms.
+    """
+
+    lane = Lane.JOG
+    front_ends = _SCRIPT
+
+    frame: DeviceFrame
+
+    def check(self) -> None:
+        self.frame.check()
+
+    def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
+        return tuple(side for side, hand in self.frame.by_arm.items() if hand.clutch)
+
+    def run(self, robot: CommandedRobot, caller: Caller) -> TeleoperationReport:
+        try:
+            return robot.teleoperation.take(self.frame, caller.client, caller.elsewhere)
+        finally:
+            caller.hold("teleoperation", lambda: robot.teleoperation.lose(caller.client), LINK_LOST)
 
 
 def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bool]) -> str:

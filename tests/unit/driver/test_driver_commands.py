@@ -27,6 +27,7 @@ REQUIRED = {
     "follow": {"start": {}},
     "jog": {"arm": "right", "speeds": [0.0] * 7},
     "jog_tool": {"arm": "right"},
+    "teleoperate": {"frame": {"time": 1.0}},
     "switch_controllers": {"arm": "right"},
     "allow_collision": {"part": "a", "other": "b", "seconds": 1.0},
 }

@@ -25,6 +25,7 @@ from yumi.catalogue.texts.ros import ROS
 from yumi.catalogue.texts.rws import RWS
 from yumi.catalogue.texts.script import SCRIPT
 from yumi.catalogue.texts.set_up import PREREQUISITES, SET_UP, SETTINGS
+from yumi.catalogue.texts.teleoperation import TELEOPERATION
 
 SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "May the robot move": ROBOT_STATE,
@@ -48,6 +49,7 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "Model of the robot": ROBOT,
     "Robot Web Services": RWS,
     "Scripts": SCRIPT,
+    "Teleoperation": TELEOPERATION,
     "Evaluation": EVALUATION,
 }
 """All texts by subject, as the documentation lists them."""

@@ -67,6 +67,7 @@ class CartesianController(JointTrajectoryController):
         super().__init__(side, feedback, limits, speed)
         self._within = within
         self._held_by, self._held_at = "", -inf
+        self._caps = (inf, inf)  # of the stream's speeds, as its messages have them
         self._limited: list[ToolLimited] = []
         self._goals = goals
         self._number = 0
@@ -122,7 +123,9 @@ class CartesianController(JointTrajectoryController):
 
     def _take(self, goal: ToolGoal, state: ArmState) -> None:
         stream, values = self._source, self._values
-        if not isinstance(stream, ToolStream) or stream.tool != goal.tool:
+        caps = min(inf, goal.speed), min(inf, goal.turning)  # of two with a NaN, min takes the first
+        if not isinstance(stream, ToolStream) or (stream.tool, self._caps) != (goal.tool, caps):
+            self._caps = caps
             start = self._source.setpoint(self._time)
             # Speeds change from cycle to cycle: by the mean acceleration of the last one.
             middle = self._source.setpoint(max(0.0, self._time - 0.5 * state.dt))
@@ -130,10 +133,11 @@ class CartesianController(JointTrajectoryController):
             if self._goal is not None:
                 start = start.scaled(self._pace)
             self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("motion_replaced_by_stream"))
-            speed, turning = number(values, "tool.speed"), number(values, "tool.turning")
+            within = ToolLimits(min(self._within.speed, caps[0] / SHARE_OF_SPEED), self._within.walls, caps[1])
+            speed, turning = number(values, "tool.speed"), min(number(values, "tool.turning"), caps[1])
             # Poses are followed in each direction alone.
             directions = 1.0 if goal.is_twist else sqrt(3.0)
-            speed = min(speed, SHARE_OF_SPEED * self._within.speed / directions)
+            speed = min(speed, SHARE_OF_SPEED * within.speed / directions)
             strength, jerk = number(values, "tool.acceleration"), number(values, "tool.jerk")
             hard, harder = _RADIANS_PER_METRE * strength, _RADIANS_PER_METRE * jerk
             far = (1e6,) * JOINT_COUNT
@@ -151,7 +155,7 @@ class CartesianController(JointTrajectoryController):
                 self._limits,
                 tool_limits,
                 number(values, "tracking.stiffness"),
-                self._within,
+                within,
             )
             stream.predictor.memory = number(values, "tracking.memory")
             stream.silence = number(values, "tracking.silence")

@@ -237,11 +237,16 @@ class ToolStream:
     def _within_limits(self, speeds: Joints, dt: float, scale: float) -> Joints:
         """Speeds of the joints at which the tool is not too fast, and can stop before each wall [rad/s]."""
         side, position, within = self._side, self._joints.position, self._within
-        here = tool0_to_body(side, position, self._tool).position
+        now = tool0_to_body(side, position, self._tool)
+        here = now.position
         after = joints([p + _SMALL * speed for p, speed in zip(position, speeds, strict=True)])
-        there = tool0_to_body(side, after, self._tool).position
-        velocity = [(b - a) / _SMALL for a, b in zip(here, there, strict=True)]
+        there = tool0_to_body(side, after, self._tool)
+        velocity = [(b - a) / _SMALL for a, b in zip(here, there.position, strict=True)]
         share = min(1.0, scale * SHARE_OF_SPEED * within.speed / max(hypot(*velocity), 1e-9))
+        if within.turning < inf:
+            w, x, y, z = now.orientation
+            turn = rotation_vector(multiply(there.orientation, (w, -x, -y, -z)))
+            share = min(share, scale * within.turning * _SMALL / max(hypot(*turn), 1e-12))
         speeds = speeds if share == 1.0 else joints([share * speed for speed in speeds])
         if not within.walls:
             return speeds

@@ -1,0 +1,147 @@
+"""From a device's frame to the robot's datagram, and to standstill after a loss: the whole driver, in real time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median, quantiles
+
+import pytest
+
+import yumi
+from soak import tell
+from yumi.api.attach import RunningDriver
+from yumi.control.flight_recorder import Frame
+from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperationReport
+from yumi.driver.motion_commands import Teleoperate
+from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.egm.udp import free_port
+from yumi.process.command import Command
+from yumi.recording.reader import recorded_messages
+
+pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
+RATE = 60.0
+STEPS = 40  # of the hand
+ROOM = (1.344, -1.222, -1.518, 0.733, -0.471, 0.192, 0.297)
+"""From here the right tool goes 9 cm up and down, and no part of the arm comes near to anything [rad]."""
+MOVING = 1e-4  # [rad/s] of the speeds that are sent; the position beside them comes later, as the robot itself does
+FASTEST = 1e-2  # [rad/s] an arm that is slower stands
+
+
+@contextmanager
+def recorded_driver(folder: Path, record: Path) -> Iterator[RunningDriver]:
+    """A driver with a virtual robot, in processes of their own, that records every cycle."""
+    egm = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
+    with Command("controller", ("controller", "--rws-port", "0", *egm), folder / "controller.log") as controller:
+        host, _, rws = controller.wait_until_ready(60.0).rpartition("/")[2].partition(":")
+        where = ("--robot", f"{host}:{rws}", "--no-ros", "--record", str(record), *egm)
+        with Command("driver", ("up", *where), folder / "driver.log") as driver:
+            driver.wait_until_ready(60.0)
+            with yumi.attach() as attached:
+                attached.start_egm()
+                attached.move_to(right=ROOM)
+                yield attached
+
+
+class Device:
+    """A device of the right arm, whose hand is at a height and whose filter is off.
+
+    Attributes:
+        height: of the hand [m].
+        sent_at: when its newest frame was sent, on the monotonic clock [s].
+    """
+
+    def __init__(self, driver: RunningDriver) -> None:
+        self._driver = driver
+        self.height = self.sent_at = 0.0
+        self._due = time.monotonic()
+
+    def send(self, *, clutch: bool = True) -> TeleoperationReport:
+        """Send the next frame when it is due."""
+        self._due = max(self._due + 1.0 / RATE, time.monotonic())
+        time.sleep(self._due - time.monotonic())
+        self.sent_at = time.monotonic()
+        hand = DeviceHand(clutch=clutch, pose=(0.0, 0.0, self.height, 1.0, 0.0, 0.0, 0.0))
+        frame = DeviceFrame(time=self.sent_at, right=hand, settings=DeviceSettings(cutoff=0.0))
+        return self._driver.call(Teleoperate(frame=frame))
+
+    def send_for(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.send()
+
+    def send_until(self, is_so: Callable[[TeleoperationReport], bool]) -> None:
+        end = time.monotonic() + 10.0
+        while not is_so(report := self.send()):
+            assert time.monotonic() < end, report
+
+    def engage(self) -> None:
+        self.send(clutch=False)
+        self.send_until(lambda report: report.right.clutch == "engaged")
+
+
+def test_motion_of_a_hand_is_in_a_datagram_within_thirty_milliseconds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    record, moved_at = tmp_path / "steps.mcap", []
+    with recorded_driver(tmp_path, record) as driver:
+        device = Device(driver)
+        device.engage()
+        for step in range(STEPS):
+            device.send_for(0.8 + 0.0037 * step)  # the arm stands, and the robot's cycle is anywhere
+            device.height += 0.01 if step % 2 else -0.01
+            device.send()
+            moved_at.append(device.sent_at)
+        device.send_for(0.2)
+    cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
+    delays = [_first_motion(cycles, moved) for moved in moved_at]
+    p95 = quantiles(delays, n=20)[-1]
+    tell(
+        f"From a frame to the first datagram that moves: median {1e3 * median(delays):.1f} ms, p95 {1e3 * p95:.1f} ms."
+    )
+    assert p95 < 0.030
+
+
+def test_arm_of_a_device_that_falls_silent_or_is_gone_stands_soon(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    record, lost_at = tmp_path / "losses.mcap", []
+    with recorded_driver(tmp_path, record) as driver:
+        for is_gone in (False, True) * 5:
+            with yumi.attach() as attached:
+                device = Device(attached)
+                device.engage()
+                device.send_for(0.2)
+                for _ in range(15):
+                    device.height += 0.002
+                    device.send()
+                lost_at.append(device.sent_at)
+                if not is_gone:
+                    time.sleep(LINK_LOST + 0.3)
+                    assert device.send().right.clutch == "inert"
+            time.sleep(1.0)  # until another device may operate
+            driver.move_to(right=ROOM)
+    cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
+    stops = [_standstill(cycles, lost) for lost in lost_at]
+    tell(f"From the last frame to standstill: median {1e3 * median(stops):.0f} ms, at most {1e3 * max(stops):.0f} ms.")
+    assert max(stops) < LINK_LOST + 0.2
+
+
+def _first_motion(cycles: list[Frame], moved: float) -> float:
+    """How long after a frame the first datagram left that moves the arm [s]."""
+    near = [cycle for cycle in cycles if moved - 0.05 < cycle.time < moved + 0.5]
+    moving = [cycle.time for cycle in near if max(map(abs, cycle.sent_velocity)) > MOVING]
+    assert min(moving) > moved, "the arm did not stand before"
+    return min(moving) - moved
+
+
+def _standstill(cycles: list[Frame], lost: float) -> float:
+    """How long after ``lost`` the arm still moved [s]."""
+    after = [cycle for cycle in cycles if lost - 0.05 < cycle.time < lost + 0.8]
+    moving = [cycle.time for cycle in after if max(map(abs, cycle.velocity)) > FASTEST]
+    assert moving, "the arm was not moved"
+    return moving[-1] - lost

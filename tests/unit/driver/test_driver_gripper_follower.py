@@ -1,0 +1,94 @@
+"""A gripper that follows a stream of goals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import cast
+
+import pytest
+
+from fake_driver import FakeGripper
+from yumi.catalogue import message
+from yumi.driver.gripper import Gripper
+from yumi.driver.gripper_follower import GripperFollower, goal_of
+from yumi.errors import RobotNotReady
+from yumi.robot.gripper import TRAVEL, Direction, go_to, grip
+from yumi.robot.joints import Side
+
+
+@pytest.fixture
+def gripper() -> FakeGripper:
+    return FakeGripper(Side.RIGHT)
+
+
+@pytest.fixture
+def follower(gripper: FakeGripper) -> GripperFollower:
+    return GripperFollower(cast("Gripper", gripper), 8.0)
+
+
+def give(follower: GripperFollower, closed: float) -> None:
+    """A goal, and the work of giving it to the gripper."""
+    work = follower.take(closed)
+    assert work is not None
+    work()
+
+
+def test_value_is_a_width_and_at_its_end_a_grip() -> None:
+    assert goal_of(0.0, 8.0) == go_to(TRAVEL)
+    assert goal_of(0.6, 8.0) == go_to(TRAVEL * 0.4)
+    assert goal_of(1.0, 8.0) == grip(Direction.INWARDS, 8.0)
+
+
+def test_newest_of_the_goals_that_came_during_a_command_is_the_next_one(
+    gripper: FakeGripper, follower: GripperFollower
+) -> None:
+    later: list[Callable[[], None] | None] = []
+
+    def come() -> None:
+        if not later:
+            later.extend(follower.take(value) for value in (0.3, 0.5, 0.7))
+
+    gripper.on_begin = come
+    work = follower.take(0.1)
+    assert work is not None
+    assert gripper.goals == []  # who gives a goal waits for nothing
+    work()
+    assert later == [None, None, None]
+    assert gripper.goals == [goal_of(0.1, 8.0), goal_of(0.7, 8.0)]
+
+
+def test_goal_that_was_not_given_yet_is_forgotten(gripper: FakeGripper, follower: GripperFollower) -> None:
+    work = follower.take(0.1)
+    follower.forget()
+    assert work is not None
+    work()
+    assert gripper.goals == []
+    assert follower.take(0.2) is not None
+
+
+def test_refusal_is_kept_until_a_goal_is_taken(gripper: FakeGripper, follower: GripperFollower) -> None:
+    def refuse() -> None:
+        raise RobotNotReady(message("gripper_not_calibrated", gripper="right"))
+
+    gripper.on_begin = refuse
+    give(follower, 1.0)
+    assert follower.refusal == message("gripper_not_calibrated", gripper="right")
+    gripper.on_begin = lambda: None
+    give(follower, 0.5)
+    assert follower.refusal is None
+
+
+def test_gripper_that_does_something_else_refuses(gripper: FakeGripper, follower: GripperFollower) -> None:
+    with gripper.alone():
+        give(follower, 1.0)
+    assert follower.refusal == message("gripper_busy", gripper="right")
+
+
+def test_fault_of_ours_leaves_the_follower_usable(gripper: FakeGripper, follower: GripperFollower) -> None:
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    gripper.on_begin = fail
+    with pytest.raises(ZeroDivisionError):
+        give(follower, 1.0)
+    assert follower.take(0.5) is not None
