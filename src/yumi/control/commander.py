@@ -1,4 +1,4 @@
-"""Who commands an arm: a person, a policy, a stream, a planner, a program on the robot, or nobody."""
+"""Who commands an arm: a person, a policy, a stream, a planner, a program on the robot, or nothing."""
 
 from __future__ import annotations
 
