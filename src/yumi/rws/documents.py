@@ -87,6 +87,25 @@ def member(kind: type[E], text: str | int) -> E:
         raise ProtocolError(message("word_without_meaning", word=text, allowed=allowed)) from error
 
 
+def _number(field: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise ProtocolError(message("field_no_number", field=field, text=text)) from error
+
+
+def whole_number(field: str, text: str) -> int:
+    """The whole number that ``text`` of ``field`` spells.
+
+    Raises:
+        ProtocolError: it spells none.
+    """
+    value = _number(field, text)
+    if not value.is_integer():
+        raise ProtocolError(message("field_no_whole_number", field=field, text=text))
+    return int(value)
+
+
 @dataclass(frozen=True, slots=True)
 class Link:
     """A reference from a page or a state; ``href`` is relative to the page's base, without ``json=1``."""
@@ -139,11 +158,7 @@ class State:
         Raises:
             ProtocolError: there is none.
         """
-        text = self.text(name)
-        try:
-            return float(text)
-        except ValueError as error:
-            raise ProtocolError(message("field_no_number", field=name, text=text)) from error
+        return _number(name, self.text(name))
 
     def whole(self, name: str) -> int:
         """The whole number in field ``name``.
@@ -151,10 +166,7 @@ class State:
         Raises:
             ProtocolError: there is none.
         """
-        value = self.number(name)
-        if not value.is_integer():
-            raise ProtocolError(message("field_no_whole_number", field=name, text=self.text(name)))
-        return int(value)
+        return whole_number(name, self.text(name))
 
     def flag(self, name: str) -> bool:
         """Whether field ``name`` says yes: TRUE, On or active; False where it is missing."""
@@ -198,6 +210,17 @@ class Page:
         for state in self.of_type(*types):
             return state
         raise ProtocolError(message("answer_without_state", types=types))
+
+    @property
+    def first(self) -> State:
+        """The first state.
+
+        Raises:
+            ProtocolError: there is none.
+        """
+        if not self.states:
+            raise ProtocolError(message("answer_without_states"))
+        return self.states[0]
 
     def link(self, rel: str) -> str | None:
         """Where the page's link ``rel`` points, or None."""
@@ -590,25 +613,29 @@ def joint_target_of(state: State, robot: str, external: Sequence[str]) -> JointT
     return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > _NOT_CONNECTED else angle for angle in found))
 
 
+EVENT_STATES = ("elog-message-li", "elog-message")
+"""The types of states that show an event."""
+
+
 def read_events(page: Page) -> tuple[Event, ...]:
     """``/rw/elog/{domain}``, in the controller's order."""
-    found: list[Event] = []
-    for state in page.of_type("elog-message-li", "elog-message"):
-        number = state.title.rpartition("/")[2]
-        if not number.isdecimal():
-            raise ProtocolError(message("event_without_number", title=state.title))
-        found.append(
-            Event(
-                number=int(number),
-                type=member(EventType, state.whole("msgtype")),
-                code=state.whole("code"),
-                time=state.text("tstamp"),
-                title=state.text("title"),
-                description=state.text("desc"),
-                arguments=tuple(argument.value for argument in state.arguments),
-            )
-        )
-    return tuple(found)
+    return tuple(map(read_event, page.of_type(*EVENT_STATES)))
+
+
+def read_event(state: State) -> Event:
+    """The event that a state shows."""
+    number = state.title.rpartition("/")[2]
+    if not number.isdecimal():
+        raise ProtocolError(message("event_without_number", title=state.title))
+    return Event(
+        number=int(number),
+        type=member(EventType, state.whole("msgtype")),
+        code=state.whole("code"),
+        time=state.text("tstamp"),
+        title=state.text("title"),
+        description=state.text("desc"),
+        arguments=tuple(argument.value for argument in state.arguments),
+    )
 
 
 def refusal(address: str, what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:

@@ -142,6 +142,7 @@ RWS: Mapping[str, Text] = {
     ),
     "error_without_code": Text("the controller's error document holds no code"),
     "answer_without_state": Text("the controller's answer holds no {types:or}"),
+    "answer_without_states": Text("the controller's answer holds no state"),
     "state_without_field": Text("the controller's {type:quoted} of {title:quoted} lacks the field {field:quoted}"),
     "field_no_number": Text("the controller's {field:quoted} is {text:quoted}, not a number"),
     "field_no_whole_number": Text("the controller's {field:quoted} is {text:quoted}, not a whole number"),

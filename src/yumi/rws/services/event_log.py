@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from yumi.rws import documents
-from yumi.rws.documents import Event
+from yumi.rws.documents import Event, whole_number
 from yumi.rws.operations import event_log as table
 from yumi.rws.services.service import Service
 from yumi.rws.session import file_path
@@ -47,15 +47,19 @@ class EventLog(Service):
         """The domains of the event log; 0 holds all."""
         states = self._listed("reading the event log", table.LOGS, lang="en", resource="count")
         return tuple(
-            EventDomain(int(state.title), state.text("domain-name"), state.whole("numevts"), state.whole("buffsize"))
+            EventDomain(
+                whole_number("domain", state.title),
+                state.text("domain-name"),
+                state.whole("numevts"),
+                state.whole("buffsize"),
+            )
             for state in states
         )
 
     def event(self, number: int, domain: int = 0) -> Event:
         """One message, by its number."""
         page = self._shown(f"reading event {number}", table.EVENT, str(domain), str(number), lang="en")
-        (found,) = documents.read_events(page)
-        return found
+        return documents.read_event(page.one(*documents.EVENT_STATES))
 
     def clear_all_events(self) -> None:
         """Empty all event logs."""

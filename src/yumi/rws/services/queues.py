@@ -80,5 +80,5 @@ class Queues(Service):
         """The oldest message of a queue of this client; None where none comes within ``timeout`` [s]."""
         page = self._shown(f"reading from {name}", table.READ, name, timeout=round(timeout * _MS))
         for state in page.of_type("dipc-read-li"):
-            return QueueMessage(state.text("dipc-data"), state.whole("dipc-userdef"), state.fields["queue-name"])
+            return QueueMessage(state.text("dipc-data"), state.whole("dipc-userdef"), state.text("queue-name"))
         return None

@@ -324,7 +324,7 @@ class Rapid(Service):
         """Faults found when the program was linked."""
         return tuple(
             BuildError(
-                state.fields.get("ModuleName", ""), state.whole("row"), state.whole("column"), state.fields["error"]
+                state.fields.get("ModuleName", ""), state.whole("row"), state.whole("column"), state.text("error")
             )
             for state in self._listed(f"reading the faults of {task}", table.BUILD_ERRORS, task)
         )

@@ -76,7 +76,7 @@ class Service:
 
     def _first(self, what: str, operation: Operation[T], /, *places: str, **arguments: object) -> T:
         """The value in the first state of the answer, whatever its type is."""
-        return operation.answered.read(self._shown(what, operation, *places, **arguments).states[0])
+        return operation.answered.read(self._shown(what, operation, *places, **arguments).first)
 
     def _answers(self, what: str, operation: Operation[T], /, *places: str, **arguments: object) -> tuple[T, ...]:
         """The values of a list, on all its pages."""

@@ -7,7 +7,7 @@ from enum import Enum
 
 from yumi.errors import ControllerRefused
 from yumi.rws import documents
-from yumi.rws.documents import State
+from yumi.rws.documents import State, whole_number
 from yumi.rws.operations import modules as table
 from yumi.rws.services.service import Service
 from yumi.rws.types import RapidValue, decode, encode
@@ -95,7 +95,7 @@ class Symbols(Service):
     def symbol_properties(self, task: str, module: str, name: str) -> SymbolInfo:
         """What a symbol is, and of which type."""
         what = f"reading the properties of {module}/{name} of {task}"
-        return _symbol_info(self._shown(what, table.SYMBOL_PROPERTIES, f"{task}/{module}/{name}").states[0])
+        return _symbol_info(self._shown(what, table.SYMBOL_PROPERTIES, f"{task}/{module}/{name}").first)
 
     def set_initial_value(self, task: str, module: str, name: str, value: RapidValue) -> None:
         """Write the value that a symbol has in the text of its module."""
@@ -156,7 +156,7 @@ class Symbols(Service):
 
 
 def _symbol_info(state: State) -> SymbolInfo:
-    dimensions = tuple(int(part) for part in state.fields.get("dim", "").replace(",", " ").split())
+    dimensions = tuple(whole_number("dim", part) for part in state.fields.get("dim", "").replace(",", " ").split())
     return SymbolInfo(
         address=state.fields.get("symburl") or state.title,
         name=state.text("name"),
