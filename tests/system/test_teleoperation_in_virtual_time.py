@@ -17,6 +17,7 @@ from refusals import refused
 from system.teleoperation_bench import (
     EXACT,
     RATE,
+    RELEASED,
     RIGHT,
     START,
     WITHIN,
@@ -202,6 +203,30 @@ def test_gap_that_no_timer_saw_is_a_lost_link_too(driver: Driver, operator: Oper
     driver.wait(LINK_LOST + 0.01)
     operator.send(at(0.01))
     assert (operator.clutch, operator.why) == ("inert", "teleoperation_link_lost")
+
+
+def test_old_frame_with_the_clutch_released_ends_no_inert_clutch(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    old = driver.now()
+    driver.wait(1.0 / RATE)
+    operator.send(at())
+    driver.wait(LINK_LOST + 0.01)
+    operator.send(at())
+    assert (operator.clutch, operator.why) == ("inert", "teleoperation_link_lost")
+    driver.wait(CYCLE)
+    operator.send(RELEASED, old)  # it came late, and says nothing about now
+    operator.hold(0.3, sway)
+    assert operator.clutch == "inert"
+
+
+def test_jump_of_the_devices_clock_lets_no_hand_jump(driver: Driver, operator: Operator) -> None:
+    operator.engage(at())
+    before = tip(driver)
+    operator.send(at(1.5), driver.now() + 2.0)
+    driver.wait(CYCLE)
+    assert (operator.clutch, operator.why) == ("inert", "device_hand_jumped")
+    driver.wait(0.5)
+    assert is_exact(before, tip(driver))
 
 
 def test_way_of_the_hand_is_scaled_and_seen_from_where_the_operator_stands(driver: Driver, operator: Operator) -> None:

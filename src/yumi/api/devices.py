@@ -7,7 +7,7 @@ alone; where the values come from is :mod:`yumi.api.input_device`.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from math import isfinite
 from typing import NamedTuple, Protocol
 
@@ -96,11 +96,20 @@ class Gamepad:
     Args:
         source: of its inputs.
         settings: of which a stick pushed to its end takes the full speeds.
+        sides: the arms that it moves.
         is_in_tool: whether directions are those of the tool.
     """
 
-    def __init__(self, source: InputSource, settings: DeviceSettings, *, is_in_tool: bool = False) -> None:
+    def __init__(
+        self,
+        source: InputSource,
+        settings: DeviceSettings,
+        sides: Collection[Side] = tuple(Side),
+        *,
+        is_in_tool: bool = False,
+    ) -> None:
         self._source, self._settings, self._is_in_tool = source, settings, is_in_tool
+        self._sides = sides
         self._grippers: dict[Side, float] = {}
 
     def read(self, now: float) -> Mapping[Side, DeviceHand]:
@@ -118,7 +127,8 @@ class Gamepad:
             lower, upper = float("BTN_TL2" in pressed), float("BTN_TR2" in pressed)
         way = -axis("ABS_Y"), -axis("ABS_X"), upper - lower
         turn = axis("ABS_HAT0X"), -axis(right_y), -axis(right_x)
-        clutches = {Side.RIGHT: "BTN_TR" in pressed, Side.LEFT: "BTN_TL" in pressed}
+        bumpers = {Side.RIGHT: "BTN_TR", Side.LEFT: "BTN_TL"}
+        clutches = {side: bumper in pressed for side, bumper in bumpers.items() if side in self._sides}
         reports = {}
         for side, is_held in clutches.items():
             if is_held and {"BTN_SOUTH", "BTN_EAST"} & pressed:

@@ -151,16 +151,18 @@ class OpenDevice:
         return Inputs(dict(self._axes), frozenset(self._pressed))
 
     def _take_events(self, now: float) -> None:
-        ecodes = self._ecodes
+        ecodes, is_incomplete = self._ecodes, False
         while True:
             try:
                 events = list(self._device.read())
             except BlockingIOError:
+                if is_incomplete:  # what is held may have been let go, and what still waited is older than that
+                    self._read_all()
                 return
             for event in events:
                 name = self._codes.get(event.type, {}).get(event.code, "")
                 if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_DROPPED:
-                    self._read_all()  # the kernel had no room for all: what is held may have been let go
+                    is_incomplete = True  # the kernel had no room for all
                 elif event.type == ecodes.EV_KEY and name:
                     (self._pressed.add if event.value else self._pressed.discard)(name)
                 elif event.type == ecodes.EV_ABS and name:
@@ -175,6 +177,8 @@ class OpenDevice:
         self._pressed = {keys[code] for code in self._device.active_keys() if code in keys}
         for code, name in self._codes.get(self._ecodes.EV_ABS, {}).items():
             self._axes[name] = self._deflection(code, self._device.absinfo(code).value)
+        for name in self._came:
+            self._axes[name] = 0.0
         self._came.clear()
 
     def _deflection(self, code: int, value: float) -> float:

@@ -46,7 +46,7 @@ def numbers(text: str) -> tuple[float, ...]:
 @click.option(
     "--path", default="", metavar="FILE", help="The device's file, such as /dev/input/event7; else the first."
 )
-@click.option("--arm", type=ARMS, help="Which arm.")
+@click.option("--arm", type=ARMS, help="Which arm; else both of a gamepad, and the right one of a SpaceMouse.")
 @_of_settings("scale", 0.2, 1.0, _DEFAULT.scale, "Factor on what the hand does.")
 @_of_settings("tool-speed", 0.01, 1.0, 0.1, "Of the tool, at most, in m/s.")
 @_of_settings("turning", 0.05, 6.0, 0.5, "Of the tool's orientation and of the elbow, at most, in rad/s.")
@@ -122,7 +122,7 @@ def _input_device(
     stack.callback(opened.close)
     click.echo(f"{found.kind.capitalize()} {found.name}", err=True)
     if found.kind == "gamepad":
-        return Gamepad(opened, settings, is_in_tool=is_in_tool)
+        return Gamepad(opened, settings, [side_of(each) for each in arms_of(arm or "both")], is_in_tool=is_in_tool)
     sides = [side_of(each) for each in arms_of(arm or "right")]
     return SpaceMouse(opened, settings, sides, is_in_tool=is_in_tool)
 

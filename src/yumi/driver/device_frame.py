@@ -75,7 +75,8 @@ class DeviceSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
             robot, pi opposite of it.
         speed: of the tool, at most [m/s]; a hand that is faster is followed later.
         turning: of the tool's orientation and of the arm angle, at most [rad/s].
-        joint_speed: of each joint that follows a leader arm, at most [rad/s].
+        joint_speed: of the goal of each joint that follows a leader arm, at most [rad/s]; a joint whose goals were
+            missing for a while catches up within its own limits.
         cutoff: of the One-Euro filter for a hand that stands still [Hz]; lower takes more of its trembling, 0 is none.
         beta: by which the filter's cutoff grows with the hand's speed [Hz per m/s or rad/s]; higher lags less.
         is_absolute: whether a follower goes to where its leader arm is, no joint further than 0.2 rad away at first,

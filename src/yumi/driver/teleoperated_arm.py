@@ -206,7 +206,7 @@ class TeleoperatedArm:
         else:
             values = hand.pose if isinstance(motion, _PoseFollowing) else hand.joints
             if values is not None:
-                dt = time - motion.time
+                dt, motion.time = min(time - motion.time, LINK_LOST), time  # whatever a device's clock does
                 if motion.has_jumped(values, dt):
                     return self._inert("device_hand_jumped")
                 goal = motion.step(values, hand.elbow, settings, dt)
@@ -263,7 +263,7 @@ class _PoseFollowing:
 
     def step(self, values: Joints, elbow: float | None, settings: DeviceSettings, dt: float) -> PoseGoal:
         """The next goal, ``dt`` [s] after the last one."""
-        self._last, self.time = _pose_of_hand(values), self.time + dt
+        self._last = _pose_of_hand(values)
         hand = self._filter.step(self._last, dt)
         way = rotate(self._turned, _difference(hand.position, self._hand.position))
         turn = rotate(self._turned, turn_between(self._hand.orientation, hand.orientation))
@@ -283,7 +283,7 @@ class _JointFollowing:
     """
 
     def __init__(self, leader: Joints, settings: DeviceSettings, time: float, sent: Joints) -> None:
-        self.time = self._begin = time
+        self.time, self._since_press = time, 0.0
         self._last = leader
         self._is_absolute = settings.is_absolute  # as long as the clutch is held, as the scale of a pose
         self._offset: Joints = joints([a - b for a, b in zip(sent, leader, strict=True)])
@@ -296,8 +296,8 @@ class _JointFollowing:
 
     def step(self, values: Joints, elbow: float | None, settings: DeviceSettings, dt: float) -> JointsGoal:
         """The next goal, at most as far from the last one as the joints may move in ``dt`` [s]."""
-        self._last, self.time = values, self.time + dt
-        share = min(1.0, (self.time - self._begin) / BLENDING) if self._is_absolute else 0.0
+        self._last, self._since_press = values, self._since_press + dt
+        share = min(1.0, self._since_press / BLENDING) if self._is_absolute else 0.0
         left = 1.0 - share * share * (3.0 - 2.0 * share)  # the offset fades without a step in speed
         leader, most = self._filter.step(values, dt), settings.joint_speed * dt
         rows = zip(leader, self._offset, self._goal, YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)

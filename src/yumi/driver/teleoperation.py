@@ -88,12 +88,12 @@ Elsewhere = Callable[[Callable[[], None]], None]
 
 
 class _Arm:
-    """What belongs to one arm; ``hold`` counts how often its clutch was pressed."""
+    """What belongs to one arm; ``press`` counts how often its clutch was pressed."""
 
     def __init__(self, side: Side) -> None:
         self.teleoperated = TeleoperatedArm(side, FINGERTIPS)
-        self.hold = 0
-        self.taken = -1  # the hold for which the arm was taken over
+        self.press = 0
+        self.taken = -1  # the press for which the arm was taken over
 
 
 class Teleoperation:
@@ -132,7 +132,7 @@ class Teleoperation:
         with self._lock:
             self._check_operator(operator, now)
             if operator is not self._operator:
-                self._operator, self._dropped = operator, 0
+                self._operator, self._dropped, self._clock = operator, 0, DeviceClock()
                 # Nothing moves by connecting: who begins with a held clutch has to press it again, too.
                 steps |= self._end_all(message("teleoperation_begins"))
             elif now - self._came_at > LINK_LOST:
@@ -143,8 +143,9 @@ class Teleoperation:
             else:
                 self._clock.newest, self._came_at = frame.time, now
                 steps |= self._move(frame, now, made_at)
+            presses = {side: self._arms[side].press for side in steps}
         for side, step in steps.items():
-            self._carry_out(side, step, frame.commander, elsewhere)
+            self._carry_out(side, step, presses[side], frame.commander, elsewhere)
         with self._lock:
             return self._report()
 
@@ -153,13 +154,13 @@ class Teleoperation:
         steps = {}
         for side, hand in frame.by_arm.items():
             arm = self._arms[side]
-            is_taken = arm.taken == arm.hold and self._robot.is_following(side)
+            is_taken = arm.taken == arm.press and self._robot.is_following(side)
             state = ArmNow(self._control.snapshot(side).sent, is_taken)
             step = arm.teleoperated.take(hand, frame.settings, frame.time, now, state)
             if step.goal is not None:
                 self._robot.follow_device(side, step.goal, made_at)
             if step.take_over is not None:
-                arm.hold += 1
+                arm.press += 1
             if step.brakes or step.take_over is not None or step.gripper is not None:
                 steps[side] = step
         return steps
@@ -177,17 +178,16 @@ class Teleoperation:
             raise CommandRefused(message("teleoperated_by_another"))
 
     def _end_all(self, why: Message) -> dict[Side, Step]:
-        """Make every clutch inert; what is left to do for it, by arm. The device's clock may have begun anew."""
-        self._clock = DeviceClock()
+        """Make every clutch inert; what is left to do for it, by arm."""
         steps = {side: arm.teleoperated.end(why) for side, arm in self._arms.items()}
         return {side: step for side, step in steps.items() if step.brakes}
 
-    def _carry_out(self, side: Side, step: Step, commander: Commander, elsewhere: Elsewhere) -> None:
+    def _carry_out(self, side: Side, step: Step, press: int, commander: Commander, elsewhere: Elsewhere) -> None:
         if step.brakes:
             self._brake(side)
         if step.take_over is not None:
-            follower, hold = step.take_over, self._arms[side].hold
-            elsewhere(lambda: self._take_over(side, follower, commander, hold))
+            follower = step.take_over
+            elsewhere(lambda: self._take_over(side, follower, commander, press))
         if step.gripper is not None and (work := self._grippers[side].take(step.gripper)) is not None:
             elsewhere(work)
 
@@ -196,18 +196,21 @@ class Teleoperation:
         with suppress(YumiError):  # an arm that does not answer follows no stream either: it ends with the frames
             self._robot.end_following(side)
 
-    def _take_over(self, side: Side, follower: Follower, commander: Commander, hold: int) -> None:
+    def _take_over(self, side: Side, follower: Follower, commander: Commander, press: int) -> None:
         arm = self._arms[side]
+        with self._lock:  # an arm whose clutch was released meanwhile is left to whatever commands it
+            if arm.press != press or arm.teleoperated.clutch is not Clutch.ENGAGING:
+                return
         self._grippers[side].refusal = None
         try:
             self._robot.begin_following(side, follower, commander)
         except YumiError as error:
             with self._lock:
-                if arm.hold == hold:
+                if arm.press == press:
                     arm.teleoperated.end(error.said)
             return
         with self._lock:
-            arm.taken = hold
+            arm.taken = max(arm.taken, press)
         self._on_change()
 
     def _report(self) -> TeleoperationReport:

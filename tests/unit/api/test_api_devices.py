@@ -166,6 +166,33 @@ def test_what_was_missed_is_read_again(monkeypatch: pytest.MonkeyPatch) -> None:
     assert right(device).twist == pytest.approx(ZERO[:6])
 
 
+def test_what_still_waited_when_events_were_missed_is_older_than_what_is_read_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pad = fake_evdev.gamepad()
+    device = opened(monkeypatch, pad)
+    pad.events += [[DROPPED, button("BTN_TR", 1)], [axis("X", -32768)]]  # the bumper was let go after that
+    assert not right(device).clutch
+    assert right(device).twist == pytest.approx(ZERO[:6])
+
+
+def test_cap_of_a_space_mouse_rests_when_events_were_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    mouse = fake_evdev.space_mouse(reports_changes=True)
+    device = opened(monkeypatch, mouse)
+    mouse.events.append([change("X", -350)])
+    assert right(device).twist != pytest.approx(ZERO[:6])
+    mouse.events.append([DROPPED])
+    assert right(device).twist == pytest.approx(ZERO[:6])
+
+
+def test_gamepad_moves_the_arms_that_it_is_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    pad = fake_evdev.gamepad()
+    connect(monkeypatch, pad)
+    device = Gamepad(open_device()[1], SETTINGS, (Side.LEFT,))
+    pad.events.append([button("BTN_TR", 1), button("BTN_TL", 1)])
+    assert {side: hand.clutch for side, hand in device.read(0.0).items()} == {Side.LEFT: True}
+
+
 def test_button_that_is_held_from_the_beginning_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     pad = fake_evdev.gamepad()
     pad.held.add("BTN_TR")

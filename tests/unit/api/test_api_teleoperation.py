@@ -109,10 +109,13 @@ def test_arm_brakes_when_the_connection_of_its_device_ends(driver: FakeDriver) -
     Device.until(lambda: len(brakes(driver)) == 1)
 
 
-def test_arm_brakes_when_no_frame_comes_any_more(driver: FakeDriver) -> None:
+@pytest.mark.usefixtures("patient")
+def test_arm_brakes_when_no_frame_comes_any_more(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
     with attach() as attached:
         device = Device(driver, attached)
         device.engage()
+        monkeypatch.setattr(motion_commands, "LINK_LOST", 0.2)
+        device.send()
         Device.until(lambda: len(brakes(driver)) == 1)
         report = device.send()
         assert report.clutch == "inert"
