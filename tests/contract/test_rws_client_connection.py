@@ -38,9 +38,9 @@ def address(controller: PlainController) -> Iterator[str]:
 
 
 @contextmanager
-def greeting(words: bytes) -> Iterator[str]:
+def greeting(words: bytes, at: tuple[str, int] = ("127.0.0.1", 0)) -> Iterator[str]:
     """A server that says ``words`` to whoever connects, hears what they say, and hangs up."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
+    with socket.create_server(at) as server:
         thread = threading.Thread(target=_greet, args=(server, words))
         thread.start()
         try:
@@ -136,6 +136,25 @@ def test_machine_that_swallows_all_packets_is_said() -> None:
         with socket.create_connection(server.getsockname()):  # the queue is full now
             said = refusal(address, NoConnection, timeout=0.2)
     assert_says(said, "nothing_at_address", address=address, timeout=pytest.approx(0.2, abs=0.05))
+
+
+def test_second_address_of_a_name_is_tried_in_time_when_the_first_swallows_all_packets(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    look_up = socket.getaddrinfo
+
+    def look_up_two(host: str, *args: int, **kinds: int) -> object:
+        hosts = ("127.0.0.1", "127.0.0.2") if host == "yumi.test" else (host,)
+        return [place for each in hosts for place in look_up(each, *args, **kinds)]
+
+    monkeypatch.setattr(socket, "getaddrinfo", look_up_two)
+    with socket.socket() as first:
+        first.bind(("127.0.0.1", 0))
+        first.listen(0)
+        port = first.getsockname()[1]
+        with socket.create_connection(first.getsockname()), greeting(b"220 smtp ready\r\n\r\n", ("127.0.0.2", port)):
+            said = refusal(f"yumi.test:{port}", ProtocolError, timeout=1.0)
+    assert said == message("no_http_spoken", address=f"yumi.test:{port}")
 
 
 def test_machine_that_never_answers_is_said() -> None:

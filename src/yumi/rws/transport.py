@@ -147,9 +147,10 @@ class HttpTransport(httpx.BaseTransport):
         if not self._hosts:
             self._hosts = [str(place[0]) for *_, place in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)]
         *others, last = self._hosts
-        for each in others:
+        for number, each in enumerate(others):
+            share = _left(end, self._clock) / (len(self._hosts) - number)  # all that an unreachable address may take
             with suppress(OSError):
-                return socket.create_connection((each, port), _left(end, self._clock))
+                return socket.create_connection((each, port), share)
         return socket.create_connection((last, port), _left(end, self._clock))
 
     def _drop(self, connection: _Connection) -> None:
