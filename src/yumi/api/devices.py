@@ -65,7 +65,7 @@ def teleoperate(
         )
         on_report(driver.call(Teleoperate(frame=frame)))
         due = max(due + 1.0 / RATE, time.monotonic())
-        wait(due - time.monotonic())
+        wait(max(0.0, due - time.monotonic()))
 
 
 class Inputs(NamedTuple):

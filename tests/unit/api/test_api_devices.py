@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import count
 from math import nan
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,10 +12,10 @@ import pytest
 import fake_evdev
 from fake_evdev import DROPPED, FakeInputDevice, Range, axis, button, change
 from refusals import refused
-from yumi.api import input_device
-from yumi.api.devices import Device, Gamepad, Leader, LeaderReading, SpaceMouse
+from yumi.api import devices, input_device
+from yumi.api.devices import Device, Gamepad, Leader, LeaderReading, SpaceMouse, teleoperate
 from yumi.api.input_device import find_devices, open_device
-from yumi.driver.device_frame import DeviceHand, DeviceSettings
+from yumi.driver.device_frame import DeviceHand, DeviceSettings, TeleoperationReport
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady
 from yumi.robot.joints import ZERO, Side
 
@@ -282,3 +284,26 @@ def test_signs_and_offsets_that_are_none_are_refused() -> None:
         Leader(Arm(*ZERO), Side.RIGHT, (1.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0))
     with refused(CommandRefused, "leader_offsets_malformed"):
         Leader(Arm(*ZERO), Side.RIGHT, offsets=(nan,) * 7)
+
+
+# ---- frame by frame
+
+
+class Ended(Exception):
+    """The person has ended it."""
+
+
+def test_frames_that_take_longer_than_their_period_follow_each_other_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    connect(monkeypatch, fake_evdev.gamepad())
+    now, waits = count(0.0, 0.1), list[float]()  # each look at the clock takes longer than a period
+    monkeypatch.setattr(devices.time, "monotonic", lambda: next(now))
+
+    def wait(seconds: float) -> None:
+        waits.append(seconds)
+        if len(waits) == 3:
+            raise Ended
+
+    driver = SimpleNamespace(call=lambda command: TeleoperationReport())
+    with pytest.raises(Ended):
+        teleoperate(driver, Gamepad(open_device()[1], SETTINGS), SETTINGS, wait=wait)  # type: ignore[arg-type]
+    assert waits == [0.0, 0.0, 0.0]
