@@ -46,7 +46,7 @@ def numbers(text: str) -> tuple[float, ...]:
 @click.option(
     "--path", default="", metavar="FILE", help="The device's file, such as /dev/input/event7; else the first."
 )
-@click.option("--arm", type=ARMS, help="Which arm; else both of a gamepad, and the right one of a SpaceMouse.")
+@click.option("--arm", type=ARMS, help="Which arm.")
 @_of_settings("scale", 0.2, 1.0, _DEFAULT.scale, "Factor on what the hand does.")
 @_of_settings("tool-speed", 0.01, 1.0, 0.1, "Of the tool, at most, in m/s.")
 @_of_settings("turning", 0.05, 6.0, 0.5, "Of the tool's orientation and of the elbow, at most, in rad/s.")
@@ -79,9 +79,11 @@ def teleop(
     for each change.
 
     \b
-    Gamepad: bumpers are the clutches of the two arms; left stick and triggers move, right stick and cross turn,
-      cross up and down turns the elbow; lower button closes the gripper, right button opens it.
-    SpaceMouse: the left button is the clutch of the arm; the right one closes and opens its gripper.
+    Gamepad: bumpers are the clutches of the two arms, or of one with --arm; left stick and triggers move,
+      right stick and cross turn, cross up and down turns the elbow; lower button closes the gripper, right button opens
+      it.
+    SpaceMouse: the left button is the clutch of the arm, the right one without --arm; the right button closes and opens
+      its gripper.
 
     \b
     Examples:
