@@ -29,7 +29,6 @@ from system.teleoperation_bench import (
 from system.test_endpoint_in_virtual_time import Driver, poll_until
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER
 from yumi.control.loop_commands import Commands
-from yumi.control.motion.one_euro import distance_between
 from yumi.driver.command import Caller
 from yumi.driver.commands import carry_out
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperatedArmReport, TeleoperationReport
@@ -41,7 +40,7 @@ from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import TRAVEL
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, Pose, Side, joints
-from yumi.robot.kinematics import compose, multiply, quaternion_of, tool0_to_body
+from yumi.robot.kinematics import compose, distance_between, multiply, quaternion_of, tool0_to_body
 
 
 @pytest.fixture

@@ -125,7 +125,7 @@ class Gamepad:
         lower, upper = (axis(name) for name in triggers)
         if not axes.keys() & set(triggers):
             lower, upper = float("BTN_TL2" in pressed), float("BTN_TR2" in pressed)
-        way = -axis("ABS_Y"), -axis("ABS_X"), upper - lower
+        translation = -axis("ABS_Y"), -axis("ABS_X"), upper - lower
         turn = axis("ABS_HAT0X"), -axis(right_y), -axis(right_x)
         bumpers = {Side.RIGHT: "BTN_TR", Side.LEFT: "BTN_TL"}
         clutches = {side: bumper in pressed for side, bumper in bumpers.items() if side in self._sides}
@@ -135,7 +135,7 @@ class Gamepad:
                 self._grippers[side] = 1.0 if "BTN_SOUTH" in pressed else 0.0
             reports[side] = DeviceHand(
                 clutch=is_held,
-                twist=twist_of(way, turn, self._settings),
+                twist=twist_of(translation, turn, self._settings),
                 elbow=-axis("ABS_HAT0Y") * self._settings.turning,
                 gripper=self._grippers.get(side),
                 is_in_tool=self._is_in_tool,
@@ -183,9 +183,9 @@ class SpaceMouse:
         return dict.fromkeys(self._sides, hand)
 
 
-def twist_of(way: Sequence[float], turn: Sequence[float], settings: DeviceSettings) -> Six:
+def twist_of(translation: Sequence[float], turn: Sequence[float], settings: DeviceSettings) -> Six:
     """The velocity of deflections from -1 to 1: x away from the person, y to the left, z up; and turns about them."""
-    (x, y, z), (a, b, c) = way, turn
+    (x, y, z), (a, b, c) = translation, turn
     speed, turning = settings.speed, settings.turning
     return (speed * x, speed * y, speed * z, turning * a, turning * b, turning * c)
 

@@ -182,12 +182,12 @@ class OpenDevice:
         self._came.clear()
 
     def _deflection(self, code: int, value: float) -> float:
-        """How far an axis is from where it rests, of the way to its end."""
+        """How far an axis is from where it rests, as a fraction of its range."""
         name, info = self._codes[self._ecodes.EV_ABS][code], self._ranges[code]
         if info.max <= info.min:
             return 0.0
-        share = (value - info.min) / (info.max - info.min)
-        return _without_rest(share if self._is_trigger(name) else 2.0 * share - 1.0)
+        fraction = (value - info.min) / (info.max - info.min)
+        return _without_rest(fraction if self._is_trigger(name) else 2.0 * fraction - 1.0)
 
     def _is_trigger(self, name: str) -> bool:
         """Whether an axis rests at its lower end: Z and RZ do beside a right stick of RX and RY."""

@@ -13,7 +13,6 @@ from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
 from yumi.clock import Clock
-from yumi.control.commander import Commander
 from yumi.control.goals import Buffer, write_goal, write_speeds
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
@@ -202,13 +201,12 @@ class ArmStreams(ArmAccess):
 
     # ---- devices of people
 
-    def begin_following(self, side: Side, follower: Follower, commander: Commander) -> None:
+    def begin_following(self, side: Side, follower: Follower) -> None:
         """Have an arm follow the goals of a device, from standstill, which may last seconds.
 
         Args:
             side: the arm.
             follower: what of it follows.
-            commander: the person who commands it by the device.
 
         Raises:
             CommandRefused: the driver has no such controller.
@@ -223,12 +221,12 @@ class ArmStreams(ArmAccess):
         (_, session, _), buffer = self._stream_of(side)
         if isinstance(goal, JointsGoal):
             write_goal(buffer, session, goal.position, time=time)
-        elif isinstance(goal, PoseGoal):
-            asked = pose_goal(session, goal.pose, FINGERTIPS, goal.angle, time)
-            buffer.write(asked._replace(speed=goal.speed, turning=goal.turning))
         else:
-            asked = twist_goal(session, goal.twist, FINGERTIPS, is_in_tool=goal.is_in_tool, time=time)
-            buffer.write(asked._replace(speed=goal.speed, turning=goal.turning))
+            if isinstance(goal, PoseGoal):
+                desired = pose_goal(session, goal.pose, FINGERTIPS, goal.angle, time)
+            else:
+                desired = twist_goal(session, goal.twist, FINGERTIPS, is_in_tool=goal.is_in_tool, time=time)
+            buffer.write(desired._replace(speed=goal.speed, turning=goal.turning))
         self._followed[side] = _number(buffer)
 
     def is_following(self, side: Side) -> bool:

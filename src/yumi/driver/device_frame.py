@@ -13,7 +13,6 @@ from typing import Annotated, Literal, TypeAlias
 import msgspec
 
 from yumi.catalogue import message
-from yumi.control.commander import Commander
 from yumi.control.shared_state import Limited
 from yumi.control.tool_goal import check_twist
 from yumi.driver.reports import Said
@@ -21,7 +20,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Side
 
 Six: TypeAlias = tuple[float, float, float, float, float, float]
-Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 _FARTHEST = 100.0  # [m], [rad] a device that reports more is not in a room
 _NO_QUATERNION = 0.5  # of length 1 it should be
@@ -47,7 +46,7 @@ class DeviceHand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     pose: Joints | None = None
     twist: Six | None = None
     joints: Joints | None = None
-    gripper: Share | None = None
+    gripper: Fraction | None = None
     elbow: float | None = None
     is_in_tool: bool = False
 
@@ -114,14 +113,12 @@ class DeviceFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     Attributes:
         time: on the device's own clock [s], when it was where it reports: the newest counts, older ones are dropped.
-        device: a headset or phone, or another device such as a gamepad.
         right: for the right arm.
         left: for the left arm.
         settings: how the tools follow.
     """
 
     time: float
-    device: Literal["headset", "device"] = "device"
     right: DeviceHand = DeviceHand()
     left: DeviceHand = DeviceHand()
     settings: DeviceSettings = DeviceSettings()
@@ -130,11 +127,6 @@ class DeviceFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     def by_arm(self) -> Mapping[Side, DeviceHand]:
         """What it reports for each arm."""
         return {Side.RIGHT: self.right, Side.LEFT: self.left}
-
-    @property
-    def commander(self) -> Commander:
-        """Who commands the arms by it."""
-        return Commander[self.device.upper()]
 
     def check(self) -> None:
         """See that the values go together; raises CommandRefused."""

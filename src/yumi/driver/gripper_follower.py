@@ -49,7 +49,7 @@ class GripperFollower:
         return self._work
 
     def forget(self) -> None:
-        """A goal that was not given to the gripper yet is not wanted any more."""
+        """A goal that was not given to the gripper yet is not given any more."""
         with self._lock:
             self._newest = None
 

@@ -12,11 +12,19 @@ from math import cos, dist, hypot, sin
 from typing import NamedTuple
 
 from yumi.catalogue import Message, message
-from yumi.control.motion.one_euro import OneEuroFilter, PoseFilter, distance_between, turn_between, unit
+from yumi.control.motion.one_euro import OneEuroFilter, PoseFilter
 from yumi.driver.device_frame import DeviceHand, DeviceSettings
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Pose, Quaternion, Side, Vector, joints, rotate
-from yumi.robot.kinematics import compose, multiply, quaternion_of, tool0_to_body
+from yumi.robot.kinematics import (
+    compose,
+    distance_between,
+    multiply,
+    quaternion_of,
+    tool0_to_body,
+    turn_between,
+    unit,
+)
 
 LINK_LOST = 0.2
 """Without a frame for so long the link is lost [s]: the arm brakes, and the clutch must be pressed again."""
@@ -258,16 +266,16 @@ class _PoseFollowing:
 
     def has_jumped(self, values: Joints, dt: float) -> bool:
         """Whether no hand can have moved so far since the last frame."""
-        way, turn = distance_between(self._last, _pose_of_hand(values))
-        return way > _JITTER + _FASTEST_HAND * dt or turn > _JITTER + _FASTEST_TURN * dt
+        distance, turn = distance_between(self._last, _pose_of_hand(values))
+        return distance > _JITTER + _FASTEST_HAND * dt or turn > _JITTER + _FASTEST_TURN * dt
 
     def step(self, values: Joints, elbow: float | None, settings: DeviceSettings, dt: float) -> PoseGoal:
         """The next goal, ``dt`` [s] after the last one."""
         self._last = _pose_of_hand(values)
         hand = self._filter.step(self._last, dt)
-        way = rotate(self._turned, _difference(hand.position, self._hand.position))
+        translation = rotate(self._turned, _difference(hand.position, self._hand.position))
         turn = rotate(self._turned, turn_between(self._hand.orientation, hand.orientation))
-        x, y, z = (at + self._scale * by for at, by in zip(self.reference.pose.position, way, strict=True))
+        x, y, z = (at + self._scale * by for at, by in zip(self.reference.pose.position, translation, strict=True))
         orientation = multiply(quaternion_of(turn), self.reference.pose.orientation)
         bend = 0.0 if elbow is None or self._elbow is None else elbow - self._elbow
         return PoseGoal(

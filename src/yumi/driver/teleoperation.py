@@ -14,7 +14,6 @@ from typing import Protocol
 
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
-from yumi.control.commander import Commander
 from yumi.control.shared_state import Snapshot
 from yumi.driver.device_frame import ClutchWord, DeviceFrame, TeleoperatedArmReport, TeleoperationReport
 from yumi.driver.gripper_follower import GripperFollower
@@ -68,7 +67,7 @@ class TeleoperatedArms(Protocol):
 
     clock: Clock
 
-    def begin_following(self, side: Side, follower: Follower, commander: Commander) -> None: ...
+    def begin_following(self, side: Side, follower: Follower) -> None: ...
 
     def follow_device(self, side: Side, goal: MotionGoal, time: float) -> None: ...
 
@@ -145,7 +144,7 @@ class Teleoperation:
                 steps |= self._move(frame, now, made_at)
             presses = {side: self._arms[side].press for side in steps}
         for side, step in steps.items():
-            self._carry_out(side, step, presses[side], frame.commander, elsewhere)
+            self._carry_out(side, step, presses[side], elsewhere)
         with self._lock:
             return self._report()
 
@@ -166,7 +165,7 @@ class Teleoperation:
         return steps
 
     def lose(self, operator: object) -> None:
-        """The operator's device or connection is silent: the arms that follow brake, and their clutches are inert."""
+        """No more frames come from the operator: the arms that follow brake, and their clutches are inert."""
         with self._lock:
             is_operator = operator is self._operator
             steps = self._end_all(message("teleoperation_link_lost")) if is_operator else {}
@@ -182,12 +181,12 @@ class Teleoperation:
         steps = {side: arm.teleoperated.end(why) for side, arm in self._arms.items()}
         return {side: step for side, step in steps.items() if step.brakes}
 
-    def _carry_out(self, side: Side, step: Step, press: int, commander: Commander, elsewhere: Elsewhere) -> None:
+    def _carry_out(self, side: Side, step: Step, press: int, elsewhere: Elsewhere) -> None:
         if step.brakes:
             self._brake(side)
         if step.take_over is not None:
             follower = step.take_over
-            elsewhere(lambda: self._take_over(side, follower, commander, press))
+            elsewhere(lambda: self._take_over(side, follower, press))
         if step.gripper is not None and (work := self._grippers[side].take(step.gripper)) is not None:
             elsewhere(work)
 
@@ -196,14 +195,14 @@ class Teleoperation:
         with suppress(YumiError):  # an arm that does not answer follows no stream either: it ends with the frames
             self._robot.end_following(side)
 
-    def _take_over(self, side: Side, follower: Follower, commander: Commander, press: int) -> None:
+    def _take_over(self, side: Side, follower: Follower, press: int) -> None:
         arm = self._arms[side]
         with self._lock:  # an arm whose clutch was released meanwhile is left to whatever commands it
             if arm.press != press or arm.teleoperated.clutch is not Clutch.ENGAGING:
                 return
         self._grippers[side].refusal = None
         try:
-            self._robot.begin_following(side, follower, commander)
+            self._robot.begin_following(side, follower)
         except YumiError as error:
             with self._lock:
                 if arm.press == press:

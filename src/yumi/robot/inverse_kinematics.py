@@ -52,9 +52,8 @@ from yumi.robot.kinematics import (
     foot_to_body,
     inverse,
     matrix,
-    multiply,
-    rotation_vector,
     tool0_to_body,
+    turn_between,
 )
 from yumi.robot.rotations import cross
 
@@ -269,8 +268,7 @@ def nearest_reachable_posture(
 
 def _difference(pose: Pose, here: Pose) -> tuple[Array, Array]:
     """The way [m] and the turn [rad] from here to a pose."""
-    w, x, y, z = here.orientation
-    turn = rotation_vector(multiply(pose.orientation, (w, -x, -y, -z)))
+    turn = turn_between(here.orientation, pose.orientation)
     return np.subtract(pose.position, here.position), np.array(turn)
 
 

@@ -9,7 +9,7 @@ posture takes 4 µs, where :class:`yumi.robot.chain.Chain`, for many at once, ta
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import asin, atan2, copysign, cos, hypot, pi, sin, tau
+from math import asin, atan2, copysign, cos, dist, hypot, pi, sin, tau
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,24 @@ def quaternion_of(rotation: Vector, factor: float = 1.0) -> Quaternion:
     half = 0.5 * factor * angle
     s = sin(half) / angle
     return (cos(half), s * x, s * y, s * z)
+
+
+def unit(orientation: Quaternion) -> Quaternion:
+    """The quaternion of length 1."""
+    size = hypot(*orientation)
+    w, x, y, z = orientation
+    return (w / size, x / size, y / size, z / size)
+
+
+def turn_between(first: Quaternion, then: Quaternion) -> Vector:
+    """The rotation vector that turns one orientation into another one, by half a turn at most [rad]."""
+    w, x, y, z = first
+    return rotation_vector(multiply(then, (w, -x, -y, -z)))
+
+
+def distance_between(first: Pose, then: Pose) -> tuple[float, float]:
+    """How far two poses are apart: the distance [m] and the turn [rad]."""
+    return dist(first.position, then.position), hypot(*turn_between(first.orientation, then.orientation))
 
 
 def euler_zyx(orientation: Quaternion) -> Vector:

@@ -9,7 +9,6 @@ import msgspec
 import pytest
 
 from refusals import refused
-from yumi.control.commander import Commander
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings
 from yumi.driver.motion_commands import Teleoperate
 from yumi.errors import CommandRefused
@@ -52,8 +51,3 @@ def test_setting_out_of_its_range_is_refused(name: str, value: float) -> None:
     raw = msgspec.json.encode({"time": 1.0, "settings": {name: value}})
     with pytest.raises(msgspec.ValidationError):
         msgspec.json.decode(raw, type=DeviceFrame)
-
-
-def test_frame_names_who_commands() -> None:
-    assert DeviceFrame(time=0.0, device="headset").commander is Commander.HEADSET
-    assert DeviceFrame(time=0.0).commander is Commander.DEVICE

@@ -33,7 +33,15 @@ from yumi.robot.joints import (
     joints,
     rotate,
 )
-from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, rotation_vector, tool0_to_body
+from yumi.robot.kinematics import (
+    compose,
+    inverse,
+    multiply,
+    quaternion_of,
+    rotation_vector,
+    tool0_to_body,
+    turn_between,
+)
 
 _CORRECTION = 20.0  # [1/s] what the joints are behind the target dies away so
 _INDEPENDENT = 0.15  # where axes are more in line than this, all goes slower: the arm would swing about its reach
@@ -130,9 +138,8 @@ class ToolStream:
                 self._is_twist = True
                 x, y, z, *_, bend = self._rates
                 turn = [a + _SMALL * rate for a, rate in zip(self._target[3:6], self._rates[3:6], strict=True)]
-                w, i, j, k = self._pose.orientation
                 later = multiply(self._anchor, quaternion_of((turn[0], turn[1], turn[2])))
-                spin = [value / _SMALL for value in rotation_vector(multiply(later, (w, -i, -j, -k)))]
+                spin = [value / _SMALL for value in turn_between(self._pose.orientation, later)]
                 self._twist, self._changes = joints([x, y, z, *spin, bend]), [0.0] * JOINT_COUNT
             self._goal, self._given_at = goal, time
             return
@@ -244,9 +251,8 @@ class ToolStream:
         velocity = [(b - a) / _SMALL for a, b in zip(here, there.position, strict=True)]
         share = min(1.0, scale * SHARE_OF_SPEED * within.speed / max(hypot(*velocity), 1e-9))
         if within.turning < inf:
-            w, x, y, z = now.orientation
-            turn = rotation_vector(multiply(there.orientation, (w, -x, -y, -z)))
-            share = min(share, scale * within.turning * _SMALL / max(hypot(*turn), 1e-12))
+            turn = hypot(*turn_between(now.orientation, there.orientation))
+            share = min(share, scale * within.turning * _SMALL / max(turn, 1e-12))
         speeds = speeds if share == 1.0 else joints([share * speed for speed in speeds])
         if not within.walls:
             return speeds

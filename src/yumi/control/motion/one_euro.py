@@ -7,10 +7,10 @@ Systems*, CHI 2012: a hand that stands trembles less, a hand that moves lags les
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, hypot, tau
+from math import hypot, tau
 
-from yumi.robot.joints import Pose, Quaternion, Vector
-from yumi.robot.kinematics import multiply, quaternion_of, rotation_vector
+from yumi.robot.joints import Pose, Vector
+from yumi.robot.kinematics import multiply, quaternion_of, turn_between, unit
 
 _SPEED_CUTOFF = 1.0  # [Hz] of the speed that sets the cutoff; the paper's
 
@@ -76,21 +76,3 @@ class PoseFilter:
             turn = turn_between(self._orientation, pose.orientation)
             self._orientation = unit(multiply(quaternion_of(turn, weight), self._orientation))
         return Pose((x, y, z), self._orientation)
-
-
-def unit(orientation: Quaternion) -> Quaternion:
-    """The quaternion of length 1."""
-    size = hypot(*orientation)
-    w, x, y, z = orientation
-    return (w / size, x / size, y / size, z / size)
-
-
-def turn_between(first: Quaternion, then: Quaternion) -> Vector:
-    """The rotation vector that turns one orientation into another one, the shorter way round [rad]."""
-    w, x, y, z = first
-    return rotation_vector(multiply(then, (w, -x, -y, -z)))
-
-
-def distance_between(first: Pose, then: Pose) -> tuple[float, float]:
-    """How far two poses are apart: the way [m] and the turn [rad]."""
-    return dist(first.position, then.position), hypot(*turn_between(first.orientation, then.orientation))
