@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <poll.h>
 
+#include <functional>
 #include <random>
 
 #include "check.hpp"
@@ -14,6 +15,15 @@ extern "C" bool collisions_is_slow(const collision::Limiter*, const collision::M
 extern "C" bool collisions_is_clear(collision::Limiter*, std::int64_t, const collision::Motion*, const collision::Motion*,
                                     const collision::Motion*, double, std::int64_t, collision::Decision*) {
     return true;
+}
+
+thread_local std::function<void()> after_poll;  // what happens once, as soon as this thread has waited
+
+extern "C" int poll(pollfd* waits, nfds_t count, int milliseconds) {
+    const timespec most{milliseconds / 1000, milliseconds % 1000 * 1'000'000L};
+    const int found = ppoll(waits, count, milliseconds < 0 ? nullptr : &most, nullptr);
+    if (const auto happens = std::exchange(after_poll, nullptr)) happens();
+    return found;
 }
 
 namespace {
@@ -283,4 +293,18 @@ TEST(what_was_sampled_is_recorded_where_the_other_thread_does_not_hear_of_it) {
     BrakedCycle cycles[ArmHandle::MOST_BRAKED];
     const core::Guard guard(core::lock);
     CHECK(wire.arm.take_braked(cycles) == 1 + is_sampled);
+}
+
+TEST(datagram_that_comes_while_the_other_arm_is_answered_is_found_by_the_same_wait) {
+    Wire right, left;
+    FallbackThread both;
+    both.add(right.arm), both.add(left.arm);
+    for (Wire* first : {&right, &left}) {
+        Wire* second = first == &right ? &left : &right;
+        first->robot_sends();
+        after_poll = [&] { second->robot_sends(); };
+        CHECK(both.wait(-1, 1000) == 3);
+        right.take(), left.take();
+        CHECK(both.wait(-1, 0) == 0);
+    }
 }
