@@ -56,8 +56,9 @@ STATE, COMMAND = Struct("2dq21dq"), Struct("14dq")
 BRAKED = Struct("2dq21dq14dq")
 """A cycle that the fallback thread has answered: the state, and the command."""
 
-SAMPLED = Struct("3q14d")
-"""A controller's formula: address and number of its goals, whether it goes to the goal itself; goal and gains."""
+SAMPLED = Struct("4q14d")
+"""A controller's formula: its session, address and number of its goals, whether it goes to the goal itself; goal and
+gains."""
 
 MOST_BRAKED = 250
 """Of these are kept: a second."""

@@ -192,7 +192,7 @@ namespace {
 // A robot that stands at zero and sends in its cycle; what is prepared is a proportional formula.
 struct PreparedWire : Wire {
     core::SharedGoal goals{};
-    core::Sampled formula{&goals, 0, false, joint_1(0.002), {}};  // so near that it is no wonder that the robot stands
+    core::Sampled formula{1, &goals, 0, false, joint_1(0.002), {}};  // so near that it is no wonder that the robot stands
 
     PreparedWire() {
         formula.gain.fill(0.5);
@@ -242,10 +242,12 @@ TEST(datagram_is_answered_by_the_formula_that_was_prepared) {
 
 TEST(formula_that_was_prepared_takes_the_newest_goal_of_its_session) {
     core::SharedGoal goals{2, 2, 7, 0.0, joint_1(0.2), {}};
-    core::Sampled formula{&goals, 1, true, joint_1(0.1), {}};
     core::ArmState state = standing();
+    core::Sampled formula{state.session, &goals, 1, true, joint_1(0.1), {}};
     CHECK(formula.command(state)->position == joint_1(0.1));  // a goal for another session
     state.session = 7;
+    CHECK(!formula.command(state));  // the controller was not asked in this one
+    formula.session = 7;
     CHECK(formula.command(state)->position == joint_1(0.2));
     formula.taken = 2;
     CHECK(formula.command(state)->position == joint_1(0.1));  // one that was taken, and is not in force any more
