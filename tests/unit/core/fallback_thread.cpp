@@ -198,12 +198,16 @@ struct PreparedWire : Wire {
         formula.gain.fill(0.5);
         for (int cycle = 0; cycle < 3; ++cycle) CHECK(is_taken_and_answered());
     }
+    void prepare(std::optional<core::Sampled> prepared) {
+        const core::Guard guard(core::lock);
+        arm.prepared = prepared;
+    }
     // What a wait for the robot's next datagram, a cycle later, returns.
     std::int64_t come(long after = 3'500'000, std::optional<core::Sampled> prepared = std::nullopt) {
         const timespec pause{0, after};
         nanosleep(&pause, nullptr);
         robot_sends();
-        arm.prepared = prepared;  // just before the wait, as Python does it
+        prepare(prepared);  // just before the wait, as Python does it
         return thread.wait(-1, 1000);
     }
     bool is_taken_and_answered() {
@@ -216,12 +220,15 @@ struct PreparedWire : Wire {
         come(after, formula);
         if (!is_answered(0)) return false;
         take();
-        return answer() && !is_answered(0) && arm.exchange.sampled_at > 0.0;
+        if (!answer() || is_answered(0)) return false;
+        const core::Guard guard(core::lock);
+        return arm.exchange.sampled_at > 0.0;
     }
     // Whether joint 1 is sent there by datagrams that are answered so. Where the machine is late, they are taken.
     bool comes_to(double goal) {
         for (int cycle = 0, sampled = 0; cycle < 2000; ++cycle) {
             if (is_sampled()) {
+                const core::Guard guard(core::lock);
                 if (++sampled > 50 && std::abs(limiter.exchange.command.position[0] - goal) < 1e-9) return true;
             } else {
                 take(), answer(), is_answered(5);
@@ -278,10 +285,11 @@ TEST(formula_that_was_prepared_is_forgotten_while_the_other_thread_is_busy) {
     wire.robot_sends(), wire.take();
     CHECK(wire.answer());
     CHECK(wire.is_answered(1000));
-    wire.arm.prepared = wire.formula;
+    wire.prepare(wire.formula);
     wire.thread.note_busy();
     wire.robot_sends();
     CHECK(wire.is_answered(1000));
+    const core::Guard guard(core::lock);
     CHECK(!wire.arm.prepared);  // its controller may have to be deactivated first
 }
 
