@@ -30,9 +30,7 @@ from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, Pose, chain_from_abb, joints
 from yumi.rws.types import (
     EventType,
-    ExecutionState,
     SignalType,
-    TaskExecution,
     meaning_of,
     name_of,
 )
@@ -382,17 +380,6 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True)
-class TaskInfo:
-    """One RAPID task; a normal one is started by hand, a static or semistatic one starts with the controller."""
-
-    name: str
-    execution: TaskExecution
-    is_active: bool
-    is_motion_task: bool
-    starts_by_hand: bool = True
-
-
-@dataclass(frozen=True, slots=True)
 class ModuleInfo:
     """One RAPID module; type is ``ProgMod`` or ``SysMod``."""
 
@@ -515,25 +502,6 @@ def read_mastership(page: Page) -> str:
         return ""
     known = [text for name in ("application", "alias", "location") if (text := state.fields.get(name, ""))]
     return ", ".join(known) or f"another client ({state.text('mastership')})"
-
-
-def read_execution(page: Page) -> ExecutionState:
-    """``/rw/rapid/execution``."""
-    return page.one("rap-execution").member(ExecutionState, "ctrlexecstate")
-
-
-def read_tasks(page: Page) -> tuple[TaskInfo, ...]:
-    """``/rw/rapid/tasks``."""
-    return tuple(
-        TaskInfo(
-            name=state.text("name"),
-            execution=member(TaskExecution, state.text("excstate")[:4].lower()),
-            is_active=state.text("active").lower() == "on",
-            is_motion_task=state.text("motiontask").lower() == "true",
-            starts_by_hand=state.fields.get("type", "norm").lower().startswith("norm"),
-        )
-        for state in page.of_type("rap-task-li")
-    )
 
 
 def read_module_text(page: Page) -> str:

@@ -12,7 +12,7 @@ from dataclasses import MISSING, dataclass, fields
 from enum import Enum
 from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
-from yumi.rws.documents import Page, State
+from yumi.rws.documents import Link, Page, State
 
 T = TypeVar("T")
 E = TypeVar("E", bound=Enum)
@@ -64,6 +64,10 @@ class Answer(Generic[T]):
     def of(self, page: Page) -> T:
         """The value of a page with one."""
         return self.read(page.one(*self.types))
+
+    def state(self, title: str, value: T, *links: Link) -> State:
+        """The state with a value."""
+        return State(self.types[0], title, self.write(value), links)
 
 
 def single(type: str, name: str, spelling: Spelling[T]) -> Answer[T]:

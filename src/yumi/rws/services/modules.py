@@ -10,7 +10,7 @@ from yumi.rws.documents import ModuleInfo, State
 from yumi.rws.operations import modules as table
 from yumi.rws.operations import rapid
 from yumi.rws.operations.operation import Operation
-from yumi.rws.services.rapid import Range
+from yumi.rws.operations.rapid import Range
 from yumi.rws.services.service import Service, request
 from yumi.rws.session import Request
 
@@ -148,9 +148,8 @@ class Modules(Service):
 
     def breakpoints(self, task: str) -> tuple[tuple[str, Range], ...]:
         """Module and place of each breakpoint."""
-        names = ("start-row", "start-col", "end-row", "end-col")
-        states = self._listed(f"reading the breakpoints of {task}", rapid.BREAKPOINTS, task)
-        return tuple((state.text("module-name"), Range(*(state.whole(name) for name in names))) for state in states)
+        found = self._answers(f"reading the breakpoints of {task}", rapid.BREAKPOINTS, task)
+        return tuple((each.module, each.range) for each in found)
 
     def set_breakpoint(self, task: str, module: str, row: int, column: int = 1) -> None:
         """Let execution stop at a place of the text, if it is started with ``stop_at_breakpoints``."""
