@@ -13,7 +13,8 @@ from refusals import refused
 from yumi.catalogue import message
 from yumi.errors import CommandRefused, ControllerRefused
 from yumi.rws.client import RwsClient
-from yumi.rws.documents import Event, ModuleInfo, Signal
+from yumi.rws.documents import Event, Signal
+from yumi.rws.operations.modules import ModuleInfo
 from yumi.rws.operations.rapid import TaskInfo
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution, encode
 

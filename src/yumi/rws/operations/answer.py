@@ -27,6 +27,9 @@ class Spelling(Generic[T]):
 
 
 TEXT = Spelling(State.text, lambda name, value: {name: value})
+TEXT_OR_NONE = Spelling(State.text, lambda name, value: {name: value} if value else {})
+"""A text whose field is left out where it is empty."""
+
 TITLE: Spelling[str] = Spelling(lambda state, name: state.title, lambda name, value: {})
 """What the state is called, which is in no field."""
 
@@ -77,6 +80,15 @@ def single(type: str, name: str, spelling: Spelling[T]) -> Answer[T]:
         lambda state: spelling.read(state, name),
         lambda value: spelling.write(name, value),
     )
+
+
+def pair(type: str, first: str, second: str) -> Answer[tuple[int, int]]:
+    """An answer with two whole numbers in these fields."""
+    spelling = Spelling(
+        lambda state, name: (state.whole(first), state.whole(second)),
+        lambda name, values: {first: str(values[0]), second: str(values[1])},
+    )
+    return single(type, "", spelling)
 
 
 def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> Answer[T]:

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, astuple
-from functools import lru_cache, partial
-from urllib.parse import quote
+from functools import partial
 from xml.etree import ElementTree
 
 from yumi.errors import RapidError
@@ -22,6 +21,7 @@ from yumi.rapid.task import Task
 from yumi.rapid.types import RapidReferenceError
 from yumi.rws.documents import JointTarget, Link, Page, RobTarget, State
 from yumi.rws.operations import rapid as table
+from yumi.rws.operations.modules import quoted
 from yumi.rws.types import Code, ExecutionState, TaskExecution
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.tasks import InstalledTask
@@ -200,15 +200,6 @@ def parsed(text: str, path: str) -> s.Module:
     """The module, with its text encoded for clients that read it."""
     quoted(text)
     return parse_module(text, path)
-
-
-@lru_cache(maxsize=32)
-def quoted(text: str) -> str:
-    """A module's text, URL-encoded; a long one takes longer than a cycle the first time.
-
-    What ISO 8859-1 does not have becomes a question mark, as in files that a program is saved in.
-    """
-    return quote(text, encoding="latin-1", errors="replace")
 
 
 @ROUTES.answer(table.UNLOAD_MODULE)
