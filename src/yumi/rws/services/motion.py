@@ -15,7 +15,7 @@ from yumi.rws.operations.motion import (
     Coordinates,
     Increment,
     JogMode,
-    MechanicalUnit,
+    MechanicalUnitState,
     MotionSystem,
     Solution,
     Supervision,
@@ -54,7 +54,7 @@ class Motion(Service):
         """Names of the mechanical units."""
         return tuple(state.title for state in self._listed("reading the mechanical units", table.UNITS))
 
-    def mechanical_unit(self, unit: str) -> MechanicalUnit:
+    def mechanical_unit(self, unit: str) -> MechanicalUnitState:
         """One mechanical unit."""
         return self._answer(f"reading {unit}", table.UNIT, unit)
 

@@ -22,6 +22,7 @@ from yumi.rapid.types import RapidReferenceError
 from yumi.rws.documents import JointTarget, Link, Page, RobTarget, State
 from yumi.rws.operations import rapid as table
 from yumi.rws.operations.modules import quoted
+from yumi.rws.operations.motion import UNIT
 from yumi.rws.types import Code, ExecutionState, TaskExecution
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.tasks import InstalledTask
@@ -424,7 +425,11 @@ def get_motion_joints(controller: Irc5, call: Call) -> Mapping[str, JointTarget]
 def get_motion_units(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     states = (
-        State("rapid-mechunit", unit.name, {"name": unit.name, "mode": unit.mode, "type": unit.type})
+        State(
+            "rapid-mechunit",
+            unit.name,
+            {"name": unit.name, "mode": UNIT.answered.write(unit)["mode"], "type": unit.type},
+        )
         for unit in controller.units
         if unit.task == task.name
     )
