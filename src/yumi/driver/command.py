@@ -85,7 +85,7 @@ class Lane(Enum):
     """A moment of motion, again and again."""
 
 
-class Request(
+class EndpointRequest(
     msgspec.Struct,
     frozen=True,
     kw_only=True,
@@ -103,7 +103,7 @@ class Request(
         return False
 
 
-class Command(Request, Generic[R], frozen=True):
+class Command(EndpointRequest, Generic[R], frozen=True):
     """What a driver can be asked to do; the fields are its arguments, which their types check, ``R`` is its result.
 
     The docstring is the help of its command on the command line. ROS offers it as a service of the robot manager: with

@@ -12,7 +12,7 @@ from yumi.rws.operations.modules import ModuleDetails, ModuleInfo
 from yumi.rws.operations.operation import Operation
 from yumi.rws.operations.rapid import Range
 from yumi.rws.services.service import Service, request
-from yumi.rws.session import Request
+from yumi.rws.session import RwsRequest
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ class Modules(Service):
         self.replace_text(task, module, place, self.module_part(task, module, place))
 
 
-def _task_first(operation: Operation[Any], module: str, **arguments: object) -> Request:
+def _task_first(operation: Operation[Any], module: str, **arguments: object) -> RwsRequest:
     """A request whose URL has the task before the action."""
     found = request(operation, module, **arguments)
     return replace(found, query=tuple(sorted(found.query, key=lambda pair: pair[0] == "action")))
