@@ -13,7 +13,6 @@ from functools import partial, wraps
 from inspect import signature
 from math import radians
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
@@ -290,9 +289,7 @@ class AsyncRobot:
     async def __aenter__(self) -> AsyncRobot:
         return await self.open()
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.close()
 
     async def open(self, confirm: str = "") -> AsyncRobot:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, isfinite
-from types import TracebackType
 from typing import Protocol, TypeVar, cast
 
 from yumi.catalogue import message
@@ -140,9 +139,7 @@ class EgmServer:
     def __enter__(self) -> EgmServer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __iter__(self) -> Iterator[EgmState]:

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from queue import Queue
 from threading import Lock
-from types import TracebackType
 from typing import TypeVar
 from weakref import WeakSet
 
@@ -117,9 +116,7 @@ class RwsClient(
         self.connect()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def connect(self) -> SystemInfo:
