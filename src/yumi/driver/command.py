@@ -23,7 +23,7 @@ import msgspec
 
 from yumi.catalogue import FrontEnd, Message, message
 from yumi.control.loop_commands import CommandPort, Commands
-from yumi.control.shared_state import JointStates, Snapshot
+from yumi.control.shared_state import JointStates, Snapshots
 from yumi.driver.gripper import Check, Gripper
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.reports import (
@@ -259,10 +259,8 @@ class Mover(TeleoperatedArms, Protocol):
     def commanding(self, side: Side) -> tuple[str, ...]: ...
 
 
-class Control(CommandPort, Protocol):
+class Control(CommandPort, Snapshots, Protocol):
     """What is needed of the control process."""
-
-    def snapshot(self, side: Side) -> Snapshot: ...
 
 
 class EventLog:
