@@ -24,7 +24,7 @@ from yumi.virtual.controller.task_settings import TaskSettings
 from yumi.virtual.controller.tasks import InstalledTask
 from yumi.virtual.controller_log import EventLog, Refusal, Refused
 from yumi.virtual.http_server import HttpServer
-from yumi.virtual.mechanics.units import YUMI_UNITS, MotionSystem
+from yumi.virtual.mechanics.units import YUMI_UNITS, MotionSystemState
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Upgrade
@@ -109,7 +109,7 @@ class PlainController:
         self.devices = SimpleNamespace(pendant=FlexPendant(), queues=MessageQueues())
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
-        self.motion = MotionSystem()
+        self.motion = MotionSystemState()
         self.started_at = self.energy_reset_at = MIDNIGHT
         self.edges: list[tuple[str, float, float]] = []
         self.signals = Signals(_signals(), lambda *edge: self.edges.append(edge))

@@ -13,7 +13,9 @@ from refusals import refused
 from yumi.catalogue import message
 from yumi.errors import CommandRefused, ControllerRefused
 from yumi.rws.client import RwsClient
-from yumi.rws.documents import Event, ModuleInfo, Signal, TaskInfo
+from yumi.rws.documents import Event, Signal
+from yumi.rws.operations.modules import ModuleInfo
+from yumi.rws.operations.rapid import TaskInfo
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution, encode
 
 
@@ -58,8 +60,11 @@ def test_rapid_is_started_and_stopped(client: RwsClient, controller: PlainContro
 
 
 def test_tasks_are_listed(client: RwsClient) -> None:
-    ready = TaskExecution.READY
-    assert client.tasks() == tuple(TaskInfo(name, ready, True, True) for name in ("T_ROB_R", "T_ROB_L"))
+    right, left = client.tasks()
+    assert (right.name, left.name) == ("T_ROB_R", "T_ROB_L")
+    assert right == TaskInfo(
+        name="T_ROB_R", links="link", execution=TaskExecution.READY, is_active=True, is_motion_task=True
+    )
 
 
 def test_clock_is_read_as_the_pendant_shows_it(client: RwsClient, controller: PlainController) -> None:

@@ -19,10 +19,11 @@ from yumi.rws.documents import Pairs, RobTarget
 from yumi.rws.operations import motion
 from yumi.rws.operations.motion import Coordinates, Increment, JogMode, Supervision
 from yumi.rws.operations.operation import Operation
+from yumi.rws.operations.rapid import Range, RunCycle
 from yumi.rws.services.io import SignalChange
 from yumi.rws.services.panel import RestartMode
 from yumi.rws.services.queues import QueueMessage
-from yumi.rws.services.rapid import Range, RunCycle, Step, StopMode
+from yumi.rws.services.rapid import Step, StopMode
 from yumi.rws.services.symbols import SymbolKind
 from yumi.rws.services.users import Privilege, RmmpStatus
 from yumi.rws.types import Code, OperatingMode, SignalType

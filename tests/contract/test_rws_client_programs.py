@@ -15,7 +15,7 @@ from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.robot.joints import CYCLE
 from yumi.rws.client import RwsClient
 from yumi.rws.documents import FileInfo
-from yumi.rws.session import Request
+from yumi.rws.session import RwsRequest
 from yumi.rws.types import Code, ControllerState, ExecutionState
 from yumi.virtual.controller.irc5 import RESTART_TIME
 from yumi.virtual.world import World
@@ -185,7 +185,7 @@ def test_refused_release_of_a_mastership_is_an_error(
 ) -> None:
     exchange = client._session.exchange
 
-    def refusing(request: Request) -> httpx.Response:
+    def refusing(request: RwsRequest) -> httpx.Response:
         return httpx.Response(403) if ("action", "release") in request.query else exchange(request)
 
     other = RwsClient(plant.http, clock=plant)
@@ -219,7 +219,7 @@ def test_mastership_is_not_released_while_another_thread_comes_to_use_it(
 
     other = Thread(target=hold)
 
-    def recorded(request: Request) -> httpx.Response:
+    def recorded(request: RwsRequest) -> httpx.Response:
         action = dict(request.query).get("action", "")
         if action == "release" and other.ident is None:  # of the first thread: the other one comes now
             other.start()
@@ -262,7 +262,7 @@ def test_events_are_cleared(plant: Plant, client: RwsClient) -> None:
 
 
 def test_file_is_written_again_when_the_connection_breaks() -> None:
-    assert Request("PUT", PATH, content=b"").is_repeatable
+    assert RwsRequest("PUT", PATH, content=b"").is_repeatable
 
 
 @pytest.fixture

@@ -8,13 +8,13 @@ import pytest
 from refusals import refused
 from yumi.clock import ManualClock
 from yumi.errors import LoginRefused, NoConnection
-from yumi.rws.session import BURST, Request, RwsSession
+from yumi.rws.session import BURST, RwsRequest, RwsSession
 from yumi.rws.transport import INTERVAL, ConnectionLost
 from yumi.virtual.rws import http
 
 TIMEOUT = 4.0
-READ = Request("GET", "/rw/rapid/execution")
-WRITE = Request("POST", "/rw/rapid/execution", (("action", "start"),), (("cycle", "forever"),))
+READ = RwsRequest("GET", "/rw/rapid/execution")
+WRITE = RwsRequest("POST", "/rw/rapid/execution", (("action", "start"),), (("cycle", "forever"),))
 
 OK = httpx.Response(200, headers={"Set-Cookie": "-http-session-=1; path=/"})
 BUSY = httpx.Response(503)
@@ -48,7 +48,7 @@ class ScriptedTransport:
         self._script.clear()
 
 
-def ask(request: Request, *script: httpx.Response | NoConnection, timeout: float = TIMEOUT) -> ScriptedTransport:
+def ask(request: RwsRequest, *script: httpx.Response | NoConnection, timeout: float = TIMEOUT) -> ScriptedTransport:
     """The transport after one request; an error of the session passes through."""
     clock = ManualClock()
     transport = ScriptedTransport(clock, *script)

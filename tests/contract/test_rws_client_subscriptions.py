@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 from collections.abc import Callable, Iterator
 
@@ -220,6 +221,19 @@ def test_change_comes_over_the_wire(wire: Wire, client: RwsClient) -> None:
     wire.controller.set_speed_ratio(30)
     wire.until(lambda: len(wire.changes) > known)
     assert wire.changes[-1] == Change(rws.SPEED_RATIO.path, {"speedratio": "30"})
+
+
+def test_host_is_looked_up_once_for_requests_and_web_sockets(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
+    look_up, names = socket.getaddrinfo, []
+
+    def local(host: str, *args: int, **kinds: int) -> object:
+        names.append(host)
+        return look_up("127.0.0.1", *args, **kinds)
+
+    monkeypatch.setattr(socket, "getaddrinfo", local)
+    with RwsClient(f"yumi.test:{wire.server.port}") as client:
+        client.subscribe([rws.SPEED_RATIO], wire.on_change, wire.on_lost)
+    assert names.count("yumi.test") == 1
 
 
 def test_broken_web_socket_is_told(wire: Wire, client: RwsClient) -> None:

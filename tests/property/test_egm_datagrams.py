@@ -89,7 +89,8 @@ class Bystander:
     """Our end of a wire that carries anything."""
 
     def __init__(self) -> None:
-        self.session: SensorSession[JointReport] = SensorSession(JointCodec())
+        self._codec = JointCodec()
+        self.session: SensorSession[JointReport] = SensorSession(self._codec)
         self.now = 0.0
         self._robot = RobotCodec()
 
@@ -99,7 +100,7 @@ class Bystander:
         report = self.session.accept([datagram], self.now)
         if report is None:
             return False
-        told = self._robot.decode(self.session.reply(report.measured, None)).position
+        told = self._robot.decode(self._codec.encode_joints(self.session.next_seqno(), report.measured, None)).position
         self.session.settle()
         assert told == pytest.approx(report.measured, abs=1e-9)
         assert all(abs(angle) < radians(1100.0) for angle in report.measured)

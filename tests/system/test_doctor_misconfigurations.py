@@ -25,7 +25,7 @@ from yumi.egm.udp import NetworkCard, UdpServer
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
-from yumi.rws.documents import TaskInfo
+from yumi.rws.operations.rapid import TaskInfo
 from yumi.rws.types import CollisionState, ControllerState, Grant, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
 from yumi.virtual.controller.installed_system import delivered_system

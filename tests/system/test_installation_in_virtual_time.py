@@ -481,7 +481,7 @@ def test_factory_robot_moves_both_arms_within_90_seconds_of_its_time(tmp_path: P
         for side, session in sessions.items():
             if session.accept(yumi.egm[side].receive(), yumi.now()) is not None:
                 goal = start[side][0] + 0.05, *start[side][1:]
-                yumi.egm[side].send(session.reply(goal, None))
+                yumi.egm[side].send(JointCodec().encode_joints(session.next_seqno(), goal, None))
     for side in Side:
         assert yumi.world.arms[side].position[0] - start[side][0] == pytest.approx(0.05, abs=0.01)
     assert yumi.now() < 90.0

@@ -18,7 +18,7 @@ import yumi
 from refusals import refused
 from yumi import EgmServer
 from yumi.catalogue import Message, message
-from yumi.driver.egm_server import UNREADABLE
+from yumi.driver.egm_server import MOST_UNREADABLE
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import MciState, PathCorrection, Pose, RapidData, RobotCodec, RobotMessage, SensorMessage
 from yumi.egm.udp import Poller, UdpClient
@@ -262,7 +262,7 @@ def test_nothing_can_be_sent_before_the_robot_speaks(server: EgmServer) -> None:
 def test_what_is_no_robot_is_told_once_it_is_certain(server: EgmServer, robot: Robot) -> None:
     old = pb.EgmRobot.FromString(robot.codec.encode(MESSAGE))
     old.feedBack.ClearField("time")
-    for _ in range(UNREADABLE):
+    for _ in range(MOST_UNREADABLE):
         robot.send(old.SerializeToString())
     with refused(ProtocolError, "sender_cannot_be_guided", port=server.port) as refusal:
         server.receive(1.0)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from math import isfinite
-from types import TracebackType
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import msgspec
@@ -88,9 +87,7 @@ class RunningDriver:
     def __enter__(self) -> RunningDriver:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __repr__(self) -> str:

@@ -13,19 +13,15 @@ from functools import partial, wraps
 from inspect import signature
 from math import radians
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Concatenate, ParamSpec, TypeVar, cast
+from typing import Any, Concatenate, NoReturn, ParamSpec, Protocol, TypeVar, cast
 
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
-from yumi.api.joint_positions import Position
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
 from yumi.api.robot_arm import Arm
 from yumi.api.tool import Gripper, PoseLike
 from yumi.catalogue import message
-from yumi.driver.reports import ArmMode, ArmReport
-from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import (
     ControllerSettings,
     Settings,
@@ -37,12 +33,12 @@ from yumi.driver.settings import (
 )
 from yumi.driver.wiring import Controllers
 from yumi.errors import SettingsError
-from yumi.robot.joints import Joints, Pose, Side
-from yumi.rws.client import RwsClient
+from yumi.robot.joints import Side
 from yumi.settings import Entry
 
 P = ParamSpec("P")
 T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
 
 Given = Mapping[str, Any]
 """Settings of one group by name; None where nothing was given."""
@@ -256,6 +252,20 @@ def at_once(method: Callable[Concatenate[Any, P], T]) -> Callable[Concatenate[An
     return cast("Callable[Concatenate[Any, P], T]", forwarded)
 
 
+class Twin(Protocol[T_co]):
+    """A property of the twin's ``sync`` object."""
+
+    def __get__(self, twin: Any, owner: Any = None) -> T_co: ...
+
+    def __set__(self, twin: Any, value: NoReturn) -> None: ...
+
+
+def same(attribute: Callable[[Any], T]) -> Twin[T]:
+    """The twin of a property that is only read: the same of the twin's ``sync`` object, at once."""
+    own = cast("property", attribute)
+    return cast("Twin[T]", property(lambda twin: own.__get__(twin.sync), doc=own.__doc__))
+
+
 def _motions(begun: Sequence[Motion | Sequence[Motion]]) -> Sequence[Motion]:
     """What a method returns that begins one motion, or several; empty where it was refused."""
     return [motion for each in begun for motion in ([each] if isinstance(each, Motion) else each)]
@@ -290,9 +300,7 @@ class AsyncRobot:
     async def __aenter__(self) -> AsyncRobot:
         return await self.open()
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.close()
 
     async def open(self, confirm: str = "") -> AsyncRobot:
@@ -304,25 +312,10 @@ class AsyncRobot:
             raise
         return self
 
-    @property
-    def is_connected(self) -> bool:
-        """Whether it was opened and not closed."""
-        return self.sync.is_connected
-
-    @property
-    def stop_to_confirm(self) -> str:
-        """Id of the stop that a person must confirm before anything moves again; empty where there is none."""
-        return self.sync.stop_to_confirm
-
-    @property
-    def state(self) -> RobotState:
-        """Mode, motors, RAPID program and EGM of the robot, why it does not move and what stopped it."""
-        return self.sync.state
-
-    @property
-    def controller(self) -> RwsClient:
-        """As :attr:`yumi.api.robot.Robot.controller`; its calls wait for the controller, so await them in a thread."""
-        return self.sync.controller
+    is_connected = same(Robot.is_connected)
+    stop_to_confirm = same(Robot.stop_to_confirm)
+    state = same(Robot.state)
+    controller = same(Robot.controller)
 
     @property
     def speed_scale(self) -> float:
@@ -335,15 +328,8 @@ class AsyncRobot:
 
     close = awaited(Robot.close)
 
-    @property
-    def tools(self) -> dict[str, PoseLike]:
-        """Tools by name, as :attr:`yumi.api.robot.Robot.tools`."""
-        return self.sync.tools
-
-    @property
-    def work_objects(self) -> dict[str, PoseLike]:
-        """Work objects by name, as :attr:`yumi.api.robot.Robot.work_objects`."""
-        return self.sync.work_objects
+    tools = same(Robot.tools)
+    work_objects = same(Robot.work_objects)
 
     move_to = awaited(Robot.move_to)
     move_to_pose = awaited(Robot.move_to_pose)
@@ -370,30 +356,11 @@ class AsyncArm:
     def __repr__(self) -> str:
         return repr(self.sync).replace("yumi.Arm", "yumi.AsyncArm")
 
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints in the order of all positions."""
-        return self.sync.joint_names
-
-    @property
-    def position(self) -> Joints:
-        """Measured joint positions [rad], (7,)."""
-        return self.sync.position
-
-    @property
-    def velocity(self) -> Joints:
-        """Measured joint velocities [rad/s], (7,)."""
-        return self.sync.velocity
-
-    @property
-    def pose(self) -> Pose:
-        """Pose of the tool in the frame of the robot's body [m], quaternion w first."""
-        return self.sync.pose
-
-    @property
-    def arm_angle(self) -> float:
-        """How far the elbow is turned about the line from shoulder to wrist [rad]."""
-        return self.sync.arm_angle
+    joint_names = same(Arm.joint_names)
+    position = same(Arm.position)
+    velocity = same(Arm.velocity)
+    pose = same(Arm.pose)
+    arm_angle = same(Arm.arm_angle)
 
     @property
     def tool(self) -> PoseLike | str | None:
@@ -404,30 +371,12 @@ class AsyncArm:
     def tool(self, value: PoseLike | str | None) -> None:
         self.sync.tool = value
 
-    @property
-    def poses(self) -> Mapping[str, Joints]:
-        """Positions that have a name [rad]."""
-        return self.sync.poses
+    poses = same(Arm.poses)
+    degrees = same(Arm.degrees)
+    mode = same(Arm.mode)
+    state = same(Arm.state)
 
-    @property
-    def degrees(self) -> dict[str, float]:
-        """Measured joint positions as the FlexPendant shows them, ``j1`` to ``j7`` [°]."""
-        return self.sync.degrees
-
-    @property
-    def mode(self) -> ArmMode:
-        """What the arm does now."""
-        return self.sync.mode
-
-    @property
-    def state(self) -> ArmReport:
-        """All that is known of the arm now."""
-        return self.sync.state
-
-    def stream(self, position: Position) -> None:
-        """Follow a stream of positions [rad], (7,), of which this is the next; returns at once."""
-        self.sync.stream(position)
-
+    stream = at_once(Arm.stream)
     servo_pose = at_once(Arm.servo_pose)
     servo_twist = at_once(Arm.servo_twist)
     jacobian = at_once(Arm.jacobian)

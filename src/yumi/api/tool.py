@@ -23,7 +23,7 @@ from yumi.robot.inverse_kinematics import (
     postures_of_each,
     unreachable,
 )
-from yumi.robot.joints import JointLimits, Joints, Pose, Quaternion, Side
+from yumi.robot.joints import ORIGIN, JointLimits, Joints, Pose, Quaternion, Side
 from yumi.robot.kinematics import IDENTITY, compose, euler_zyx, quaternion_from_euler_zyx
 
 if TYPE_CHECKING:  # yumi.pose takes no more than poses need
@@ -242,7 +242,7 @@ def _mm(width: float) -> str:
 PoseLike = Pose | Sequence[SupportsFloat]
 """A pose: a :class:`yumi.robot.joints.Pose`, or seven numbers x, y, z [m] and the quaternion w, x, y, z."""
 
-TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
+TOOL0 = ORIGIN
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -14,7 +14,6 @@ from importlib.util import find_spec
 from math import degrees, radians
 from pathlib import Path
 from select import select
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 import click
@@ -240,9 +239,7 @@ class DemoScreen:
         self._bars.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._bars.stop()
 
     def step(self, sentence: str) -> None:

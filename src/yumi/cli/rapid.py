@@ -35,7 +35,8 @@ from yumi.cli.options import (
 from yumi.clock import Clock, SystemClock, comes_true
 from yumi.errors import CommandRefused, ControllerRefused, RapidError, SettingsError, YumiError
 from yumi.rws.client import RwsClient
-from yumi.rws.services.rapid import Range, RunCycle, Step
+from yumi.rws.operations.rapid import Range, RunCycle
+from yumi.rws.services.rapid import Step
 from yumi.rws.services.symbols import SymbolKind
 from yumi.rws.types import Code, ControllerState, ExecutionState, TaskExecution, meaning_of
 

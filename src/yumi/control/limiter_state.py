@@ -159,20 +159,6 @@ TRANSITIONS: Mapping[LimiterState, Mapping[LimiterEvent, LimiterState]] = {
 }
 """What follows in each state on each event; an event that a state does not have is forbidden in that state."""
 
-_NEXT = tuple(tuple(TRANSITIONS[state].get(event) for event in LimiterEvent) for state in LimiterState)
-
 
 class ForbiddenTransition(RuntimeError):
     """An event in a state that has none such in the table: the program is wrong."""
-
-
-def next_state(state: LimiterState, event: LimiterEvent) -> LimiterState:
-    """What follows on an event.
-
-    Raises:
-        ForbiddenTransition: by the table that event cannot be in that state.
-    """
-    following = _NEXT[state][event]
-    if following is None:
-        raise ForbiddenTransition(f"{event.name} in the state {state.name}")
-    return following

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from yumi.catalogue import Message, clause, message
 from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.control.goals import Buffer, GoalKind
-from yumi.robot.joints import ZERO, Joints
+from yumi.robot.joints import ZERO, Joints, Side
 
 
 class Problem(IntEnum):
@@ -126,6 +126,13 @@ class Snapshot(NamedTuple):
     def limited_by(self) -> str:
         """The same in words; empty while it is not."""
         return str(self.limited or "")
+
+
+class Snapshots(Protocol):
+    """Has the snapshots of the control loop."""
+
+    def snapshot(self, side: Side) -> Snapshot:
+        """An arm after its last cycle."""
 
 
 def read_snapshot(buffer: Buffer[Snapshot]) -> Snapshot:

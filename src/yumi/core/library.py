@@ -64,7 +64,7 @@ MOST_BRAKED = 250
 """Of these are kept: a second."""
 
 SETTINGS, TABLE, MOTION, SETPOINT = Struct("45d"), Struct("234s"), Struct("58d"), Struct("21d")
-LIMITS, REPORT, UNREADABLE = Struct("35d"), Struct("q15d3q"), Struct("4q7d")
+LIMITS, REPORT, UNREADABLE_DATAGRAM = Struct("35d"), Struct("q15d3q"), Struct("4q7d")
 """What else crosses, as the headers declare it."""
 
 
@@ -185,7 +185,7 @@ SIZES = (
     SETPOINT.size,
     LIMITS.size,
     REPORT.size,
-    UNREADABLE.size,
+    UNREADABLE_DATAGRAM.size,
     ctypes.sizeof(SessionValues),
     ctypes.sizeof(ArmExchange),
     BRAKED.size * MOST_BRAKED,

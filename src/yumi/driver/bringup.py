@@ -16,7 +16,7 @@ from yumi.catalogue import Message
 from yumi.clock import Clock
 from yumi.driver.controller_panel import OBEY_TIMEOUT, ControllerPanel
 from yumi.driver.launch_checks import EgmAddress, LaunchChecks
-from yumi.driver.readiness import NO_STOP, Request, check_request, unmet
+from yumi.driver.readiness import NO_STOP, ConditionalRequest, check_request, unmet
 from yumi.driver.robot_state import Report, RobotState, arms_in_words
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, SpeedSetting, StateMachines
 from yumi.errors import RobotNotReady
@@ -145,7 +145,7 @@ class Bringup:
             self.check_controller()
         self.report_remarks()
         state = self.panel.state()
-        check_request(Request.BRING_UP, state)
+        check_request(ConditionalRequest.BRING_UP, state)
         for step in self._steps(state):
             self.step(step.name)
             step.do()

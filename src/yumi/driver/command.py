@@ -23,7 +23,7 @@ import msgspec
 
 from yumi.catalogue import FrontEnd, Message, message
 from yumi.control.loop_commands import CommandPort, Commands
-from yumi.control.shared_state import JointStates, Snapshot
+from yumi.control.shared_state import JointStates, Snapshots
 from yumi.driver.gripper import Check, Gripper
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.reports import (
@@ -85,7 +85,7 @@ class Lane(Enum):
     """A moment of motion, again and again."""
 
 
-class Request(
+class EndpointRequest(
     msgspec.Struct,
     frozen=True,
     kw_only=True,
@@ -103,7 +103,7 @@ class Request(
         return False
 
 
-class Command(Request, Generic[R], frozen=True):
+class Command(EndpointRequest, Generic[R], frozen=True):
     """What a driver can be asked to do; the fields are its arguments, which their types check, ``R`` is its result.
 
     The docstring is the help of its command on the command line. ROS offers it as a service of the robot manager: with
@@ -259,10 +259,8 @@ class Mover(TeleoperatedArms, Protocol):
     def commanding(self, side: Side) -> tuple[str, ...]: ...
 
 
-class Control(CommandPort, Protocol):
+class Control(CommandPort, Snapshots, Protocol):
     """What is needed of the control process."""
-
-    def snapshot(self, side: Side) -> Snapshot: ...
 
 
 class EventLog:

@@ -156,7 +156,7 @@ class Stop(NamedTuple):
     """End the control process when the arms stand."""
 
 
-UNREADABLE = 0
+NO_NUMBER = 0
 """Stands for the number of a command that could not be read."""
 
 
@@ -358,7 +358,7 @@ class ControlServer:
             return
         except Exception as error:  # the next one is sound
             refusal = Refusal(message("command_unreadable", kind=type(error).__name__, reason=said_by(error)))
-            self._send(Answer(UNREADABLE, refusal))
+            self._send(Answer(NO_NUMBER, refusal))
         self._watch_pipe()
 
     def _serve(self, call: Call) -> object:
@@ -574,7 +574,7 @@ class ControlProcess:
                 return
             if not isinstance(value, Answer):
                 self._handle(value)
-            elif value.number in (self._number, UNREADABLE):
+            elif value.number in (self._number, NO_NUMBER):
                 self._answers.append(value.value)
                 self._answered.set()
 

@@ -7,7 +7,7 @@ from math import isfinite
 
 from yumi.catalogue import message
 from yumi.clock import Clock, wait_until
-from yumi.driver.readiness import Request, check_request
+from yumi.driver.readiness import ConditionalRequest, check_request
 from yumi.driver.robot_state import RobotState
 from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady
 from yumi.rws import types as rapid_values
@@ -57,7 +57,7 @@ class ControllerPanel:
         Raises:
             RobotNotReady: the mode switch is not in AUTO.
         """
-        check_request(Request.WRITE, RobotState(True, self._client.operating_mode()))
+        check_request(ConditionalRequest.WRITE, RobotState(True, self._client.operating_mode()))
 
     def switch_motors_on(self) -> None:
         """Motors on, which also acknowledges an emergency stop that has been released.
@@ -66,7 +66,7 @@ class ControllerPanel:
             RobotNotReady: not in AUTO, or a stop keeps them off.
         """
         state = self.state()
-        check_request(Request.BRING_UP, state)
+        check_request(ConditionalRequest.BRING_UP, state)
         if state.controller_state is not ControllerState.MOTORS_ON:
             self._client.set_motors(True)
             wait_until(
@@ -93,7 +93,7 @@ class ControllerPanel:
             RobotNotReady: not in AUTO, motors off, or it does not run.
         """
         state = self.state()
-        check_request(Request.START_RAPID, state)
+        check_request(ConditionalRequest.START_RAPID, state)
         if state.execution is not ExecutionState.RUNNING:
             self._client.start_rapid()
             self._wait_for(ExecutionState.RUNNING)
@@ -114,7 +114,7 @@ class ControllerPanel:
         Raises:
             RobotNotReady: not in AUTO, or the program runs.
         """
-        check_request(Request.MOVE_PP, self.state())
+        check_request(ConditionalRequest.MOVE_PP, self.state())
         self._client.move_pp_to_main()
 
     def set_speed_ratio(self, percent: int) -> None:

@@ -17,7 +17,7 @@ from yumi.control.loop_events import (
     SessionLost,
     SessionStarted,
 )
-from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
+from yumi.control.shared_state import PROBLEMS, Problem, Snapshots
 from yumi.driver.bringup import Bringup
 from yumi.driver.robot_state import arms_in_words
 from yumi.driver.state_machine import MachineState
@@ -35,7 +35,7 @@ EGM_END_TIMEOUT = 1.0
 """How long after its program has stopped an arm may still report that EGM runs [s]; the arm is silent 0.1 s later."""
 
 
-class ArmControl(CommandPort, Protocol):
+class ArmControl(CommandPort, Snapshots, Protocol):
     """What is needed of the control process."""
 
     def check(self) -> None:
@@ -43,9 +43,6 @@ class ArmControl(CommandPort, Protocol):
 
     def revive(self) -> bool:
         """Start it again if it has ended; returns whether it had."""
-
-    def snapshot(self, side: Side) -> Snapshot:
-        """An arm after its last cycle."""
 
 
 class EgmControl:

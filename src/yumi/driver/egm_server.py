@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, isfinite
-from types import TracebackType
 from typing import Protocol, TypeVar, cast
 
 from yumi.catalogue import message
@@ -32,7 +31,7 @@ from yumi.robot.joints import Pose, Quaternion, Vector
 POLL_PERIOD = 0.050
 """How often a wait checks whether it is to end [s]."""
 
-UNREADABLE = 25
+MOST_UNREADABLE = 25
 """So many datagrams that cannot be read, and none that can: this is no robot we know."""
 
 _NORM_TOLERANCE = 1e-3  # by how much the norm of a quaternion may differ from 1
@@ -40,7 +39,7 @@ _OLDEST_MEASUREMENT = 1e6  # [s]
 
 
 @dataclass(frozen=True, slots=True)
-class RobotState:
+class EgmState:
     """What a robot says in one datagram, and when.
 
     Attributes:
@@ -126,8 +125,8 @@ class EgmServer:
         self._silence = silence
         self._timeout = timeout
         self._clock = clock or SystemClock()
-        self._arrived: RobotState | None = None
-        self._state: RobotState | None = None
+        self._arrived: EgmState | None = None
+        self._state: EgmState | None = None
         self._held = SensorMessage(0)
         self._is_stopped = False
         self._hears_this_machine_only = host is None and robot is None
@@ -140,12 +139,10 @@ class EgmServer:
     def __enter__(self) -> EgmServer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def __iter__(self) -> Iterator[RobotState]:
+    def __iter__(self) -> Iterator[EgmState]:
         """The robot's states as they come, the newest where several wait.
 
         Raises:
@@ -186,7 +183,7 @@ class EgmServer:
         """End the loop; may be called from another thread or a signal handler."""
         self._is_stopped = True
 
-    def receive(self, timeout: float | None = None) -> RobotState | None:
+    def receive(self, timeout: float | None = None) -> EgmState | None:
         """The robot's next state; None after ``timeout`` [s] or :meth:`stop`.
 
         Raises:
@@ -219,7 +216,7 @@ class EgmServer:
         the position sent last afterwards. In joint mode the robot heeds joints and speed, in pose mode pose and twist.
 
         Args:
-            joints: positions to reach, as many and in the order of :attr:`RobotState.joints` [rad].
+            joints: positions to reach, as many and in the order of :attr:`EgmState.joints` [rad].
             pose: where the tool is to be, in EGM's correction frame.
             speed: joint speeds [rad/s]; in a velocity loop (PosCorrGain 0) all there is.
             twist: speed of the tool, along x, y, z [m/s] and about x, y, z [rad/s].
@@ -262,7 +259,7 @@ class EgmServer:
         wanted = correction(offset, age)
         self._link.send(self._codec.encode_correction(replace(wanted, seqno=self._session.next_seqno())))
 
-    def _answered(self) -> RobotState:
+    def _answered(self) -> EgmState:
         if self._state is None:
             raise RobotNotReady(message("no_state_to_answer"))
         return self._state
@@ -273,10 +270,10 @@ class EgmServer:
             self._link.release()  # the robot may come back from another port
         received = accept_from(self._link, session.accept, self._link.receive(), now)
         if received is not None:
-            self._arrived = self._state = RobotState(now, session.period, session.number, session.is_first, received)
+            self._arrived = self._state = EgmState(now, session.period, session.number, session.is_first, received)
             if session.is_first:
                 self._held = standstill(received)
-        elif not session.number and session.counters.malformed >= UNREADABLE:
+        elif not session.number and session.counters.malformed >= MOST_UNREADABLE:
             raise ProtocolError(message("sender_cannot_be_guided", port=self.port, reason=session.last_error))
 
 
@@ -293,7 +290,7 @@ def standstill(message: RobotMessage) -> SensorMessage:
 
 
 def reference(
-    state: RobotState,
+    state: EgmState,
     *,
     joints: Sequence[float] | None = None,
     pose: Pose | None = None,

@@ -22,7 +22,7 @@ import msgspec
 
 from yumi import errors
 from yumi.catalogue import Message, message, said_by
-from yumi.driver.command import Command, Request
+from yumi.driver.command import Command, EndpointRequest
 from yumi.driver.reports import DriverState, EventReport, MotionReport, Said
 from yumi.errors import ProtocolError, RobotNotReady, YumiError
 from yumi.process.single_instance import lock_folder
@@ -40,11 +40,11 @@ ANSWER = 10.0
 # ---- what is said beside commands
 
 
-class Attach(Request, frozen=True):
+class Attach(EndpointRequest, frozen=True):
     """Keep the connection although nothing is asked for yet; the only request without an answer."""
 
 
-class Subscribe(Request, frozen=True):
+class Subscribe(EndpointRequest, frozen=True):
     """The state again and again, ``rate`` times a second."""
 
     rate: Annotated[float, msgspec.Meta(ge=0.1, le=60.0)] = 30.0
@@ -240,7 +240,7 @@ class EndpointClient:
                 state = self._decode(answer.state, DriverState)
                 yield msgspec.structs.replace(state, events=answer.events)
 
-    def _send(self, request: Request, timeout: float | None) -> None:
+    def _send(self, request: EndpointRequest, timeout: float | None) -> None:
         for name in request.__struct_fields__:
             value = getattr(request, name)
             if isinstance(value, float) and not isfinite(value):  # JSON has none: it would be taken for left out

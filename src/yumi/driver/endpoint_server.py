@@ -26,7 +26,7 @@ import msgspec
 
 from yumi.catalogue import FrontEnd, Message, cut, message, said_by
 from yumi.control.loop_events import ControllerReport, Event, is_fault
-from yumi.driver.command import RECENT, Caller, Command, CommandedRobot, Lane, Request
+from yumi.driver.command import RECENT, Caller, Command, CommandedRobot, EndpointRequest, Lane
 from yumi.driver.commands import carry_out, offered_to
 from yumi.driver.endpoint import (
     FIRST_REQUEST,
@@ -66,7 +66,7 @@ _FULL = message("too_many_clients", most=MAX_CLIENTS)
 _SILENT = message("silent_client", duration=FIRST_REQUEST)
 
 _ENDPOINT = (FrontEnd.SCRIPT, FrontEnd.SHELL, FrontEnd.PAGE)  # what reaches a driver over it
-decode_request: Callable[[bytes], Request] = msgspec.json.Decoder(
+decode_request: Callable[[bytes], EndpointRequest] = msgspec.json.Decoder(
     reduce(or_, offered_to(*_ENDPOINT), Attach | Subscribe)
 ).decode
 _log = logging.getLogger(__name__)
@@ -283,7 +283,7 @@ class EndpointServer:
             self._begin_unless_full(client, request)
         return True
 
-    async def _serve_beyond_limit(self, client: _Client, request: Request) -> bool:
+    async def _serve_beyond_limit(self, client: _Client, request: EndpointRequest) -> bool:
         """Serve a stop of a client that is none of those served; whether the client may ask for another one."""
         if isinstance(request, Attach):
             client.is_attached = True
@@ -392,7 +392,7 @@ def _refused(number: int, said: Message) -> Answer:
     return Answer(id=number, error=Failure("CommandRefused", Said.of(said)))
 
 
-def _failed(request: Request, error: Exception) -> Answer:
+def _failed(request: EndpointRequest, error: Exception) -> Answer:
     """Why a request failed; what is no refusal is a fault of the driver, which its log shows whole."""
     if isinstance(error, YumiError):
         return Answer(id=request.id, error=failure_of(error))

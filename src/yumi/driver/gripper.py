@@ -16,7 +16,7 @@ from typing import Protocol
 
 from yumi.catalogue import Message, message, said_by
 from yumi.clock import POLL_PERIOD, Clock, comes_true, wait_until
-from yumi.driver.readiness import Request, check_request
+from yumi.driver.readiness import ConditionalRequest, check_request
 from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import GRIPPER, MAIN, RUN_GRIPPER, SgCommand, read_machine_state
 from yumi.errors import CommandRefused, ControllerRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
@@ -684,7 +684,7 @@ class GripperRoutines:
                 # The task calibrates in a trap, which would hold back every stop of an arm that moves.
                 machine = read_machine_state(self._client.symbol(side.task, MAIN, "current_state"))
                 state = RobotState(True, machines={side: machine})
-                check_request(Request.CALIBRATE, state, (side,))
+                check_request(ConditionalRequest.CALIBRATE, state, (side,))
             for each in Side:
                 command = SgCommand.CALIBRATE if each in sides else SgCommand.NONE
                 self._write(each, "command_input", float(command))

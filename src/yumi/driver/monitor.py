@@ -18,13 +18,13 @@ from dataclasses import replace
 from math import inf
 from threading import Event as Flag
 from threading import Lock
-from typing import Any, Protocol
+from typing import Any
 
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.loop_events import Event as ArmEvent
 from yumi.control.loop_events import RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
-from yumi.control.shared_state import JointStates, Snapshot
+from yumi.control.shared_state import JointStates, Snapshots
 from yumi.driver.readiness import why_not_ready
 from yumi.driver.robot_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
@@ -233,12 +233,6 @@ _STOPPING = {EVENT_LOG.path, CONTROLLER_STATE.path, EXECUTION.path, OPERATING_MO
 _STARTING = 503
 _JOURNAL = 256  # changes that are remembered while something is read
 _FIXED = {MachineState.IDLE, MachineState.RUN_EGM_ROUTINE}
-
-
-class Snapshots(Protocol):
-    """The control loop's snapshot of an arm."""
-
-    def snapshot(self, side: Side) -> Snapshot: ...
 
 
 class RobotMonitor:

@@ -7,7 +7,7 @@ import re
 from yumi.catalogue import Message, message
 from yumi.clock import Clock, wait_until
 from yumi.driver.controller_panel import RAPID_NAME, ControllerPanel
-from yumi.driver.readiness import Request, check_request
+from yumi.driver.readiness import ConditionalRequest, check_request
 from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import RAPID, RUN_RAPID, MachineState, StateMachines
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
@@ -56,7 +56,7 @@ class RapidRoutines:
         """
         if not RAPID_NAME.fullmatch(name):
             raise CommandRefused(message("no_routine_name", name=name))
-        self._check_free(side, Request.RUN_ROUTINE)
+        self._check_free(side, ConditionalRequest.RUN_ROUTINE)
 
         def why_not_ended() -> Message:
             code = "routine_not_ended" if self._client.speed_ratio() > 0 else "routine_without_speed"
@@ -98,7 +98,7 @@ class RapidRoutines:
             RobotNotReady: the program does not run, or the arm is busy.
         """
         module = _module_in(file_name, text)
-        self._check_free(side, Request.LOAD_MODULE)
+        self._check_free(side, ConditionalRequest.LOAD_MODULE)
         path = f"HOME:/{file_name}"
         if self._has_module(side, module):
             self._run_with_file(side, "runModuleUnload", path)
@@ -116,7 +116,7 @@ class RapidRoutines:
     def _has_module(self, side: Side, name: str) -> bool:
         return any(module.name.lower() == name.lower() for module in self._client.modules(side.task))
 
-    def _check_free(self, side: Side, request: Request) -> None:
+    def _check_free(self, side: Side, request: ConditionalRequest) -> None:
         client = self._client
         machines = dict.fromkeys(Side, self._machines.state(side))
         state = RobotState(True, client.operating_mode(), execution=client.execution(), machines=machines)

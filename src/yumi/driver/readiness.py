@@ -136,7 +136,7 @@ NO_STOP = (NO_EMERGENCY_STOP, NO_GUARD_STOP, NO_SYSTEM_FAILURE)
 """Stops that no request ends."""
 
 
-class Request(Enum):
+class ConditionalRequest(Enum):
     """What is asked for; the value says it in the table of the documentation."""
 
     BRING_UP = "switch the motors on, make ready, start EGM, recover"
@@ -150,28 +150,28 @@ class Request(Enum):
     READY = "be ready (`robot_is_ready`)"
 
 
-_REFUSALS: Mapping[Request, str] = {
-    Request.BRING_UP: "cannot_bring_up",
-    Request.START_RAPID: "cannot_start_rapid",
-    Request.RUN_ROUTINE: "cannot_run_routine",
-    Request.LOAD_MODULE: "cannot_load_module",
-    Request.MOVE_PP: "cannot_move_pp",
-    Request.WRITE: "cannot_write",
-    Request.MOVE_GRIPPER: "cannot_move_gripper",
-    Request.CALIBRATE: "cannot_calibrate",
-    Request.READY: "cannot_be_ready",
+_REFUSALS: Mapping[ConditionalRequest, str] = {
+    ConditionalRequest.BRING_UP: "cannot_bring_up",
+    ConditionalRequest.START_RAPID: "cannot_start_rapid",
+    ConditionalRequest.RUN_ROUTINE: "cannot_run_routine",
+    ConditionalRequest.LOAD_MODULE: "cannot_load_module",
+    ConditionalRequest.MOVE_PP: "cannot_move_pp",
+    ConditionalRequest.WRITE: "cannot_write",
+    ConditionalRequest.MOVE_GRIPPER: "cannot_move_gripper",
+    ConditionalRequest.CALIBRATE: "cannot_calibrate",
+    ConditionalRequest.READY: "cannot_be_ready",
 }
 
-NEEDED: Mapping[Request, tuple[Condition, ...]] = {
-    Request.BRING_UP: (AUTOMATIC, *NO_STOP, CONFIRMED),
-    Request.START_RAPID: (AUTOMATIC, MOTORS_ON, CONFIRMED),
-    Request.RUN_ROUTINE: (AUTOMATIC, PROGRAM_RUNS, IDLE, CONFIRMED),
-    Request.LOAD_MODULE: (AUTOMATIC, PROGRAM_RUNS, IDLE),
-    Request.MOVE_PP: (AUTOMATIC, PROGRAM_STANDS),
-    Request.WRITE: (AUTOMATIC,),
-    Request.MOVE_GRIPPER: (CONFIRMED,),
-    Request.CALIBRATE: (IDLE, CONFIRMED),
-    Request.READY: (CONNECTED, AUTOMATIC, *NO_STOP, MOTORS_ON, PROGRAM_RUNS, IDLE_OR_IN_EGM, CONFIRMED),
+NEEDED: Mapping[ConditionalRequest, tuple[Condition, ...]] = {
+    ConditionalRequest.BRING_UP: (AUTOMATIC, *NO_STOP, CONFIRMED),
+    ConditionalRequest.START_RAPID: (AUTOMATIC, MOTORS_ON, CONFIRMED),
+    ConditionalRequest.RUN_ROUTINE: (AUTOMATIC, PROGRAM_RUNS, IDLE, CONFIRMED),
+    ConditionalRequest.LOAD_MODULE: (AUTOMATIC, PROGRAM_RUNS, IDLE),
+    ConditionalRequest.MOVE_PP: (AUTOMATIC, PROGRAM_STANDS),
+    ConditionalRequest.WRITE: (AUTOMATIC,),
+    ConditionalRequest.MOVE_GRIPPER: (CONFIRMED,),
+    ConditionalRequest.CALIBRATE: (IDLE, CONFIRMED),
+    ConditionalRequest.READY: (CONNECTED, AUTOMATIC, *NO_STOP, MOTORS_ON, PROGRAM_RUNS, IDLE_OR_IN_EGM, CONFIRMED),
 }
 """What each request needs, in the order in which it is checked. A request that can bring a condition about itself does
 not need it. That a stop is confirmed is checked by :class:`StopLog`, which reads the event log."""
@@ -182,7 +182,7 @@ def unmet(conditions: Iterable[Condition], state: RobotState, arms: Arms = _BOTH
     return next((condition for condition in conditions if not condition.is_met(state, arms)), None)
 
 
-def check_request(request: Request, state: RobotState, arms: Arms = _BOTH_ARMS) -> None:
+def check_request(request: ConditionalRequest, state: RobotState, arms: Arms = _BOTH_ARMS) -> None:
     """Refuse a request that a condition forbids; that a stop is confirmed is left to the log of stops.
 
     Args:
@@ -208,7 +208,7 @@ def why_not_ready(state: RobotState) -> tuple[Message, ...]:
     An open stop comes after what else there is: both must be dealt with. What recovering does is not asked for beside
     the confirmation that recovering asks for.
     """
-    *others, confirmed = NEEDED[Request.READY]
+    *others, confirmed = NEEDED[ConditionalRequest.READY]
     found = (unmet(others, state), unmet([confirmed], state))
     is_open = found[1] is not None
     return tuple(
@@ -234,7 +234,7 @@ _EXAMPLE = RobotState(
 
 def reference_page() -> str:
     """The page of the documentation, in Markdown."""
-    every = [*NEEDED[Request.READY], *(condition for needed in NEEDED.values() for condition in needed)]
+    every = [*NEEDED[ConditionalRequest.READY], *(condition for needed in NEEDED.values() for condition in needed)]
     conditions = list(dict.fromkeys(every))
     numbers = {condition: number for number, condition in enumerate(conditions, 1)}
     lines = [
@@ -277,7 +277,7 @@ def reference_page() -> str:
         "```mermaid",
         "flowchart TD",
     ]
-    ready = NEEDED[Request.READY]
+    ready = NEEDED[ConditionalRequest.READY]
     for here, after in zip(ready, [*ready[1:], None], strict=True):
         target = f"c{numbers[after]}" if after else "ready([EGM can start])"
         lines.append(f'    c{numbers[here]}{{"{here.name}?"}} -- yes --> {target}')

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import Snapshots
 from yumi.driver.device_frame import ClutchWord, DeviceFrame, TeleoperatedArmReport, TeleoperationReport
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.reports import Said
@@ -74,12 +74,6 @@ class TeleoperatedArms(Protocol):
     def is_following(self, side: Side) -> bool: ...
 
     def end_following(self, side: Side) -> None: ...
-
-
-class Snapshots(Protocol):
-    """Where an arm is."""
-
-    def snapshot(self, side: Side) -> Snapshot: ...
 
 
 Elsewhere = Callable[[Callable[[], None]], None]

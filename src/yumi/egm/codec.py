@@ -23,7 +23,7 @@ from typing import NamedTuple, TypeVar, cast
 from google.protobuf.message import DecodeError
 
 from yumi.catalogue import Message, message, said_by
-from yumi.core.library import COMMAND, REPORT, UNREADABLE, load
+from yumi.core.library import COMMAND, REPORT, UNREADABLE_DATAGRAM, load
 from yumi.egm import egm_pb2 as pb
 from yumi.errors import ProtocolError
 from yumi.robot.joints import ZERO, Joints, Pose, Quaternion, Vector
@@ -457,7 +457,10 @@ class JointCodec:
 
     def __init__(self) -> None:
         self._library = load()
-        self._report, self._unreadable = create_string_buffer(REPORT.size), create_string_buffer(UNREADABLE.size)
+        self._report, self._unreadable = (
+            create_string_buffer(REPORT.size),
+            create_string_buffer(UNREADABLE_DATAGRAM.size),
+        )
         self._datagram = create_string_buffer(LARGEST_REFERENCE)
 
     def decode(self, datagram: bytes) -> JointReport:
@@ -467,7 +470,7 @@ class JointCodec:
             ProtocolError: the datagram is not a complete message of a seven-axis robot.
         """
         if not self._library.codec_decode(datagram, len(datagram), self._report, self._unreadable):
-            raise ProtocolError(_unreadable(len(datagram), *UNREADABLE.unpack(self._unreadable.raw)))
+            raise ProtocolError(_unreadable(len(datagram), *UNREADABLE_DATAGRAM.unpack(self._unreadable.raw)))
         seqno, *values, time, motors, mci, rapid = REPORT.unpack(self._report.raw)
         measured, planned = (tuple(each) for each in (values[:7], values[7:]))
         states = _MOTOR_STATES[motors], _MCI_STATES[mci], _RAPID_STATES[rapid]

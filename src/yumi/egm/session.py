@@ -12,7 +12,6 @@ from weakref import finalize
 
 from yumi.core.library import SessionValues, load
 from yumi.errors import ProtocolError
-from yumi.robot.joints import Joints
 
 SILENCE = 0.020
 """A robot that says nothing for five cycles is lost [s]."""
@@ -41,9 +40,6 @@ class Codec(Protocol[Message_co]):
 
     def decode(self, datagram: bytes) -> Message_co:
         """The robot's message; raises ProtocolError."""
-
-    def encode_joints(self, seqno: int, position: Joints, velocity: Joints | None) -> bytes:
-        """The datagram with a reference."""
 
 
 class SessionCounters(NamedTuple):
@@ -155,7 +151,7 @@ class Session:
 
 
 class SensorSession(Session, Generic[Message]):
-    """Turns datagrams into messages that count, and commands into datagrams.
+    """Turns datagrams into messages that count, and numbers the answers.
 
     Args:
         codec: of the robot's messages.
@@ -192,10 +188,6 @@ class SensorSession(Session, Generic[Message]):
             if self._library.session_takes(self.handle, message.seqno, message.measured_time, now):
                 accepted = message
         return accepted
-
-    def reply(self, position: Joints, velocity: Joints | None) -> bytes:
-        """The answer to the message accepted last [rad], [rad/s]."""
-        return self._codec.encode_joints(self.next_seqno(), position, velocity)
 
     def next_seqno(self) -> int:
         """The number of our next datagram in this session."""

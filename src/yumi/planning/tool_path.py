@@ -37,10 +37,9 @@ from yumi.planning.rounded_path import Array, rounding
 from yumi.planning.smoothing import smooth_spline_through
 from yumi.robot.differential_kinematics import rotated_to_foot, target_error, wrist_of, wrist_target
 from yumi.robot.inverse_kinematics import Unreachable
-from yumi.robot.joints import JointLimits, Joints, Pose, Side, Vector, joint_names, joints, rotate
+from yumi.robot.joints import ORIGIN, JointLimits, Joints, Pose, Side, Vector, joint_names, joints, rotate
 from yumi.robot.kinematics import (
     FLANGE,
-    IDENTITY,
     compose,
     inverse,
     multiply,
@@ -62,7 +61,6 @@ _AT_WALL = 1e-6  # [m] a tool so little beyond a wall is at it
 _ELBOW_TURNS = tuple(sign * each for each in (0.17, 0.35, 0.7, 1.05, 1.4) for sign in (1.0, -1.0))  # [rad] of the elbow
 _ACCELERATION, _JERK = 2.5, 50.0  # of the tool [m/s²], [m/s³]
 _ROTATION_ACCELERATION, _ROTATION_JERK = 15.0, 300.0  # [rad/s²], [rad/s³]
-_TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
 _FARTHEST = 3.0  # [m] from the body: a pose beyond was hardly meant in metres
 _KNOTS = 3  # cycles between two points of the plan: between them a spline is within a thousandth of a millimetre
 
@@ -137,7 +135,7 @@ def plan_path(
     waypoints: Sequence[Waypoint],
     limits: JointLimits,
     *,
-    tool: Pose = _TOOL0,
+    tool: Pose = ORIGIN,
     speed: float = SPEED,
     turning: float = TURNING,
     zone: float = ZONE,

@@ -10,7 +10,6 @@ from contextlib import suppress
 from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
-from types import TracebackType
 
 from yumi.catalogue import message
 from yumi.errors import RobotNotReady, SettingsError
@@ -68,9 +67,7 @@ class Command:
         self._reader.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     @property

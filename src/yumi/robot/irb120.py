@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from yumi.robot.arm_kinematics import Arm
 from yumi.robot.confdata import CONFIGURATION_TOLERANCE, Configuration, quarter_turn
-from yumi.robot.joints import JointLimits, Joints, Pose
-from yumi.robot.kinematics import IDENTITY, matrix
+from yumi.robot.joints import ORIGIN, JointLimits, Joints, Pose
+from yumi.robot.kinematics import matrix
 from yumi.robot.rotations import rotations_about
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ def irb120() -> Arm:
         end=_TOOL0_AT_ZERO,
         name="robot",
         axes=(1, 2, 3, 4, 5, 6),
-        foot_to_world=Pose((0.0, 0.0, 0.0), IDENTITY),
+        foot_to_world=ORIGIN,
         limits=IRB120_LIMITS,
         home=(0.0, 0.0, 0.0, 0.0, radians(30.0), 0.0),
         configuration=six_axis_configuration,

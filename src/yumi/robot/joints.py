@@ -166,6 +166,10 @@ class Pose:
         return replace(self, position=(px + dx, py + dy, pz + dz))
 
 
+ORIGIN = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+"""A frame that lies on another one, as tool0 does on the flange, and wobj0 on the world."""
+
+
 class ArmState(NamedTuple):
     """One arm as the robot reported it in one datagram; a tuple, which is made in half the time of a frozen class.
 

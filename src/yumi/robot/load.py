@@ -10,12 +10,11 @@ import numpy as np
 from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.robot.description import Mass
-from yumi.robot.joints import Pose, Quaternion, Vector, rotate
-from yumi.robot.kinematics import IDENTITY, quaternion_from_matrix
+from yumi.robot.joints import ORIGIN, Pose, Quaternion, Vector, rotate
+from yumi.robot.kinematics import quaternion_from_matrix
 
 _MOST_LOAD = 0.5  # [kg] an arm carries, its gripper included (reference/yumi.md)
 _FARTHEST_FROM_FLANGE = 0.5  # [m] of a centre of gravity or a TCP: what is farther was hardly meant in metres
-_AT_FLANGE = Pose((0.0, 0.0, 0.0), IDENTITY)
 _LEAST_MASS = 0.001  # [kg] RAPID knows no tool without a mass; that of its tool0
 _NO_LOAD = Mass(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
 
@@ -33,7 +32,7 @@ class Tool:
         CommandRefused: a value is not finite, negative or too large; the sentence says which.
     """
 
-    tcp: Pose = _AT_FLANGE
+    tcp: Pose = ORIGIN
     load: Mass = _NO_LOAD
     payload: Mass = _NO_LOAD
 

@@ -11,8 +11,8 @@ import numpy as np
 from yumi.robot.arm_kinematics import Arm
 from yumi.robot.confdata import configuration
 from yumi.robot.inverse_kinematics import TO_TOOL0, postures
-from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, JointLimits, Joints, Pose, Side, home
-from yumi.robot.kinematics import FLANGE, IDENTITY, OFFSETS, compose, foot_to_body, matrix
+from yumi.robot.joints import CHAIN_AXES, ORIGIN, YUMI_LIMITS, JointLimits, Joints, Pose, Side, home
+from yumi.robot.kinematics import FLANGE, OFFSETS, compose, foot_to_body, matrix
 from yumi.robot.rotations import cross
 
 
@@ -55,7 +55,7 @@ def irb14050() -> Arm:
     return replace(
         arm,
         name="robot",
-        foot_to_world=Pose((0.0, 0.0, 0.0), IDENTITY),
+        foot_to_world=ORIGIN,
         reference=(0.0, 0.0, 1.0),
         find_postures=find,
         is_of_yumi=False,

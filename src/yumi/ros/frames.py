@@ -23,8 +23,8 @@ from yumi.clock import Clock
 from yumi.driver.settings import RosSettings
 from yumi.errors import CommandRefused
 from yumi.planning.tool_path import checked_pose
-from yumi.robot.joints import Pose, Side, finger_names, joint_names, prefixed
-from yumi.robot.kinematics import IDENTITY, compose, inverse, tool0_to_body
+from yumi.robot.joints import ORIGIN, Pose, Side, finger_names, joint_names, prefixed
+from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.robot.urdf import Frame, read_frames
 from yumi.ros.messages import LATCHED, Stamps, stamp
 from yumi.ros.nodes import TimerThread
@@ -37,7 +37,6 @@ _TF_QOS = QoSProfile(depth=100)  # as tf2's own broadcaster
 _STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # as tf2's own listener
 
 _LONGEST_CHAIN = 100  # frames from the root on; more are a loop
-_HERE = Pose((0.0, 0.0, 0.0), IDENTITY)
 
 
 class FramePublisher:
@@ -252,7 +251,7 @@ class RobotFrames:
             positions.update(dict.fromkeys(finger_names(side), place))
 
         def seen_from_above(name: str) -> dict[str, Pose]:
-            pose, found = _HERE, {self._name(name) or prefixed("yumi_base"): _HERE}
+            pose, found = ORIGIN, {self._name(name) or prefixed("yumi_base"): ORIGIN}
             for frame in self._way_up(name):
                 if frame.joint and frame.joint not in positions:
                     what = "gripper" if frame.slides else "arm"
@@ -275,7 +274,7 @@ class RobotFrames:
         """
 
         def on_link(name: str) -> tuple[str, Pose]:
-            pose = _HERE
+            pose = ORIGIN
             for frame in self._way_up(name):
                 if frame.joint:
                     return frame.name, pose

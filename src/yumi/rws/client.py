@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from queue import Queue
 from threading import Lock
-from types import TracebackType
 from typing import TypeVar
 from weakref import WeakSet
 
@@ -49,7 +48,7 @@ from yumi.rws.services.service import request
 from yumi.rws.services.symbols import Symbols
 from yumi.rws.services.system import System
 from yumi.rws.services.users import Users
-from yumi.rws.session import BUSY, OnProgress, Request, RwsSession, Transport
+from yumi.rws.session import BUSY, OnProgress, RwsRequest, RwsSession, Transport
 from yumi.rws.transport import HttpTransport
 from yumi.rws.types import PROTOCOL, Priority, Resource
 from yumi.rws.web_socket import Listener, Socket
@@ -117,9 +116,7 @@ class RwsClient(
         self.connect()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def connect(self) -> SystemInfo:
@@ -168,7 +165,7 @@ class RwsClient(
             query: parameters in the URL, such as the action.
             form: parameters in the body.
         """
-        reply = self._session.exchange(Request(method.upper(), path, query, form))
+        reply = self._session.exchange(RwsRequest(method.upper(), path, query, form))
         self._accepted(reply, f"{method.upper()} {path}")
         return read_page(reply.headers.get("Content-Type", ""), reply.content) if reply.content else None
 
@@ -187,7 +184,7 @@ class RwsClient(
     def entries(self, path: str) -> tuple[State, ...]:
         """What any list of Robot Web Services shows, on all its pages; ``path`` such as ``/rw/iosystem/signals``."""
         where, _, query = path.partition("?")
-        return self._states(f"reading {where}", Request("GET", where, decode_form(query)))
+        return self._states(f"reading {where}", RwsRequest("GET", where, decode_form(query)))
 
     def wait_for_restart(self, on_progress: OnProgress = lambda text: None, deadline: float = RESTART_DEADLINE) -> None:
         """Restart, wait until the controller is gone, and until it answers again.

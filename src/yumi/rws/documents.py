@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from math import radians
 from typing import TypeVar
-from urllib.parse import quote, unquote, unquote_plus
+from urllib.parse import quote, unquote
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -30,9 +30,7 @@ from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, Pose, chain_from_abb, joints
 from yumi.rws.types import (
     EventType,
-    ExecutionState,
     SignalType,
-    TaskExecution,
     meaning_of,
     name_of,
 )
@@ -357,50 +355,6 @@ class SystemInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class ControllerIdentity:
-    """Which controller it is; the serial number is empty for a virtual one."""
-
-    name: str
-    serial: str
-    is_virtual: bool
-
-
-JOB_PENDING, JOB_DONE = 294914, 294912
-"""Codes of a job's progress (reference/rws.md §4.4)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """How far a job of the controller is, in its words, with its code."""
-
-    code: int
-    state: str
-
-    @property
-    def is_pending(self) -> bool:
-        return self.code == JOB_PENDING
-
-
-@dataclass(frozen=True, slots=True)
-class TaskInfo:
-    """One RAPID task; a normal one is started by hand, a static or semistatic one starts with the controller."""
-
-    name: str
-    execution: TaskExecution
-    is_active: bool
-    is_motion_task: bool
-    starts_by_hand: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class ModuleInfo:
-    """One RAPID module; type is ``ProgMod`` or ``SysMod``."""
-
-    name: str
-    type: str
-
-
-@dataclass(frozen=True, slots=True)
 class Signal:
     """One I/O signal and its logical value."""
 
@@ -493,21 +447,6 @@ def read_system(page: Page) -> SystemInfo:
     return SystemInfo(state.text("name"), robotware, options, state.fields.get("sysid", ""))
 
 
-def read_identity(page: Page) -> ControllerIdentity:
-    """``/ctrl/identity``."""
-    state = page.one("ctrl-identity-info", "ctrl-identity-info-li")
-    is_virtual = state.text("ctrl-type").startswith("Virtual")
-    return ControllerIdentity(state.text("ctrl-name"), state.fields.get("ctrl-id", ""), is_virtual)
-
-
-def read_progress(page: Page) -> Progress:
-    """``/progress/{id}``."""
-    if not page.states:
-        raise ProtocolError(message("answer_without_progress"))
-    state = page.states[0]
-    return Progress(state.whole("code"), state.text("state"))
-
-
 def read_mastership(page: Page) -> str:
     """``/rw/mastership/{domain}``: who holds it, unless that is this session."""
     state = page.one("msh-resource")
@@ -515,37 +454,6 @@ def read_mastership(page: Page) -> str:
         return ""
     known = [text for name in ("application", "alias", "location") if (text := state.fields.get(name, ""))]
     return ", ".join(known) or f"another client ({state.text('mastership')})"
-
-
-def read_execution(page: Page) -> ExecutionState:
-    """``/rw/rapid/execution``."""
-    return page.one("rap-execution").member(ExecutionState, "ctrlexecstate")
-
-
-def read_tasks(page: Page) -> tuple[TaskInfo, ...]:
-    """``/rw/rapid/tasks``."""
-    return tuple(
-        TaskInfo(
-            name=state.text("name"),
-            execution=member(TaskExecution, state.text("excstate")[:4].lower()),
-            is_active=state.text("active").lower() == "on",
-            is_motion_task=state.text("motiontask").lower() == "true",
-            starts_by_hand=state.fields.get("type", "norm").lower().startswith("norm"),
-        )
-        for state in page.of_type("rap-task-li")
-    )
-
-
-def read_module_text(page: Page) -> str:
-    """``/rw/rapid/modules/{module}?resource=module-text``: URL-encoded, in Latin-1 as RAPID's files."""
-    text = page.one("rap-module-text").text("module-text")
-    decode = unquote if "%20" in text else unquote_plus  # which of the two encodings it is, ABB does not say
-    return decode(text, encoding="latin-1")
-
-
-def read_symbol(page: Page) -> str:
-    """``/rw/rapid/symbol/data``: the RAPID literal."""
-    return page.one("rap-data").text("value")
 
 
 def read_symbol_type(page: Page) -> str:

@@ -63,7 +63,7 @@ OnProgress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class RwsRequest:
     """One request, free of connection and session.
 
     Attributes:
@@ -188,7 +188,7 @@ class RwsSession:
         """Whether the controller has given us a session, as far as we know."""
         return SESSION_COOKIE in self._cookies
 
-    def exchange(self, request: Request) -> httpx.Response:
+    def exchange(self, request: RwsRequest) -> httpx.Response:
         """The controller's response to ``request``, whatever its status, within the timeout once it has its turn.
 
         Its turn comes within the timeout, too, unless several requests wait for a controller that does not answer.
@@ -274,7 +274,7 @@ class RwsSession:
             return True
         return self._slow is self._running[0] and len(self._running) < _CONNECTIONS and self.is_open
 
-    def _authorized(self, request: Request, deadline: Deadline) -> httpx.Response:
+    def _authorized(self, request: RwsRequest, deadline: Deadline) -> httpx.Response:
         """The response of a controller that knows us; logs in where it does not."""
         cookies = self._cookies
         try:

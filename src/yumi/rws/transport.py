@@ -11,6 +11,7 @@ import re
 import socket
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from threading import Lock
 from urllib.parse import urlsplit
@@ -112,7 +113,9 @@ class HttpTransport(httpx.BaseTransport):
             NoConnection: nothing answers at the address in time.
             ControllerRefused: what answers does not open a WebSocket.
         """
-        return WebSocket(self.address, target, cookies, listener, timeout)
+        url, end = httpx.URL(f"http://{self.address}"), self._clock.now() + timeout
+        connect = partial(self._connect, url.host, url.port or 80, end)
+        return WebSocket(self.address, connect, target, cookies, listener, timeout)
 
     def close(self) -> None:
         """Close the connections; exchanges under way end at once, another one opens a new connection."""

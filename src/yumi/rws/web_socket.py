@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from time import monotonic
 from typing import Protocol
 
-import httpx
-
 from yumi.catalogue import message, said_by
 from yumi.errors import ControllerRefused, MissingPrerequisite, NoConnection
 from yumi.process.supervision import no_thread, start_thread
@@ -55,15 +53,31 @@ class Socket(Protocol):
 class WebSocket:
     """A WebSocket at ``address``, open once it is built; ``close`` it when done.
 
+    Args:
+        address: of the controller, for the handshake and for errors.
+        connect: makes the connection; raises OSError where nothing answers.
+        target: path of the WebSocket.
+        cookies: of the session, or "".
+        listener: receives what comes.
+        timeout: until it is open [s].
+
     Raises:
         NoConnection: nothing answers at the address in time.
         ControllerRefused: what answers does not open a WebSocket.
         MissingPrerequisite: the operating system permits no further thread.
     """
 
-    def __init__(self, address: str, target: str, cookies: str, listener: Listener, timeout: float) -> None:
+    def __init__(
+        self,
+        address: str,
+        connect: Callable[[], socket.socket],
+        target: str,
+        cookies: str,
+        listener: Listener,
+        timeout: float,
+    ) -> None:
         from websockets.exceptions import InvalidStatus, WebSocketException  # noqa: PLC0415 - the server needs none
-        from websockets.sync.client import connect  # noqa: PLC0415
+        from websockets.sync import client  # noqa: PLC0415
         from websockets.typing import Subprotocol  # noqa: PLC0415
 
         self._address = address
@@ -71,11 +85,10 @@ class WebSocket:
         self._is_closed = False
         end: socket.socket | None = None
         try:
-            begin, url = monotonic(), httpx.URL(f"http://{address}")
-            end = socket.create_connection((url.host, url.port or 80), timeout)
+            begin, end = monotonic(), connect()
             end.settimeout(None)
             self._connection = ExitStack().enter_context(  # websockets demands a context; close() ends it
-                connect(
+                client.connect(
                     f"ws://{address}{target}",
                     sock=end,  # which keeps it from following redirects
                     subprotocols=[Subprotocol(listener.protocol)],

@@ -35,7 +35,8 @@ from yumi.robot.joints import CHAIN_AXES, Side
 from yumi.robot.kinematics import matrix
 from yumi.robot.yumi_arms import irb14050
 from yumi.rws.client import RwsClient
-from yumi.rws.documents import Event, JointTarget, TaskInfo
+from yumi.rws.documents import Event, JointTarget
+from yumi.rws.operations.rapid import TaskInfo
 from yumi.rws.session import BUSY
 from yumi.rws.transport import HttpTransport
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from yumi.catalogue import Message, message, said_by
-from yumi.driver.command import Command, Request
+from yumi.driver.command import Command, EndpointRequest
 from yumi.driver.endpoint import ANSWER, Answer, Attach, Subscribe, connect_driver, error_of, find_driver
 from yumi.driver.reports import EventReport, MotionReport
 from yumi.errors import RobotNotReady
@@ -97,7 +97,7 @@ class DriverLink:
         finally:
             del self._waiting[number]
 
-    async def _send(self, request: Request) -> tuple[int, asyncio.Queue[Answer | RobotNotReady]]:
+    async def _send(self, request: EndpointRequest) -> tuple[int, asyncio.Queue[Answer | RobotNotReady]]:
         if self._reading.done():
             raise self._lost(message("driver_closed_connection"))
         self._number += 1
@@ -111,7 +111,7 @@ class DriverLink:
             raise self._lost(said_by(error)) from error
         return number, answers
 
-    def _write(self, request: Request) -> None:
+    def _write(self, request: EndpointRequest) -> None:
         self._writer.write(msgspec.json.encode(request) + b"\n")
 
     async def _next(self, answers: asyncio.Queue[Answer | RobotNotReady]) -> Answer:

@@ -23,7 +23,6 @@ from math import nan
 from pathlib import Path
 from threading import Timer
 from time import monotonic
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -197,9 +196,7 @@ class Server:
         self.pids = [int(word) for word in first[1:]]
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def stop(self) -> None:

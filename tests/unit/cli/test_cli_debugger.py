@@ -20,7 +20,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE
 from yumi.rws.client import RwsClient
 from yumi.rws.documents import Pairs
-from yumi.rws.services.rapid import RunCycle
+from yumi.rws.operations.rapid import RunCycle
 from yumi.rws.types import Code
 from yumi.virtual.rws.call import Failure
 from yumi.virtual.rws.router import Route

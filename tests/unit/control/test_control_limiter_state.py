@@ -13,7 +13,6 @@ from yumi.control.limiter_state import (
     ForbiddenTransition,
     LimiterEvent,
     LimiterState,
-    next_state,
 )
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, joints
 
@@ -55,9 +54,9 @@ def test_nothing_desired_is_followed_before_a_session_has_begun(state: LimiterSt
 @pytest.mark.parametrize("state", SETTLING_STATES, ids=lambda state: state.name)
 def test_arm_follows_again_only_after_it_has_settled(state: LimiterState) -> None:
     assert LimiterState.FOLLOWING not in TRANSITIONS[state].values()
-    assert next_state(state, LimiterEvent.UNDESIRED) is LimiterState.SETTLING
-    assert next_state(LimiterState.SETTLING, LimiterEvent.BACK) is LimiterState.HOLDING
-    assert next_state(LimiterState.HOLDING, LimiterEvent.DESIRED) is LimiterState.FOLLOWING
+    assert TRANSITIONS[state][LimiterEvent.UNDESIRED] is LimiterState.SETTLING
+    assert TRANSITIONS[LimiterState.SETTLING][LimiterEvent.BACK] is LimiterState.HOLDING
+    assert TRANSITIONS[LimiterState.HOLDING][LimiterEvent.DESIRED] is LimiterState.FOLLOWING
 
 
 def test_what_the_table_forbids_raises_and_changes_nothing() -> None:

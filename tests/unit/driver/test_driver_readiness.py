@@ -13,7 +13,7 @@ from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver.readiness import (
     NEEDED,
     Condition,
-    Request,
+    ConditionalRequest,
     check_request,
     reference_page,
     unmet,
@@ -45,7 +45,7 @@ def stopped_by(state: ControllerState) -> RobotState:
 
 def test_robot_that_is_ready_meets_every_condition_of_ready() -> None:
     assert why_not_ready(READY) == ()
-    assert unmet(NEEDED[Request.READY], READY) is None
+    assert unmet(NEEDED[ConditionalRequest.READY], READY) is None
 
 
 @pytest.mark.parametrize(
@@ -101,37 +101,44 @@ def test_arm_in_egm_is_ready() -> None:
     ("request_", "state", "code", "reason"),
     [
         (
-            Request.WRITE,
+            ConditionalRequest.WRITE,
             replace(READY, operating_mode=OperatingMode.MANUAL_FULL),
             "cannot_write",
             message("not_in_auto", mode="MANF"),
         ),
         (
-            Request.BRING_UP,
+            ConditionalRequest.BRING_UP,
             stopped_by(ControllerState.EMERGENCY_STOP),
             "cannot_bring_up",
             message("emergency_stop_pressed"),
         ),
-        (Request.START_RAPID, stopped_by(ControllerState.MOTORS_OFF), "cannot_start_rapid", message("motors_off")),
-        (Request.MOVE_PP, READY, "cannot_move_pp", message("program_runs")),
-        (Request.RUN_ROUTINE, BUSY, "cannot_run_routine", message("not_idle", machines=(BUSY_RIGHT,))),
-        (Request.CALIBRATE, BUSY, "cannot_calibrate", message("not_idle", machines=(BUSY_RIGHT,))),
+        (
+            ConditionalRequest.START_RAPID,
+            stopped_by(ControllerState.MOTORS_OFF),
+            "cannot_start_rapid",
+            message("motors_off"),
+        ),
+        (ConditionalRequest.MOVE_PP, READY, "cannot_move_pp", message("program_runs")),
+        (ConditionalRequest.RUN_ROUTINE, BUSY, "cannot_run_routine", message("not_idle", machines=(BUSY_RIGHT,))),
+        (ConditionalRequest.CALIBRATE, BUSY, "cannot_calibrate", message("not_idle", machines=(BUSY_RIGHT,))),
     ],
 )
-def test_request_is_refused_with_its_reason(request_: Request, state: RobotState, code: str, reason: Message) -> None:
+def test_request_is_refused_with_its_reason(
+    request_: ConditionalRequest, state: RobotState, code: str, reason: Message
+) -> None:
     with refused(RobotNotReady, code, reason=reason):
         check_request(request_, state)
 
 
 def test_condition_of_one_arm_leaves_the_other_out() -> None:
-    check_request(Request.RUN_ROUTINE, BUSY, (Side.LEFT,))
+    check_request(ConditionalRequest.RUN_ROUTINE, BUSY, (Side.LEFT,))
     with refused(RobotNotReady, "cannot_calibrate", reason=message("not_idle", machines=(BUSY_RIGHT,))):
-        check_request(Request.CALIBRATE, BUSY, (Side.RIGHT,))
+        check_request(ConditionalRequest.CALIBRATE, BUSY, (Side.RIGHT,))
 
 
 def test_what_a_bring_up_brings_about_does_not_forbid_it() -> None:
-    check_request(Request.BRING_UP, stopped_by(ControllerState.MOTORS_OFF))
-    check_request(Request.BRING_UP, BUSY)
+    check_request(ConditionalRequest.BRING_UP, stopped_by(ControllerState.MOTORS_OFF))
+    check_request(ConditionalRequest.BRING_UP, BUSY)
 
 
 @pytest.mark.parametrize("front_end", FrontEnd)

@@ -37,10 +37,6 @@ def accept(session: SensorSession[JointReport], *seqnos: int, now: float = 0.0) 
     return None if message is None else message.seqno
 
 
-def reply_seqno(session: SensorSession[JointReport]) -> int | None:
-    return RobotCodec().decode(session.reply(HOME, None)).seqno
-
-
 def test_session_begins_with_its_first_datagram(session: SensorSession[JointReport]) -> None:
     assert accept(session, 0) == 0
     assert (session.number, session.is_first, session.is_open) == (1, True, True)
@@ -56,9 +52,9 @@ def test_session_begins_in_the_middle_when_we_come_late(session: SensorSession[J
 
 def test_session_counts_its_replies_from_zero_in_every_session(session: SensorSession[JointReport]) -> None:
     accept(session, 0)
-    assert [reply_seqno(session), reply_seqno(session)] == [0, 1]
+    assert [session.next_seqno(), session.next_seqno()] == [0, 1]
     session.accept([datagram(0, 1010.0)], 10.0)
-    assert reply_seqno(session) == 0
+    assert session.next_seqno() == 0
 
 
 def test_session_answers_the_newest_datagram_and_counts_those_that_came_late(
@@ -163,11 +159,11 @@ def test_session_goes_on_after_a_silence_when_the_robot_has_counted_on(
     session: SensorSession[JointReport], is_noticed: bool
 ) -> None:
     accept(session, 10)
-    reply_seqno(session)
+    session.next_seqno()
     assert session.close_if_silent(4.0) if is_noticed else session.is_open
     assert accept(session, 1010, now=4.0) == 1010
     assert (session.number, session.is_first, session.is_resumed, session.is_open) == (1, False, is_noticed, True)
-    assert (session.counters.lost, reply_seqno(session)) == (999, 1)
+    assert (session.counters.lost, session.next_seqno()) == (999, 1)
 
 
 def test_session_goes_on_with_the_very_next_datagram_of_a_robot_that_stood_still_with_us(

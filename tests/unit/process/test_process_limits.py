@@ -38,7 +38,7 @@ from yumi.process.child import PROCESSES, ChildProcess, PipeEnd
 from yumi.process.command import DRIVER_READY, Command
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import Deadline, HttpTransport
-from yumi.rws.web_socket import Listener, WebSocket
+from yumi.rws.web_socket import Listener
 from yumi.virtual.http_server import HttpServer
 from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi.virtual.rws.subscriptions import Upgrade
@@ -113,9 +113,9 @@ def test_connection_without_a_descriptor_is_refused_in_a_sentence() -> None:
 
 def test_web_socket_without_a_descriptor_is_refused_in_a_sentence() -> None:
     with refused(NoConnection, "websocket_not_reached"):
-        WebSocket("127.0.0.1:9", "/poll/1", "", LISTENER, 1.0)  # its modules are read before the limit
+        HttpTransport("127.0.0.1:9").open_socket("/poll/1", "", LISTENER, 1.0)  # its modules are read before the limit
     with no_descriptor_left(), refused(NoConnection, "no_descriptor_for_websocket", address="127.0.0.1:9"):
-        WebSocket("127.0.0.1:9", "/poll/1", "", LISTENER, 1.0)
+        HttpTransport("127.0.0.1:9").open_socket("/poll/1", "", LISTENER, 1.0)
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # of a pair of sockets that websockets leaves to the collector
@@ -130,7 +130,7 @@ def test_web_socket_without_a_thread_is_refused_in_a_sentence(monkeypatch: pytes
     with HttpServer(lambda _: Upgrade("rws", lambda channel: None), 0) as server:
         monkeypatch.setattr(threading.Thread, "start", no_thread_of_ours)
         with refused(MissingPrerequisite, "no_further_thread", thread="the WebSocket"):
-            WebSocket(server.address, "/poll/1", "", LISTENER, 1.0)
+            HttpTransport(server.address).open_socket("/poll/1", "", LISTENER, 1.0)
         monkeypatch.undo()
     gc.collect()  # that pair, which another test would be told of
 

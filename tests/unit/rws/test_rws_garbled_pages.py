@@ -22,9 +22,9 @@ from yumi.rws import client as client_module
 from yumi.rws.client import RwsClient
 from yumi.rws.documents import Page, RobTarget, State
 from yumi.rws.operations.motion import Increment, Supervision
+from yumi.rws.operations.rapid import Range, RunCycle
 from yumi.rws.services import service
 from yumi.rws.services.io import SignalChange
-from yumi.rws.services.rapid import Range, RunCycle
 from yumi.rws.services.users import Privilege
 from yumi.rws.session import Socket
 from yumi.rws.types import OperatingMode, Resource

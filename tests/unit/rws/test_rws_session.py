@@ -7,7 +7,7 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.rws.client import RwsClient
-from yumi.rws.session import Request, RwsSession
+from yumi.rws.session import RwsRequest, RwsSession
 from yumi.rws.types import ControllerState
 
 SET_COOKIES = [
@@ -51,7 +51,7 @@ def cookie_after(recorder: Recorder, *answers: list[tuple[str, str]]) -> str | N
     """What the request after ``answers`` carries."""
     session = RwsSession(recorder, user="u", password="p", timeout=4.0, clock=ManualClock())  # type: ignore[arg-type]
     for recorder.headers in (*answers, []):
-        session.exchange(Request("GET", "/rw"))
+        session.exchange(RwsRequest("GET", "/rw"))
     assert session.is_open == ("-http-session-" in (recorder.sent[-1].headers.get("Cookie") or ""))
     return recorder.sent[-1].headers.get("Cookie")
 
@@ -115,7 +115,7 @@ def test_request_is_what_the_controller_expects(
 def test_httpx_puts_a_target_on_the_wire_as_it_is(recorder: Recorder, path: str) -> None:
     """The digest is over the path as it is sent, so nothing may escape it once more."""
     session = RwsSession(recorder, user="u", password="p", timeout=4.0, clock=ManualClock())  # type: ignore[arg-type]
-    request = Request("GET", path, (("start", "1"), ("name", "a;b&c+d")))
+    request = RwsRequest("GET", path, (("start", "1"), ("name", "a;b&c+d")))
     session.exchange(request)
     assert recorder.sent[0].url.raw_path.decode() == request.target
 
@@ -125,5 +125,5 @@ def test_states_that_are_written_are_spelled_as_the_controller_spells_them() -> 
 
 
 def test_only_reading_is_repeatable() -> None:
-    assert Request("GET", "/rw/rapid/tasks").is_repeatable
-    assert not Request("POST", "/rw/rapid/execution").is_repeatable
+    assert RwsRequest("GET", "/rw/rapid/tasks").is_repeatable
+    assert not RwsRequest("POST", "/rw/rapid/execution").is_repeatable

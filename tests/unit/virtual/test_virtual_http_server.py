@@ -17,7 +17,7 @@ from refusals import refused
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
 from yumi.rws.transport import ConnectionLost, Deadline, HttpTransport
-from yumi.rws.web_socket import Listener, WebSocket
+from yumi.rws.web_socket import Listener
 from yumi.virtual.http_server import HttpServer
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
@@ -181,9 +181,9 @@ def test_web_socket_that_is_not_granted_is_refused() -> None:
     with HttpServer(lambda _: HttpReply(404), 0) as server:
         address = server.address
         with refused(ControllerRefused, "websocket_refused", address=address, target="/poll/1", status=404):
-            WebSocket(server.address, "/poll/1", "", listener, 5.0)
+            HttpTransport(server.address).open_socket("/poll/1", "", listener, 5.0)
     with refused(NoConnection, "websocket_not_reached", address=address):
-        WebSocket(address, "/poll/1", "", listener, 5.0)
+        HttpTransport(address).open_socket("/poll/1", "", listener, 5.0)
 
 
 def test_web_socket_does_not_follow_a_redirect() -> None:
@@ -195,7 +195,7 @@ def test_web_socket_does_not_follow_a_redirect() -> None:
         HttpServer(lambda _: HttpReply(302, (("Location", f"ws://{other.address}/poll/1"),)), 0) as server,
         refused(ControllerRefused, "websocket_refused", address=server.address, status=302),
     ):
-        WebSocket(server.address, "/poll/1", "-http-session-=1", listener, 5.0)
+        HttpTransport(server.address).open_socket("/poll/1", "-http-session-=1", listener, 5.0)
     assert asked == []
 
 

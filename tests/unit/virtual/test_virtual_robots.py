@@ -173,7 +173,7 @@ def test_single_robot_has_one_task_and_its_own_units(tmp_path: Path, robot: str,
     world = world_of(robot, tmp_path, "PROC main()\nENDPROC")
     assert list(world.controller.tasks) == ["T_ROB1"]
     unit = world.controller.units[0]
-    assert (unit.name, unit.task, str(unit.axes_total)) == ("ROB_1", "T_ROB1", axes_total)
+    assert (unit.name, unit.task, str(unit.total_axes)) == ("ROB_1", "T_ROB1", axes_total)
     robax, extax = world.controller.joint_target("ROB_1")
     assert len(robax) == len(extax) == 6
     assert (extax[0] > 8.9e9) is (robot == "irb120")

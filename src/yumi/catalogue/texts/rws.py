@@ -148,7 +148,6 @@ RWS: Mapping[str, Text] = {
     "field_no_whole_number": Text("the controller's {field:quoted} is {text:quoted}, not a whole number"),
     "word_without_meaning": Text("the controller answers {word:quoted} where only {allowed:list} have a meaning"),
     "version_not_numbers": Text("the controller's RobotWare version {version:quoted} is not numbers and dots"),
-    "answer_without_progress": Text("the controller's answer holds no progress"),
     "clock_shows_no_time": Text("the controller's clock shows {text:quoted}, which is not a time"),
     "answer_without_properties": Text("the controller's answer holds no properties of a symbol"),
     "event_without_number": Text("the controller's event {title:quoted} has no number"),

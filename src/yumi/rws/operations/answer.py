@@ -12,7 +12,7 @@ from dataclasses import MISSING, dataclass, fields
 from enum import Enum
 from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
-from yumi.rws.documents import Page, State
+from yumi.rws.documents import Link, Page, State
 
 T = TypeVar("T")
 E = TypeVar("E", bound=Enum)
@@ -27,6 +27,9 @@ class Spelling(Generic[T]):
 
 
 TEXT = Spelling(State.text, lambda name, value: {name: value})
+TEXT_OR_NONE = Spelling(State.text, lambda name, value: {name: value} if value else {})
+"""A text whose field is left out where it is empty."""
+
 TITLE: Spelling[str] = Spelling(lambda state, name: state.title, lambda name, value: {})
 """What the state is called, which is in no field."""
 
@@ -65,6 +68,10 @@ class Answer(Generic[T]):
         """The value of a page with one."""
         return self.read(page.one(*self.types))
 
+    def state(self, title: str, value: T, *links: Link) -> State:
+        """The state with a value."""
+        return State(self.types[0], title, self.write(value), links)
+
 
 def single(type: str, name: str, spelling: Spelling[T]) -> Answer[T]:
     """An answer with one field; ``type`` is ``type|type`` where some controllers show another one."""
@@ -73,6 +80,15 @@ def single(type: str, name: str, spelling: Spelling[T]) -> Answer[T]:
         lambda state: spelling.read(state, name),
         lambda value: spelling.write(name, value),
     )
+
+
+def pair(type: str, first: str, second: str) -> Answer[tuple[int, int]]:
+    """An answer with two whole numbers in these fields."""
+    spelling = Spelling(
+        lambda state, name: (state.whole(first), state.whole(second)),
+        lambda name, values: {first: str(values[0]), second: str(values[1])},
+    )
+    return single(type, "", spelling)
 
 
 def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> Answer[T]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from yumi.rws.operations.answer import flag, record
+from yumi.rws.operations.answer import flag, pair, record
 from yumi.rws.operations.operation import delete, get, post
 from yumi.rws.types import Grant
 
@@ -48,7 +48,7 @@ KEYLESS = post("/rw/cfg", "keyless", "state=run", status=403)
 TYPES = get(_DOMAIN, "start, limit")
 SAVE_DOMAIN = post(_DOMAIN, "saveas", "filepath, save-mode", grant=Grant.BACKUP)
 RESET_DOMAIN = post(_DOMAIN, "reset", needs="cfg", grant=Grant.CFG_WRITE, status=200)
-TYPE = get(_TYPE)
+TYPE = get(_TYPE).shows(pair("cfg-dt", "cfg-no-of-attributes", "cfg-no-of-instances"))
 ATTRIBUTES = get(f"{_TYPE}/attributes").shows(record("cfg-dt-attribute-li", CfgAttribute))
 INSTANCES = get(f"{_TYPE}/instances", "start, limit")
 RESET_INSTANCES = post(f"{_TYPE}/instances", "reset", needs="cfg", grant=Grant.CFG_WRITE)

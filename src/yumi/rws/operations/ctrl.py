@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated
 
 from yumi.catalogue import message
 from yumi.errors import ProtocolError
 from yumi.rws.documents import State
-from yumi.rws.operations.answer import TEXT, Spelling, choice, flag, record, single
+from yumi.rws.operations.answer import TEXT, TEXT_OR_NONE, Spelling, choice, flag, record, single
 from yumi.rws.operations.operation import TRUTH, absent, delete, get, post, put
 from yumi.rws.types import Grant
 
@@ -22,6 +22,37 @@ def _read_time(state: State, name: str) -> datetime:
         return datetime.strptime(text, _TIME)
     except ValueError as error:
         raise ProtocolError(message("clock_shows_no_time", text=text)) from error
+
+
+_IS_VIRTUAL = Spelling(
+    lambda state, name: state.text(name).startswith("Virtual"),
+    lambda name, is_virtual: {name: "Virtual Controller" if is_virtual else "Real Controller"},
+)
+
+JOB_PENDING, JOB_DONE = 294914, 294912
+"""Codes of a job's progress (reference/rws.md §4.4)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerIdentity:
+    """Which controller it is; the serial number is empty for a virtual one."""
+
+    name: Annotated[str, "ctrl-name"]
+    serial: Annotated[str, "ctrl-id", TEXT_OR_NONE] = ""
+    is_virtual: Annotated[bool, "ctrl-type", _IS_VIRTUAL] = field(kw_only=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a job of the controller is, in its words, with its code."""
+
+    code: int
+    state: str
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether it goes on."""
+        return self.code == JOB_PENDING
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +83,7 @@ SET_LANGUAGE = post(
     grant=Grant.CONTROLLER_PROPERTIES_WRITE,
 )
 ENVIRONMENT = get("/ctrl/${variable}").shows(single("ctrl-env", "value", TEXT))
-IDENTITY = get("/ctrl/identity")
+IDENTITY = get("/ctrl/identity").shows(record("ctrl-identity-info|ctrl-identity-info-li", ControllerIdentity))
 SET_IDENTITY = put("/ctrl/identity", "ctrl-name, ctrl-id", grant=Grant.CONTROLLER_PROPERTIES_WRITE, status=204)
 CLOCK = get("/ctrl/clock").shows(
     single(
@@ -96,7 +127,7 @@ RESTORE = post(
 )
 BACKUP_INFO = get("/ctrl/backup/info", "backup-path").shows(single("ctrl-backup-info", "system-name", TEXT))
 PROGRESS_LIST = get("/progress")
-PROGRESS = get("/progress/{job}")
+PROGRESS = get("/progress/{job}").shows(record("progress", Progress))
 COMPRESSION = get("/ctrl/compress")
 COMPRESS = post("/ctrl/compress", "comp", "srcpath, dstpath", grant=Grant.FTP_WRITE, status=202)
 DECOMPRESS = post("/ctrl/compress", "dcomp", "srcpath, dstpath", grant=Grant.FTP_WRITE, status=202)

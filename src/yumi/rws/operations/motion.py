@@ -86,7 +86,7 @@ class MotionError:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MechanicalUnit:
+class MechanicalUnitState:
     """A mechanical unit.
 
     Attributes:
@@ -298,7 +298,7 @@ SET_NON_MOTION = post(_NON_MOTION, "set-mode", "mode=ON|OFF", respects="motion",
 SET_NON_MOTION_TOO = post(_NON_MOTION, "set", "mode=ON|OFF", respects="motion", grant=Grant.RAPID_DEBUG)
 
 UNITS = get(f"{_MOTION}/mechunits")
-UNIT = get(_UNIT, "resource, continue-on-err=0|1").shows(record("ms-mechunit", MechanicalUnit))
+UNIT = get(_UNIT, "resource, continue-on-err=0|1").shows(record("ms-mechunit", MechanicalUnitState))
 LEAD_THROUGH = get(_UNIT, resource="lead-through").shows(
     single("ms-mechunit-complianceleadthrough", "status", flag("active", "inactive"))
 )

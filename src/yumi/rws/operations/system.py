@@ -17,6 +17,16 @@ class Product:
     version: Annotated[str, "version-name"]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReturnCode:
+    """What one of ABB's return codes means; severity is Success, Warning or Error."""
+
+    name: str
+    code: int
+    severity: str
+    description: str
+
+
 ROOT = get("/")
 SERVICES = get("/rw")
 SYSTEM = get("/rw/system")
@@ -29,7 +39,7 @@ ENERGY_CHANGES = get("/rw/system/energy", resource="change-count").shows(
     single("sys-energy-changecount-li", "change-count", WHOLE)
 )
 RESET_ENERGY = post("/rw/system/energy", "reset")
-CODES = get("/rw/retcode", "code")
+CODES = get("/rw/retcode", "code").shows(record("err-desc-li", ReturnCode))
 DEVICES = get("/rw/devices", "Lang")
 DEVICE = get("/rw/devices/{device:.+}", "Lang")
 ABSENT = (

@@ -63,8 +63,7 @@ class Configuration(Service):
 
     def cfg_size(self, domain: str, type: str) -> tuple[int, int]:
         """Number of attributes and of instances of a type."""
-        state = self._shown(f"reading {domain}/{type}", table.TYPE, domain, type).one("cfg-dt")
-        return state.whole("cfg-no-of-attributes"), state.whole("cfg-no-of-instances")
+        return self._answer(f"reading {domain}/{type}", table.TYPE, domain, type)
 
     def cfg_attributes(self, domain: str, type: str) -> tuple[CfgAttribute, ...]:
         """The attributes of a type."""

@@ -11,9 +11,9 @@ import httpx
 
 from yumi.catalogue import message
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError
-from yumi.rws import documents
-from yumi.rws.documents import ControllerIdentity, SystemInfo
+from yumi.rws.documents import SystemInfo
 from yumi.rws.operations import ctrl as table
+from yumi.rws.operations.ctrl import ControllerIdentity
 from yumi.rws.operations.operation import Operation
 from yumi.rws.services.service import Service
 from yumi.rws.session import OnProgress, file_path
@@ -37,7 +37,7 @@ class Controller(Service):
 
     def identity(self) -> ControllerIdentity:
         """Name, serial number and kind of the controller."""
-        return documents.read_identity(self._shown("reading the identity", table.IDENTITY))
+        return self._answer("reading the identity", table.IDENTITY)
 
     def set_identity(self, *, name: str | None = None, id: str | None = None) -> None:
         """Change the controller's name or id."""
@@ -177,10 +177,10 @@ class Controller(Service):
             raise ProtocolError(message("job_without_progress", address=self.address, what=what))
         start = self._clock.now()
         while found is not None:
-            state = documents.read_progress(self._shown(what, table.PROGRESS, found[1]))
+            state = self._first(what, table.PROGRESS, found[1])
             on_progress(state.state)
             if not state.is_pending:
-                if state.code not in (0, documents.JOB_DONE):
+                if state.code not in (0, table.JOB_DONE):
                     said = message("job_failed", address=self.address, what=what, state=state.state)
                     raise ControllerRefused(said, status=0, code=state.code)
                 break

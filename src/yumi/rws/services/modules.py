@@ -5,23 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from yumi.rws import documents
-from yumi.rws.documents import ModuleInfo, State
+from yumi.rws.documents import State
 from yumi.rws.operations import modules as table
 from yumi.rws.operations import rapid
+from yumi.rws.operations.modules import ModuleDetails, ModuleInfo
 from yumi.rws.operations.operation import Operation
-from yumi.rws.services.rapid import Range
+from yumi.rws.operations.rapid import Range
 from yumi.rws.services.service import Service, request
-from yumi.rws.session import Request
-
-
-@dataclass(frozen=True, slots=True)
-class ModuleDetails:
-    """One module: its file, and its attributes such as SYSMODULE."""
-
-    name: str
-    file: str
-    attributes: tuple[str, ...]
+from yumi.rws.session import RwsRequest
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +34,8 @@ class Modules(Service):
     def modules(self, task: str) -> tuple[ModuleInfo, ...]:
         """The RAPID modules loaded in ``task``."""
         states = self._listed(f"reading the modules of {task}", table.MODULES, task=task)
-        return tuple(
-            ModuleInfo(state.text("name"), state.text("type")) for state in states if state.type == "rap-module-info-li"
-        )
+        read = table.MODULES.answered
+        return tuple(read.read(state) for state in states if state.type in read.types)
 
     def load_module(self, task: str, path: str, replace: bool = True) -> None:
         """Load a file of the controller, such as ``HOME:/pick.mod``, as a module of ``task``.
@@ -63,27 +53,22 @@ class Modules(Service):
 
     def module(self, task: str, module: str) -> ModuleDetails:
         """File and attributes of a module that is loaded."""
-        state = self._shown(f"reading {module} of {task}", table.MODULE, module, task=task).one("rap-module")
-        attributes = tuple(part for part in state.fields.get("attribute", "").replace(",", " ").split() if part)
-        return ModuleDetails(state.text("modname"), state.text("filename"), attributes)
+        return self._answer(f"reading {module} of {task}", table.MODULE, module, task=task)
 
     def module_text(self, task: str, module: str) -> str:
         """The text of a module that is loaded, as the controller writes it: PERS data have their present values."""
-        page = self._shown(f"reading the module {module} of {task}", table.MODULE_TEXT, module, task=task)
-        return documents.read_module_text(page)
+        return self._answer(f"reading the module {module} of {task}", table.MODULE_TEXT, module, task=task)
 
     def module_part(self, task: str, module: str, part: Range) -> str:
         """A part of a module's text; -1 as last column is the end of the row."""
         what = f"reading {module} of {task}"
-        page = self._shown(what, table.MODULE, module, task=task, **_rows_and_columns(part))
-        return page.one("rap-mod-text").text("text")
+        return table.TEXT_PART.of(self._shown(what, table.MODULE, module, task=task, **_rows_and_columns(part)))
 
     def find_text(self, task: str, module: str, text: str, row: int = 1, column: int = 1) -> tuple[int, int]:
         """Row and column at which ``text`` is found from a place on."""
         place = {"startrow": row, "startcol": column}
         page = self._shown(f"searching {module}", table.MODULE, module, task=task, **place, text=text)
-        state = page.one("rap-text-position")
-        return state.whole("Row"), state.whole("Column")
+        return table.TEXT_POSITION.of(page)
 
     def module_object(self, task: str, module: str, row: int, column: int, destination: str = "Inner") -> Range:
         """Place of the statement or declaration at a place of the text, or of one beside it.
@@ -96,24 +81,19 @@ class Modules(Service):
             destination: ``Inner``, ``Outer``, ``First``, ``Last``, ``Next``, ``Previous`` …
         """
         place = {"startrow": row, "startcol": column, "destination": destination}
-        state = self._shown(f"reading {module}", table.MODULE, module, task=task, **place).one("rap-object")
-        names = ("start-row", "start-column", "end-row", "end-column")
-        return Range(*(state.whole(name) for name in names))
+        return table.TEXT_OBJECT.of(self._shown(f"reading {module}", table.MODULE, module, task=task, **place))
 
     def module_change_count(self, task: str, module: str) -> int:
         """Rises with every change of the module's text."""
-        page = self._shown(f"reading {module}", table.MODULE_CHANGES, module, task=task)
-        return page.one("rap-module-changecount").whole("count")
+        return self._answer(f"reading {module}", table.MODULE_CHANGES, module, task=task)
 
     def module_size(self, task: str, module: str) -> tuple[int, int]:
         """Number of rows, and of columns of the longest."""
-        state = self._shown(f"reading {module}", table.EXTENSION, module, task=task).one("rap-module-extension")
-        return state.whole("num-of-lines"), state.whole("max-num-of-col")
+        return self._answer(f"reading {module}", table.EXTENSION, module, task=task)
 
     def are_initial_values_current(self, task: str, module: str) -> bool:
         """Whether the initial values in the text are the present values of its PERS data."""
-        page = self._shown(f"reading {module}", table.SYNC_STATUS, module, task=task)
-        return page.one("rap-syncper-status").whole("syncperstatus") == 0
+        return self._answer(f"reading {module}", table.SYNC_STATUS, module, task=task) == 0
 
     def symbol_at(self, task: str, module: str, row: int, column: int) -> str:
         """Name of the symbol at a place of the text."""
@@ -148,9 +128,8 @@ class Modules(Service):
 
     def breakpoints(self, task: str) -> tuple[tuple[str, Range], ...]:
         """Module and place of each breakpoint."""
-        names = ("start-row", "start-col", "end-row", "end-col")
-        states = self._listed(f"reading the breakpoints of {task}", rapid.BREAKPOINTS, task)
-        return tuple((state.text("module-name"), Range(*(state.whole(name) for name in names))) for state in states)
+        found = self._answers(f"reading the breakpoints of {task}", rapid.BREAKPOINTS, task)
+        return tuple((each.module, each.range) for each in found)
 
     def set_breakpoint(self, task: str, module: str, row: int, column: int = 1) -> None:
         """Let execution stop at a place of the text, if it is started with ``stop_at_breakpoints``."""
@@ -164,7 +143,7 @@ class Modules(Service):
         self.replace_text(task, module, place, self.module_part(task, module, place))
 
 
-def _task_first(operation: Operation[Any], module: str, **arguments: object) -> Request:
+def _task_first(operation: Operation[Any], module: str, **arguments: object) -> RwsRequest:
     """A request whose URL has the task before the action."""
     found = request(operation, module, **arguments)
     return replace(found, query=tuple(sorted(found.query, key=lambda pair: pair[0] == "action")))

@@ -7,7 +7,7 @@ from math import degrees
 
 from yumi.catalogue import message
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Pose, abb_from_chain, chain_from_abb, joints
+from yumi.robot.joints import ORIGIN, Joints, Pose, abb_from_chain, chain_from_abb, joints
 from yumi.rws.documents import JointTarget, RobTarget
 from yumi.rws.operations import motion as table
 from yumi.rws.operations.motion import (
@@ -15,7 +15,7 @@ from yumi.rws.operations.motion import (
     Coordinates,
     Increment,
     JogMode,
-    MechanicalUnit,
+    MechanicalUnitState,
     MotionSystem,
     Solution,
     Supervision,
@@ -23,7 +23,6 @@ from yumi.rws.operations.motion import (
 from yumi.rws.services.service import Service
 
 _MM = 1000.0
-_NO_TOOL = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
 class Motion(Service):
@@ -54,7 +53,7 @@ class Motion(Service):
         """Names of the mechanical units."""
         return tuple(state.title for state in self._listed("reading the mechanical units", table.UNITS))
 
-    def mechanical_unit(self, unit: str) -> MechanicalUnit:
+    def mechanical_unit(self, unit: str) -> MechanicalUnitState:
         """One mechanical unit."""
         return self._answer(f"reading {unit}", table.UNIT, unit)
 
@@ -136,25 +135,23 @@ class Motion(Service):
 
     # Kinematics of the controller
 
-    def pose_of_joints(self, unit: str, position: Joints, tool_to_flange: Pose = _NO_TOOL) -> RobTarget:
+    def pose_of_joints(self, unit: str, position: Joints, tool_to_flange: Pose = ORIGIN) -> RobTarget:
         """Where the tool is with the joints at ``position``, chain order [rad]."""
         form = {**_joint_fields(position, "rob_joints", "ext_joints"), **_tool_fields(tool_to_flange)}
         what = f"computing the position of {unit}"
         return self._first(what, table.POSE_FROM_JOINTS, unit, **form, elog_at_error="FALSE")
 
-    def joints_of_pose(self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = _NO_TOOL) -> Joints:
+    def joints_of_pose(self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = ORIGIN) -> Joints:
         """Joints with which the tool is at ``target``, near the joints ``near``; chain order [rad]."""
         form = _search_fields(target, near, tool_to_flange)
         return _joints(self._first(f"computing the joints of {unit}", table.JOINTS_FROM_POSE, unit, **form))
 
-    def joints_of_cartesian(
-        self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = _NO_TOOL
-    ) -> Joints:
+    def joints_of_cartesian(self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = ORIGIN) -> Joints:
         """As ``joints_of_pose``, whatever the configuration of ``target`` is."""
         form = _search_fields(target, near, tool_to_flange)
         return _joints(self._first(f"computing the joints of {unit}", table.JOINTS_FROM_CARTESIAN, unit, **form))
 
-    def all_joints_of_pose(self, unit: str, target: RobTarget, tool_to_flange: Pose = _NO_TOOL) -> tuple[Joints, ...]:
+    def all_joints_of_pose(self, unit: str, target: RobTarget, tool_to_flange: Pose = ORIGIN) -> tuple[Joints, ...]:
         """All joints with which the tool is at ``target``, in each configuration; chain order [rad]."""
         form = {**_target_fields(target), **_tool_fields(tool_to_flange)}
         page = self._shown(f"computing the joints of {unit}", table.ALL_SOLUTIONS, unit, **form)

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import Joints
-from yumi.rws import documents
-from yumi.rws.documents import RobTarget, State, TaskInfo, member
+from yumi.rws.documents import RobTarget
 from yumi.rws.operations import rapid as table
-from yumi.rws.operations.rapid import Dialog
+from yumi.rws.operations.rapid import (
+    BuildError,
+    Dialog,
+    Pointer,
+    ProgramInfo,
+    RunCycle,
+    StackFrame,
+    TaskDetails,
+    TaskInfo,
+)
 from yumi.rws.services.service import Service
-from yumi.rws.types import Code, ExecutionState, TaskExecution
+from yumi.rws.types import Code, ExecutionState
 
 
 class Regain(Enum):
@@ -35,15 +42,6 @@ class Step(Enum):
     MOTION = "stepmotion"
 
 
-class RunCycle(Enum):
-    """Whether a program begins again at its end."""
-
-    FOREVER = "forever"
-    AS_IS = "asis"
-    ONCE = "once"
-    ONCE_DONE = "oncedone"
-
-
 class StopMode(Enum):
     """Where execution stops: at the end of the cycle, of the instruction, at once on the path, or beside it."""
 
@@ -53,82 +51,12 @@ class StopMode(Enum):
     QUICK = "qstop"
 
 
-@dataclass(frozen=True, slots=True)
-class TaskDetails:
-    """One RAPID task in full.
-
-    Attributes:
-        name: of the task.
-        type: ``Normal``, ``Static`` or ``SemiStatic``.
-        trust: what stops when the task does, such as ``SysFail``.
-        entry: routine at which production begins.
-        execution: its state.
-        is_active: whether it is selected in the task panel.
-        is_motion_task: whether it moves a mechanical unit.
-    """
-
-    name: str
-    type: str
-    trust: str
-    entry: str
-    execution: TaskExecution
-    is_active: bool
-    is_motion_task: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Range:
-    """A part of a module's text; rows and columns count from 1, the end included."""
-
-    row: int
-    column: int
-    end_row: int
-    end_column: int
-
-
-@dataclass(frozen=True, slots=True)
-class Pointer:
-    """Where a program pointer or motion pointer stands; ``range`` is None where it is nowhere."""
-
-    module: str
-    routine: str
-    range: Range | None
-
-
-@dataclass(frozen=True, slots=True)
-class StackFrame:
-    """One call that is under way in a task; ``level`` is Normal, Trap, User or Service."""
-
-    module: str
-    routine: str
-    level: str
-    range: Range
-
-
-@dataclass(frozen=True, slots=True)
-class ProgramInfo:
-    """The program of a task."""
-
-    name: str
-    entry: str
-
-
-@dataclass(frozen=True, slots=True)
-class BuildError:
-    """A fault in a module, found when the program was linked."""
-
-    module: str
-    row: int
-    column: int
-    message: str
-
-
 class Rapid(Service):
     """``/rw/rapid`` without its modules and symbols."""
 
     def execution(self) -> ExecutionState:
         """Whether RAPID runs."""
-        return documents.read_execution(self._shown("reading the RAPID execution", table.EXECUTION))
+        return self._answer("reading the RAPID execution", table.EXECUTION).state
 
     def start_rapid(
         self,
@@ -169,7 +97,7 @@ class Rapid(Service):
 
     def run_cycle(self) -> RunCycle:
         """Whether a program begins again at its end."""
-        return self._shown("reading the run cycle", table.EXECUTION).one("rap-execution").member(RunCycle, "cycle")
+        return self._answer("reading the run cycle", table.EXECUTION).cycle
 
     def set_run_cycle(self, cycle: RunCycle) -> None:
         """Whether a program begins again at its end, from the next start on."""
@@ -192,20 +120,11 @@ class Rapid(Service):
 
     def tasks(self) -> tuple[TaskInfo, ...]:
         """The RAPID tasks, in the controller's order."""
-        return documents.read_tasks(self._shown("reading the RAPID tasks", table.TASKS))
+        return self._answers("reading the RAPID tasks", table.TASKS)
 
     def task(self, task: str) -> TaskDetails:
         """One task in full."""
-        state = self._shown(f"reading the task {task}", table.TASK, task).one("rap-task")
-        return TaskDetails(
-            name=state.text("name"),
-            type=state.text("tasktype"),
-            trust=state.fields.get("trust", ""),
-            entry=state.fields.get("prodentrypt", ""),
-            execution=member(TaskExecution, state.text("excstate")[:4].lower()),
-            is_active=state.flag("active"),
-            is_motion_task=state.flag("motiontask"),
-        )
+        return self._answer(f"reading the task {task}", table.TASK, task)
 
     def select_task(self, task: str, is_selected: bool) -> None:
         """Switch a task on or off in the task panel; it starts with the others if it is on."""
@@ -219,14 +138,12 @@ class Rapid(Service):
 
     def task_change_count(self, task: str) -> int:
         """Rises with every change of the task's modules."""
-        page = self._shown(f"reading the change count of {task}", table.CHANGE_COUNT, task)
-        return page.one("task-struc-change-count").whole("struc-change-count")
+        return self._answer(f"reading the change count of {task}", table.CHANGE_COUNT, task)
 
     def is_synchronized(self, task: str = "") -> bool:
         """Whether a task, or each of all, is in a synchronised motion (SyncMoveOn)."""
         where = (table.TASK_SYNC_STATE, task) if task else (table.SYNC_STATE,)
-        states = self._listed("reading the synchronisation", *where, type="program-pointer")
-        return all(state.flag("Program-Pointer-State") for state in states)
+        return all(self._answers("reading the synchronisation", *where, type="program-pointer"))
 
     def is_spy_running(self) -> bool:
         """Whether RAPID Spy logs each instruction."""
@@ -234,23 +151,16 @@ class Rapid(Service):
 
     def stack_frame(self, task: str, number: int = 1) -> StackFrame:
         """A call that is under way in a task; 1 is the innermost."""
-        page = self._shown(f"reading the calls of {task}", table.STACK_FRAME, task, stackframe=number)
-        state = page.one("rap-stackframe")
-        place = Range(*(state.whole(name) for name in ("beg-row", "beg-col", "end-row", "end-col")))
-        url, _, routine = state.text("routine-url").rpartition("/")
-        return StackFrame(url.rpartition("/")[2], routine, state.text("execlevel"), place)
+        return self._answer(f"reading the calls of {task}", table.STACK_FRAME, task, stackframe=number)
 
     def service_routines(self, task: str) -> tuple[str, ...]:
         """Routines without parameters, which can be called from the FlexPendant."""
-        what = f"reading the routines of {task}"
-        states = self._listed(what, table.ROUTINES_OF_TASK, task, start=1, limit=100)
-        return tuple(state.text("routine-name") for state in states)
+        return self._answers(f"reading the routines of {task}", table.ROUTINES_OF_TASK, task, start=1, limit=100)
 
     def preferred_type(self, task: str, instruction: str, parameter: str) -> str:
         """The type of data that an instruction's parameter takes."""
         what, place = f"reading the type of {parameter} of {instruction}", table.PREFERRED_TYPES
-        page = self._shown(what, place, task, instruction=instruction, parameter=parameter)
-        return page.one("task-pref-data-types").text("type-prefdattype")
+        return self._answer(what, place, task, instruction=instruction, parameter=parameter)
 
     def abort_execution_level(self, task: str) -> None:
         """Leave a service routine or a call from outside that is under way in a task."""
@@ -258,8 +168,8 @@ class Rapid(Service):
 
     def task_place(self, task: str) -> tuple[str, str, int]:
         """Module, routine and line that a task executes."""
-        state = self._shown(f"reading where {task} is", table.TASK_EXECUTION, task).one("rap-task-execution")
-        return state.text("module-name"), state.text("routine-name"), state.whole("line")
+        place = self._answer(f"reading where {task} is", table.TASK_EXECUTION, task)
+        return place.module, place.routine, place.line
 
     def task_rob_target(self, task: str, tool: str = "", work_object: str = "") -> RobTarget:
         """Where the robot of a task stands; tool and work object are the active ones where none are named."""
@@ -285,10 +195,7 @@ class Rapid(Service):
         """The program of a task; None where there is none."""
         what = f"reading the program of {task}"
         reply = self._call(what, table.PROGRAM, task)
-        if not reply.content:
-            return None
-        state = self._page(reply, what).one("rap-program")
-        return ProgramInfo(state.text("name"), state.text("entrypoint"))
+        return table.PROGRAM.answered.of(self._page(reply, what)) if reply.content else None
 
     def load_program(self, task: str, path: str, *, replace: bool = True) -> None:
         """Load a program file of the controller such as ``HOME:/pick.pgf``; RAPID must be stopped."""
@@ -322,20 +229,15 @@ class Rapid(Service):
 
     def build_errors(self, task: str) -> tuple[BuildError, ...]:
         """Faults found when the program was linked."""
-        return tuple(
-            BuildError(
-                state.fields.get("ModuleName", ""), state.whole("row"), state.whole("column"), state.text("error")
-            )
-            for state in self._listed(f"reading the faults of {task}", table.BUILD_ERRORS, task)
-        )
+        return self._answers(f"reading the faults of {task}", table.BUILD_ERRORS, task)
 
     # Program pointers
 
     def pointers(self, task: str) -> tuple[Pointer, Pointer]:
         """Where the program pointer and the motion pointer of a task stand."""
         listed = self._listed(f"reading the pointers of {task}", table.POINTERS, task)
-        states = {state.title: _pointer(state) for state in listed}
-        nowhere = Pointer("", "", None)
+        states = {state.title: table.POINTERS.answered.read(state) for state in listed}
+        nowhere = Pointer(None)
         return states.get("progpointer", nowhere), states.get("motionpointer", nowhere)
 
     def move_pp_to_cursor(self, task: str, module: str, routine: str, row: int, column: int = 1) -> None:
@@ -374,15 +276,8 @@ class Rapid(Service):
 
     def dialog_parameter(self, stack: str, name: str) -> str:
         """One argument of a dialog's instruction as RAPID literal."""
-        page = self._shown("reading the dialog", table.DIALOG_PARAMETER, f"{stack}/{name}")
-        return page.one("rap-uiparam").text("value")
+        return self._answer("reading the dialog", table.DIALOG_PARAMETER, f"{stack}/{name}")
 
     def answer_dialog(self, stack: str, literal: str, name: str = "Result") -> None:
         """Answer a dialog: the literal of a number or a string, whatever it asks for."""
         self._call("answering the dialog", table.ANSWER_DIALOG, f"{stack}/{name}", value=literal)
-
-
-def _pointer(state: State) -> Pointer:
-    parts = f"{state.fields.get('beginposition', '')},{state.fields.get('endposition', '')}".split(",")
-    place = Range(*map(int, parts)) if all(part.isdecimal() for part in parts) else None
-    return Pointer(state.fields.get("modulemame", ""), state.fields.get("routinename", ""), place)

@@ -19,7 +19,7 @@ from yumi.rws import documents
 from yumi.rws.documents import Page, Pairs, State, read_page
 from yumi.rws.operations import mastership
 from yumi.rws.operations.operation import Operation
-from yumi.rws.session import BUSY, Request, RwsSession
+from yumi.rws.session import BUSY, RwsRequest, RwsSession
 from yumi.rws.types import Code
 
 log = logging.getLogger(__name__)
@@ -29,7 +29,7 @@ T = TypeVar("T")
 _MOST_SESSIONS = 70  # at a time, of a controller (reference/rws.md §2)
 
 
-def request(operation: Operation[Any], /, *places: str, **arguments: object) -> Request:
+def request(operation: Operation[Any], /, *places: str, **arguments: object) -> RwsRequest:
     """The request for an operation.
 
     Args:
@@ -39,7 +39,9 @@ def request(operation: Operation[Any], /, *places: str, **arguments: object) -> 
     """
     query, form = operation.filled(arguments)
     has_form = operation.method in ("POST", "PUT")
-    return Request(operation.method, operation.path_of(*places), (*operation.marks, *query), form if has_form else None)
+    return RwsRequest(
+        operation.method, operation.path_of(*places), (*operation.marks, *query), form if has_form else None
+    )
 
 
 class Service:
@@ -59,7 +61,7 @@ class Service:
         """The reply to an operation, for which the mastership is held that it needs."""
         return self._sent(what, operation, request(operation, *places, **arguments))
 
-    def _sent(self, what: str, operation: Operation[Any], called: Request) -> httpx.Response:
+    def _sent(self, what: str, operation: Operation[Any], called: RwsRequest) -> httpx.Response:
         """The reply to a request for an operation."""
         with self.holding(operation.needs_mastership) if operation.needs_mastership else nullcontext():
             reply = self._session.exchange(called)
@@ -86,7 +88,7 @@ class Service:
         """The states of a list, on all its pages."""
         return self._states(what, request(operation, *places, **arguments))
 
-    def _states(self, what: str, called: Request) -> tuple[State, ...]:
+    def _states(self, what: str, called: RwsRequest) -> tuple[State, ...]:
         found: tuple[State, ...] = ()
         following: Pairs | None = called.query
         while following is not None:

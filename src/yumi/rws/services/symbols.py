@@ -68,7 +68,7 @@ class Symbols(Service):
     def symbol(self, task: str, module: str, name: str) -> str:
         """Value of a RAPID symbol as its literal; ``yumi.rws.types`` decodes it."""
         what = f"reading {module}/{name} of {task}"
-        return documents.read_symbol(self._shown(what, table.SYMBOL, f"{task}/{module}/{name}"))
+        return self._answer(what, table.SYMBOL, f"{task}/{module}/{name}")
 
     def value(self, task: str, module: str, name: str) -> RapidValue:
         """Value of a RAPID symbol: a number, bool, string, or a tuple for a record or an array."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from yumi.rws import documents
 from yumi.rws.documents import Page, SystemInfo
 from yumi.rws.operations import system as table
+from yumi.rws.operations.system import ReturnCode
 from yumi.rws.services.service import Service
 
 
@@ -16,16 +17,6 @@ class Energy:
 
     total: float
     reset_at: str
-
-
-@dataclass(frozen=True, slots=True)
-class ReturnCode:
-    """What one of ABB's return codes means; severity is Success, Warning or Error."""
-
-    code: int
-    name: str
-    severity: str
-    description: str
 
 
 class System(Service):
@@ -67,10 +58,7 @@ class System(Service):
 
     def return_codes(self) -> tuple[ReturnCode, ...]:
         """All of the controller's return codes."""
-        return tuple(
-            ReturnCode(state.whole("code"), *(state.text(name) for name in ("name", "severity", "description")))
-            for state in self._listed("reading the return codes", table.CODES)
-        )
+        return self._answers("reading the return codes", table.CODES)
 
     def hardware(self, path: str = "") -> tuple[str, ...]:
         """Paths of the hardware below ``path``, such as ``HW_DEVICES/CONTROLLER``."""

@@ -10,9 +10,9 @@ from enum import Enum
 from yumi.catalogue import message
 from yumi.errors import ControllerRefused, NoConnection
 from yumi.rws import documents
-from yumi.rws.documents import State
 from yumi.rws.operations import mastership
 from yumi.rws.operations import users as table
+from yumi.rws.operations.users import User
 from yumi.rws.services.service import Service
 from yumi.rws.types import Code
 
@@ -37,17 +37,6 @@ class RmmpStatus(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class User:
-    """A client that is logged in."""
-
-    uid: int
-    name: str
-    application: str
-    location: str
-    is_local: bool
-
-
-@dataclass(frozen=True, slots=True)
 class Rmmp:
     """Who has the remote manual mode privilege, or asks for it.
 
@@ -67,7 +56,7 @@ class Users(Service):
 
     def users(self) -> tuple[User, ...]:
         """Clients that are logged in; some controllers show this one only."""
-        return tuple(_user(state, "uid", "ulocale") for state in self._listed("reading the users", table.USERS))
+        return self._answers("reading the users", table.USERS)
 
     def register(
         self, name: str = "Default User", application: str = "yumi-ros2", location: str = "", *, is_local: bool = False
@@ -105,7 +94,7 @@ class Users(Service):
         """Who has the remote manual mode privilege."""
         state = self._shown("reading the privilege", table.RMMP).one("user-rmmp")
         privilege = state.text("privilege")
-        user = None if privilege == "none" else _user(state, "userid", "ulocale")
+        user = None if privilege == "none" else table.RMMP_USER.read(state)
         return Rmmp(user, privilege, state.flag("rmmpheldbyme"))
 
     def request_rmmp(self, privilege: Privilege = Privilege.MODIFY) -> None:
@@ -180,9 +169,3 @@ class Users(Service):
     def release_all_masterships(self) -> None:
         """Release the mastership of all domains."""
         self._call("releasing all masterships", mastership.RELEASE_ALL)
-
-
-def _user(state: State, uid: str, locale: str) -> User:
-    names = ("alias", "application", "location")
-    name, application, location = (state.fields.get(name, "") for name in names)
-    return User(state.whole(uid), name, application, location, state.fields.get(locale, "") == "local")

@@ -22,7 +22,7 @@ from yumi.robot.joints import Side
 from yumi.robot.yumi_arms import irb14050, yumi_arm
 from yumi.virtual.controller.file_store import DEVICES, decoded
 from yumi.virtual.controller.task_settings import TaskSettings, task_settings
-from yumi.virtual.mechanics.units import NO_UNIT, YUMI_UNITS, MechanicalUnit
+from yumi.virtual.mechanics.units import YUMI_UNITS, MechanicalUnit, mechanical_unit, seven_axes
 from yumi.virtual.system_parameters import Configuration
 
 ROBOTWARE_6 = "6.13.00.00"
@@ -125,10 +125,7 @@ ROBOTS: Mapping[str, Robot] = {
             "IRB 14050-0.5/0.5",
             "IRB_14050",
             {Side.RIGHT: irb14050},
-            (
-                MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 7, NO_UNIT, "ROB_1_7", motion_task="T_ROB1"),
-                MechanicalUnit("ROB_1_7", Side.RIGHT, "Single", 1, 1, "ROB_1", NO_UNIT, motion_task="T_ROB1"),
-            ),
+            seven_axes("ROB_1", Side.RIGHT, "T_ROB1"),
             (*_OPTIONS, "Leadthrough", "Drive System IRB 14050", "Hall Sensor Calibration", "IRB 14050-0.5/0.5"),
             _STOCK / "stock_irb14050",
         ),
@@ -137,7 +134,7 @@ ROBOTS: Mapping[str, Robot] = {
             "IRB 120-3/0.6",
             "IRB_120",
             {Side.RIGHT: irb120},
-            (MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 6, NO_UNIT, NO_UNIT, motion_task="T_ROB1"),),
+            (mechanical_unit("ROB_1", Side.RIGHT, "T_ROB1", total_axes=6),),
             (*_OPTIONS, "Drive System IRB 120", "IRB 120-3/0.6"),
             _STOCK / "stock_irb120",
         ),

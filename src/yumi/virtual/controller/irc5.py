@@ -29,7 +29,7 @@ from yumi.virtual.instructions.robot_data import JointTarget, jointtarget
 from yumi.virtual.instructions.robot_library import robot_library
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.egm_client import EgmOutcome
-from yumi.virtual.mechanics.units import ArmUnit, Contact, MechanicalUnit, MotionSystem, SyncPoints
+from yumi.virtual.mechanics.units import ArmUnit, Contact, MechanicalUnit, MotionSystemState, SyncPoints
 from yumi.virtual.system_parameters import Configuration, Instance
 
 log = logging.getLogger(__name__)
@@ -124,7 +124,7 @@ class Irc5:
         self.started_at = self.energy_reset_at = start_time
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
-        self.motion = MotionSystem()
+        self.motion = MotionSystemState()
         self._discards_programs = False
         self._programs: dict[str, tuple[Program, int]] = {}
         self._program_names: dict[str, str] = {}
@@ -165,7 +165,7 @@ class Irc5:
             restart=self.restart,
         )
         movers = {each.unit.side: name for name, each in self.execution.installed.items() if each.unit is not None}
-        self.units = tuple(replace(unit, motion_task=movers.get(unit.side, "")) for unit in self.units)
+        self.units = tuple(replace(unit, task=movers.get(unit.side, unit.side.task)) for unit in self.units)
         self._outputs = self._system_outputs()
         for task in self.tasks.values():
             task.host.devices = self.devices
@@ -565,7 +565,7 @@ class Irc5:
         }
         of_units: Mapping[str, tuple[Callable[[Iterable[bool]], bool], Callable[[MechanicalUnit], bool]]] = {
             "LimitSpeed": (any, lambda unit: self._arms[unit.side].limits_speed),
-            "MechUnitActive": (all, lambda unit: unit.mode == "Activated"),
+            "MechUnitActive": (all, lambda unit: unit.is_active),
             "MechUnitNotMoving": (all, lambda unit: self.arm_of(unit).is_stationary),
             "MotSupOn": (all, lambda unit: self.supervises_motion(unit.side)),
             "MotSupTrigg": (any, lambda unit: unit.side in self._collided),

@@ -48,7 +48,7 @@ class UnitInstructions:
             "NoOfAxes": unit.axes,
             "MecTaskNo": self._planner_of(unit.task),
             "MotPlanNo": self._planner_of(unit.task),
-            "Active": unit.mode == "Activated",
+            "Active": unit.is_active,
             "DriveModule": unit.drive_module,
             "OKToDeact": False,
         }
@@ -59,7 +59,7 @@ class UnitInstructions:
 
     @UNITS.function("IsMechUnitActive", "mecunit MechUnit", "bool")
     def is_active(self, call: Call) -> bool:
-        active: bool = call["MechUnit"].mode == "Activated"
+        active: bool = call["MechUnit"].is_active
         return active
 
     @UNITS.function("GetMotorTorque", r"\mecunit MecUnit, num AxisNo", "num")

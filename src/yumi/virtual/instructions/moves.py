@@ -20,7 +20,7 @@ from yumi.rapid import Call, Library, RapidRuntimeError, Wait
 from yumi.rapid.builtins.information import OF_TASK, task_meant
 from yumi.robot.arm_kinematics import Arm
 from yumi.robot.confdata import Configuration
-from yumi.robot.joints import Joints, Pose
+from yumi.robot.joints import ORIGIN, Joints, Pose
 from yumi.robot.kinematics import compose, matrix, quaternion_from_matrix
 from yumi.rws.types import EventType
 from yumi.virtual.controller_log import EventLog
@@ -142,7 +142,7 @@ class MoveInstructions:
         if robot_holds_tool == (wobj is not None and bool(wobj.robhold)):
             sentence = "The robot has to hold either the tool or the work object: see robhold of both."
             raise RapidRuntimeError(FATAL, sentence)
-        wobj_pose = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) if wobj is None else wobj_from_rapid(wobj)
+        wobj_pose = ORIGIN if wobj is None else wobj_from_rapid(wobj)
         displacement = self.unit.settings.displacement
         if displacement is not None and is_displaced:
             wobj_pose = compose(wobj_pose, pose_from_rapid(displacement))

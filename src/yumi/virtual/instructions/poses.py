@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from yumi.rapid import STANDARD, Call, Library, RapidRuntimeError
-from yumi.robot.joints import Pose, Quaternion, Vector, rotate
+from yumi.robot.joints import ORIGIN, Pose, Quaternion, Vector, rotate
 from yumi.robot.kinematics import (
     compose,
     euler_zyx,
@@ -126,7 +126,7 @@ def mirrored_target(call: Call) -> Any:
     target, plane = call["Point"], call["MirPlane"]
     plane_to_world = compose(_pose_in_mm(plane.uframe), _pose_in_mm(plane.oframe))
     wobj = call.get("WObj")
-    wobj_to_world = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    wobj_to_world = ORIGIN
     if wobj is not None:
         wobj_to_world = compose(_pose_in_mm(wobj.uframe), _pose_in_mm(wobj.oframe))
     to_plane = compose(inverse(plane_to_world), wobj_to_world)

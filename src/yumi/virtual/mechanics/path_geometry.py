@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 
 from yumi.errors import YumiError
 from yumi.robot.arm_kinematics import Arm, Lost
-from yumi.robot.joints import Joints, Pose
-from yumi.robot.kinematics import IDENTITY, matrix, quaternion_from_matrix
+from yumi.robot.joints import ORIGIN, Joints, Pose
+from yumi.robot.kinematics import matrix, quaternion_from_matrix
 from yumi.robot.rotations import rotation_vectors, rotations_about
 
 Array = NDArray[np.float64]
 
-ORIGIN = Pose((0.0, 0.0, 0.0), IDENTITY)
 _SAMPLE_LENGTH = 0.004  # between two samples [m]: at a radius of 0.2 m the chord is 0.01 mm off
 _SAMPLE_TURN = 0.05  # the same of the tool and of joints [rad]
 _MOST_SAMPLES = 500

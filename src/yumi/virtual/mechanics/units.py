@@ -16,6 +16,7 @@ from typing import Any
 from yumi.errors import RapidError
 from yumi.robot.joints import Pose, Side
 from yumi.robot.kinematics import compose
+from yumi.rws.operations.motion import Coordinates, JogMode, MechanicalUnitState
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.dynamics import ArmDynamics
 from yumi.virtual.mechanics.egm_client import EgmClient
@@ -24,64 +25,59 @@ from yumi.virtual.mechanics.path_geometry import CircleMode
 from yumi.virtual.mechanics.virtual_gripper import VirtualGripper
 from yumi.virtual.mechanics.watched_zones import WorldZone
 
-NO_UNIT = "NoIntegratedUnit"
-"""ABB's word for "none" in the two integration fields."""
 
-
-@dataclass(frozen=True, slots=True)
-class MechanicalUnit:
-    """What a client may read about a mechanical unit (reference/statemachine.md §9, reference/rws.md §8.2).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MechanicalUnit(MechanicalUnitState):
+    """A mechanical unit of this controller, as clients read it (reference/statemachine.md §9, reference/rws.md §8.2).
 
     Attributes:
-        name: e.g. ``ROB_R`` or ``ROB_R_7``.
         side: the arm it belongs to.
-        type: ``TCPRobot`` or ``Single``.
-        axes: axes of its own.
-        axes_total: axes with those of the unit integrated in it.
-        is_integrated_unit: the unit this one is integrated in, or :data:`NO_UNIT`.
-        has_integrated_unit: the unit that is integrated in this one, or :data:`NO_UNIT`.
         drive_module: number of its drive module.
-        status, mode, tool, wobj, payload, total_payload, jog_mode, coord_system: what jogging would use.
-        motion_task: the RAPID task that moves it, where it is not that of the arm's side.
     """
 
-    name: str
     side: Side
-    type: str
-    axes: int
-    axes_total: int
-    is_integrated_unit: str
-    has_integrated_unit: str
     drive_module: int = 1
-    status: str = "Synchronized"
-    mode: str = "Activated"
-    tool: str = "tool0"
-    wobj: str = "wobj0"
-    payload: str = "load0"
-    total_payload: str = "load0"
-    jog_mode: str = "AxisGroup1"
-    coord_system: str = "World"
-    motion_task: str = ""
-
-    @property
-    def task(self) -> str:
-        """The RAPID task that moves it."""
-        return self.motion_task or self.side.task
 
 
-def _six_axes(side: Side) -> MechanicalUnit:
-    return MechanicalUnit(side.unit, side, "TCPRobot", 6, 7, NO_UNIT, f"{side.unit}_7")
+def mechanical_unit(
+    name: str, side: Side, task: str, *, total_axes: int, containing: str = "", integrated: str = ""
+) -> MechanicalUnit:
+    """A unit as a new system has it: a robot of six axes, or a single axis integrated in the unit ``containing``."""
+    return MechanicalUnit(
+        name=name,
+        task=task,
+        type="Single" if containing else "TCPRobot",
+        axes=1 if containing else 6,
+        total_axes=total_axes,
+        containing_unit=containing,
+        integrated_unit=integrated,
+        tool="tool0",
+        work_object="wobj0",
+        payload="load0",
+        total_payload="load0",
+        is_synchronized=True,
+        is_active=True,
+        jog_mode=JogMode.AXES_1_TO_3,
+        coordinates=Coordinates.WORLD,
+        side=side,
+    )
 
 
-def _seventh_axis(side: Side) -> MechanicalUnit:
-    return MechanicalUnit(f"{side.unit}_7", side, "Single", 1, 1, side.unit, NO_UNIT)
+def seven_axes(name: str, side: Side, task: str) -> tuple[MechanicalUnit, MechanicalUnit]:
+    """The two units of an arm with seven axes: six of one, and the seventh integrated in it."""
+    seventh = f"{name}_7"
+    return (
+        mechanical_unit(name, side, task, total_axes=7, integrated=seventh),
+        mechanical_unit(seventh, side, task, total_axes=1, containing=name),
+    )
 
 
-YUMI_UNITS = (*map(_six_axes, Side), *map(_seventh_axis, Side))
+_SIX_AXES, _SEVENTH_AXES = zip(*(seven_axes(side.unit, side, side.task) for side in Side), strict=True)
+YUMI_UNITS: tuple[MechanicalUnit, ...] = (*_SIX_AXES, *_SEVENTH_AXES)
 
 
 @dataclass(slots=True)
-class Supervision:
+class UnitSupervision:
     """How one mechanical unit is supervised: while it is jogged, and on its path [%].
 
     Attributes:
@@ -96,7 +92,7 @@ class Supervision:
 
 
 @dataclass(slots=True)
-class MotionSystem:
+class MotionSystemState:
     """What ``/rw/motionsystem`` shows and sets beside the mechanical units.
 
     Attributes:
@@ -110,7 +106,7 @@ class MotionSystem:
 
     active_unit: str = ""
     changes: int = 0
-    supervision: dict[str, Supervision] = field(default_factory=dict)
+    supervision: dict[str, UnitSupervision] = field(default_factory=dict)
     lead_through: set[str] = field(default_factory=set)
     predicts_collisions: bool = True
     is_non_motion: bool = False

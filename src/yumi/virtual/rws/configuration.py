@@ -71,8 +71,8 @@ def get_type(controller: Irc5, call: Call) -> Page:
     place, found = _place(call), _instances(controller, call)
     attributes = entry("cfg-dt-attributes-li", "attributes", f"{place}/attributes")
     instances = entry("cfg-dt-instances-li", "instances", f"{place}/instances")
-    fields = {"cfg-no-of-attributes": str(len(_attributes(found))), "cfg-no-of-instances": str(len(found))}
-    return resource("cfg", _CFG_BASE, place, State("cfg-dt", place.rpartition("/")[2], fields), attributes, instances)
+    size = table.TYPE.answered.state(place.rpartition("/")[2], (len(_attributes(found)), len(found)))
+    return resource("cfg", _CFG_BASE, place, size, attributes, instances)
 
 
 @ROUTES.answer(table.ATTRIBUTES)

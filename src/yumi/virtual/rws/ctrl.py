@@ -12,7 +12,7 @@ from math import inf
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from yumi.errors import RapidError, SettingsError
-from yumi.rws.documents import JOB_DONE, JOB_PENDING, Link, Page, State
+from yumi.rws.documents import Link, Page, State
 from yumi.rws.operations import ctrl as table
 from yumi.rws.types import Code
 from yumi.virtual.controller.backup import check_backup, restore_backup, write_backup
@@ -32,15 +32,11 @@ _DURATION = 2.0  # of a backup and other jobs [s]
 ROUTES = Routes()
 
 
-def identity_fields(controller: Irc5) -> dict[str, str]:
-    identity = controller.identity
-    if identity.is_virtual:
-        return {"ctrl-name": identity.controller_name, "ctrl-type": "Virtual Controller"}
-    return {
-        "ctrl-name": identity.controller_name,
-        "ctrl-id": identity.controller_name,
-        "ctrl-type": "Real Controller",
-    }
+def identity_fields(controller: Irc5) -> Mapping[str, str]:
+    name, is_virtual = controller.identity.controller_name, controller.identity.is_virtual
+    return table.IDENTITY.answered.write(
+        table.ControllerIdentity(name, "" if is_virtual else name, is_virtual=is_virtual)
+    )
 
 
 @ROUTES.answer(table.CONTROLLER)
@@ -57,7 +53,7 @@ def get_controller(controller: Irc5, call: Call) -> Page:
 
 @ROUTES.answer(table.IDENTITY)
 def get_identity(controller: Irc5, call: Call) -> Page:
-    fields = identity_fields(controller)
+    fields = dict(identity_fields(controller))
     if not controller.identity.is_virtual:
         fields["ctrl-mac"] = "00:00:00:00:00:00"
     fields["ctrl-level"] = "System Level"
@@ -242,16 +238,14 @@ def _begin(controller: Irc5, work: Callable[[], None]) -> HttpReply:
 
 
 @ROUTES.answer(table.PROGRESS)
-def get_progress(controller: Irc5, call: Call) -> Page:
+def get_progress(controller: Irc5, call: Call) -> Mapping[str, table.Progress]:
     job = controller.jobs.find(call.names["job"])
     if job is None:
         raise Failure(404, Code.FAIL, f"there is no job {call.names['job'][:20]!r}")
-    code, state = (str(JOB_PENDING), "Pending") if not job.is_done else (str(JOB_DONE), "Ready")
+    code, state = (table.JOB_DONE, "Ready") if job.is_done else (table.JOB_PENDING, "Pending")
     if job.failure:
-        code, state = str(int(Code.FAIL)), f"Error: {job.failure}"
-    return resource(
-        "progress", "/progress/", str(job.number), State("progress", str(job.number), {"code": code, "state": state})
-    )
+        code, state = int(Code.FAIL), f"Error: {job.failure}"
+    return {str(job.number): table.Progress(code, state)}
 
 
 @ROUTES.answer(table.PROGRESS_LIST)

@@ -55,7 +55,7 @@ def get_dialog_parameter(controller: Irc5, call: Call) -> Page:
     stack, _, parameter = call.names["stack"].rpartition("/")
     for name, value in _dialog_values(_dialog_at(controller, stack)).items():
         if name.lower() == parameter.lower():
-            state = State("rap-uiparam", name, {"value": value})
+            state = table.DIALOG_PARAMETER.answered.state(name, value)
             return resource("rapid", f"{_BASE}uiinstr/active/", f"param/{stack}/{name}", state)
     raise Failure(404, Code.NO_SUCH_SYMBOL, f"the question has no parameter {parameter[:50]!r}")
 

@@ -8,12 +8,13 @@ from typing import Any
 from yumi.rws.documents import Page, State
 from yumi.rws.operations import mastership as table
 from yumi.rws.operations.operation import Operation
+from yumi.rws.operations.users import User
 from yumi.rws.types import Code
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.call import Call, Failure
 from yumi.virtual.rws.render import entry, resource
 from yumi.virtual.rws.router import Route
-from yumi.virtual.rws.users import User, Users, refuse_in_manual_mode
+from yumi.virtual.rws.users import Users, refuse_in_manual_mode
 
 _MASTERSHIP_BASE = "/rw/mastership/"
 
@@ -89,13 +90,13 @@ class Mastership:
     def fields(self, domain: str) -> dict[str, str]:
         """Who holds a domain."""
         holder = self._holders.get(domain)
-        user = User(0, "") if holder is None else self._users.of(holder)
+        user = User(0) if holder is None else self._users.of(holder)
         return {
             "uid": str(user.uid),
             "location": user.location,
             "alias": user.name,
             "application": user.application,
-            "mastership": "nomaster" if holder is None else user.locale,
+            "mastership": "nomaster" if holder is None else "local" if user.is_local else "remote",
         }
 
     def request_all(self, controller: Irc5, call: Call) -> None:

@@ -17,15 +17,16 @@ from yumi.rapid.loaded_modules import LoadedModule, UserRoutine
 from yumi.rapid.parser import parse_expression
 from yumi.rapid.task import Task
 from yumi.rapid.types import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol, Variable
-from yumi.rws.documents import Form, Page, State
+from yumi.rws.documents import Form, Link, Page, State
 from yumi.rws.operations import modules as table
+from yumi.rws.operations.rapid import Range
 from yumi.rws.types import Code, RapidValue, decode
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.call import Call, Failure, Shown, invalid
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.rapid import find_task, prepare_modules, quoted
-from yumi.virtual.rws.render import entry, resource
+from yumi.virtual.rws.rapid import find_task, prepare_modules
+from yumi.virtual.rws.render import resource
 from yumi.virtual.rws.router import Routes
 from yumi.virtual.rws.users import refuse_in_manual_mode
 
@@ -75,12 +76,10 @@ def _module_page(task: Task, module: LoadedModule, state: State) -> Page:
 def get_modules(controller: Irc5, call: Call) -> Page:
     task = find_task(controller, call.option("task") or "")
     states = (
-        entry(
-            "rap-module-info-li",
+        table.MODULES.answered.state(
             module.name,
-            f"modules/{module.name}?task={task.name}",
-            name=module.name,
-            type="SysMod" if module.is_system else "ProgMod",
+            table.ModuleInfo(module.name, "SysMod" if module.is_system else "ProgMod"),
+            Link("self", f"modules/{module.name}?task={task.name}"),
         )
         for module in task.modules
     )
@@ -93,21 +92,16 @@ def get_module(controller: Irc5, call: Call) -> Page:
     task, module = _module(controller, call)
     name, text = module.name, module.syntax.text
     if call.option("text") is not None:
-        row, column = _search(text, call.option("text") or "", call)
-        fields = {"Row": str(row), "Column": str(column)}
-        return _module_page(task, module, State("rap-text-position", name, fields))
+        found = _search(text, call.option("text") or "", call)
+        return _module_page(task, module, table.TEXT_POSITION.state(name, found))
     if call.option("endrow") is not None:
         begin, end = _range(text, call)
-        state = State("rap-mod-text", name, {"text": text[begin:end]})
-        return _module_page(task, module, state)
+        return _module_page(task, module, table.TEXT_PART.state(name, text[begin:end]))
     if call.option("startrow") is not None:
         return _module_page(task, module, _object(task, module, call))
-    fields = {
-        "modname": name,
-        "filename": module.syntax.filename.rpartition("/")[2],
-        "attribute": " ".join(sorted(each.lower().removesuffix("ule") for each in module.syntax.attributes)),
-    }
-    return _module_page(task, module, State("rap-module", name, fields))
+    attributes = sorted(each.lower().removesuffix("ule") for each in module.syntax.attributes)
+    details = table.ModuleDetails(name, module.syntax.filename.rpartition("/")[2], tuple(attributes))
+    return _module_page(task, module, table.MODULE.answered.state(name, details))
 
 
 def _offset(text: str, row: int, column: int) -> int:
@@ -158,10 +152,7 @@ def _object(task: Task, module: LoadedModule, call: Call) -> State:
         raise Failure(400, Code.SOURCEPOS, f"nothing is declared at row {row}")
     node = max(before, key=lambda each: each.line)
     fields = {
-        "start-row": str(node.line),
-        "start-column": str(node.column),
-        "end-row": str(node.line),
-        "end-column": "-1",
+        **table.TEXT_OBJECT.write(Range(node.line, node.column, node.line, -1)),
         "type": type(node).__name__,
         "list-num": str(declared.index(node) + 1),
         "list-len": str(len(declared)),
@@ -178,7 +169,7 @@ def get_module_text(controller: Irc5, call: Call) -> Page:
     task, module = _module(controller, call)
     fields = {
         "change-count": str(controller.program_changes(task.name)),
-        "module-text": quoted(module.syntax.text),
+        **table.MODULE_TEXT.answered.write(module.syntax.text),
         "module-length": str(len(module.syntax.text)),
     }
     state = State("rap-module-text", module.name, fields)
@@ -188,8 +179,8 @@ def get_module_text(controller: Irc5, call: Call) -> Page:
 @ROUTES.answer(table.MODULE_CHANGES)
 def get_module_changes(controller: Irc5, call: Call) -> Page:
     task, module = _module(controller, call)
-    state = State("rap-module-changecount", module.name, {"count": str(controller.program_changes(task.name))})
-    return _module_page(task, module, state)
+    count = controller.program_changes(task.name)
+    return _module_page(task, module, table.MODULE_CHANGES.answered.state(module.name, count))
 
 
 @ROUTES.answer(table.EXTENSION)
@@ -197,8 +188,7 @@ def get_extension(controller: Irc5, call: Call) -> Page:
     task, module = _module(controller, call)
     lines = module.syntax.text.splitlines()
     fields = {
-        "num-of-lines": str(len(lines)),
-        "max-num-of-col": str(max(map(len, lines), default=0)),
+        **table.EXTENSION.answered.write((len(lines), max(map(len, lines), default=0))),
         "count": str(controller.program_changes(task.name)),
     }
     return _module_page(task, module, State("rap-module-extension", module.name, fields))
@@ -208,8 +198,7 @@ def get_extension(controller: Irc5, call: Call) -> Page:
 def get_sync_status(controller: Irc5, call: Call) -> Page:
     """Whether the text has the present values of its persistents."""
     task, module = _module(controller, call)
-    state = State("rap-syncper-status", module.name, {"syncperstatus": "0"})
-    return _module_page(task, module, state)
+    return _module_page(task, module, table.SYNC_STATUS.answered.state(module.name, 0))
 
 
 @ROUTES.answer(table.SAVE_MODULE)
@@ -354,7 +343,7 @@ def get_symbol(controller: Irc5, call: Call) -> Shown:
             "_embedded": {"_state": [{"_type": "rap-data", "_title": f"RAPID/{url}", "value": _plain(value)}]},
         }
         return HttpReply(200, (("Content-Type", Form.JSON.value),), json.dumps(document).encode())
-    state = State("rap-data", f"RAPID/{url}", {"value": value})
+    state = table.SYMBOL.answered.state(f"RAPID/{url}", value)
     return resource("rapid", _BASE, f"symbol/data/RAPID/{url}", state)
 
 

@@ -20,7 +20,7 @@ from yumi.rws.types import Code, decode
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.instructions.robot_data import pose_from_rapid, robtarget, wobj_from_rapid
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.units import MechanicalUnit, Supervision
+from yumi.virtual.mechanics.units import MechanicalUnit, UnitSupervision
 from yumi.virtual.rws.call import Call, Failure, invalid
 from yumi.virtual.rws.render import entry, resource
 from yumi.virtual.rws.router import Routes
@@ -187,8 +187,8 @@ def get_error_state(controller: Irc5, call: Call) -> table.MotionError:
     return table.MotionError()
 
 
-def _supervision(controller: Irc5, unit: MechanicalUnit) -> Supervision:
-    return controller.motion.supervision.setdefault(unit.name, Supervision())
+def _supervision(controller: Irc5, unit: MechanicalUnit) -> UnitSupervision:
+    return controller.motion.supervision.setdefault(unit.name, UnitSupervision())
 
 
 @ROUTES.answer(table.MOTION_SUPERVISION)
@@ -271,7 +271,7 @@ def get_units(controller: Irc5, call: Call) -> Page:
             "ms-mechunit-li",
             unit.name,
             f"mechunits/{unit.name}",
-            mode=unit.mode,
+            mode=table.UNIT.answered.write(unit)["mode"],
             activation_allowed="True",
             drive_module=str(unit.drive_module),
         )
@@ -288,24 +288,7 @@ _STATIC_FIELDS = 6  # of a unit, which come first
 def get_unit(controller: Irc5, call: Call) -> Page:
     """A unit's fields: all, or the groups and single fields in ``resource``, joined by ``;``."""
     unit = _find(controller, call)
-    shown = table.MechanicalUnit(
-        name=unit.name,
-        task=unit.task,
-        type=unit.type,
-        axes=unit.axes,
-        total_axes=unit.axes_total,
-        containing_unit=unit.is_integrated_unit,
-        integrated_unit=unit.has_integrated_unit,
-        tool=unit.tool,
-        work_object=unit.wobj,
-        payload=unit.payload,
-        total_payload=unit.total_payload,
-        is_synchronized=unit.status == "Synchronized",
-        is_active=unit.mode == "Activated",
-        jog_mode=table.JogMode(unit.jog_mode),
-        coordinates=table.Coordinates(unit.coord_system),
-    )
-    members = list(table.UNIT.answered.write(shown).items())
+    members = list(table.UNIT.answered.write(unit).items())
     groups = {"static": dict(members[:_STATIC_FIELDS]), "dynamic": dict(members[_STATIC_FIELDS:])}
     asked = (call.option("resource") or "static;dynamic").split(";")
     known = {*groups, *(_short(name) for members in groups.values() for name in members)}
@@ -336,19 +319,19 @@ def set_unit(controller: Irc5, call: Call) -> None:
     for kind in ("tool", "wobj"):
         if first_value(call.form, kind) is not None:
             _datum(controller, unit, call.required(kind), kind)
-    mode = call.parameter("mode", unit.mode)
+    mode = call.parameter("mode", "")
     if mode == "Deactivated" and unit.type == "TCPRobot":
         raise Failure(400, Code.REJECT, f"the robot {unit.name} cannot be deactivated")
-    system = call.parameter("coord-system", unit.coord_system)
+    system = call.parameter("coord-system", unit.coordinates.value)
     changed = replace(
         unit,
         tool=call.parameter("tool", unit.tool),
-        wobj=call.parameter("wobj", unit.wobj),
+        work_object=call.parameter("wobj", unit.work_object),
         payload=call.parameter("payload", unit.payload),
         total_payload=call.parameter("total-payload", unit.total_payload),
-        mode=mode,
-        jog_mode=call.parameter("jog-mode", unit.jog_mode),
-        coord_system="World" if system == "Word" else system,
+        is_active=mode == "Activated" if mode else unit.is_active,
+        jog_mode=table.JogMode(call.parameter("jog-mode", unit.jog_mode.value)),
+        coordinates=table.Coordinates("World" if system == "Word" else system),
     )
     controller.units = tuple(changed if each.name == unit.name else each for each in controller.units)
     _changed(controller)
@@ -423,8 +406,8 @@ def _datum(controller: Irc5, unit: MechanicalUnit, name: str, kind: str) -> Any:
 def target(controller: Irc5, call: Call, unit: MechanicalUnit) -> RobTarget:
     """The position of a unit's tool as the call asks for it."""
     tool = pose_from_rapid(_datum(controller, unit, call.option("tool") or unit.tool, "tool").tframe)
-    system = call.option("coordinate") or unit.coord_system
-    wobj = wobj_from_rapid(_datum(controller, unit, call.option("wobj") or unit.wobj, "wobj"))
+    system = call.option("coordinate") or unit.coordinates.value
+    wobj = wobj_from_rapid(_datum(controller, unit, call.option("wobj") or unit.work_object, "wobj"))
     arm = controller.arm_of(unit)
     trans, rot, turns, extra = robtarget(arm.kinematics, arm.position, tool, wobj if system == "Wobj" else None)
     one, four, six, last = map(int, turns)
@@ -487,7 +470,7 @@ def _axis(controller: Irc5, call: Call) -> tuple[MechanicalUnit, int]:
 @ROUTES.answer(table.AXIS)
 def get_axis(controller: Irc5, call: Call) -> table.Axis:
     unit, logical = _axis(controller, call)
-    return table.Axis(unit.status == "Synchronized", int(call.names["axis"]), logical)
+    return table.Axis(unit.is_synchronized, int(call.names["axis"]), logical)
 
 
 @ROUTES.answer(table.AXIS_POSE)

@@ -5,10 +5,10 @@ Modules and symbols are in ``symbols``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from functools import lru_cache, partial
-from urllib.parse import quote
+from dataclasses import asdict, astuple
+from functools import partial
 from xml.etree import ElementTree
 
 from yumi.errors import RapidError
@@ -21,7 +21,9 @@ from yumi.rapid.task import Task
 from yumi.rapid.types import RapidReferenceError
 from yumi.rws.documents import JointTarget, Link, Page, RobTarget, State
 from yumi.rws.operations import rapid as table
-from yumi.rws.types import Code
+from yumi.rws.operations.modules import quoted
+from yumi.rws.operations.motion import UNIT
+from yumi.rws.types import Code, ExecutionState, TaskExecution
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.tasks import InstalledTask
 from yumi.virtual.rws.call import Call, Failure, invalid
@@ -40,9 +42,10 @@ _MOST_PAGE = 30
 ROUTES = Routes()
 
 
-def execution_state(controller: Irc5) -> str:
-    """``ctrlexecstate``."""
-    return "running" if controller.is_running else "stopped"
+def execution_of(controller: Irc5) -> table.Execution:
+    """Whether RAPID runs, and its cycle."""
+    state = ExecutionState.RUNNING if controller.is_running else ExecutionState.STOPPED
+    return table.Execution(state, table.RunCycle(controller.cycle))
 
 
 def find_task(controller: Irc5, name: str) -> Task:
@@ -71,9 +74,8 @@ def get_rapid(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.EXECUTION)
-def get_execution(controller: Irc5, call: Call) -> Page:
-    fields = {"ctrlexecstate": execution_state(controller), "cycle": controller.cycle}
-    return resource("rapid", _BASE, "execution", State("rap-execution", "execution", fields))
+def get_execution(controller: Irc5, call: Call) -> table.Execution:
+    return execution_of(controller)
 
 
 @ROUTES.answer(table.START)
@@ -128,7 +130,7 @@ def hold_to_run(controller: Irc5, call: Call) -> None:
 @ROUTES.answer(table.TASKS)
 def get_tasks(controller: Irc5, call: Call) -> Page:
     states = (
-        State("rap-task-li", name, task_fields(each), (Link("self", f"tasks/{name}"),))
+        table.TASKS.answered.state(name, _task_info(each), Link("self", f"tasks/{name}"))
         for name, each in controller.execution.installed.items()
     )
     return resource("rapid", _BASE, "tasks", *states)
@@ -139,33 +141,32 @@ def get_task(controller: Irc5, call: Call) -> Page:
     installed = _installed(controller, call)
     name, settings = installed.task.name, installed.settings
     links = (Link("self", name), Link("program", f"{name}/program"), Link("modules", f"../modules?task={name}"))
-    has_pp = bool(installed.task.call_stack)
-    fields = {
-        **task_fields(installed),
-        "tasktype": settings.type.name.capitalize().replace("Semistatic", "SemiStatic"),
-        "trust": "None" if settings.trust.value == "NoSafety" else settings.trust.value,
-        "taskID": str(list(controller.tasks).index(name) + 1),
-        "execlevel": "Normal" if has_pp else "None",
-        "execmode": "Continous",
-        "exectype": "Normal" if has_pp else "None",
-        "prodentrypt": settings.entry,
-        "bind_ref": "False",
-        "task_in_forgnd": str(not settings.foreground),
-    }
-    return resource("rapid", f"{_BASE}tasks/", name, State("rap-task", name, fields, links))
+    level = "Normal" if installed.task.call_stack else "None"
+    details = table.TaskDetails(
+        **asdict(_task_info(installed)),
+        type=settings.type.name.capitalize().replace("Semistatic", "SemiStatic"),
+        trust="None" if settings.trust.value == "NoSafety" else settings.trust.value,
+        number=str(list(controller.tasks).index(name) + 1),
+        level=level,
+        mode="Continous",
+        execution_type=level,
+        entry=settings.entry,
+    )
+    rest = {"bind_ref": "False", "task_in_forgnd": str(not settings.foreground)}
+    state = State("rap-task", name, {**table.TASK.answered.write(details), **rest}, links)
+    return resource("rapid", f"{_BASE}tasks/", name, state)
 
 
-def task_fields(installed: InstalledTask) -> dict[str, str]:
-    """What lists and single tasks show."""
+def _task_info(installed: InstalledTask) -> table.TaskInfo:
     task = installed.task
-    return {
-        "name": task.name,
-        "type": installed.settings.type.value,
-        "taskstate": "empt" if task.is_empty else "init" if task.execution is Execution.UNINITIALIZED else "link",
-        "excstate": task.execution.value,
-        "active": "On" if installed.is_active else "Off",
-        "motiontask": "TRUE" if installed.settings.is_motion_task else "FALSE",
-    }
+    return table.TaskInfo(
+        name=task.name,
+        type_code=installed.settings.type.value,
+        links="empt" if task.is_empty else "init" if task.execution is Execution.UNINITIALIZED else "link",
+        execution=TaskExecution(task.execution.value),
+        is_active=installed.is_active,
+        is_motion_task=installed.settings.is_motion_task,
+    )
 
 
 @ROUTES.answer(table.ACTIVATE_ALL, table.DEACTIVATE_ALL, table.ACTIVATE, table.DEACTIVATE)
@@ -200,15 +201,6 @@ def parsed(text: str, path: str) -> s.Module:
     """The module, with its text encoded for clients that read it."""
     quoted(text)
     return parse_module(text, path)
-
-
-@lru_cache(maxsize=32)
-def quoted(text: str) -> str:
-    """A module's text, URL-encoded; a long one takes longer than a cycle the first time.
-
-    What ISO 8859-1 does not have becomes a question mark, as in files that a program is saved in.
-    """
-    return quote(text, encoding="latin-1", errors="replace")
 
 
 @ROUTES.answer(table.UNLOAD_MODULE)
@@ -263,13 +255,12 @@ def get_stack_frame(controller: Irc5, call: Call) -> Page:
     if not 1 <= number <= len(stack):
         raise Failure(404, Code.NO_PP, f"{task.name} has {len(stack)} stack frames, not {number}")
     at = stack[number - 1]
-    fields = {
-        "execlevel": "Normal",
-        **_place(task, at, ("beg-row", "beg-col", "end-row", "end-col")),
-        "stack-url": f"RAPID/{task.name}/%{number}",
-        "routine-url": f"RAPID/{task.name}/{at.module}/{at.routine}",
-    }
-    return resource("rapid", f"{_BASE}tasks/", task.name, State("rap-stackframe", str(number), fields))
+    url = f"RAPID/{task.name}"
+    frame = table.StackFrame(
+        "Normal", _range(task, at), f"{url}/%{number}", routine_url=f"{url}/{at.module}/{at.routine}"
+    )
+    state = table.STACK_FRAME.answered.state(str(number), frame)
+    return resource("rapid", f"{_BASE}tasks/", task.name, state)
 
 
 def text_of(task: Task, module: str) -> str:
@@ -280,19 +271,19 @@ def text_of(task: Task, module: str) -> str:
     raise Failure(404, Code.FAIL, f"the task {task.name} has no module {module[:50]!r}")
 
 
-def _place(task: Task, at: StackEntry, names: Sequence[str]) -> dict[str, str]:
+def _range(task: Task, at: StackEntry) -> table.Range:
     """Where a statement begins and ends: rows and columns from 1, the end of its line being its end."""
     lines = text_of(task, at.module).splitlines()
     line = lines[at.line - 1] if 0 < at.line <= len(lines) else ""
     begin = len(line) - len(line.lstrip()) + 1
-    return dict(zip(names, map(str, (at.line, begin, at.line, max(len(line.rstrip()), begin))), strict=True))
+    return table.Range(at.line, begin, at.line, max(len(line.rstrip()), begin))
 
 
 @ROUTES.answer(table.CHANGE_COUNT_TOO, table.CHANGE_COUNT)
 def get_change_count(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
-    count = str(controller.program_changes(task.name))
-    fields = {"change-count": count, "struc-change-count": count}
+    count = controller.program_changes(task.name)
+    fields = {"change-count": str(count), **table.CHANGE_COUNT.answered.write(count)}
     state = State("task-struc-change-count", task.name, fields)
     return resource("rapid", f"{_BASE}tasks/", task.name, state)
 
@@ -306,7 +297,7 @@ def get_preferred_types(controller: Irc5, call: Call) -> Page:
     found = [each for each in routine.parameters if each.name.lower() == parameter.lower()] if routine else []
     if not found:
         raise invalid(f"the instruction {instruction[:50]!r} has no parameter {parameter[:50]!r}")
-    fields = {"name-prefdattype": parameter, "type-prefdattype": found[0].type.name}
+    fields = {"name-prefdattype": parameter, **table.PREFERRED_TYPES.answered.write(found[0].type.name)}
     return resource("rapid", f"{_BASE}tasks/", task.name, State("task-pref-data-types", parameter, fields))
 
 
@@ -323,7 +314,7 @@ def get_routines_of_task(controller: Irc5, call: Call) -> Page:
             "rap-task-routine",
             each.name,
             {
-                "routine-name": each.name,
+                **table.ROUTINES_OF_TASK.answered.write(each.name),
                 "url-to-routine": f"RAPID/{task.name}/{each.module.name}/{each.name}",
                 "service-routine": "FALSE",
             },
@@ -342,36 +333,29 @@ def get_task_execution(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     fields = {"excstate": task.execution.value}
     if task.call_stack:
-        at = task.call_stack[0]
-        fields |= {"module-name": at.module, "routine-name": at.routine, "line": str(at.line)}
+        fields |= table.TASK_EXECUTION.answered.write(table.TaskPlace(*astuple(task.call_stack[0])))
     return resource("rapid", f"{_BASE}tasks/", f"{task.name}/execution", State("rap-task-execution", task.name, fields))
 
 
 # Pointers
 
 
-def pointer_fields(task: Task) -> dict[str, str]:
-    """Where the program pointer stands; nothing where it is lost."""
+def pointer_of(task: Task) -> table.Pointer | None:
+    """Where the program pointer stands; None where it is lost."""
     if not task.call_stack:
-        return {}
+        return None
     at = task.call_stack[0]
-    place = _place(task, at, ("row", "col", "end-row", "end-col"))
-    return {
-        "beginposition": f"{place['row']},{place['col']}",
-        "endposition": f"{place['end-row']},{place['end-col']}",
-        "modulemame": at.module,
-        "routinename": at.routine,
-        "changecount": "0",
-        "executiontype": "Normal",
-    }
+    return table.Pointer(_range(task, at), at.module, at.routine)
 
 
 @ROUTES.answer(table.POINTERS)
 def get_pointers(controller: Irc5, call: Call) -> Page:
     """Both pointers: the motion pointer is where the program pointer is, as no motion runs ahead of it."""
     task = _task(controller, call)
-    fields = pointer_fields(task)
-    lost = () if fields else (Link("error", f"/rw/retcode?code={int(Code.UNEXPECTED)}"),)
+    fields: Mapping[str, str] = {}
+    lost: tuple[Link, ...] = (Link("error", f"/rw/retcode?code={int(Code.UNEXPECTED)}"),)
+    if (at := pointer_of(task)) is not None:
+        fields, lost = {**table.POINTERS.answered.write(at), "changecount": "0", "executiontype": "Normal"}, ()
     states = (State("pcp-info", name, fields, lost) for name in ("progpointer", "motionpointer"))
     return resource("rapid", f"{_BASE}tasks/{task.name}/", "pcp", *states)
 
@@ -441,7 +425,11 @@ def get_motion_joints(controller: Irc5, call: Call) -> Mapping[str, JointTarget]
 def get_motion_units(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     states = (
-        State("rapid-mechunit", unit.name, {"name": unit.name, "mode": unit.mode, "type": unit.type})
+        State(
+            "rapid-mechunit",
+            unit.name,
+            {"name": unit.name, "mode": UNIT.answered.write(unit)["mode"], "type": unit.type},
+        )
         for unit in controller.units
         if unit.task == task.name
     )
@@ -463,7 +451,7 @@ def get_program(controller: Irc5, call: Call) -> Page | HttpReply:
     task = _task(controller, call)
     if not task.modules:
         return HttpReply(_NO_CONTENT)
-    state = State("rap-program", "program", {"name": controller.program_name(task.name), "entrypoint": task.entry})
+    state = table.PROGRAM.answered.state("program", table.ProgramInfo(controller.program_name(task.name), task.entry))
     links = (
         entry("rap-program-breakpoint-li", "breakpoint", "program/breakpoint"),
         entry("rap-builderrs-li", "builderror", "program/builderror"),
@@ -550,15 +538,9 @@ def get_build_errors(controller: Irc5, call: Call) -> Page:
     shown = faults[(start - 1) * limit : start * limit]
     more = f"builderror?start={start + 1}&limit={limit}" if start * limit < len(faults) else None
     states = (
-        State(
-            "rap-builderrs",
+        table.BUILD_ERRORS.answered.state(
             str(number),
-            {
-                "ModuleName": str(fault).partition(",")[0],
-                "row": str(fault.line),
-                "column": str(fault.column),
-                "error": str(fault),
-            },
+            table.BuildError(str(fault).partition(",")[0], row=fault.line, column=fault.column, message=str(fault)),
         )
         for number, fault in enumerate(shown, (start - 1) * limit + 1)
     )
@@ -571,13 +553,8 @@ def get_breakpoints(controller: Irc5, call: Call) -> Page:
     names = {module.name.lower(): module.name for module in task.modules}
     places = [(names[module], line) for module, line in task.breakpoints if module in names]
     states = (
-        State(
-            "rap-program-breakpoint",
-            str(number),
-            {
-                "module-name": module,
-                **_place(task, StackEntry(module, "", line), ("start-row", "start-col", "end-row", "end-col")),
-            },
+        table.BREAKPOINTS.answered.state(
+            str(number), table.Breakpoint(module, _range(task, StackEntry(module, "", line)))
         )
         for number, (module, line) in enumerate(places, 1)
     )

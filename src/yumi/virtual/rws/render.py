@@ -58,7 +58,7 @@ def page_of(operation: Operation[Any], path: Sequence[str], values: Mapping[str,
     answer = operation.answered
     spelled = {title.lower(): title for title in values}
     segments = [spelled.get(segment.lower(), segment) for segment in path]
-    states = (State(answer.types[0], title, answer.write(value)) for title, value in values.items())
+    states = (answer.state(title, value) for title, value in values.items())
     address = "/".join(("", *segments))
     base = next((each for each in _BASES if address.startswith(each)), f"{address.rpartition('/')[0]}/")
     return resource(_TITLES.get(operation.service, operation.service), base, address.removeprefix(base), *states)

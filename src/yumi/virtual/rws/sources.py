@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from yumi.rapid.task import Task
 from yumi.rapid.types import UnknownSymbol
 from yumi.rws.documents import Link, State
-from yumi.rws.operations.rapid import ACTIVE_DIALOG
+from yumi.rws.operations.rapid import ACTIVE_DIALOG, range_in
 from yumi.rws.types import Code, Priority, Resource
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller.signals import path_of, printed
@@ -19,13 +19,14 @@ from yumi.virtual.rws.dialogs import shown_dialog
 from yumi.virtual.rws.mastership import Mastership
 from yumi.virtual.rws.panel import TITLES, panel_text
 from yumi.virtual.rws.queues import MessageService
-from yumi.virtual.rws.rapid import execution_state, pointer_fields
+from yumi.virtual.rws.rapid import execution_of, pointer_of
 from yumi.virtual.rws.users import Users
 
 Event = tuple[State, ...]
 """One event: a state, or two that belong together."""
 
 _MOST_MESSAGES = 20
+_PLACE = range_in("BegPosLine", "BegPosCol", "EndPosLine", "EndPosCol")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +83,8 @@ def panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sourc
 
 
 def execution_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
-    return _field(path, "rap-ctrlexecstate-ev", "ctrlexecstate", "ctrlexecstate", lambda: execution_state(controller))
+    name = "ctrlexecstate"
+    return _field(path, f"rap-{name}-ev", name, name, lambda: execution_of(controller).state.value)
 
 
 def cycle_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
@@ -185,19 +187,10 @@ def pointer_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sou
         return f"{stack[0].module} {stack[0].routine} {stack[0].line}" if stack else ""
 
     def show(_: str | None, text: str) -> Sequence[Event]:
-        at, fields = pointer_fields(task), {}
-        if text and at:
-            (begin_line, begin_column), (end_line, end_column) = (
-                at[n].split(",") for n in ("beginposition", "endposition")
-            )
-            fields = {
-                "module-name": at["modulemame"],
-                "routine-name": at["routinename"],
-                "BegPosLine": begin_line,
-                "BegPosCol": begin_column,
-                "EndPosLine": end_line,
-                "EndPosCol": end_column,
-            }
+        at = pointer_of(task) if text else None
+        fields = {}
+        if at is not None and at.range is not None:
+            fields = {"module-name": at.module, "routine-name": at.routine, **_PLACE.write("", at.range)}
         return ((State("rap-pp-ev", task.name, fields, (Link("self", path),)),),)
 
     return Source(read, show)

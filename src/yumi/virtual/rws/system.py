@@ -174,13 +174,8 @@ def get_codes(controller: Irc5, call: Call) -> Page:
 
 def _code_state(type: str, code: Code) -> State:
     description = sentence(code) or code.name.replace("_", " ").capitalize()
-    fields = {
-        "name": f"SYS_CTRL_E_{code.name}",
-        "code": str(int(code)),
-        "severity": "Error",
-        "description": description,
-    }
-    return State(type, str(int(code)), fields)
+    shown = table.ReturnCode(name=f"SYS_CTRL_E_{code.name}", code=int(code), severity="Error", description=description)
+    return State(type, str(int(code)), table.CODES.answered.write(shown))
 
 
 def _device_tree(controller: Irc5) -> Mapping[str, Mapping[str, str]]:

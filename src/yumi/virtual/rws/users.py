@@ -10,6 +10,7 @@ from typing import Any
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.operations import users as table
 from yumi.rws.operations.operation import Operation
+from yumi.rws.operations.users import User
 from yumi.rws.types import GRANTS, Code, Grant, OperatingMode
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.rws.call import Call, Failure, invalid
@@ -37,23 +38,6 @@ PENDANT_TIME = 1.0
 
 _RESTART_GRANTS = {"restart": Grant.REMOTE_WARMSTART, "shutdown": Grant.REMOTE_WARMSTART, "bstart": Grant.RESTORE}
 """By the mode of a restart; all others change which system runs, or its state."""
-
-
-@dataclass(frozen=True, slots=True)
-class User:
-    """How a client has introduced itself.
-
-    Attributes:
-        uid: its number.
-        name, application, location: free text.
-        locale: ``local`` at the FlexPendant, ``remote`` elsewhere.
-    """
-
-    uid: int
-    name: str = "Default User"
-    application: str = ""
-    location: str = ""
-    locale: str = "remote"
 
 
 @dataclass(slots=True)
@@ -106,7 +90,7 @@ class Users:
         """The user of a session; one that has not registered is remote."""
         if session not in self._users:
             self._counted += 1
-            self._users[session] = User(self._counted)
+            self._users[session] = User(self._counted, "Default User")
         return self._users[session]
 
     def privilege(self, session: str) -> str:
@@ -136,29 +120,15 @@ class Users:
     def get_users(self, controller: Irc5, call: Call) -> Page:
         own = self.of(call.session)
         shown = [own] if call.option("user-type") == "self" else self._users.values()
-        states = (
-            State(
-                "user",
-                user.name,
-                {
-                    "uid": str(user.uid),
-                    "alias": user.name,
-                    "location": user.location,
-                    "application": user.application,
-                    "ulocale": user.locale,
-                },
-            )
-            for user in shown
-        )
-        return resource("ROBAPI2 User", "/", "users", *states)
+        return resource("ROBAPI2 User", "/", "users", *(table.USERS.answered.state(user.name, user) for user in shown))
 
     def register(self, controller: Irc5, call: Call) -> None:
         self._users[call.session] = User(
             self.of(call.session).uid,
             call.required("username"),
-            call.required("application"),
             call.required("location"),
-            call.required("ulocale"),
+            call.required("application"),
+            call.required("ulocale") == "local",
         )
 
     def impersonate(self, controller: Irc5, call: Call) -> None:
@@ -168,11 +138,11 @@ class Users:
 
     def set_locale(self, controller: Irc5, call: Call) -> None:
         locale, own = call.required("type"), self.of(call.session)
-        if locale == own.locale:
+        if (locale == "local") is own.is_local:
             raise Failure(409, Code.INVALIDARG, f"the client is {locale} already")
         if locale == "local":
             raise Failure(403, Code.LOCAL_NOT_ALLOWED, "the enabling device was not pressed within 5 s")
-        self._users[call.session] = replace(own, locale=locale)
+        self._users[call.session] = replace(own, is_local=False)
 
     def get_grants(self, controller: Irc5, call: Call) -> Page:
         names = [each.value for each in Grant if each in self.granted]
@@ -205,13 +175,10 @@ class Users:
 
     def get_rmmp(self, controller: Irc5, call: Call) -> Page:
         held = self._request
-        user = User(0, "", "", "") if held is None else self.of(held.session)
+        user = User(0) if held is None else self.of(held.session)
         privilege = "none" if held is None else held.privilege if held.status == "GRANTED" else "pending modify"
         fields = {
-            "userid": str(user.uid),
-            "alias": user.name,
-            "location": user.location,
-            "application": user.application,
+            **table.RMMP_USER.write(user),
             "privilege": privilege,
             "rmmpheldbyme": "TRUE" if self.privilege(call.session) != "none" else "FALSE",
         }
@@ -228,7 +195,7 @@ class Users:
 
     def grant(self, controller: Irc5, call: Call) -> None:
         held, privilege = self._request, call.required("privilege")
-        if self.of(call.session).locale != "local":
+        if not self.of(call.session).is_local:
             raise Failure(403, Code.LOCAL_NOT_ALLOWED, "a local client grants the privilege, such as the FlexPendant")
         if held is None or str(self.of(held.session).uid) != call.required("uid"):
             raise Failure(400, Code.NO_SUCH_REQUEST, "there is no request of that user")

@@ -139,12 +139,12 @@ def test_joint_target_is_in_degrees_with_axis_7_apart(controller: Irc5, unit: st
 
 
 def test_mechanical_units_tell_which_is_part_of_which(controller: Irc5) -> None:
-    facts = [(u.name, u.task, u.axes_total, u.is_integrated_unit, u.has_integrated_unit) for u in controller.units]
+    facts = [(u.name, u.task, u.total_axes, u.containing_unit, u.integrated_unit) for u in controller.units]
     assert facts == [
-        ("ROB_R", "T_ROB_R", 7, "NoIntegratedUnit", "ROB_R_7"),
-        ("ROB_L", "T_ROB_L", 7, "NoIntegratedUnit", "ROB_L_7"),
-        ("ROB_R_7", "T_ROB_R", 1, "ROB_R", "NoIntegratedUnit"),
-        ("ROB_L_7", "T_ROB_L", 1, "ROB_L", "NoIntegratedUnit"),
+        ("ROB_R", "T_ROB_R", 7, "", "ROB_R_7"),
+        ("ROB_L", "T_ROB_L", 7, "", "ROB_L_7"),
+        ("ROB_R_7", "T_ROB_R", 1, "ROB_R", ""),
+        ("ROB_L_7", "T_ROB_L", 1, "ROB_L", ""),
     ]
 
 

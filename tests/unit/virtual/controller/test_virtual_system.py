@@ -23,7 +23,7 @@ from yumi.virtual.controller.installed_system import (
 )
 from yumi.virtual.controller.irc5 import Irc5
 from yumi.virtual.controller_log import Refusal, Refused
-from yumi.virtual.mechanics.units import Supervision
+from yumi.virtual.mechanics.units import UnitSupervision
 from yumi.virtual.world import World, WorldSettings
 
 EIO = """EIO:CFG_1.0:6:1::
@@ -580,7 +580,7 @@ def test_system_outputs_show_the_motion_supervision_of_a_unit() -> None:
     controller.collide(Side.LEFT)
     assert _outputs(world) == [1, 1, 0, 1]
     controller.acknowledge_collision()
-    controller.motion.supervision["ROB_L"] = Supervision(jogging=False)
+    controller.motion.supervision["ROB_L"] = UnitSupervision(jogging=False)
     assert _outputs(world) == [0, 0, 0, 0]
 
 
@@ -595,7 +595,7 @@ def test_system_outputs_without_a_unit_show_all_of_them() -> None:
     arm = controller.arm_of(left)
     arm.move_to(joints([each + 0.2 for each in arm.planned]))
     controller.units = tuple(
-        replace(unit, mode="Deactivated") if unit.name == "ROB_L_7" else unit for unit in controller.units
+        replace(unit, is_active=False) if unit.name == "ROB_L_7" else unit for unit in controller.units
     )
     assert _outputs(world) == [0, 1, 0, 0]
 

@@ -8,8 +8,9 @@ from refusals import assert_says, refused
 from yumi.catalogue import message
 from yumi.errors import ControllerRefused, ProtocolError
 from yumi.rws import documents
-from yumi.rws.documents import Event, Form, Page, Signal, State, Status, SystemInfo, TaskInfo
-from yumi.rws.operations import motion, panel
+from yumi.rws.documents import Event, Form, Page, Signal, State, Status, SystemInfo
+from yumi.rws.operations import motion, panel, rapid
+from yumi.rws.operations.rapid import TaskInfo
 from yumi.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
 from yumi.virtual.rws.render import write_status
 
@@ -49,12 +50,12 @@ def test_unknown_word_is_refused_with_the_known_ones() -> None:
 
 
 def test_task_is_read() -> None:
-    task = TaskInfo("T_ROB_R", TaskExecution.STARTED, is_active=True, is_motion_task=True)
-    assert documents.read_tasks(page("rap-task-li", **TASK)) == (task,)
+    task = TaskInfo(name="T_ROB_R", execution=TaskExecution.STARTED, is_active=True, is_motion_task=True)
+    assert rapid.TASKS.answered.of(page("rap-task-li", **TASK)) == task
 
 
 def test_task_state_is_read_when_spelled_in_full() -> None:
-    [task] = documents.read_tasks(page("rap-task-li", **TASK | {"excstate": "stopped"}))
+    task = rapid.TASKS.answered.of(page("rap-task-li", **TASK | {"excstate": "stopped"}))
     assert task.execution is TaskExecution.STOPPED
 
 

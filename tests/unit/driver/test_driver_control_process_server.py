@@ -19,7 +19,7 @@ from yumi.control.loop_events import ControllerFailed, CycleFailed, ReportsDropp
 from yumi.control.shared_memory import shared_numbers
 from yumi.driver import control_process
 from yumi.driver.control_process import (
-    UNREADABLE,
+    NO_NUMBER,
     Answer,
     Call,
     ConnectedArm,
@@ -318,7 +318,7 @@ def test_command_for_which_there_is_no_memory_is_refused_and_the_next_one_is_ser
     arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
     run(arms, parent, clock)
     unreadable, refused = [each for each in parent.received if isinstance(each, Answer)]
-    assert unreadable.number == UNREADABLE
+    assert unreadable.number == NO_NUMBER
     assert_says(
         unreadable.value.said, "command_unreadable", kind="MemoryError", reason=message("text", text="no memory")
     )  # type: ignore[attr-defined]
