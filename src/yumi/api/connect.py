@@ -26,19 +26,12 @@ from yumi.api.tool import Gripper, PoseLike
 from yumi.catalogue import message
 from yumi.driver.reports import ArmMode, ArmReport
 from yumi.driver.robot_state import RobotState
-from yumi.driver.settings import (
-    ControllerSettings,
-    Settings,
-    address_values,
-    override,
-    password_of_environment,
-    read_controllers,
-    read_settings,
-)
+from yumi.driver.settings import ControllerSettings, Settings, address_values, override, read_controllers, read_settings
 from yumi.driver.wiring import Controllers
 from yumi.errors import SettingsError
 from yumi.robot.joints import Joints, Pose, Side
 from yumi.rws.client import RwsClient
+from yumi.rws.login import password_of_environment
 from yumi.settings import Entry
 
 P = ParamSpec("P")

@@ -15,6 +15,7 @@ from typing import Any
 import click
 
 from yumi.catalogue import message
+from yumi.cli.driver_options import config_option, robot_options, settings_of
 from yumi.cli.options import (
     FILE,
     NEW_FILE,
@@ -23,7 +24,6 @@ from yumi.cli.options import (
     Measure,
     arm_option,
     cfg_option,
-    config_option,
     count_option,
     egm_port_options,
     end_flag,
@@ -33,18 +33,17 @@ from yumi.cli.options import (
     model_option,
     password_options,
     robot_option,
-    robot_options,
-    settings_of,
     until_stdin_closes_option,
     user_option,
 )
-from yumi.driver.settings import MAX_PORT, VIRTUAL_RWS_PORT, RobotSettings
+from yumi.driver.settings import RobotSettings
 from yumi.errors import CommandRefused
 from yumi.process.command import CONTROLLER_READY
 from yumi.robot.gripper import TRAVEL, GripperModules
 from yumi.robot.joints import Side
 from yumi.rws.client import EXECUTION, Change, RwsClient, event_log, signal_state, variable_value
 from yumi.rws.documents import Page, State, decode_form
+from yumi.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
 from yumi.rws.types import GRANTS, Resource
 from yumi.virtual.faults import Fault, FaultKind, Way, inject_fault
 

@@ -19,10 +19,11 @@ from yumi import __version__
 from yumi.catalogue import FrontEnd, message, speak_as
 from yumi.cli.controller import controller, fault, rws
 from yumi.cli.demo import demo
+from yumi.cli.driver_options import ROS_ARGUMENTS
 from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.install import doctor, install, uninstall
 from yumi.cli.moveit import moveit_config
-from yumi.cli.options import ROS_ARGUMENTS, with_json_targets
+from yumi.cli.options import with_json_targets
 from yumi.cli.rapid import answer, rapid
 from yumi.cli.robot import DRIVER_COMMANDS
 from yumi.cli.shell import completion, shell

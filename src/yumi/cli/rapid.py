@@ -19,6 +19,7 @@ import click
 
 from yumi.catalogue import Message, message
 from yumi.cli.controller import of_controller
+from yumi.cli.driver_options import settings_of
 from yumi.cli.options import (
     FILE,
     ONCE,
@@ -28,7 +29,6 @@ from yumi.cli.options import (
     model_option,
     password_options,
     robot_option,
-    settings_of,
     user_option,
     yes_option,
 )
