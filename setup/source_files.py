@@ -19,7 +19,6 @@ LONG = 700
 """A file with more lines needs a reason."""
 
 REASONS = {
-    "cli/rapid.py": "not split yet: check, debug and answer",
     "cli/up.py": "not split yet: up, view and record",
     "driver/gripper.py": "not split yet: the gripper and its two interfaces",
     "ros/controller_manager.py": "one callback a service of ros2_control",

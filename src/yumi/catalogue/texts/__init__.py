@@ -8,6 +8,7 @@ from yumi.catalogue.text import Text
 from yumi.catalogue.texts.arms import ARMS
 from yumi.catalogue.texts.command_line import COMMAND_LINE
 from yumi.catalogue.texts.controller import CONTROLLER
+from yumi.catalogue.texts.debugger import DEBUGGER
 from yumi.catalogue.texts.driver import DRIVER
 from yumi.catalogue.texts.egm import EGM
 from yumi.catalogue.texts.endpoint import ENDPOINT
@@ -15,6 +16,7 @@ from yumi.catalogue.texts.evaluation import EVALUATION
 from yumi.catalogue.texts.events import EVENTS
 from yumi.catalogue.texts.grippers import GRIPPERS
 from yumi.catalogue.texts.motion import CONTROLLERS, MOTION
+from yumi.catalogue.texts.options import OPTIONS
 from yumi.catalogue.texts.page import PAGE
 from yumi.catalogue.texts.planning import PLANNING
 from yumi.catalogue.texts.prerequisites import PREREQUISITES
@@ -37,6 +39,8 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "ROS 2": ROS,
     "Page": PAGE,
     "Command line": COMMAND_LINE,
+    "Options of command lines": OPTIONS,
+    "RAPID, checked and debugged": DEBUGGER,
     "Grippers": GRIPPERS,
     "Driver": DRIVER,
     "Settings": SETTINGS,
