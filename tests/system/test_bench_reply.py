@@ -24,6 +24,7 @@ from yumi_evaluation.bench.run import Workshop, run_case
 CYCLES = 200
 pytestmark = [
     pytest.mark.real_time,
+    pytest.mark.alone,
     pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the benchmark needs Linux"),
 ]
 
