@@ -12,6 +12,7 @@ from yumi.catalogue.texts.debugger import DEBUGGER
 from yumi.catalogue.texts.driver import DRIVER
 from yumi.catalogue.texts.egm import EGM
 from yumi.catalogue.texts.endpoint import ENDPOINT
+from yumi.catalogue.texts.errors import ERRORS
 from yumi.catalogue.texts.evaluation import EVALUATION
 from yumi.catalogue.texts.events import EVENTS
 from yumi.catalogue.texts.grippers import GRIPPERS
@@ -45,6 +46,7 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "Driver": DRIVER,
     "Settings": SETTINGS,
     "Prerequisites": PREREQUISITES,
+    "Extras": ERRORS,
     "Installation and doctor": SET_UP,
     "Recordings": RECORDINGS,
     "Motions": MOTION,

@@ -8,10 +8,6 @@ from yumi.catalogue.text import Text
 
 PREREQUISITES: Mapping[str, Text] = {
     # ---- packages
-    "extra_missing": Text(
-        "{what}",
-        "run `pip install 'yumi-ros2[{extra}]'`, or `make setup WITH={extra}` in a clone of yumi-ros2",
-    ),
     "recordings_need_mcap": Text("recordings need mcap"),
     "data_frame_needs_pandas": Text(
         "a DataFrame needs pandas and pyarrow (CSV needs neither: `yumi record export FILE FILE.csv`)"
