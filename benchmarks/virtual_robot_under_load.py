@@ -25,7 +25,7 @@ from threading import Thread
 from yumi.clock import SystemClock
 from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.egm.codec import JointCodec
+from yumi.egm.joint_codec import JointCodec
 from yumi.robot.joints import Joints, Side
 from yumi.rws.client import RwsClient
 from yumi.testing.virtual_yumi import ControllerProcess

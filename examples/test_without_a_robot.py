@@ -3,7 +3,7 @@
 import pytest
 
 import yumi
-from yumi.egm.codec import JointCodec
+from yumi.egm.joint_codec import JointCodec
 from yumi.robot.joints import CYCLE, Side
 from yumi.testing.virtual_yumi import ControllerProcess, VirtualYumi
 

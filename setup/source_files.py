@@ -19,10 +19,8 @@ LONG = 700
 """A file with more lines needs a reason."""
 
 REASONS = {
-    "cli/rapid.py": "not split yet: check, debug and answer",
     "cli/up.py": "not split yet: up, view and record",
     "driver/gripper.py": "not split yet: the gripper and its two interfaces",
-    "egm/codec.py": "not split yet: messages and three codecs",
     "ros/controller_manager.py": "one callback a service of ros2_control",
     "ros/messages.py": "one function a message",
     "virtual/controller/irc5.py": "not split yet: modes, execution and arms",

@@ -26,20 +26,17 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from yumi import __version__
 from yumi.catalogue import message
+from yumi.cli.driver_options import config_option, limit_discovery, robot_options, settings_of
 from yumi.cli.options import (
     ARMS,
     STARTED,
     JsonOutput,
-    config_option,
     egm_port_options,
     json_option,
-    limit_discovery,
     output_option,
     password_options,
     picture_option,
     robot_option,
-    robot_options,
-    settings_of,
     user_option,
     yes_option,
 )

@@ -30,7 +30,7 @@ from yumi_interfaces.srv import LoadModule
 from yumi.catalogue import message
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.driver.settings import PASSWORD_VARIABLE, address_values, override, read_settings
+from yumi.driver.settings import address_values, override, read_settings
 from yumi.egm.udp import free_port
 from yumi.errors import RobotNotReady
 from yumi.process.command import Command
@@ -39,6 +39,7 @@ from yumi.recording.reader import read_recording
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.driver import close_ros, open_ros
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
+from yumi.rws.login import PASSWORD_VARIABLE
 from yumi.rws.transport import HttpTransport
 from yumi.settings import Values
 from yumi_evaluation.experiments import (

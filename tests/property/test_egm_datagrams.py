@@ -18,8 +18,6 @@ from hypothesis import strategies as st
 
 from yumi.egm.codec import (
     LARGEST_DATAGRAM,
-    JointCodec,
-    JointReport,
     MciState,
     MotorState,
     Pose,
@@ -28,6 +26,7 @@ from yumi.egm.codec import (
     RobotMessage,
     SensorCodec,
 )
+from yumi.egm.joint_codec import JointCodec, JointReport
 from yumi.egm.session import SensorSession
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints

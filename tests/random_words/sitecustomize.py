@@ -9,7 +9,7 @@ from __future__ import annotations
 import random
 from string import Formatter, ascii_lowercase
 
-from yumi.catalogue import texts
+from yumi import catalogue
 from yumi.catalogue.text import Text
 
 
@@ -26,12 +26,13 @@ def _random_words(template: str, chance: random.Random) -> str:
 
 
 def _replace_all() -> None:
-    for code, text in texts.TEXTS.items():
+    texts = catalogue.all_texts()
+    for code, text in texts.items():
         if code != "text":
             chance = random.Random(code)
-            texts.TEXTS[code] = Text(*(_random_words(part, chance) for part in text))
+            texts[code] = Text(*(_random_words(part, chance) for part in text))
 
 
-if not hasattr(texts, "are_random"):  # a process of pytest-xdist has loaded this already when it is configured
+if not hasattr(catalogue, "are_random"):  # a process of pytest-xdist has loaded this already when it is configured
     _replace_all()
-    vars(texts)["are_random"] = True
+    vars(catalogue)["are_random"] = True

@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from yumi_interfaces.msg import RobotState
 
-from yumi.cli.controller import fault as fault_command
+from yumi.cli.fault import fault as fault_command
 from yumi.clock import SystemClock
 from yumi.control.flight_recorder import Frame
 from yumi.errors import RobotNotReady

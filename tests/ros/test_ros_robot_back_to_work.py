@@ -20,7 +20,7 @@ from ros_clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.srv import RunRoutine
 
-from yumi.cli.controller import fault as fault_command
+from yumi.cli.fault import fault as fault_command
 from yumi.driver.robot_state import Mode
 from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from yumi.process.command import Command

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from yumi.cli.controller import fault as fault_command
+from yumi.cli.fault import fault as fault_command
 from yumi.driver.state_machine import MAIN, MachineState
 from yumi.egm.udp import free_port
 from yumi.process.command import Command

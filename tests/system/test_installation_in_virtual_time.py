@@ -18,7 +18,7 @@ from yumi.driver.commissioning.delivery import delivered_modules
 from yumi.driver.commissioning.installation import _BACKUP_GRANT, _GRANTS, Installation, Plan
 from yumi.driver.commissioning.installation_record import Record
 from yumi.driver.commissioning.stream_checks import listen, streaming
-from yumi.egm.codec import JointCodec
+from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
 from yumi.robot.joints import Side

@@ -14,7 +14,7 @@ import yumi
 from soak import tell
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
-from yumi.cli.controller import fault as fault_command
+from yumi.cli.fault import fault as fault_command
 from yumi.clock import SystemClock
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.egm.codec import MotorState, SensorCodec

@@ -16,7 +16,7 @@ from wire_faults import LASTING, SINGLE, Attack, Swing, Tapped, check_limits, ch
 import yumi
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
-from yumi.cli.controller import fault as fault_command
+from yumi.cli.fault import fault as fault_command
 from yumi.clock import SystemClock
 from yumi.robot.joints import CYCLE, ZERO, Joints, Side
 

@@ -11,7 +11,6 @@ import pytest
 
 from yumi.egm.codec import (
     Collision,
-    JointCodec,
     MciState,
     MotorState,
     PathCorrection,
@@ -23,6 +22,7 @@ from yumi.egm.codec import (
     SensorCodec,
     SensorMessage,
 )
+from yumi.egm.joint_codec import JointCodec
 from yumi.robot.joints import chain_from_abb, joints
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -27,13 +27,13 @@ from yumi.driver.settings import (
     Settings,
     address_values,
     override,
-    password_of_environment,
     read_controllers,
     read_settings,
 )
 from yumi.driver.wiring import Controllers
 from yumi.errors import SettingsError
 from yumi.robot.joints import Side
+from yumi.rws.login import password_of_environment
 from yumi.settings import Entry
 
 P = ParamSpec("P")

@@ -11,13 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cache
+from importlib import import_module
 from math import degrees
 from string import Formatter, ascii_lowercase
 from types import MappingProxyType
 from typing import Any
 
+from yumi.catalogue.actions import ACTIONS
 from yumi.catalogue.text import Text
-from yumi.catalogue.texts import ACTIONS, TEXTS
 
 Value = Any
 """A number, a text, a :class:`Message`, or a tuple of these."""
@@ -90,6 +92,33 @@ def message(code: str, /, **values: Value) -> Message:
     return Message(code, values)
 
 
+_modules = ["yumi.catalogue.texts"]
+
+
+def add_texts(module: str) -> None:
+    """Find texts in another module, too: in its ``SUBJECTS``, which are loaded when the first sentence is worded."""
+    if module not in _modules:
+        _modules.append(module)
+        subjects.cache_clear()
+        all_texts.cache_clear()
+
+
+@cache
+def subjects() -> Mapping[str, Mapping[str, Text]]:
+    """All texts by subject, as the documentation lists them."""
+    return {subject: of_subject for name in _modules for subject, of_subject in import_module(name).SUBJECTS.items()}
+
+
+@cache
+def all_texts() -> dict[str, Text]:
+    """All texts by code; ``text`` is what others have said: the operating system, a library, the controller."""
+    found = {"text": Text("{text}")}
+    for of_subject in subjects().values():
+        assert not found.keys() & of_subject.keys(), found.keys() & of_subject.keys()
+        found.update(of_subject)
+    return found
+
+
 _front_end = FrontEnd.SCRIPT
 
 
@@ -156,7 +185,7 @@ def from_wire(value: Any) -> Value:
 
 def is_known(said: Message) -> bool:
     """Whether this program has the texts of a message and of those in it, with all values: some may be newer."""
-    if said.code not in TEXTS or not _fields(said.code) <= said.values.keys() | _ACTION_FIELDS.keys():
+    if said.code not in all_texts() or not _fields(said.code) <= said.values.keys() | _ACTION_FIELDS.keys():
         return False
     if not _fields_of_actions(said) <= said.values.keys():
         return False
@@ -187,7 +216,7 @@ _ACTION_FIELDS: Mapping[str, Action] = {
 
 
 def _template(said: Message) -> Text:
-    return TEXTS[said.code]
+    return all_texts()[said.code]
 
 
 def _begins_with_a_word(said: Message) -> bool:
@@ -202,7 +231,7 @@ def _begins_with_a_word(said: Message) -> bool:
 
 def _parts(code: str) -> Iterator[tuple[str, str]]:
     """Names and formats of the fields of a text."""
-    text = TEXTS[code]
+    text = all_texts()[code]
     for template in (text.what, text.remedy):
         for _, name, spec, _ in Formatter().parse(template):
             if name is not None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from string import Formatter
 
-from yumi.catalogue.texts import ACTIONS, SUBJECTS
+from yumi.catalogue import subjects
+from yumi.catalogue.actions import ACTIONS
 
 _HEAD = """\
 # Messages
@@ -30,9 +31,9 @@ def page() -> str:
     lines += [f"| action | {' | '.join(each.replace('_', ' ') for each in readers)} |", f"|---|{'---|' * len(readers)}"]
     for action, words in ACTIONS.items():
         lines.append(f"| **{action}** | {' | '.join(_shown(words[each].do) for each in readers)} |")
-    for subject, texts in SUBJECTS.items():
+    for subject, of_subject in subjects().items():
         lines += ["", f"## {subject}", "", "| code | text | what to do |", "|---|---|---|"]
-        lines += [f"| `{code}` | {_shown(text.what)} | {_shown(text.remedy)} |" for code, text in texts.items()]
+        lines += [f"| `{code}` | {_shown(text.what)} | {_shown(text.remedy)} |" for code, text in of_subject.items()]
     return "\n".join([*lines, ""])
 
 

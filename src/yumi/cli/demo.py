@@ -24,28 +24,26 @@ from rich.progress import Progress as ProgressBars
 from rich.table import Table
 
 from yumi.catalogue import message
+from yumi.cli.driver_options import demand_ros, limit_discovery, robot_options, settings_of
 from yumi.cli.options import (
     STARTED,
     JsonOutput,
-    demand_ros,
     egm_port_options,
     end_flag,
     json_option,
-    limit_discovery,
     logs_option,
     picture_option,
-    robot_options,
-    settings_of,
     speed_scale_option,
     yes_option,
 )
 from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings, read_settings
+from yumi.driver.settings import RobotSettings, read_settings
 from yumi.egm.udp import free_port
 from yumi.errors import CommandRefused, RobotNotReady, YumiError, missing_extra
 from yumi.process.command import Command
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
+from yumi.rws.login import PASSWORD_VARIABLE
 
 if TYPE_CHECKING:
     from yumi.ros.move_and_grab import ArmReport, Progress

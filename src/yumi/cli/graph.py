@@ -17,7 +17,8 @@ import click
 import yaml
 
 from yumi.catalogue import message, quoted, said_by
-from yumi.cli.options import ONCE, JsonOutput, count_option, demand_ros, json_option, limit_discovery, timeout_option
+from yumi.cli.driver_options import demand_ros, limit_discovery
+from yumi.cli.options import ONCE, JsonOutput, count_option, json_option, timeout_option
 from yumi.errors import CommandRefused, RobotNotReady, SettingsError
 
 _DISCOVERY = 5.0

@@ -18,15 +18,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from yumi.catalogue import clause, message
+from yumi.cli.driver_options import config_option, robot_options, settings_of
 from yumi.cli.options import (
     NEW_FILE,
     JsonOutput,
-    config_option,
     dry_run_option,
     egm_port_options,
     json_option,
-    robot_options,
-    settings_of,
     stream_option,
     yes_option,
 )

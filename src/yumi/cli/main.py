@@ -17,14 +17,18 @@ import click
 
 from yumi import __version__
 from yumi.catalogue import FrontEnd, message, speak_as
-from yumi.cli.controller import controller, fault, rws
+from yumi.cli.answer import answer
+from yumi.cli.controller import controller
 from yumi.cli.demo import demo
+from yumi.cli.driver_options import ROS_ARGUMENTS
+from yumi.cli.fault import fault
 from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.install import doctor, install, uninstall
 from yumi.cli.moveit import moveit_config
-from yumi.cli.options import ROS_ARGUMENTS, with_json_targets
-from yumi.cli.rapid import answer, rapid
+from yumi.cli.options import with_json_targets
+from yumi.cli.rapid import rapid
 from yumi.cli.robot import DRIVER_COMMANDS
+from yumi.cli.rws import rws
 from yumi.cli.shell import completion, shell
 from yumi.cli.teleop import teleop
 from yumi.cli.up import record, up, view

@@ -1,11 +1,11 @@
-"""Options that several commands share: the robot, the password, who sees the ROS 2 graph, and when to end."""
+"""Options that several commands share, each with one name, type and help: the robot, the password, when to end."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import wraps
 from math import isnan
@@ -18,25 +18,11 @@ from typing import Any
 import click
 
 from yumi.catalogue import message
-from yumi.driver.settings import (
-    MAX_PORT,
-    PASSWORD_VARIABLE,
-    Settings,
-    address_values,
-    override,
-    password_of_environment,
-    read_settings,
-)
-from yumi.errors import MissingPrerequisite, SettingsError
+from yumi.errors import SettingsError
 from yumi.robot.gripper import GripperModules
-
-ROS_ARGUMENTS = "yumi.ros_arguments"
-"""Where a command's context has what came after ``--ros-args``."""
+from yumi.rws.login import MAX_PORT, PASSWORD_VARIABLE, password_of_environment
 
 _OTHERS_MAY_NOT = 0o077  # read, write or enter
-_DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-_DISCOVERY_VARIABLES = (_DISCOVERY, "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
-"""ROS's own variables that say who finds whom; the first three are rmw's, the last one is Fast DDS's."""
 
 
 class Measure(click.FloatRange):
@@ -69,9 +55,6 @@ Decorator = Callable[[Command], Command]
 
 # ---- one option for one thing: its name, type and help are the same in every command that has it
 
-config_option = click.option(
-    "--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml."
-)
 until_stdin_closes_option = click.option(
     "--until-stdin-closes", is_flag=True, help="End when standard input does (for a parent process)."
 )
@@ -118,17 +101,6 @@ def user_option(default: str | None = None) -> Decorator:
     """``--user``, with the settings' one where there is no default."""
     shown = default is not None or OF_SETTINGS
     return click.option("--user", default=default, show_default=shown, help="User name on the controller.")
-
-
-def robot_options(without: str = OF_SETTINGS) -> Decorator:
-    """Options that say where the robot is and who logs in, see :func:`settings_of`."""
-
-    def with_options(command: Command) -> Command:
-        for option in (password_options, user_option(), robot_option(without)):
-            command = option(command)
-        return command
-
-    return with_options
 
 
 def egm_port_options(left: int | None = None, right: int | None = None) -> Decorator:
@@ -286,33 +258,7 @@ def with_json_targets(arguments: Sequence[str]) -> list[str]:
     return targets
 
 
-# ---- settings and passwords
-
-
-def settings_of(config: Path | None, options: Mapping[str, Any]) -> Settings:
-    """The settings of a file, or the delivered ones, with the options of the command line that are given."""
-    names = {
-        "robot": {
-            "user": "user",
-            "password": "password",
-            "speed_scale": "speed_scale",
-        },
-        "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
-        "ros": {
-            "bringup": "bringup",
-            "initial_joint_controller": "initial_joint_controller",
-            "namespace": "namespace",
-            "prefix": "prefix",
-            "frame_prefix": "frame_prefix",
-        },
-    }
-    values = {
-        group: {name: options[option] for option, name in entries.items() if options.get(option) is not None}
-        for group, entries in names.items()
-    }
-    if options.get("robot") is not None:
-        values["robot"] |= address_values(options["robot"])
-    return override(read_settings(config), values, "command line")
+# ---- passwords
 
 
 def password_options(command: Command) -> Command:
@@ -355,37 +301,7 @@ def _password(file: Path | None, is_asked: bool) -> str | None:
     return password
 
 
-# ---- ROS, and the end
-
-
-def limit_discovery(*, is_open: bool = False) -> str:
-    """Let only this machine see the ROS 2 nodes of this process and its children, unless the network is opened.
-
-    Args:
-        is_open: whether the whole subnet sees them; ROS's own variables win over it.
-
-    Returns:
-        Who sees them, as a sentence.
-    """
-    given = [f"{name}={os.environ[name]}" for name in _DISCOVERY_VARIABLES if os.environ.get(name)]
-    if given:
-        return f"ROS 2 discovery is as the environment says: {', '.join(given)}."
-    if is_open:
-        domain = os.environ.get("ROS_DOMAIN_ID", "0")
-        return f"ROS 2 is open to the subnet: every machine with ROS_DOMAIN_ID={domain} in it can move the robot."
-    os.environ[_DISCOVERY] = "LOCALHOST"
-    return "ROS 2 is visible on this machine only; --network opens it to the subnet."
-
-
-def demand_ros(*, for_driver: bool = False) -> None:
-    """Raise MissingPrerequisite where ROS 2 cannot be imported; a driver works without it, which is said then."""
-    try:
-        import control_msgs  # noqa: F401, PLC0415
-        import rclpy  # noqa: F401, PLC0415
-    except ImportError as error:
-        raise MissingPrerequisite(
-            message("ros_missing_for_driver" if for_driver else "ros_missing", reason=str(error))
-        ) from error
+# ---- the end
 
 
 def end_flag(until_stdin_closes: bool = False) -> Flag:

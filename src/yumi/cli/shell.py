@@ -14,7 +14,8 @@ from click.shell_completion import get_completion_class
 import yumi
 from yumi.api.attach import attach
 from yumi.catalogue import message
-from yumi.cli.options import OF_DRIVER, egm_port_options, robot_options, speed_scale_option
+from yumi.cli.driver_options import robot_options
+from yumi.cli.options import OF_DRIVER, egm_port_options, speed_scale_option
 from yumi.errors import RobotNotReady
 
 _HISTORY = Path.home() / ".yumi_history"

@@ -28,26 +28,28 @@ import click
 from yumi.api.connection import commanded_robot, motion_executor, recorded_sources
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import FrontEnd, Message, message, speak_as
+from yumi.cli.driver_options import (
+    ROS_ARGUMENTS,
+    config_option,
+    demand_ros,
+    limit_discovery,
+    robot_options,
+    settings_of,
+)
 from yumi.cli.options import (
     FILE,
     FOLDER,
     NEW_FILE,
-    ROS_ARGUMENTS,
     TIME,
     JsonOutput,
     arm_option,
-    config_option,
-    demand_ros,
     egm_port_options,
     end_flag,
     json_option,
-    limit_discovery,
     listen_option,
     logs_option,
     picture_option,
     robot_option,
-    robot_options,
-    settings_of,
     speed_scale_option,
     until_stdin_closes_option,
 )
@@ -61,15 +63,7 @@ from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
-from yumi.driver.settings import (
-    MAX_PORT,
-    CalibrateWhen,
-    RobotSettings,
-    Settings,
-    password_of_environment,
-    read_controllers,
-    read_settings,
-)
+from yumi.driver.settings import CalibrateWhen, RobotSettings, Settings, read_controllers, read_settings
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.egm.udp import free_port, is_loopback, resolve
 from yumi.errors import NoConnection, ProtocolError, RobotNotReady, SettingsError, YumiError
@@ -81,6 +75,7 @@ from yumi.recording.reader import read_recording
 from yumi.recording.recorder import Recorder
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
+from yumi.rws.login import MAX_PORT, password_of_environment
 
 if TYPE_CHECKING:
     from yumi.recording.tables import TableName

@@ -11,7 +11,7 @@ namespace core {
 constexpr std::size_t LARGEST_DATAGRAM = 1024;   // as in egm/codec.py
 constexpr std::size_t LARGEST_REFERENCE = 160;   // of ours
 
-// What the control loop uses of a robot's message; as JointReport in egm/codec.py.
+// What the control loop uses of a robot's message; as JointReport in egm/joint_codec.py.
 struct JointReport {
     std::int64_t seqno = 0;
     Values measured{}, planned{};  // [rad]

@@ -23,7 +23,7 @@ from yumi.control.sampled import Sampled
 from yumi.control.stage_times import DECODE, LIMIT, RECEIVE, SEND, UPDATE, StageClock
 from yumi.core.library import BRAKED, MOST_BRAKED, SAMPLED, ArmExchange, load
 from yumi.driver.egm_server import DatagramLink, wire_counters
-from yumi.egm.codec import not_finite
+from yumi.egm.joint_codec import not_finite
 from yumi.egm.session import Session
 from yumi.egm.udp import LOST_ON_THE_WAY
 from yumi.errors import MissingPrerequisite

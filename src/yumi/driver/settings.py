@@ -5,7 +5,6 @@ Each group is a dataclass; a field's metadata gives its unit and bounds, which t
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
@@ -31,6 +30,7 @@ from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part, che
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Pose, Side, Vector
 from yumi.robot.kinematics import quaternion_from_euler_zyx
+from yumi.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
 from yumi.settings import (
     Entry,
     Parameter,
@@ -41,13 +41,6 @@ from yumi.settings import (
     read_mapping,
     read_parameter_file,
 )
-
-MAX_PORT = 65535
-VIRTUAL_RWS_PORT = 8080
-"""The default port of ``yumi controller``."""
-
-PASSWORD_VARIABLE = "YUMI_PASSWORD"
-"""The environment variable with the robot's password; it wins over the settings file."""
 
 _AUTO = "auto"
 _NAMESPACE = re.compile(r"/?(?:[A-Za-z_][A-Za-z0-9_]*/)*(?:[A-Za-z_][A-Za-z0-9_]*)?/?")
@@ -396,11 +389,6 @@ class Settings:
     tool_limits: ToolLimitSettings = field(default_factory=ToolLimitSettings)
     ros: RosSettings = field(default_factory=RosSettings)
     recorder: RecorderSettings = field(default_factory=RecorderSettings)
-
-
-def password_of_environment() -> str | None:
-    """The password that ``YUMI_PASSWORD`` holds; None where it is not set."""
-    return os.environ.get(PASSWORD_VARIABLE) or None
 
 
 def config_folder() -> Path:

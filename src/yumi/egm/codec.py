@@ -6,27 +6,24 @@ SI units; the wire has degrees, millimetres, microseconds and percent. The joint
 order, those of another robot in ABB's, axes 1 to 6.
 
 :class:`SensorCodec` is our end, :class:`RobotCodec` the robot's. Each datagram gets a message of its own: one that is
-used again keeps the memory of all it ever held. The control loop has a leaner codec, :class:`JointCodec`: joints of a
-seven-axis arm in and out, by the core.
+used again keeps the memory of all it ever held.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from ctypes import create_string_buffer
 from dataclasses import dataclass
 from enum import IntEnum
 from math import hypot, isfinite, pi
 from struct import pack, unpack
-from typing import NamedTuple, TypeVar, cast
+from typing import TypeVar, cast
 
 from google.protobuf.message import DecodeError
 
 from yumi.catalogue import Message, message, said_by
-from yumi.core.library import COMMAND, REPORT, UNREADABLE_DATAGRAM, load
 from yumi.egm import egm_pb2 as pb
 from yumi.errors import ProtocolError
-from yumi.robot.joints import ZERO, Joints, Pose, Quaternion, Vector
+from yumi.robot.joints import Pose, Quaternion, Vector
 from yumi.robot.kinematics import euler_zyx, quaternion_from_euler_zyx
 
 Twist = tuple[float, float, float, float, float, float]
@@ -139,28 +136,6 @@ class RobotMessage:
     rapid_data: RapidData | None = None
     torque: tuple[float, ...] | None = None
     test_signals: tuple[float, ...] = ()
-
-
-class JointReport(NamedTuple):
-    """What the control loop reads of a seven-axis arm's :class:`RobotMessage`; a tuple, since that is made fastest.
-
-    Attributes:
-        seqno: counts datagrams; a session starts at 0.
-        measured: measured joint positions, chain order [rad], (7,).
-        planned: reference joint positions, chain order [rad], (7,).
-        measured_time: when ``measured`` held, controller clock of unknown epoch [s].
-        motors: state of the motors.
-        mci: state of the motion correction interface.
-        rapid: state of the RAPID execution.
-    """
-
-    seqno: int
-    measured: Joints
-    planned: Joints
-    measured_time: float
-    motors: MotorState
-    mci: MciState
-    rapid: RapidState
 
 
 PartialJoints = tuple["float | None", ...]
@@ -444,75 +419,6 @@ class RobotCodec:
         return robot.SerializeToString()
 
 
-# ---- the control loop's codec
-
-LARGEST_REFERENCE = 160
-"""Our own datagrams are shorter [bytes]."""
-
-_PARTS = {2: "feedBack", 3: "planned", 4: "motorState", 5: "mciState", 8: "rapidExecState"}
-
-
-class JointCodec:
-    """Our end of a seven-axis arm in joint mode: what the core does with each datagram of the control loop."""
-
-    def __init__(self) -> None:
-        self._library = load()
-        self._report, self._unreadable = (
-            create_string_buffer(REPORT.size),
-            create_string_buffer(UNREADABLE_DATAGRAM.size),
-        )
-        self._datagram = create_string_buffer(LARGEST_REFERENCE)
-
-    def decode(self, datagram: bytes) -> JointReport:
-        """The joints and the state in the robot's message.
-
-        Raises:
-            ProtocolError: the datagram is not a complete message of a seven-axis robot.
-        """
-        if not self._library.codec_decode(datagram, len(datagram), self._report, self._unreadable):
-            raise ProtocolError(_unreadable(len(datagram), *UNREADABLE_DATAGRAM.unpack(self._unreadable.raw)))
-        seqno, *values, time, motors, mci, rapid = REPORT.unpack(self._report.raw)
-        measured, planned = (tuple(each) for each in (values[:7], values[7:]))
-        states = _MOTOR_STATES[motors], _MCI_STATES[mci], _RAPID_STATES[rapid]
-        return JointReport(seqno, measured, planned, time, *states)
-
-    def encode_joints(self, seqno: int, position: Joints, velocity: Joints | None) -> bytes:
-        """The datagram that gives the arm its position [rad] and velocity [rad/s].
-
-        Raises:
-            ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).
-        """
-        command = COMMAND.pack(*position, *(velocity or ZERO), velocity is not None)
-        size = self._library.codec_encode(seqno % _UINT32, command, self._datagram)
-        if not size:
-            raise not_finite(position, velocity or ZERO)
-        return self._datagram.raw[:size]
-
-
-def not_finite(position: Joints, velocity: Joints) -> ValueError:
-    """A reference that is not sent."""
-    return ValueError(f"a reference needs seven finite values, got {position} and {velocity}")
-
-
-def _unreadable(size: int, why: int, part: int, number: int, external: int, *degrees: float) -> Message:
-    """Why the core does not read a datagram; the reasons by number as ``Unreadable`` in ``core/egm_codec.hpp``."""
-    name = _PARTS.get(part, "")
-    return (
-        message("datagram_too_long", size=size, most=LARGEST_DATAGRAM),
-        message("datagram_not_decoded", size=size, error="truncated or not protobuf"),
-        message("datagram_of_wrong_type", type=number, expected=_DATA),
-        message("datagram_without_time"),
-        message("datagram_without_state", part=name),
-        _wrong_axes(name, number, external, _SEVEN_AXES),
-        message(
-            "datagram_joint_implausible",
-            part=name,
-            joints_deg=tuple(map(str, degrees[:6])),
-            external_deg=(str(degrees[6]),),
-        ),
-    )[why - 1]
-
-
 # ---- parts of datagrams
 
 
@@ -544,7 +450,7 @@ def _check_states(robot: pb.EgmRobot) -> None:
 def _checked_axes(motion: _Motion, axes: int, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     robax, external = len(motion.joints.joints), len(motion.externalJoints.joints)
     if robax != _ROBOT_AXES or (axes == _SEVEN_AXES and not external):
-        raise ProtocolError(_wrong_axes(name, robax, external, axes))
+        raise ProtocolError(wrong_axes(name, robax, external, axes))
     values, beside = _read_axes(motion, axes)
     if not _are_finite((*values, *beside)):
         raise ProtocolError(
@@ -558,7 +464,8 @@ def _checked_axes(motion: _Motion, axes: int, name: str) -> tuple[tuple[float, .
     return values, beside
 
 
-def _wrong_axes(name: str, robax: int, external: int, axes: int) -> Message:
+def wrong_axes(name: str, robax: int, external: int, axes: int) -> Message:
+    """That a part of a datagram has other joints than a robot with these axes."""
     return message(
         "datagram_axes_not_of_yumi" if axes == _SEVEN_AXES else "datagram_axes_not_of_robot",
         part=name,

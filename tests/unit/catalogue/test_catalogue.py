@@ -13,6 +13,7 @@ from yumi.catalogue import (
     Action,
     FrontEnd,
     Message,
+    all_texts,
     clause,
     from_wire,
     is_known,
@@ -20,10 +21,11 @@ from yumi.catalogue import (
     remedy_of,
     sentence,
     speak_as,
+    subjects,
     to_wire,
 )
 from yumi.catalogue.__main__ import page
-from yumi.catalogue.texts import ACTIONS, SUBJECTS, TEXTS
+from yumi.catalogue.actions import ACTIONS
 
 SOURCES = Path(__file__).parents[3] / "src"
 STOP = message("event_10013", number=10013, title="Emergency stop", detail="")
@@ -53,7 +55,7 @@ def test_every_message_of_the_program_has_a_text_with_its_values():
     wrong = [
         f"{where}: {code} with {sorted(names or ())}"
         for where, code, names in CALLS
-        if code not in TEXTS or (names is not None and not is_known(Message(code, dict.fromkeys(names))))
+        if code not in all_texts() or (names is not None and not is_known(Message(code, dict.fromkeys(names))))
     ]
     assert len(CALLS) > 0
     assert wrong == []
@@ -66,12 +68,12 @@ def test_every_action_is_worded_by_every_front_end():
 
 
 def test_no_code_stands_under_two_subjects():
-    assert sum(map(len, SUBJECTS.values())) + 1 == len(TEXTS)  # and that of others' texts
+    assert sum(map(len, subjects().values())) + 1 == len(all_texts())  # and that of others' texts
 
 
-@pytest.mark.parametrize("code", [code for code in TEXTS if code != "text"])
+@pytest.mark.parametrize("code", [code for code in all_texts() if code != "text"])
 def test_text_begins_small_and_leaves_its_full_stop_to_the_sentence(code):
-    for part in TEXTS[code]:
+    for part in all_texts()[code]:
         assert not part.endswith(".")
         assert part == part.strip()
 

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from memory_http import MemoryHttp
 from refusals import refused
 from yumi.catalogue import FrontEnd, Message, message, sentence
+from yumi.cli.debugger import Debugger
 from yumi.cli.main import main
-from yumi.cli.rapid import Debugger
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE
@@ -327,8 +327,8 @@ def test_all_tasks_that_start_are_named(session: Session) -> None:
 def test_commands_from_a_pipe_start_with_yes_only(
     session: Session, monkeypatch: pytest.MonkeyPatch, options: list[str], line: str
 ) -> None:
-    monkeypatch.setattr("yumi.cli.controller.RwsClient", lambda *_, **__: nullcontext(session.client))
-    monkeypatch.setattr("yumi.cli.rapid.SystemClock", lambda: session)
+    monkeypatch.setattr("yumi.cli.rws.RwsClient", lambda *_, **__: nullcontext(session.client))
+    monkeypatch.setattr("yumi.cli.debugger.SystemClock", lambda: session)
     result = CliRunner().invoke(main, ["rapid", "debug", "T_ROB_R", *options], input="main\nstep\nwhere\n")
     assert result.output.splitlines()[-1] == f"#0 Program/{line}"
     assert (sentence(message("start_not_confirmed", tasks=("T_ROB_R",)), FrontEnd.SHELL) in result.output) is (

@@ -14,8 +14,8 @@ from click.testing import CliRunner
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli import demo
+from yumi.cli.driver_options import limit_discovery
 from yumi.cli.main import main
-from yumi.cli.options import limit_discovery
 from yumi.cli.up import _commanded_robot
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.settings import override, read_settings

@@ -15,8 +15,8 @@ from click.testing import CliRunner, Result
 
 from refusals import refused
 from yumi.catalogue import FrontEnd, Message, message, sentence
+from yumi.cli.driver_options import settings_of
 from yumi.cli.main import main
-from yumi.cli.options import settings_of
 from yumi.cli.up import DEFAULT_WAIT, run_driver, wait_for_controller
 from yumi.control.loop_events import SessionLost
 from yumi.driver.settings import RobotSettings, Settings, override, read_settings

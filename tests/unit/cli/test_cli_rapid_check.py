@@ -8,8 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 import yumi.controller_files
+from yumi.cli.check import check_program
 from yumi.cli.main import main
-from yumi.cli.rapid import check_program
 
 PROGRAM = """MODULE Faulty
   VAR nothing odd;

@@ -16,8 +16,7 @@ import fake_evdev
 from fake_driver import FakeDriver
 from fake_evdev import Event, FakeInputDevice, axis, button
 from yumi.api import input_device
-from yumi.catalogue import FrontEnd, message, sentence
-from yumi.catalogue.texts import TEXTS
+from yumi.catalogue import FrontEnd, all_texts, message, sentence
 from yumi.cli.main import main
 from yumi.control.tool_goal import ToolGoal
 from yumi.driver import motion_commands
@@ -180,7 +179,7 @@ def test_leader_arm_is_followed_joint_by_joint(driver: FakeDriver, program: Path
 def test_leader_that_cannot_be_made_is_refused(program: Path, options: list[str], code: str) -> None:
     result = run("leader", *(each.replace("FILE", str(program)) for each in options))
     assert result.exit_code == 2
-    assert max(re.split(r"\{[^}]*\}", TEXTS[code].what), key=len).strip() in result.stderr.lower()
+    assert max(re.split(r"\{[^}]*\}", all_texts()[code].what), key=len).strip() in result.stderr.lower()
 
 
 # ---- what is missing

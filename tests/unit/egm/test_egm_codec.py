@@ -16,7 +16,6 @@ from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import (
     LARGEST_DATAGRAM,
     Collision,
-    JointCodec,
     MciState,
     MotorState,
     PathCorrection,
@@ -28,6 +27,7 @@ from yumi.egm.codec import (
     SensorCodec,
     SensorMessage,
 )
+from yumi.egm.joint_codec import JointCodec
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints
 

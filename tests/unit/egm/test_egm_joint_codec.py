@@ -13,7 +13,6 @@ from refusals import refused
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import (
     LARGEST_DATAGRAM,
-    JointCodec,
     MciState,
     MotorState,
     RapidState,
@@ -22,6 +21,7 @@ from yumi.egm.codec import (
     SensorCodec,
     SensorMessage,
 )
+from yumi.egm.joint_codec import JointCodec
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from refusals import refused
-from yumi.egm.codec import JointCodec, JointReport, MciState, MotorState, RapidState, RobotCodec, RobotMessage
+from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
+from yumi.egm.joint_codec import JointCodec, JointReport
 from yumi.egm.session import SILENCE, SensorSession, SessionCounters
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints

@@ -7,7 +7,7 @@ import pytest
 
 from refusals import refused
 from yumi.catalogue import message
-from yumi.egm.codec import JointCodec
+from yumi.egm.joint_codec import JointCodec
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER

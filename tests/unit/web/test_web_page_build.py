@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from refusals import refused
-from yumi.catalogue.texts.actions import ACTIONS
+from yumi.catalogue.actions import ACTIONS
 from yumi.driver.commands import COMMANDS
 from yumi.errors import MissingPrerequisite
 from yumi.virtual.faults import Fault

@@ -15,7 +15,7 @@ from yumi.driver.controller_panel import ControllerPanel
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 from yumi.driver.stops import StopLog
-from yumi.egm.codec import JointCodec
+from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import Arrivals, SensorSession, SessionCounters
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
 from yumi.robot.joints import CYCLE, Joints, Side
