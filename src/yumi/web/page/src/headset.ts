@@ -17,14 +17,14 @@ export function operatorPose({ position: p, orientation: q }: Pick<XRRigidTransf
   return [-p.z, -p.x, p.y, q.w, -q.z, -q.x, q.y];
 }
 
-/** Where a person is at first, and where they look to: the origin on the floor, and its -z. */
+/** Where a person's eyes are at first, and where they look to, its -z; upright. */
 export function placeOf({ position: p, orientation: q }: Pick<XRRigidTransform, "position" | "orientation">): {
   position: DOMPointInit; orientation: DOMPointInit;
 } {
   const forward = { x: -2 * (q.x * q.z + q.w * q.y), z: -(1 - 2 * (q.x * q.x + q.y * q.y)) };
   const heading = Math.atan2(-forward.x, -forward.z);
   return {
-    position: { x: p.x, y: 0, z: p.z },
+    position: { x: p.x, y: p.y, z: p.z },
     orientation: { x: 0, y: Math.sin(heading / 2), z: 0, w: Math.cos(heading / 2) },
   };
 }
@@ -57,7 +57,7 @@ export class Headset implements Device {
   async begin(mode: HeadsetMode, yaw: number): Promise<void> {
     const scene = this.scene();
     if (!scene || !navigator.xr || this.session) return;
-    const session = await navigator.xr.requestSession(mode, { requiredFeatures: ["local-floor"] });
+    const session = await navigator.xr.requestSession(mode);
     this.session = session;
     session.addEventListener("end", () => this.forget());
     const origin = await scene.enter(session, yaw, mode === "immersive-vr", (time, frame) => this.take(time / 1000, frame));

@@ -17,9 +17,9 @@ const COLOR = 0xe8590c; // of a trace
 const LEFT_COLOR = 0x7048e8;
 const CAMERA: Camera = { position: [1.45, -1.05, 0.86], target: [0.05, -0.07, 0.22], floor: -0.101 };
 
-/** Where the robot stands in a headset: so far before the person, on a table so high [m]. */
-const BEFORE = 1.0;
-const TABLE = 0.75;
+/** Where the robot stands in a headset: so far before the person's eyes, and its base so far below them [m]. */
+const BEFORE = 0.9;
+const BELOW = 0.6;
 const HAND_COLORS = { idle: 0x868e96, engaged: 0x2f9e44, limited: 0xf08c00, inert: 0xc1121f } as const;
 /** How an arm takes the clutch of a hand. */
 export type HandColor = keyof typeof HAND_COLORS;
@@ -499,11 +499,11 @@ export class Scene {
     const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
     // The headset's x, y, z are the robot's -y, z, -x where the person stands behind it.
     const turn = new THREE.Matrix4().set(s, 0, -c, 0, -c, 0, -s, 0, 0, 1, 0, 0, 0, 0, 0, 1);
-    person.matrix.makeTranslation(-BEFORE * c, -BEFORE * s, -TABLE).multiply(turn);
+    person.matrix.makeTranslation(-BEFORE * c, -BEFORE * s, -BELOW).multiply(turn);
     scene.add(person);
     if (isDark) scene.background = new THREE.Color(0xdfe4ea);
     renderer.xr.enabled = true;
-    renderer.xr.setReferenceSpaceType("local-floor");
+    renderer.xr.setReferenceSpaceType("local");
     session.addEventListener("end", () => {
       renderer.setAnimationLoop(null);
       renderer.xr.enabled = false;
