@@ -19,6 +19,8 @@ export interface Device {
 
 /** A clutch counts when it is pressed while the device may move the arms: what was held before must be released first. */
 export class ClutchGate {
+  /** The clutches that are held and do not count. */
+  readonly isBlocked: Record<Side, boolean> = { right: false, left: false };
   private readonly isFree: Record<Side, boolean> = { right: false, left: false };
 
   /** What a device reports, with the clutches that count. @param isOpen whether the device may move the arms now. */
@@ -27,6 +29,7 @@ export class ClutchGate {
       const hand = hands[side];
       if (!isOpen || !hand) this.isFree[side] = false;
       else if (!hand.clutch) this.isFree[side] = true;
+      this.isBlocked[side] = Boolean(hand?.clutch) && !this.isFree[side];
       return hand?.clutch && this.isFree[side] ? hand : { clutch: false };
     };
     return { right: of("right"), left: of("left") };

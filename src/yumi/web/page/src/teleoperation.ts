@@ -4,7 +4,7 @@ import type { Connection } from "./connection";
 import { at, choice, input, press } from "./dom";
 import { ClutchGate, chosenArms, Keyboard, Pad, SpaceMouse, type Device, type Hid } from "./devices";
 import { Headset, type HeadsetMode } from "./headset";
-import { SIDES, type Hands, type Side, type TeleoperatedMessage } from "./messages";
+import { SIDES, type Hands, type Said, type Side, type TeleoperatedMessage } from "./messages";
 import type { Picture } from "./picture";
 import type { HandColor } from "./scene";
 import { hasControl, type DeviceName, type Page, type Store } from "./store";
@@ -23,6 +23,7 @@ export class Teleoperation {
   private readonly spaceMouse = new SpaceMouse();
   private readonly headset: Headset;
   private readonly devices: Record<DeviceName, Device>;
+  private refused: Said | null = null; // why the newest frame was that was refused, while its clutch is held
   private sentAt = 0; // [s]
   private isHeld = false; // a clutch, in the frame that was sent last
   private shownAt = 0;
@@ -46,8 +47,10 @@ export class Teleoperation {
   }
 
   /** What became of a frame. */
-  take(message: TeleoperatedMessage): void {
+  take(answer: TeleoperatedMessage): void {
     const { store } = this;
+    if (answer.error) this.refused = answer.error;
+    const message = this.withBlocked(answer);
     const now = performance.now() / 1000;
     const { teleoperated: before } = store.page;
     // Views are called for what a person must see at once, not for each of sixty frames a second.
@@ -62,6 +65,14 @@ export class Teleoperation {
       store.change({ teleoperated: message });
     }
     this.showAtHands(message, now);
+  }
+
+  /** The same, with the clutches that the page itself does not let count. */
+  private withBlocked(message: TeleoperatedMessage): TeleoperatedMessage {
+    const blocked = SIDES.filter((side) => this.gate.isBlocked[side] && message.arms[side]);
+    if (!blocked.length && !message.error) this.refused = null;
+    const arms = blocked.map((side) => [side, { ...message.arms[side]!, clutch: "inert" as const, why: this.refused }]);
+    return { ...message, arms: { ...message.arms, ...Object.fromEntries(arms) as TeleoperatedMessage["arms"] } };
   }
 
   private showAtHands({ arms }: TeleoperatedMessage, now: number): void {

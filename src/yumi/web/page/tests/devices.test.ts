@@ -28,7 +28,9 @@ test("clutch that is held while the device may not move the arms must be release
   assert.deepEqual(held(gate, { right: HELD, left: HELD }), [true, true]);
   assert.deepEqual(held(gate, { right: HELD, left: HELD }, false), [false, false]); // the page was hidden
   assert.deepEqual(held(gate, { right: HELD, left: FREE }), [false, false]);
+  assert.deepEqual(gate.isBlocked, { right: true, left: false });
   assert.deepEqual(held(gate, { right: FREE, left: HELD }), [false, true]);
+  assert.deepEqual(gate.isBlocked, { right: false, left: false });
 });
 
 test("hand that the device does not see any more moves nothing, nor when it is seen again with the clutch held", () => {
