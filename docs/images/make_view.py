@@ -3,7 +3,7 @@
 Needs Debian's chromium and playwright. Frames are taken while the page is operated, at their own pace; the animation
 shows what the page showed.
 
-    python docs/images/make_view.py                    # docs/images/view.webp (moves), view-dark.webp, view-390.webp
+    python docs/images/make_view.py    # docs/images/view.webp (moves), view-dark.webp, view-390.webp, teleoperate*.webp
     python docs/images/make_view.py --folder /tmp/x    # elsewhere
     python docs/images/make_view.py --folder /tmp/x --review    # also a picture of each state of the page, to look at
 """
@@ -21,7 +21,9 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from yumi.api.attach import attach
 from yumi.process.command import Command
+from yumi.web.page_build import run_script
 
 CONFIG = """
 collision:
@@ -31,8 +33,10 @@ collision:
 """
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 SIZE = (1120, 700)
+EYE = (900, 640)  # of a headset's picture
 SHOWN = (840, 525)  # of the animation [pixels]
 FRAME = 180  # [ms]
+NAMES = {"teleoperate": "teleoperate", "headset": "teleoperate-headset"}  # of files that are not called view-
 
 
 class Film:
@@ -100,6 +104,37 @@ def demonstration(film: Film) -> None:
     page.click("#press-stop")
     film.wait("#verdict", "Stopped")
     film.take(8)
+
+
+def teleoperate(film: Film, save: Callable[[Any, str], None]) -> None:
+    """The tab Teleoperate while keys lead both arms."""
+    page = film.page
+    page.click("#tab-teleop")
+    page.click("#keys")
+    page.keyboard.down(" ")
+    film.wait("#teleop-arms-list", "follows")
+    page.keyboard.down("r")
+    page.wait_for_timeout(500)
+    page.keyboard.up("r")
+    page.wait_for_timeout(300)
+    save(page, "teleoperate")
+    page.keyboard.up(" ")
+
+
+def wear_headset(page: Any, save: Callable[[Any, str], None]) -> None:
+    """What one eye of an emulated headset sees, with a grip squeezed; the person looks down to the robot."""
+    Film(page).wait("#take", "Take control")
+    page.click("#take")
+    page.click("#tab-teleop")
+    page.select_option("#device", "headset")
+    page.evaluate("person.device.quaternion.set(-0.17, 0, 0, 0.985)")
+    page.click("#enter-vr")
+    page.wait_for_function("() => person.frames.length > 1", polling=50)
+    page.evaluate("person.put('right', [0.25, 1.25, -0.6]); person.put('left', [-0.25, 1.25, -0.6])")
+    page.wait_for_timeout(300)
+    page.evaluate("person.squeeze('right', 1)")
+    page.wait_for_timeout(1500)
+    save(page, "headset")
 
 
 def move_to_limit(film: Film) -> None:
@@ -174,19 +209,34 @@ def main() -> None:
             url = command.wait_until_ready(60.0)
             browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=ARGUMENTS)
 
-            def opened(size: tuple[int, int], scheme: Any = "light") -> Any:
+            def opened(size: tuple[int, int], scheme: Any = "light", script: str = "") -> Any:
                 page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
+                if script:
+                    page.add_init_script(script)
                 page.goto(url)
                 page.wait_for_function("() => document.querySelector('#chips').innerText.includes('AUTO')", polling=50)
                 page.wait_for_timeout(2500)
                 return page
 
             def picture(page: Any, name: str) -> None:
-                Image.open(io.BytesIO(page.screenshot())).save(folder / f"view-{name}.webp", quality=82)
+                file = NAMES.get(name, f"view-{name}")
+                Image.open(io.BytesIO(page.screenshot())).save(folder / f"{file}.webp", quality=82)
 
             for name, page in (("dark", opened(SIZE, "dark")), ("390", opened((390, 844)))):
                 picture(page, name)
                 page.close()
+            with attach() as driver:
+                driver.start_egm()
+                driver.move_to(right="ready", left="ready")
+                page = opened(SIZE)
+                page.click("#take")
+                teleoperate(Film(page), picture)
+                page.close()
+                page = opened(EYE, script=run_script("person"))
+                wear_headset(page, picture)
+                page.close()
+                driver.move_to(right="home", left="home")
+                driver.stop_egm()
             page = opened(SIZE)
             film = Film(page)
             demonstration(film)

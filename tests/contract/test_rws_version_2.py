@@ -16,7 +16,7 @@ from websockets.sync.client import connect
 
 from rws_examples_2 import BASIC, PASSWORD, SYMBOL, USER
 from yumi.errors import CommandRefused, MissingPrerequisite, NoConnection
-from yumi.virtual.certificate import self_signed_context
+from yumi.process.certificate import self_signed_context
 from yumi.virtual.faults import inject_fault
 
 pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")

@@ -100,7 +100,7 @@ def test_motion_of_a_hand_is_in_a_datagram_within_thirty_milliseconds(
             moved_at.append(device.sent_at)
         device.send_for(0.2)
     cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
-    delays = [_first_motion(cycles, moved) for moved in moved_at]
+    delays = [first_motion(cycles, moved) for moved in moved_at]
     p95 = quantiles(delays, n=20, method="inclusive")[-1]
     tell(
         f"From a frame to the first datagram that moves: median {1e3 * median(delays):.1f} ms, p95 {1e3 * p95:.1f} ms."
@@ -131,12 +131,12 @@ def test_arm_of_a_device_that_falls_silent_or_is_gone_stands_soon(
             time.sleep(1.0)  # until another device may operate
             driver.move_to(right=ROOM)
     cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
-    stops = [_standstill(cycles, lost) for lost in lost_at]
+    stops = [standstill(cycles, lost) for lost in lost_at]
     tell(f"From the last frame to standstill: median {1e3 * median(stops):.0f} ms, at most {1e3 * max(stops):.0f} ms.")
     assert max(stops) < LINK_LOST + 0.2
 
 
-def _first_motion(cycles: list[Frame], moved: float) -> float:
+def first_motion(cycles: list[Frame], moved: float) -> float:
     """How long after a frame the first datagram left that moves the arm [s]."""
     near = [cycle for cycle in cycles if moved - 0.05 < cycle.time < moved + 0.5]
     moving = [cycle.time for cycle in near if _sent_tool_speed(cycle) > MOVING]
@@ -151,7 +151,7 @@ def _sent_tool_speed(cycle: Frame) -> float:
     return dist(*(tool0_to_body(Side.RIGHT, at).position for at in (cycle.sent, later))) / dt
 
 
-def _standstill(cycles: list[Frame], lost: float) -> float:
+def standstill(cycles: list[Frame], lost: float) -> float:
     """How long after ``lost`` the arm still moved [s]."""
     after = [cycle for cycle in cycles if lost - 0.05 < cycle.time < lost + 0.8]
     moving = [cycle.time for cycle in after if max(map(abs, cycle.velocity)) > FASTEST]

@@ -10,7 +10,9 @@ import asyncio
 import json
 import logging
 import os
+import platform
 import secrets
+import ssl
 import sys
 import threading
 import time
@@ -470,7 +472,8 @@ _READY_TIMEOUT = 60.0  # [s] for a driver or a virtual robot that `yumi view` st
 @click.argument("recording", required=False, type=FILE)
 @robot_option()
 @click.option("--virtual", is_flag=True, help="Start a virtual robot with a driver, and show that one.")
-@click.option("--operate", is_flag=True, help="Let a page on this machine operate a real robot; a virtual one it may.")
+@click.option("--operate", is_flag=True, help="Let a page operate a real robot; a virtual one it may.")
+@click.option("--https", is_flag=True, help="Serve over HTTPS, with a certificate that this installation makes.")
 @click.option("--port", type=click.IntRange(0, MAX_PORT), default=8090, show_default=True, help="0 takes a free one.")
 @listen_option
 @logs_option("build/view")
@@ -481,6 +484,7 @@ def view(
     robot: str | None,
     virtual: bool,
     operate: bool,
+    https: bool,
     port: int,
     listen: str,
     logs: Path,
@@ -490,8 +494,9 @@ def view(
     """Show the robot, or a recording, in the browser.
 
     Open the address that is printed. Where no driver of the robot that --robot names runs, one is started, with
-    --config if it is given. A page only looks until a person takes control there; a real robot is operated with
-    --operate on this machine only, and with a token, as is every page that --listen offers to other machines.
+    --config if it is given. A page only looks until a person takes control there. A real robot is operated with
+    --operate, by a page with the token: on this machine, or with --https and --listen on another one, once a person
+    has typed there the code that is printed here.
     A controller without the state machine of this package, or of another robot, is shown by what it reports: joints,
     RAPID tasks with their program pointers, and its log.
 
@@ -502,6 +507,7 @@ def view(
       yumi view --robot 192.168.125.1    a driver that only reads is started
       yumi view --robot 127.0.0.1:8080   any program of `yumi controller`
       yumi view session.mcap             a recording or flight record
+      yumi view --operate --https --listen 192.168.1.20   a headset on another machine
     """
     from yumi.web.controller import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
     from yumi.web.page_build import page_folder  # noqa: PLC0415
@@ -533,17 +539,33 @@ def view(
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
             stack.enter_context(_started_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
-        may_operate = operate and not virtual  # a virtual one is operated anyway
+        is_real = operate and not virtual  # a virtual one is operated anyway
         settings = ViewSettings(
             robot=robot,
             host=listen,
             port=port,
-            may_operate=may_operate,
-            token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
+            may_operate=is_real,
+            tls=_tls_of(listen) if https else None,
+            show_code=lambda code: click.echo(f"Code for a page on another machine, for one page: {code}"),
+            token=secrets.token_urlsafe(18) if is_real or not is_loopback(listen) else "",
             recording=None if recording is None else page_recording(recording),
             controller=controller,
         )
         asyncio.run(_serve_pages(settings, is_over))
+
+
+def _tls_of(listen: str) -> ssl.SSLContext:
+    """With the certificate of this installation, for the names and addresses under which a page is opened."""
+    from yumi.process.certificate import installation_certificate  # noqa: PLC0415 - a quick --help
+    from yumi.web.server import ALL_ADDRESSES  # noqa: PLC0415
+
+    node = platform.node()
+    own = node.partition(".")[0]
+    hosts = ["127.0.0.1", "::1", node, own, f"{own}.local", *(() if listen in ALL_ADDRESSES else (listen,))]
+    certificate = installation_certificate([host for host in hosts if host])
+    click.echo(f"Certificate of this installation, SHA-256 {certificate.fingerprint}")
+    click.echo("A browser warns of it until it is trusted: compare the fingerprint there.")
+    return certificate.context
 
 
 async def _serve_pages(settings: ViewSettings, is_over: Flag) -> None:

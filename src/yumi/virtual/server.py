@@ -21,13 +21,13 @@ from threading import Lock
 from yumi.clock import SystemClock
 from yumi.egm.udp import UdpClient, resolve
 from yumi.errors import NoConnection
+from yumi.process.certificate import self_signed_context
 from yumi.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
 from yumi.rapid.parser import LONGEST_MODULE
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.types import GRANTS, EventType, Grant
 from yumi.virtual.background import Background
-from yumi.virtual.certificate import self_signed_context
 from yumi.virtual.controller.installed_system import System
 from yumi.virtual.faults import FAULTS_PATH
 from yumi.virtual.http_server import HttpServer

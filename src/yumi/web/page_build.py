@@ -81,7 +81,7 @@ def run_script(name: str) -> str:
         MissingPrerequisite: it fails, or cannot be run; the message ends with its output.
     """
     with _workshop(lambda sentence: None) as workshop:
-        return _run_npm(workshop, "run", name)
+        return _run_npm(workshop, "run", "--silent", name)
 
 
 class _Workshop(NamedTuple):

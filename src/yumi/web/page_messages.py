@@ -11,6 +11,7 @@ import msgspec
 from yumi.catalogue import FrontEnd
 from yumi.driver.command import Arm, Command, Position
 from yumi.driver.commands import offered_to
+from yumi.driver.device_frame import DeviceFrame
 from yumi.driver.motion_commands import Jog, JogTool
 from yumi.robot.joints import ZERO
 
@@ -125,5 +126,22 @@ class ToolJog(PageMessage, frozen=True, tag="jog_tool"):
         return JogTool(arm=self.arm, frame=self.frame)
 
 
+class DeviceMessage(PageMessage, frozen=True, tag="teleoperate"):
+    """A frame of the device with which the person at the page teleoperates; ``seen`` as in a jog."""
+
+    seen: float
+    frame: DeviceFrame
+
+
+class Pair(PageMessage, frozen=True, tag="pair"):
+    """A person has typed the code that the robot's machine shows; the answer has the key of the pairing."""
+
+    id: int
+    code: str
+
+
 AnyJog = JointsJog | ToolJog
-AnyMessage = TakeControl | GiveBack | Seen | Ask | Inject | PlanMotion | ExecutePlan | AnyJog
+ForOperator = Ask | Inject | PlanMotion | ExecutePlan | AnyJog | DeviceMessage
+"""What a page asks for that has control."""
+
+AnyMessage = TakeControl | GiveBack | Seen | Pair | ForOperator

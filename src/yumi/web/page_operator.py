@@ -29,17 +29,20 @@ from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, too
 from yumi.virtual.faults import fault_named, inject_fault
 from yumi.web.driver_link import DriverLink
 from yumi.web.live import Jogged, LiveRobot
+from yumi.web.page_device import OLDEST_SEEN, PageDevice
 from yumi.web.page_messages import (
     MAX_JOINT_SPEED,
     AnyJog,
     Ask,
+    DeviceMessage,
     ExecutePlan,
+    ForOperator,
     Inject,
     JointsJog,
     PlanMotion,
     ToolJog,
 )
-from yumi.web.page_words import failure_for_page
+from yumi.web.page_words import failure_for_page, words_for_page
 
 if TYPE_CHECKING:
     from yumi.planning.planner import Plan
@@ -53,15 +56,15 @@ _PLANNING_TIMEOUT = 20.0  # [s] for one plan
 STALE = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""
 
-OLDEST_SEEN = 0.8
-"""A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
-
 _PLAN_POINTS = 120  # points of a plan that the page gets, about
 _LAST_ANSWER = 0.3  # [s] the driver has for the end of a jog, before its connection is closed
 _JUST_NOW = 0.5  # [s] so long ago an arm may have been jogged that moves
 
 Send = Callable[[dict[str, Any]], None]
 """Sends a message to a page; ``type`` says of what kind."""
+
+Show = Callable[[Mapping[str, Any]], None]
+"""Sends a message of which a page gets the newest only."""
 
 
 class _ReceivedJog(NamedTuple):
@@ -79,31 +82,33 @@ class Operator:
     Args:
         live: the robot.
         send: sends to the page.
+        show: sends what became of a frame of the page's device, of which the newest counts.
         planning: plans motions.
     """
 
-    def __init__(self, live: LiveRobot, send: Send, planning: PlanningProcess) -> None:
+    def __init__(self, live: LiveRobot, send: Send, show: Show, planning: PlanningProcess) -> None:
         self._live, self._send, self._planning = live, send, planning
         self._plans = 0
         self._plan: Plan | None = None  # the one that the page shows
         self._link: DriverLink | None = None
         self._newest_jog: _ReceivedJog | None = None
         self._has_jog = asyncio.Event()
-        self._jogging: asyncio.Task[None] | None = None
+        self._device = PageDevice(
+            self._ask, show, self._failure, lambda said: words_for_page(said.message, is_virtual=live.is_virtual)
+        )
+        self._following: tuple[asyncio.Task[None], ...] = ()  # of what is repeated: jogs, and frames of the device
         self._tasks: set[asyncio.Task[None]] = set()
         self._refused = -1  # the hold that was refused: its further messages are left aside
 
     async def open(self) -> None:
         """Connect to the driver; raises RobotNotReady where none runs."""
         self._link = await DriverLink.open(self._live.robot)
-        self._jogging = asyncio.create_task(self._jog_on())
+        self._following = asyncio.create_task(self._jog_on()), asyncio.create_task(self._device.run())
 
     async def close(self) -> None:
         """Stop what moves for this page; the arms hold then."""
         link, self._link = self._link, None
-        if self._jogging is not None:
-            self._jogging.cancel()
-        for task in tuple(self._tasks):
+        for task in (*self._following, *self._tasks):
             task.cancel()
         if link is None:
             return
@@ -114,10 +119,12 @@ class Operator:
         finally:
             await link.close()
 
-    def take(self, message: Ask | Inject | PlanMotion | ExecutePlan | AnyJog) -> None:
+    def take(self, message: ForOperator) -> None:
         """Begin what the page asks for; it gets steps and end under the number of its message."""
         if isinstance(message, JointsJog | ToolJog):
             self._take_jog(message)
+        elif isinstance(message, DeviceMessage):
+            self._device.take(message)
         elif isinstance(message, Ask):
             if isinstance(message.request, SwitchControllers):
                 self._live.jogged.pop(message.request.arm, None)  # what was active before a jog is not wanted again
@@ -182,9 +189,12 @@ class Operator:
         def on_motion(motions: dict[str, MotionReport]) -> None:
             self._send({"type": "motions", "id": number, "motions": motions})
 
+        return await self._ask(command, on_step, on_motion)
+
+    async def _ask(self, command: Command[Any], *reports: Callable[[Any], None]) -> msgspec.Raw:
         if self._link is None:
             raise RobotNotReady(message("control_given_back"))
-        return await self._link.ask(command, on_step, on_motion)
+        return await self._link.ask(command, *reports)
 
     async def _make_plan(self, request: PlanMotion) -> dict[str, object]:
         self._plan = None

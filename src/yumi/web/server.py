@@ -4,7 +4,8 @@ Who may do what: a page of this machine sees the robot; through another interfac
 only with the token. The files of the page are for everyone, the robot and a recording are not. A page of a foreign
 origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot, after it has
 taken control: a virtual one always, a real one where the server was started to operate it and the page is opened on
-the same machine.
+the same machine, or on another one over HTTPS after it was paired (:mod:`yumi.web.pairing`). Where a real robot may be
+operated, every page may stop it.
 
 A page draws the robot's description, which it gets as JSON (:mod:`yumi.web.robot_model`), and moves it as the driver's
 state, a controller without a driver (:mod:`yumi.web.controller`) or a recording (:mod:`yumi.web.page_recording`) says.
@@ -15,6 +16,7 @@ from __future__ import annotations
 import asyncio
 import platform
 import secrets
+import ssl
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from contextlib import suppress
@@ -38,10 +40,26 @@ from yumi.virtual.faults import Fault
 from yumi.web.controller import ControllerReader, ControllerView, LogMessage
 from yumi.web.live import LiveRobot
 from yumi.web.page_build import page_folder
-from yumi.web.page_messages import AnyMessage, Ask, ExecutePlan, GiveBack, Inject, PlanMotion, Seen, TakeControl
+from yumi.web.page_device import refused_report
+from yumi.web.page_messages import (
+    AnyMessage,
+    Ask,
+    DeviceMessage,
+    ForOperator,
+    GiveBack,
+    JointsJog,
+    Pair,
+    Seen,
+    TakeControl,
+    ToolJog,
+)
 from yumi.web.page_operator import Operator
 from yumi.web.page_words import failure_for_page
+from yumi.web.pairing import Pairing
 from yumi.web.robot_model import controller_model, robot_model
+
+ALL_ADDRESSES = ("0.0.0.0", "::")
+"""To listen on all of this machine."""
 
 MAX_PAGES = 8
 """So many pages are served at once."""
@@ -49,7 +67,6 @@ MAX_PAGES = 8
 _MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
 _message_decoder = msgspec.json.Decoder(AnyMessage)
 _NO_TOKEN = "Open the page by the address with the token that `yumi view` printed."
-_ALL_ADDRESSES = ("0.0.0.0", "::")
 _MAX_MESSAGE = 1 << 14  # of a page [bytes]
 _PING = 30.0  # [s]
 _ANSWER = 5.0  # [s] a page that has control and shows no state for so long loses it
@@ -76,6 +93,8 @@ class ViewSettings:
         host: address to listen on.
         port: to listen on; 0 takes a free one.
         may_operate: whether a real robot may be operated from this machine.
+        tls: with which the page is served over HTTPS; None serves it over HTTP.
+        show_code: takes each code with which a page on another machine is paired, for a person at this machine.
         token: what pages must show; needed where another machine can reach the server, or a real robot is operated.
         recording: to be shown instead of a robot.
         controller: to be shown instead of a driver's robot: nothing on it can be operated.
@@ -85,6 +104,8 @@ class ViewSettings:
     host: str = "127.0.0.1"
     port: int = 8090
     may_operate: bool = False
+    tls: ssl.SSLContext | None = None
+    show_code: Callable[[str], None] = lambda code: None
     token: str = field(default="", repr=False)
     recording: Mapping[str, Any] | None = None
     controller: ControllerReader | None = None
@@ -119,6 +140,7 @@ class ViewServer:
             self._controller = ControllerView(reader, self._publish, self._publish_log, self._introduce_all)
         self._shown: LiveRobot | ControllerView = self._controller or self._live
         self._planning = PlanningProcess()
+        self._pairing = Pairing(settings.show_code)
         self._pages: set[_Page] = set()
         self._operator: tuple[_Page, Operator] | None = None
         self._switching = asyncio.Lock()  # one change of control at a time
@@ -141,11 +163,12 @@ class ViewServer:
     @property
     def url(self) -> str:
         """Where a browser finds it; by this machine's name where it listens on all addresses."""
-        host = platform.node() if self._settings.host in _ALL_ADDRESSES else self._settings.host
+        host = platform.node() if self._settings.host in ALL_ADDRESSES else self._settings.host
         host = f"[{host}]" if ":" in host else host
         # Behind a #, a browser sends it to no server.
         token = f"#token={self._settings.token}" if self._settings.token else ""
-        return f"http://{host}:{self.port}/{token}"
+        scheme = "https" if self._settings.tls is not None else "http"
+        return f"{scheme}://{host}:{self.port}/{token}"
 
     async def start(self) -> None:
         """Listen.
@@ -155,7 +178,8 @@ class ViewServer:
         """
         await self._runner.setup()
         try:
-            await web.TCPSite(self._runner, self._settings.host, self.port).start()
+            site = web.TCPSite(self._runner, self._settings.host, self.port, ssl_context=self._settings.tls)
+            await site.start()
         except (OSError, OverflowError) as error:
             await self._runner.cleanup()
             reason = (isinstance(error, OSError) and error.strerror) or error
@@ -163,6 +187,8 @@ class ViewServer:
                 message("port_cannot_be_opened", port=self.port, host=self._settings.host, why=str(reason))
             ) from error
         self.port = self._runner.addresses[0][1]
+        if self._settings.may_operate and self._settings.tls is not None and not is_loopback(self._settings.host):
+            self._pairing.begin()
         if self._settings.recording is None:
             self._following = asyncio.create_task(self._shown.run())
 
@@ -246,7 +272,12 @@ class ViewServer:
                 code=WSCloseCode.TRY_AGAIN_LATER, message=f"{MAX_PAGES} pages are open already; close one.".encode()
             )
             return socket
-        page = _Page(socket, is_local=is_loopback(request.remote or ""))
+        page = _Page(
+            socket,
+            is_local=is_loopback(request.remote or ""),
+            is_encrypted=request.secure,
+            is_paired=request.secure and self._pairing.is_paired(request.query.get("paired", "")),
+        )
         self._pages.add(page)
         self._shown.watch(True)
         self._introduce(page)
@@ -275,29 +306,48 @@ class ViewServer:
             return
         if isinstance(request, Seen):
             page.seen()
-            return
-        if isinstance(request, TakeControl):
+        elif isinstance(request, Pair):
+            self._pair(page, request)
+        elif isinstance(request, TakeControl):
             await self._take_control(page)
-            return
-        if isinstance(request, GiveBack):
+        elif isinstance(request, GiveBack):
             if await self._release(page, None):  # the rest may take seconds: a Stop EGM must be read meanwhile
                 self._giving_back = asyncio.create_task(self._live.give_back())
-            return
+        else:
+            self._operate(page, request)
+
+    def _operate(self, page: _Page, request: ForOperator) -> None:
+        """Have the page's operator take a request, or stop the robot for any page."""
         why_not = self._why_not_operated(page)
         operator = self._operator[1] if self._operator is not None and self._operator[0] is page else None
-        may_stop = operator is not None or not why_not
+        may_stop = operator is not None or self._may_stop
         if may_stop and isinstance(request, Ask) and isinstance(request.request, StopEgm):
             self._cancel_giving_back()
-            self._begin(self._stop_egm(page, request))  # who may operate may stop at any time
+            self._begin(self._stop_egm(page, request))
         elif operator is None or why_not:
-            refusal = CommandRefused(why_not or message("control_not_taken"))
-            failure = failure_for_page(refusal, is_virtual=self._live.is_virtual)
-            if isinstance(request, Ask | Inject | PlanMotion | ExecutePlan):
-                page.send({"type": "failed", "id": request.id, "error": failure})
-            else:
-                page.send({"type": "jog_refused", "hold": request.hold, "error": failure})
+            self._refuse_request(page, request, CommandRefused(why_not or message("control_not_taken")))
         else:
             operator.take(request)
+
+    def _refuse_request(self, page: _Page, request: ForOperator | Pair, refusal: CommandRefused) -> None:
+        failure = failure_for_page(refusal, is_virtual=self._live.is_virtual)
+        if isinstance(request, DeviceMessage):
+            page.send_report(refused_report(request, failure))
+        elif isinstance(request, JointsJog | ToolJog):
+            page.send({"type": "jog_refused", "hold": request.hold, "error": failure})
+        else:
+            page.send({"type": "failed", "id": request.id, "error": failure})
+
+    def _pair(self, page: _Page, request: Pair) -> None:
+        """Give a page the key of a pairing, with which it connects anew."""
+        try:
+            if not self._may_pair(page):
+                raise CommandRefused(message("pairing_not_needed"))
+            result = {"key": self._pairing.pair(request.code)}
+        except CommandRefused as error:
+            self._refuse_request(page, request, error)
+        else:
+            page.send({"type": "done", "id": request.id, "result": result})
 
     async def _take_control(self, page: _Page) -> None:
         why_not = self._why_not_operated(page)
@@ -309,7 +359,7 @@ class ViewServer:
             if self._operator is not None or page not in self._pages:
                 return  # it has it already, another one was faster, or it is gone
             self._cancel_giving_back()
-            operator = Operator(self._live, page.send, self._planning)
+            operator = Operator(self._live, page.send, page.send_report, self._planning)
             try:
                 await operator.open()
             except YumiError as error:
@@ -334,7 +384,7 @@ class ViewServer:
     async def _stop_egm(self, page: _Page, request: Ask) -> None:
         """Over a connection of its own: that of a page that has control may be to a driver that has ended."""
         async with page.stopping:
-            operator = Operator(self._live, page.send, self._planning)
+            operator = Operator(self._live, page.send, page.send_report, self._planning)
 
             async def stop() -> object:
                 await operator.open()
@@ -356,17 +406,30 @@ class ViewServer:
 
     def _why_not_operated(self, page: _Page) -> Message | None:
         """Why a page may only look; None when it may operate the robot."""
+        if (why_not := self._why_none_operates()) is not None:
+            return why_not
+        if self._live.is_virtual or page.is_local or page.is_paired:
+            return None
+        return message("operated_once_paired" if page.is_encrypted else "operated_elsewhere_over_https")
+
+    def _why_none_operates(self) -> Message | None:
+        """Why no page may operate the robot; None where one may."""
         if self._settings.recording is not None:
             return message("is_a_recording")
         if self._controller is not None:
             return message("no_driver_for_controller")
         if self._live.why_not is not None:
             return self._live.why_not
-        if self._live.is_virtual:
-            return None
-        if not self._settings.may_operate:
-            return message("page_only_shows")
-        return None if page.is_local else message("operated_from_its_machine_only")
+        return None if self._live.is_virtual or self._settings.may_operate else message("page_only_shows")
+
+    @property
+    def _may_stop(self) -> bool:
+        """Whether every page may stop the robot, without control and not paired, too."""
+        return self._why_none_operates() is None
+
+    def _may_pair(self, page: _Page) -> bool:
+        why_not = self._why_not_operated(page)
+        return why_not is not None and why_not.code == "operated_once_paired"
 
     def _words(self, said: Message | None) -> str:
         """In the page's words; empty where there is nothing to say."""
@@ -426,6 +489,8 @@ class ViewServer:
                 "why_no_robot": "" if recording is not None else self._words(self._shown.why_not),
                 "is_virtual": self._shown.is_virtual,
                 "why_not_operated": self._words(self._why_not_operated(page)),
+                "may_stop": self._may_stop,
+                "may_pair": self._may_pair(page),
                 "control": "none" if holder is None else "here" if holder is page else "elsewhere",
                 "events": self._live.words_of_events(self._shown.events),
                 "surroundings": self._shown.surroundings,
@@ -440,11 +505,11 @@ class _Page:
     A browser that is slow would else show states that are seconds old.
     """
 
-    def __init__(self, socket: web.WebSocketResponse, *, is_local: bool) -> None:
-        self.socket, self.is_local = socket, is_local
+    def __init__(self, socket: web.WebSocketResponse, *, is_local: bool, is_encrypted: bool, is_paired: bool) -> None:
+        self.socket, self.is_local, self.is_encrypted, self.is_paired = socket, is_local, is_encrypted, is_paired
         self.stopping = asyncio.Lock()  # one Stop EGM at a time
         self._messages: deque[bytes] = deque(maxlen=200)
-        self._state = b""
+        self._state = self._report = b""
         self._sent_at: float | None = None  # of a state that is not shown yet, on the loop's clock [s]
         self._has_news = asyncio.Event()
 
@@ -457,6 +522,11 @@ class _Page:
 
     def send_state(self, state: bytes) -> None:
         self._state = state
+        self._has_news.set()
+
+    def send_report(self, message: Mapping[str, Any]) -> None:
+        """What became of a frame of the page's device, in place of what waits of another one."""
+        self._report = msgspec.json.encode(message)
         self._has_news.set()
 
     def seen(self) -> None:
@@ -476,6 +546,9 @@ class _Page:
             self._has_news.clear()
             while self._messages:
                 await self.socket.send_str(self._messages.popleft().decode())
+            if self._report:
+                report, self._report = self._report, b""
+                await self.socket.send_str(report.decode())
             if self._state and self._sent_at is None:
                 state, self._state = self._state, b""
                 self._sent_at = asyncio.get_running_loop().time()

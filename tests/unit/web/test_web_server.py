@@ -69,7 +69,7 @@ class Page:
         self.seen = 0.0
 
     async def send(self, **message: Any) -> None:
-        if message["type"].startswith("jog"):
+        if message["type"].startswith("jog") or message["type"] == "teleoperate":
             message = {"seen": self.seen, **message}
         await self.socket.send_str(json.dumps(message))
 
@@ -108,12 +108,12 @@ class Site:
         self.server, self.session = server, session
         self.base = f"http://127.0.0.1:{server.port}"
 
-    def connect(self, token: str = "secret") -> Any:
-        return self.session.ws_connect(f"{self.base}/ws?token={token}", headers={"Origin": self.base})
+    def connect(self, token: str = "secret", paired: str = "") -> Any:
+        return self.session.ws_connect(f"{self.base}/ws?token={token}&paired={paired}", headers={"Origin": self.base})
 
     @asynccontextmanager
-    async def page(self) -> AsyncIterator[Page]:
-        async with self.connect() as socket:
+    async def page(self, paired: str = "") -> AsyncIterator[Page]:
+        async with self.connect(paired=paired) as socket:
             yield Page(socket)
 
     async def why_closed(self, token: str) -> str | None:

@@ -26,8 +26,18 @@ PAGE: Mapping[str, Text] = {
     "controller_does_not_show": Text("the controller does not show {what}: {why}"),
     "no_seventh_axis": Text("the mechanical unit has no seventh axis, though its configuration names one"),
     "page_only_shows": Text("this page only shows the robot", "to operate a real one, start `yumi view --operate`"),
-    "operated_from_its_machine_only": Text(
-        "a real robot is operated only from the machine on which `yumi view` runs",
+    "operated_elsewhere_over_https": Text(
+        "a real robot is operated from another machine only over HTTPS",
+        "start `yumi view --operate --https`, or use the machine on which `yumi view` runs",
+    ),
+    "operated_once_paired": Text(
+        "this page on another machine is not paired", "type the code that `yumi view` shows in its terminal"
+    ),
+    "pairing_not_needed": Text("this page needs no code, or may not be paired"),
+    "pairing_code_wrong": Text("the code is wrong", "type the code that `yumi view` shows in its terminal now"),
+    "pairing_paused": Text(
+        "too many wrong codes: for {duration:.0f} s none is taken",
+        "wait, then type the new code that `yumi view` shows in its terminal",
     ),
     "page_needs_token": Text("on {host} other machines reach the page; it needs a token"),
     "operating_page_needs_token": Text(
@@ -37,6 +47,9 @@ PAGE: Mapping[str, Text] = {
     # ---- what it asks for
     "page_too_slow_to_jog": Text(
         "jog refused: the connection to the page is too slow now", "press again when it is better"
+    ),
+    "page_too_slow_to_teleoperate": Text(
+        "the connection to the page is too slow now; the arms hold", "press the clutch again when it is better"
     ),
     "plan_is_old": Text("this plan is not the one that was made last, or was followed already", "plan again"),
     "position_unknown_for_plan": Text("the position of the {arm} arm is not known", "{start_egm}, then plan"),

@@ -20,6 +20,10 @@ PREREQUISITES: Mapping[str, Text] = {
     "no_picture_without_matplotlib": Text("no picture of the joint paths: matplotlib is not installed"),
     "planning_needs_roboplan": Text("planning needs RoboPlan"),
     "https_needs_cryptography": Text("the package cryptography is missing, which HTTPS needs"),
+    "certificate_failed": Text(
+        "the certificate of this installation, {file}, cannot be read or written: {why}",
+        "delete the file, or choose another folder with XDG_STATE_HOME",
+    ),
     "command_needs_packages": Text("this command needs {packages:and}"),
     "command_installed_in_part": Text("`yumi {command}` is not installed completely ({reason})"),
     # ---- what the operating system grants

@@ -1,6 +1,6 @@
 /** The band at the top: what the robot does and why not, its state in short, and who has control. */
 
-import { at, button, make, press, text } from "./dom";
+import { at, button, input, make, press, text } from "./dom";
 import { armsOf } from "./messages";
 import { permissions } from "./permissions";
 import { HANDLE_GOAL, hasControl, type Page, type Store } from "./store";
@@ -14,6 +14,10 @@ const MOTORS: Record<string, string> = {
 
 export function bindBand(store: Store, connection: Connection): void {
   press("take", () => connection.send({ type: hasControl(store.page) ? "give_back" : "take_control" }));
+  at("pair").addEventListener("submit", (event) => {
+    event.preventDefault();
+    void pair(connection);
+  });
   press("remedy-button", () => button(remedyButton(store.page)).click());
   store.show(showVerdict);
   store.show(showChips);
@@ -21,6 +25,16 @@ export function bindBand(store: Store, connection: Connection): void {
   // Beside a picture that stays visible on a telephone, the band does, too: it says where the picture begins.
   const measure = () => document.documentElement.style.setProperty("--band", `${at("banner").offsetHeight}px`);
   new ResizeObserver(measure).observe(at("banner"));
+}
+
+/** Send the code that a person has typed; with the key that comes back this tab operates until it is closed. */
+async function pair(connection: Connection): Promise<void> {
+  const result = await connection.ask({ type: "pair", code: input("pair-code").value }, button("pair-button"));
+  const key = (result as { key?: string } | null)?.key;
+  input("pair-code").value = "";
+  if (!key) return;
+  sessionStorage.setItem("paired", key);
+  connection.reconnect();
 }
 
 function showVerdict(page: Page): void {
@@ -84,7 +98,8 @@ function showControl(page: Page): void {
   at("take").hidden = isWatched || Boolean(view.why_no_robot && !has);
   text(at("take"), has ? "Give control back" : "Take control");
   at("take").classList.toggle("primary", !has);
-  at("stop").hidden = isWatched; // without a connection it says that nothing was sent
+  at("pair").hidden = !view.may_pair;
+  at("stop").hidden = isWatched && !view.may_stop; // without a connection it says that nothing was sent
   at("robot-panel").hidden = !has;
   const note = view.control === "elsewhere" ? "Another page has control." : view.why_not_operated || "View only.";
   text(at("control-note"), has || view.is_recording || view.controller || view.why_no_robot ? "" : note);

@@ -7,15 +7,17 @@ const LOST = "The connection to yumi view is lost; is it still running? Where it
 const NOT_SENT = "Nothing was sent: the connection to yumi view is lost. To stop the robot, press the emergency stop.";
 const AGAIN = 1000; // [ms]
 
-/** What shows the server that this page may see the robot: the token of the address that was opened. It is kept for this
- * origin alone, port included, and in no cookie, which the servers of other ports would get, too. */
+/** What shows the server that this page may see the robot: the token of the address that was opened; and operate it from
+ * another machine: the key of a pairing, until the tab is closed. Both are kept for this origin alone, port included, and
+ * in no cookie, which the servers of other ports would get, too. */
 export function withToken(path: string): string {
   const given = new URLSearchParams(location.hash.slice(1)).get("token");
   if (given) {
     localStorage.setItem("token", given);
     history.replaceState(null, "", location.pathname); // so that the token is not left in the address bar
   }
-  return `${path}?token=${encodeURIComponent(localStorage.getItem("token") ?? "")}`;
+  const values = { token: localStorage.getItem("token") ?? "", paired: sessionStorage.getItem("paired") ?? "" };
+  return `${path}?${new URLSearchParams(values).toString()}`;
 }
 
 interface Waiting {
@@ -45,9 +47,18 @@ export class Connection {
     };
   }
 
+  get isOpen(): boolean {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  /** What waits here to be sent [bytes]. */
+  get backlog(): number {
+    return this.socket?.bufferedAmount ?? 0;
+  }
+
   /** Send; whether it was sent: a person must not think that a stop was. */
   send(message: PageMessage): boolean {
-    const isOpen = this.socket?.readyState === WebSocket.OPEN;
+    const { isOpen } = this;
     if (isOpen) this.socket!.send(JSON.stringify(message));
     else if (message.type !== "seen") toast(NOT_SENT);
     return isOpen;
@@ -74,6 +85,11 @@ export class Connection {
     } finally {
       pressed?.removeAttribute("aria-busy");
     }
+  }
+
+  /** Connect anew, such as with the key of a pairing. */
+  reconnect(): void {
+    this.socket?.close();
   }
 
   /** Ask the driver for a method. */

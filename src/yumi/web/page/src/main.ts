@@ -15,6 +15,7 @@ import { bindRobot } from "./robot_panel";
 import { initialPage, ofController, ofEvents, ofLog, ofLoss, ofState, ofView, Store } from "./store";
 import { bindStrips } from "./strips";
 import { bindAllTabs } from "./tabs";
+import { Teleoperation } from "./teleoperation";
 import { toast } from "./toast";
 import { VirtualPanel } from "./virtual_panel";
 
@@ -26,6 +27,7 @@ async function begin(): Promise<void> {
   const picture = new Picture(store, goalJoints);
   const jogging = new Jogging(store, connection, picture);
   const endJog = (): void => void jogging.end();
+  const teleoperation = new Teleoperation(store, connection, picture);
   let isOpened = false; // the recording
 
   function take(message: ServerMessage): void {
@@ -45,6 +47,8 @@ async function begin(): Promise<void> {
         isOpened = true;
         void Player.open(store);
       }
+    } else if (message.type === "teleoperated") {
+      teleoperation.take(message);
     } else if (message.type === "refused") {
       endJog(); // control may be lost
       toast(message.sentence);

@@ -213,6 +213,24 @@ export interface StateMessage {
   problems: PerArm<Said>; // of the arms that have one
 }
 
+/** What the clutch of a teleoperated arm does; why a held one moves nothing, what the arm is kept apart from, and why the
+ * gripper did not take its goal. */
+export interface TeleoperatedArm {
+  clutch: "released" | "engaging" | "engaged" | "inert";
+  why: Said | null;
+  limited: Limited | null;
+  gripper: Said | null;
+}
+
+/** What became of a frame of the device: its time, the frames that were dropped so far, and why it was refused. */
+export interface TeleoperatedMessage {
+  type: "teleoperated";
+  time: number;
+  dropped: number;
+  arms: PerArm<TeleoperatedArm>; // none where it was refused
+  error: Failure | null;
+}
+
 export interface ControllerMessage {
   type: "controller";
   time: number;
@@ -233,6 +251,8 @@ export interface ViewMessage {
   why_no_robot: string;
   is_virtual: boolean;
   why_not_operated: string;
+  may_stop: boolean;
+  may_pair: boolean; // this page, once a person has typed the code
   control: "none" | "here" | "elsewhere";
   events: LogEvent[];
   surroundings: { boxes: Box[] };
@@ -243,6 +263,7 @@ export type ServerMessage =
   | StateMessage
   | ViewMessage
   | ControllerMessage
+  | TeleoperatedMessage
   | { type: "events"; events: LogEvent[] }
   | { type: "log"; lines: LogLine[] }
   | { type: "refused"; sentence: string }
@@ -257,6 +278,20 @@ export type ServerMessage =
 export type Jog =
   | { type: "jog_joints"; arm: ArmName; speeds: Joints }
   | { type: "jog_tool"; arm: ArmName; frame: "base" | "tool"; linear?: Vector; angular?: Vector; elbow?: number };
+
+/** What a device reports for an arm, as yumi.driver.device_frame has it. */
+export interface Hand {
+  clutch: boolean;
+  pose?: number[]; // x, y, z [m], quaternion w, x, y, z
+  twist?: number[]; // [m/s], [rad/s]
+  gripper?: number; // 0 is open, 1 is closed
+  elbow?: number; // [rad] beside a pose, [rad/s] beside a twist
+}
+
+export const SIDES = ["right", "left"] as const;
+export type Side = (typeof SIDES)[number];
+/** Of each arm; an arm that is left out is not seen by the device. */
+export type Hands = Partial<Record<Side, Hand>>;
 
 export type PageMessage = { type: string; [field: string]: unknown };
 

@@ -5,7 +5,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 
 import type { Frame } from "./frames";
-import { armsOf, type ArmModel, type ArmName, type Box, type Camera, type JointModel, type Joints, type Model, type PerArm, type PlanPoint, type Vector,
+import { armsOf, type ArmModel, type ArmName, type Box, type Camera, type JointModel, type Joints, type Model, type PerArm, type PlanPoint, type Side, type Vector,
   type Visual } from "./messages";
 import { readStl } from "./stl";
 
@@ -16,6 +16,13 @@ const PART: [number, number] = [0.022, 0.032]; // [m] of a part that is held, be
 const COLOR = 0xe8590c; // of a trace
 const LEFT_COLOR = 0x7048e8;
 const CAMERA: Camera = { position: [1.45, -1.05, 0.86], target: [0.05, -0.07, 0.22], floor: -0.101 };
+
+/** Where the robot stands in a headset: so far before the person's eyes, and its base so far below them [m]. */
+const BEFORE = 0.9;
+const BELOW = 0.6;
+const HAND_COLORS = { idle: 0x868e96, engaged: 0x2f9e44, limited: 0xf08c00, inert: 0xc1121f } as const;
+/** How an arm takes the clutch of a hand. */
+export type HandColor = keyof typeof HAND_COLORS;
 
 export type HandleMode = "translate" | "rotate";
 
@@ -109,6 +116,15 @@ function line(points: THREE.Vector3[], color: number): THREE.Line {
   return new THREE.Line(geometry, new THREE.LineBasicMaterial({ color, depthTest: false, transparent: true }));
 }
 
+/** What is drawn of a hand of the person. */
+function hand(): THREE.Mesh {
+  const made = new THREE.Mesh(new THREE.SphereGeometry(0.02, 16, 12), new THREE.MeshBasicMaterial({ color: HAND_COLORS.idle }));
+  made.add(new THREE.AxesHelper(0.08));
+  made.matrixAutoUpdate = false;
+  made.visible = false;
+  return made;
+}
+
 function withSun(scene: THREE.Scene): void {
   scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 1.9));
   const lights: [number, Vector][] = [[2.1, [1.2, -1.4, 2.2]], [0.7, [0.6, 1.6, 0.6]]];
@@ -135,6 +151,10 @@ export class Scene {
   private readonly workObject = new THREE.AxesHelper(0.12);
   private readonly arms: PerArm<DrawnArm> = {};
   private readonly gl: WebGLRenderingContext | WebGL2RenderingContext;
+  private readonly person = new THREE.Group(); // where a headset's space is
+  private readonly eyes = new THREE.PerspectiveCamera(60, 1, 0.05, 20); // of a headset
+  private readonly hands: Record<Side, THREE.Mesh> = { right: hand(), left: hand() };
+  private base: XRReferenceSpace | null = null;
   private robot!: Robot;
   private ghost!: Robot;
   private isDue = false;
@@ -169,6 +189,8 @@ export class Scene {
       this.controls.enabled = !value;
       this.onDrag(Boolean(value));
     });
+    this.person.matrixAutoUpdate = false;
+    this.person.add(this.eyes, this.hands.right, this.hands.left);
     this.scene.add(grid, this.boxes, this.nearest, this.path, this.workObject, this.handle, this.gizmo.getHelper());
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
   }
@@ -466,7 +488,64 @@ export class Scene {
     this.draw();
   }
 
+  /** Show the scene in a headset until its session ends; the space that it is seen in.
+   *
+   * @param yaw of the person from the robot [rad]. @param isDark whether nothing else is seen: then there is a background.
+   * @param onFrame is called before each picture. */
+  async enter(
+    session: XRSession, yaw: number, isDark: boolean, onFrame: (time: number, frame: XRFrame) => void,
+  ): Promise<XRReferenceSpace> {
+    const { renderer, scene, person } = this;
+    const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
+    // The headset's x, y, z are the robot's -y, z, -x where the person stands behind it.
+    const turn = new THREE.Matrix4().set(s, 0, -c, 0, -c, 0, -s, 0, 0, 1, 0, 0, 0, 0, 0, 1);
+    person.matrix.makeTranslation(-BEFORE * c, -BEFORE * s, -BELOW).multiply(turn);
+    scene.add(person);
+    if (isDark) scene.background = new THREE.Color(0xdfe4ea);
+    renderer.xr.enabled = true;
+    renderer.xr.setReferenceSpaceType("local");
+    session.addEventListener("end", () => {
+      renderer.setAnimationLoop(null);
+      renderer.xr.enabled = false;
+      scene.remove(person);
+      for (const each of Object.values(this.hands)) each.visible = false;
+      scene.background = null;
+      this.resize();
+    });
+    await renderer.xr.setSession(session);
+    this.base = renderer.xr.getReferenceSpace()!;
+    renderer.setAnimationLoop((time: number, frame?: XRFrame) => {
+      if (!frame) return;
+      onFrame(time, frame);
+      renderer.render(scene, this.eyes);
+    });
+    return this.base;
+  }
+
+  /** The space that a headset has begun with. */
+  origin(): XRReferenceSpace {
+    return this.base!;
+  }
+
+  /** See the scene from a space with another origin in the first one. */
+  moveOrigin(offset: XRRigidTransform): XRReferenceSpace {
+    const space = this.base!.getOffsetReferenceSpace(offset);
+    this.renderer.xr.setReferenceSpace(space);
+    return space;
+  }
+
+  /** Draw a hand of the person, at a matrix of the headset's. */
+  showHand(name: Side, matrix: Float32Array): void {
+    this.hands[name].matrix.fromArray(matrix);
+    this.hands[name].visible = true;
+  }
+
+  colorHand(name: Side, color: HandColor): void {
+    (this.hands[name].material as THREE.MeshBasicMaterial).color.setHex(HAND_COLORS[color]);
+  }
+
   private resize(): void {
+    if (this.renderer.xr.isPresenting) return; // the headset has a size of its own
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
@@ -476,12 +555,13 @@ export class Scene {
     this.renderer.render(this.scene, this.camera); // a canvas of another size is empty, and would be shown so
   }
 
-  /** Draw soon, once for all that has changed. */
+  /** Draw soon, once for all that has changed; a headset draws all of its pictures. */
   draw(): void {
-    if (this.isDue) return;
+    if (this.isDue || this.renderer.xr.isPresenting) return;
     this.isDue = true;
     const due = () => requestAnimationFrame(() => {
       this.isDue = false;
+      if (this.renderer.xr.isPresenting) return;
       const begun = performance.now();
       this.renderer.render(this.scene, this.camera);
       this.gl.finish();

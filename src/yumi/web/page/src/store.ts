@@ -3,13 +3,16 @@
 import { frameOfBox, type Frame } from "./frames";
 import { armsOf, type ArmName, type ControllerKind, type ControllerMessage, type Distance, type DriverState, type Limited,
   type LogEvent, type LogLine, type Model, type PerArm, type Plan, type RapidTask, type Recording, type Said, type StateMessage,
-  type ViewMessage } from "./messages";
+  type TeleoperatedMessage, type ViewMessage } from "./messages";
 
-export const TABS = ["joints", "tool", "poses", "virtual"] as const;
+export const TABS = ["joints", "tool", "poses", "teleop", "virtual"] as const;
 export type Tab = (typeof TABS)[number];
 
 /** What the handle in the picture is for: nothing, to jog the tool, or a goal for a plan; and how it is dragged. */
 export type Handle = "none" | "jog translate" | "jog rotate" | "goal translate" | "goal rotate";
+
+export const DEVICES = ["keyboard", "gamepad", "spacemouse", "headset"] as const;
+export type DeviceName = (typeof DEVICES)[number];
 
 export const JOINT_GOAL = "joint positions";
 export const HANDLE_GOAL = "the handle";
@@ -39,6 +42,11 @@ export interface Page {
   goal: string; // a pose's name, JOINT_GOAL or HANDLE_GOAL
   isForBoth: boolean; // whether the goal is for both arms
   isPreviewed: boolean; // whether the goal that is chosen is shown as a ghost
+  device: DeviceName; // that teleoperates
+  teleoperatedArms: "both" | "right" | "left"; // by it
+  scale: number; // of what the person's hand does
+  yaw: number; // [rad] how the person is turned from the robot: 0 stands behind it, pi opposite
+  teleoperated: TeleoperatedMessage | null; // what became of a frame
   plan: (Plan & { time: number }) | null; // and the time of it that is shown [s]
   workObject: Frame | null;
   events: readonly LogEvent[]; // the newest first
@@ -53,13 +61,13 @@ export function initialPage(model: Model, workObject: Frame | null): Page {
   return {
     model,
     view: {
-      is_recording: false, controller: null, why_no_robot: CONNECTING, is_virtual: false, why_not_operated: "",
+      is_recording: false, controller: null, why_no_robot: CONNECTING, is_virtual: false, why_not_operated: "", may_stop: false, may_pair: false,
       control: "none", surroundings: { boxes: [] }, faults: [],
     },
     state: null, stateTime: 0, reasons: [], causes: [], stop: "", problems: {}, limited: {}, nearest: null,
     silentSince: Infinity, arm, tab: "joints", jogSpeed: 0.6, frame: "base", handle: "none",
     goal: posesOf(model)[0] ?? JOINT_GOAL, isForBoth: false, isPreviewed: false, plan: null,
-    workObject, events: [], recording: null, tasks: [], missing: [], log: [],
+    device: "keyboard", teleoperatedArms: "both", scale: 1, yaw: 0, teleoperated: null, workObject, events: [], recording: null, tasks: [], missing: [], log: [],
   };
 }
 
@@ -97,7 +105,7 @@ function nameOf({ robot, address }: ControllerKind): string {
 export function ofView(page: Page, { type: _, events, log, ...view }: ViewMessage): Partial<Page> {
   const isControlLost = page.view.control === "here" && view.control !== "here";
   return {
-    view, ...ofEvents([], events), ...ofLog([], log), ...(isControlLost ? { plan: null } : {}), ...(view.why_no_robot ? { state: null } : {}),
+    view, ...ofEvents([], events), ...ofLog([], log), ...(isControlLost ? { plan: null, teleoperated: null } : {}), ...(view.why_no_robot ? { state: null } : {}),
   };
 }
 
@@ -117,7 +125,7 @@ function newestFirst<T>(known: readonly T[], added: readonly T[]): T[] {
 
 /** What the loss of the connection changes. */
 export function ofLoss(page: Page, sentence: string): Partial<Page> {
-  return { view: { ...page.view, control: "none", why_no_robot: sentence }, plan: null };
+  return { view: { ...page.view, control: "none", why_no_robot: sentence }, plan: null, teleoperated: null };
 }
 
 /** The arms that the robot runs EGM on while its datagrams do not arrive. */

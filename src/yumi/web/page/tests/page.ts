@@ -48,7 +48,7 @@ export function stateMessage(changes: Partial<StateMessage> = {}): StateMessage 
 
 export function viewMessage(changes: Partial<ViewMessage> = {}): ViewMessage {
   return {
-    type: "view", is_recording: false, controller: null, log: [], why_no_robot: "", is_virtual: false, why_not_operated: "", control: "here",
+    type: "view", is_recording: false, controller: null, log: [], why_no_robot: "", is_virtual: false, why_not_operated: "", may_stop: true, may_pair: false, control: "here",
     events: [], surroundings: { boxes: [] }, faults: [], ...changes,
   };
 }

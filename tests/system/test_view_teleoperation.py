@@ -1,0 +1,354 @@
+"""Teleoperation from the page of ``yumi view``: a headset, keys and a gamepad move a virtual robot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import radians
+from pathlib import Path
+from statistics import median, quantiles
+from typing import Any
+
+import pytest
+
+from browser import browser
+from soak import long, short, tell
+from system.test_teleoperation_measured import ROOM, first_motion, recorded_driver, standstill
+from yumi.api.attach import RunningDriver
+from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.process.command import Command
+from yumi.recording.reader import recorded_messages
+from yumi.robot.description import FINGERTIPS
+from yumi.robot.joints import Pose, Side
+from yumi.robot.kinematics import distance_between, tool0_to_body
+from yumi.web.page_build import run_script
+
+pytestmark = [pytest.mark.real_time, pytest.mark.timeout(240)]
+SOON = 20.0  # [s]
+HAND = (0.25, 1.2, -0.4)  # of the right hand, in the headset's frame [m]
+EXACT = (1e-4, radians(0.1))  # 0.1 mm, 0.1 degrees
+SMALL = {"width": 360, "height": 260}
+"""A picture that software draws sixty times a second."""
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with browser() as chromium:
+        yield chromium
+
+
+@pytest.fixture(scope="module")
+def emulated_headset() -> str:
+    return run_script("person")
+
+
+@contextmanager
+def page_of(chromium: Any, folder: Path, script: str = "") -> Iterator[Any]:
+    """The page with control, on the tab Teleoperate; ``script`` runs in it first."""
+    with Command("yumi view", ("view", "--port", "0"), folder / "view.log") as view:
+        page = chromium.new_page(viewport=SMALL)
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        if script:
+            page.add_init_script(script)
+        page.goto(view.wait_until_ready(60.0))
+        wait(page, lambda: "EGM holds both arms" in page.text_content("#verdict"))
+        press(page, "#take")
+        wait(page, lambda: page.text_content("#take") == "Give control back")
+        press(page, "#tab-teleop")
+        try:
+            yield page
+        finally:
+            page.context.close()
+        assert errors == []
+
+
+def wait(page: Any, condition: Callable[[], object]) -> None:
+    end = time.monotonic() + SOON
+    while not condition():
+        assert time.monotonic() < end, page.text_content("#teleop-panel") + page.text_content("#toast")
+        page.wait_for_timeout(20)
+
+
+def press(page: Any, selector: str) -> None:
+    """Without scrolling: the page is small."""
+    page.evaluate("(selector) => document.querySelector(selector).click()", selector)
+
+
+def clutch(page: Any, side: Side = Side.RIGHT) -> str:
+    """What the page shows of an arm's clutch."""
+    return str(page.locator("#teleop-arms-list li").nth(0 if side is Side.RIGHT else 1).get_attribute("data-clutch"))
+
+
+def sent(driver: RunningDriver, side: Side = Side.RIGHT) -> Pose:
+    """Where the fingertips are sent."""
+    position = driver.state.arms[side.word].sent
+    assert position is not None
+    return tool0_to_body(side, position, FINGERTIPS)
+
+
+def at_rest(page: Any, driver: RunningDriver, side: Side = Side.RIGHT) -> Pose:
+    """Where the fingertips are sent, once they have been there for a while."""
+    seen = [sent(driver, side)]
+    end = time.monotonic() + SOON
+    while len(seen) < 10 or max(distance_between(seen[-1], each)[0] for each in seen[-10:]) > 1e-6:
+        assert time.monotonic() < end, "the tool does not stand"
+        page.wait_for_timeout(30)
+        seen.append(sent(driver, side))
+    return seen[-1]
+
+
+class Headset:
+    """A person with an emulated headset, who has entered VR."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        page.select_option("#device", "headset")
+        press(page, "#enter-vr")
+        wait(page, lambda: self.evaluate("person.frames.length") > 1)
+
+    def evaluate(self, expression: str) -> Any:
+        return self.page.evaluate(expression)
+
+    def put(self, position: tuple[float, float, float], side: Side = Side.RIGHT) -> None:
+        self.evaluate(f"person.put('{side.word}', {list(position)})")
+
+    def engage(self, side: Side = Side.RIGHT) -> None:
+        """Squeeze the grip until the arm follows; again where the machine had no time for a frame, as the page asks."""
+        for _ in range(20):
+            self.evaluate(f"person.squeeze('{side.word}', 1)")
+            wait(self.page, lambda: clutch(self.page, side) in {"engaged", "limited", "inert"})
+            if clutch(self.page, side) != "inert":
+                return
+            self.release(side)
+        raise AssertionError(self.page.text_content("#teleop-panel"))
+
+    def release(self, side: Side = Side.RIGHT) -> None:
+        self.evaluate(f"person.squeeze('{side.word}', 0)")
+        wait(self.page, lambda: clutch(self.page, side) == "released")
+
+    def to_browser_clock(self) -> float:
+        """What is added to a time of the page [s] for one of this program, from the fastest of some answers."""
+        offsets = []
+        for _ in range(30):
+            before = time.monotonic()
+            there = float(self.evaluate("performance.now() / 1000"))
+            after = time.monotonic()
+            offsets.append((after - before, 0.5 * (before + after) - there))
+        return min(offsets)[1]
+
+
+def moved(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> tuple[float, float, float]:
+    """The hand, moved in the operator's frame: x away, y to the left, z up."""
+    a, b, c = HAND
+    return a - y, b + z, c - x
+
+
+def test_hand_in_a_headset_leads_the_arm_and_each_press_goes_on_from_where_it_is(
+    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with (
+        recorded_driver(tmp_path, tmp_path / "r.mcap") as driver,
+        page_of(chromium, tmp_path, emulated_headset) as page,
+    ):
+        person = Headset(page)
+        left, followed = at_rest(page, driver, Side.LEFT), 0
+        for attempt in range(20):
+            step = (0.02, 0.015, 0.03) if attempt % 2 == 0 else (-0.02, -0.015, -0.03)
+            begin = at_rest(page, driver)
+            person.put(HAND)  # without the clutch nothing moves
+            person.engage()
+            assert within(begin, at_rest(page, driver), EXACT)
+            x, y, z = (a + b for a, b in zip(begin.position, step, strict=True))
+            goal = Pose((x, y, z), begin.orientation)
+            person.put(moved(*step))
+            wait(page, lambda goal=goal: within(goal, sent(driver), EXACT) or clutch(page) == "inert")
+            is_followed = clutch(page) != "inert"  # else the machine had no time for a frame: the arm holds
+            end = at_rest(page, driver)
+            assert within(goal, end, EXACT) or not is_followed
+            followed += is_followed
+            person.release()
+            # Let go, the hand goes anywhere; the arm holds.
+            person.evaluate("person.put('right', [0.1, 0.9, -0.2], [0.92, 0.0, 0.38, 0.0])")
+            assert within(end, at_rest(page, driver), EXACT)
+            if followed == 4:
+                break
+        assert followed == 4
+        assert within(left, sent(driver, Side.LEFT), (1e-6, 1e-6))
+
+
+def within(one: Pose, other: Pose, limits: tuple[float, float]) -> bool:
+    distance, turn = distance_between(one, other)
+    return distance <= limits[0] and turn <= limits[1]
+
+
+def test_nothing_moves_by_a_headset_that_does_not_see_the_hand_or_is_in_its_menu(
+    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with (
+        recorded_driver(tmp_path, tmp_path / "r.mcap") as driver,
+        page_of(chromium, tmp_path, emulated_headset) as page,
+    ):
+        person = Headset(page)
+        for lose, find in (("see('right', false)", "see('right', true)"), ("hide(true)", "hide(false)")):
+            person.engage()
+            person.evaluate(f"person.{lose}")
+            wait(page, lambda: clutch(page) in {"released", "inert"})
+            held = at_rest(page, driver)
+            person.put(moved(z=0.03))
+            person.evaluate(f"person.{find}")
+            # The grip is squeezed still: it has to be pressed again.
+            wait(page, lambda: clutch(page) == "inert")
+            frames = person.evaluate("person.frames.length")
+            wait(page, lambda frames=frames: person.evaluate("person.frames.length") > frames + 5)
+            assert within(held, at_rest(page, driver), (1e-6, 1e-6))
+            person.put(HAND)
+            person.release()
+        person.engage()
+        press(page, "#take")  # control is given back
+        wait(page, lambda: page.text_content("#take") == "Take control")
+        held = at_rest(page, driver)
+        person.put(moved(z=0.03))
+        page.wait_for_timeout(300)
+        assert within(held, sent(driver), (1e-6, 1e-6))
+
+
+@pytest.mark.parametrize("steps", [short(8), long(40, 300.0)])
+def test_motion_of_a_hand_in_a_headset_is_in_a_datagram_within_thirty_milliseconds(
+    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
+) -> None:
+    """From the headset's time of the frame, which its page sends, to the datagram that moves the arm."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    record, moved_at = tmp_path / "steps.mcap", []
+    with recorded_driver(tmp_path, record) as driver, page_of(chromium, tmp_path, emulated_headset) as page:
+        person = Headset(page)
+        for step in range(steps):
+            person.engage()
+            at_rest(page, driver)
+            page.wait_for_timeout(500 + 3.7 * step)  # the arm stands, and the robot's cycle is anywhere
+            there = person.evaluate(f"person.move('right', {list(moved(z=0.0 if step % 2 else 0.01))})")
+            moved_at.append(there + person.to_browser_clock())
+    cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
+    delays = [first_motion(cycles, at) for at in moved_at]
+    p95 = quantiles(delays, n=20, method="inclusive")[-1]
+    tell(f"From a headset's frame to the datagram: median {1e3 * median(delays):.1f} ms, p95 {1e3 * p95:.1f} ms.")
+    assert p95 < 0.030
+
+
+def test_arm_stands_soon_after_the_link_to_a_headset_is_lost_and_holds_when_it_is_back(
+    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    record, lost_at = tmp_path / "losses.mcap", []
+    with recorded_driver(tmp_path, record) as driver, page_of(chromium, tmp_path, emulated_headset) as page:
+        person = Headset(page)
+        for _ in range(2):
+            person.engage()
+            # The hand goes on while the link is cut.
+            sent_at = person.evaluate(
+                """() => new Promise((end) => {
+                  const begin = performance.now();
+                  const step = () => {
+                    const elapsed = (performance.now() - begin) / 1000;
+                    person.put("right", [0.25, 1.2 + Math.min(0.08, 0.15 * elapsed), -0.4]);
+                    if (elapsed > 0.35) person.cut(true);
+                    if (elapsed < 1.2) setTimeout(step, 5);
+                    else end(person.frames.at(-1).sentAt);
+                  };
+                  step();
+                })"""
+            )
+            lost_at.append(sent_at + person.to_browser_clock())
+            held = at_rest(page, driver)
+            person.evaluate("person.cut(false)")
+            wait(page, lambda: clutch(page) == "inert")
+            person.put(HAND)
+            assert within(held, at_rest(page, driver), (1e-6, 1e-6))
+            person.release()
+            driver.move_to(right=ROOM)
+    cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
+    stops = [standstill(cycles, lost) for lost in lost_at]
+    tell(f"From a headset's last frame to standstill: at most {1e3 * max(stops):.0f} ms.")
+    assert max(stops) < LINK_LOST + 0.2
+
+
+GAMEPAD = """
+window.pad = { id: "A gamepad", connected: true, mapping: "standard", axes: [0, 0, 0, 0], rumbles: 0,
+  buttons: Array.from({ length: 17 }, () => ({ pressed: false, touched: false, value: 0 })),
+  vibrationActuator: { playEffect: () => { pad.rumbles += 1; return Promise.resolve("complete"); } } };
+pad.hold = (index, isHeld) => { pad.buttons[index] = { pressed: isHeld, touched: isHeld, value: Number(isHeld) }; };
+navigator.getGamepads = () => [pad, null, null, null];
+"""
+
+
+def test_keys_and_a_gamepad_move_the_arms_while_the_clutch_is_held_and_a_limit_is_felt(
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with recorded_driver(tmp_path, tmp_path / "r.mcap") as driver, page_of(chromium, tmp_path, GAMEPAD) as page:
+        page.set_viewport_size({"width": 900, "height": 300})
+
+        def until_moved(by: float, press_again: Callable[[], None], axis: int) -> None:
+            """The tool has moved along an axis; the clutch is pressed again where the machine had no time."""
+            begin = sent(driver).position[axis]
+
+            def has_moved() -> bool:
+                if clutch(page) in {"inert", "released"}:
+                    press_again()
+                return (sent(driver).position[axis] - begin) * by > by * by
+
+            wait(page, has_moved)
+
+        # Keys: without Space nothing moves.
+        page.focus("#keys")
+        held = at_rest(page, driver)
+        page.keyboard.down("r")
+        page.wait_for_timeout(300)
+        assert within(held, sent(driver), (1e-6, 1e-6))
+
+        def space() -> None:
+            page.keyboard.up(" ")
+            page.wait_for_timeout(100)
+            page.keyboard.down(" ")
+            page.wait_for_timeout(300)
+
+        space()
+        until_moved(0.02, space, 2)
+        page.evaluate("document.activeElement.blur()")
+        wait(page, lambda: clutch(page) == "released")
+        held = at_rest(page, driver)
+        page.focus("#keys")  # Space is held still, but its press was lost with the focus
+        page.wait_for_timeout(300)
+        assert within(held, sent(driver), (1e-6, 1e-6))
+        page.keyboard.up("r")
+        page.keyboard.up(" ")
+
+        # The gamepad, towards the body until the limiter keeps the arm apart, which is felt.
+        page.select_option("#device", "gamepad")
+        assert page.text_content("#device-name") == "A gamepad"
+        page.evaluate("pad.axes[1] = 1")
+        page.wait_for_timeout(300)
+        assert within(held, sent(driver), (1e-6, 1e-6))
+
+        def bumper() -> None:
+            page.evaluate("pad.hold(5, false)")
+            page.wait_for_timeout(100)
+            page.evaluate("pad.hold(5, true)")
+            page.wait_for_timeout(300)
+
+        bumper()
+        until_moved(-0.01, bumper, 0)
+        page.evaluate("pad.axes[0] = -1")  # to the left, too, where the body is
+
+        def is_felt() -> bool:
+            if clutch(page) in {"inert", "released"}:
+                bumper()
+            return bool(page.evaluate("pad.rumbles") > 0)
+
+        wait(page, is_felt)
+        page.evaluate("pad.connected = false")  # it is unplugged
+        wait(page, lambda: clutch(page) == "released")
+        at_rest(page, driver)

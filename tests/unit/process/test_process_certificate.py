@@ -1,0 +1,57 @@
+"""The certificate that an installation makes itself."""
+
+from __future__ import annotations
+
+import ssl
+import sys
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+from refusals import refused
+from yumi.errors import MissingPrerequisite, SettingsError
+from yumi.process import certificate
+from yumi.process.certificate import installation_certificate
+
+pytest.importorskip("cryptography", reason="the part robotware7 is not installed")
+
+
+def test_certificate_is_made_once_and_kept_for_its_user_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "yumi"
+    first = installation_certificate(["127.0.0.1", "robot-pc"], folder)
+    file = folder / "certificate.pem"
+    assert file.stat().st_mode & 0o077 == folder.stat().st_mode & 0o077 == 0
+    assert list(folder.iterdir()) == [file]
+    assert len(first.fingerprint.split(":")) == 32
+    assert installation_certificate(["robot-pc"], folder).fingerprint == first.fingerprint
+    assert isinstance(first.context, ssl.SSLContext)
+
+
+def test_certificate_is_made_anew_for_a_host_that_it_does_not_name(tmp_path: Path) -> None:
+    first = installation_certificate(["127.0.0.1"], tmp_path)
+    assert installation_certificate(["127.0.0.1", "192.168.1.20"], tmp_path).fingerprint != first.fingerprint
+
+
+def test_certificate_is_made_anew_before_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(certificate, "VALID", timedelta(days=29))
+    first = installation_certificate(["127.0.0.1"], tmp_path)
+    monkeypatch.undo()
+    second = installation_certificate(["127.0.0.1"], tmp_path)
+    assert second.fingerprint != first.fingerprint
+    assert installation_certificate(["127.0.0.1"], tmp_path).fingerprint == second.fingerprint
+
+
+def test_file_that_is_no_certificate_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "certificate.pem"
+    file.write_text("nothing")
+    with refused(SettingsError, "certificate_failed", file=str(file)):
+        installation_certificate(["127.0.0.1"], tmp_path)
+
+
+def test_installation_without_cryptography_reads_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    with refused(MissingPrerequisite, "extra_missing", extra="robotware7"):
+        installation_certificate(["127.0.0.1"], tmp_path)
