@@ -54,12 +54,14 @@ class Policy:
     def at(self, times: Array) -> Array:
         """Its own motion at times [s], (n,): positions [rad], (n, 7)."""
         angles = self._rates * times[:, None, None] + self._phases
-        return self._about + (self._sizes * np.sin(angles)).sum(axis=1)
+        waves: Array = (self._sizes * np.sin(angles)).sum(axis=1)
+        return self._about + waves
 
     def chunk(self, times: Array, observed: float, position: Joints) -> Array:
         """Positions at times from where the arm was at the time ``observed`` [s], (n, 7)."""
         away = np.array(position) - self.at(np.array([observed]))[0]
-        return self.at(times) + away * np.exp((observed - times)[:, None] / _RETURN)
+        back: Array = away * np.exp((observed - times)[:, None] / _RETURN)
+        return self.at(times) + back
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,9 +165,7 @@ def follow_chunks(
     policy = Policy(chance, named_pose(side, "ready"))
     start = joints(policy.at(np.zeros(1))[0].tolist())
     controller = JointTrajectoryController(side, MemoryBuffer[TrajectoryFeedback](), speed=speed)
-    rig = VirtualArmRig(
-        {CONTROLLER: controller}, side=side, position=start, limiter=Limiter(YUMI_LIMITS), speed=speed
-    )
+    rig = VirtualArmRig({CONTROLLER: controller}, side=side, position=start, limiter=Limiter(YUMI_LIMITS), speed=speed)
     rig.start()
     rig.switch_to(CONTROLLER)
     rig.run(_BEGIN)
@@ -235,7 +235,7 @@ def follow_upstream(inference: Inference, seconds: float, seed: int, side: Side 
         if now < seconds:
             sender.cycle(now, sampler.position(now - DELAY))
         rows.append(sampler.position(now))
-    run.times = np.arange(len(rows)) * CYCLE
+    run.times = np.arange(len(rows), dtype=np.float64) * CYCLE
     run.desired = run.sent = run.measured = np.array(rows)
     run.lost = sender.lost
     return run

@@ -99,7 +99,7 @@ class _SplineArrays:
             before, after = 1.0 / steps[index - 1, 0], 1.0 / steps[index, 0]
             rows[index, index - 1 : index + 2] = before, 2.0 * (before + after), after
             right[index] = 3.0 * (before * slopes[index - 1] + after * slopes[index])
-        self._velocities: Array = np.linalg.solve(rows, right)
+        self._velocities: Array = np.asarray(np.linalg.solve(rows, right), dtype=np.float64)
         begin, end = self._velocities[:-1], self._velocities[1:]
         rates = (6.0 * slopes - 4.0 * begin - 2.0 * end) / steps
         self._jerks: Array = 6.0 * (begin + end - 2.0 * slopes) / steps**2

@@ -304,9 +304,7 @@ class JointTrajectoryController(Controller):
         if self._time < source.end:
             return False
         late, pace = self._time - source.end, self._pace
-        self._reports.append(
-            ChunksExhausted(source.number, state.time + self._settings.lookahead - late / pace)
-        )
+        self._reports.append(ChunksExhausted(source.number, state.time + self._settings.lookahead - late / pace))
         self._brake(source.at_end.scaled(pace))
         self._time = late / pace
         return True

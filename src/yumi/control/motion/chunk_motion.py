@@ -167,7 +167,9 @@ def _keeps(lead: Segment, start: Setpoint, share: float, limits: JointLimits) ->
     """Whether a lead keeps a share of the limits; it may begin beyond them, and not go further."""
     length = lead.end - lead.begin
     tops = zip(limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk, strict=True)
-    for row, position, speed, rate, (lower, upper, fastest, strongest, jerk) in zip(lead.rows, *start, tops, strict=True):
+    for row, position, speed, rate, (lower, upper, fastest, strongest, jerk) in zip(
+        lead.rows, *start, tops, strict=True
+    ):
         speed_most, rate_most = max(share * fastest, abs(speed)), max(share * strongest, abs(rate))
         bounds = (
             (min(lower, position), max(upper, position)),
@@ -177,8 +179,8 @@ def _keeps(lead: Segment, start: Setpoint, share: float, limits: JointLimits) ->
         )
         polynomial: Sequence[float] = row
         for lowest, highest in bounds:
-            least, most = hull(polynomial, length)
-            if not (lowest - _ROUNDING <= least and most <= highest + _ROUNDING):  # NaN too
+            low, high = hull(polynomial, length)
+            if not (lowest - _ROUNDING <= low and high <= highest + _ROUNDING):  # NaN too
                 return False
             polynomial = derivative(polynomial)
     return True
