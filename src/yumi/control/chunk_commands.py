@@ -35,7 +35,7 @@ class ChunkTaken:
     All times are on the machine's monotonic clock [s]; where the speed scale is below 1, they hold while that stays.
 
     Attributes:
-        late: how many of its points were dropped, since they were due before the seam.
+        late: how many of its points were dropped, since they were due already.
         replaced: how many points of the chunks before are not executed, since this chunk has replaced them.
         seam: when the arm leaves the chunks before.
         joined: when it has arrived on the path through the points of this chunk.

@@ -155,7 +155,7 @@ class JointTrajectoryController(Controller):
         if isinstance(command, FollowTrajectory):
             self._follow(command)
         elif isinstance(command, FollowChunk):
-            return self._follow_chunk(command)
+            return self._follow_chunk()
         elif isinstance(command, ScaleSpeed):
             self._scale = command.factor
         elif isinstance(command, CancelTrajectory):
@@ -276,10 +276,9 @@ class JointTrajectoryController(Controller):
         motion = join(command, shift, before, time, self._names, self._limits)
         self._checked_chunk = (command, state, motion, time, pace)
 
-    def _follow_chunk(self, command: FollowChunk) -> ChunkTaken:
+    def _follow_chunk(self) -> ChunkTaken:
         assert self._checked_chunk is not None
         _, state, motion, time, pace = self._checked_chunk
-        before = self._source.points if isinstance(self._source, ChunkMotion) else ()
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
         if not isinstance(self._source, ChunkMotion):
             if self._is_braking:
@@ -292,8 +291,8 @@ class JointTrajectoryController(Controller):
             return due + (time - self._time) / pace if pace > 0.0 else inf
 
         return ChunkTaken(
-            late=1 + len(command.spline.segments) - sum(each > motion.seam for each in motion.points),
-            replaced=sum(each > motion.seam for each in before),
+            late=motion.late,
+            replaced=motion.replaced,
             seam=when(motion.seam),
             joined=when(motion.joined),
             until=when(motion.end),

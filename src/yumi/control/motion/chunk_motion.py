@@ -34,10 +34,14 @@ class ChunkMotion:
         spline: from the seam on, on the clock of the chunk.
         shift: when the chunk's time 0 is, on the clock of the motion [s].
         points: when points are due that have not been executed, on the clock of the motion [s].
+        late: how many points of the chunk are not executed, since they were due already.
+        replaced: how many points of the chunks before are not executed any more.
         before: what is followed until the seam; None where the seam is where the motion begins.
 
     Attributes:
         number: as above.
+        late: as above.
+        replaced: as above.
         seam: when the lead begins, on the clock of the motion [s].
         joined: when it has arrived on the spline through the points [s].
         end: when the last point is due [s].
@@ -46,9 +50,16 @@ class ChunkMotion:
     """
 
     def __init__(
-        self, number: int, spline: Spline, shift: float, points: tuple[float, ...], before: ChunkMotion | None
+        self,
+        number: int,
+        spline: Spline,
+        shift: float,
+        points: tuple[float, ...],
+        late: int,
+        replaced: int,
+        before: ChunkMotion | None,
     ) -> None:
-        self.number, self.points = number, points
+        self.number, self.points, self.late, self.replaced = number, points, late, replaced
         self.seam, self.joined = shift + spline.begin, shift + spline.segments[0].end
         self.end = shift + spline.end
         last = spline.last
@@ -124,9 +135,12 @@ def join(
     if lead is None:
         raise refused(message("chunk_out_of_reach", duration=end - seam))
     due = [begin, *(shift + segment.end for segment in spline.segments)]
-    kept = [each for each in points if time < each <= seam]
+    new = [each for each in due if each > time]
+    pending = [each for each in points if each > time]
+    kept = [each for each in pending if each < new[0] - _SHORTEST and each <= seam] if seam > time else []
     joined = Spline(spline.segments.after(lead), spline.last)
-    return ChunkMotion(chunk.number, joined, shift, (*kept, *(each for each in due if each > seam)), last)
+    late, replaced = len(due) - len(new), len(pending) - len(kept)
+    return ChunkMotion(chunk.number, joined, shift, (*kept, *new), late, replaced, last)
 
 
 def _check_jump(
