@@ -121,10 +121,7 @@ _CHUNKS: Mapping[str, tuple[str, str]] = {
         "",
     ),
     "chunk_point_count": ("it has {points} points; allowed are {least} to {most}", ""),
-    "chunk_counts_differ": (
-        "it has {points} points for the {arm} arm and {others} for another part",
-        "give all as many",
-    ),
+    "chunk_counts_differ": ("it has {points} points for the {part}, and {others} for the {other}", "give as many"),
     "chunk_time_out_of_range": ("{name} is {value:g} s; allowed is {lowest:g} to {highest:g} s", ""),
     "chunk_gripper_malformed": (
         "the points of the {arm} gripper are not numbers from 0, open, to 1, closed ({given})",
