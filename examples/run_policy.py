@@ -16,6 +16,7 @@ import yumi
 
 def run(robot, server, seconds: float) -> None:
     period = unpack(server.recv())["period"]
+    robot.move_to(right="ready", left="ready")
     start = np.array([*robot.right.position, *robot.left.position])
     with robot.follow_chunks() as chunks:
         begin = time.monotonic()

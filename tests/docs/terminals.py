@@ -42,7 +42,8 @@ class Clone:
         ignored = shutil.ignore_patterns(".venv", ".git", "build", "__pycache__", ".*_cache", ".hypothesis", "*.mcap")
         shutil.copytree(ROOT, self.root, ignore=ignored, ignore_dangling_symlinks=True)
         (self.root / ".venv").symlink_to(sys.prefix)
-        self.ports = {"8080": str(free_tcp_port()), **{port: str(free_port()) for port in ("6510", "6511", "6512")}}
+        self.ports = {port: str(free_tcp_port()) for port in ("8080", "8000")}
+        self.ports |= {port: str(free_port()) for port in ("6510", "6511", "6512")}
         usual = re.compile(rf"\b({'|'.join(self.ports)})\b")
         for part in ("src", "config", "examples", "docs", "README.md"):
             files = [self.root / part] if (self.root / part).is_file() else (self.root / part).rglob("*")
