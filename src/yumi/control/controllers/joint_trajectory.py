@@ -95,7 +95,7 @@ class JointTrajectoryController(Controller):
         self._goal: TrajectoryGoal | None = None
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
-        self._checked_chunk: tuple[FollowChunk, ArmState, ChunkMotion, float, float] | None = None
+        self._checked_chunk: tuple[FollowChunk, ArmState, _Source, ChunkMotion, float, float] | None = None
         self._feedback_due = -inf
         self._standstill: StandstillDetector | None = None
         self._is_judged = True
@@ -261,8 +261,8 @@ class JointTrajectoryController(Controller):
 
     def _check_chunk(self, command: FollowChunk, state: ArmState | None) -> None:
         """Judge a chunk, and keep the motion that goes on along it, with the time on it and its pace."""
-        state = self._checked_state(state)
-        if self._checked_chunk is not None and self._checked_chunk[0] is command and self._checked_chunk[1] is state:
+        state, known = self._checked_state(state), self._checked_chunk
+        if known is not None and known[0] is command and known[1] is state and known[2] is self._source:
             return
         before: ChunkMotion | Setpoint
         if isinstance(self._source, ChunkMotion):
@@ -274,11 +274,11 @@ class JointTrajectoryController(Controller):
                 before = before.scaled(1.0 / pace)
         shift = time + (command.start - state.time - self._settings.lookahead) * pace
         motion = join(command, shift, before, time, self._names, self._limits)
-        self._checked_chunk = (command, state, motion, time, pace)
+        self._checked_chunk = (command, state, self._source, motion, time, pace)
 
     def _follow_chunk(self) -> ChunkTaken:
         assert self._checked_chunk is not None
-        _, state, motion, time, pace = self._checked_chunk
+        _, state, _, motion, time, pace = self._checked_chunk
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
         if not isinstance(self._source, ChunkMotion):
             if self._is_braking:
