@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from yumi import errors
     from yumi.api.attach import attach
+    from yumi.api.chunks import Chunk
     from yumi.api.connect import connect, connect_async
     from yumi.api.joint_positions import abb_degrees, degrees, in_degrees
     from yumi.api.tool import pose
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
+    "Chunk",
     "EgmServer",
     "__version__",
     "abb_degrees",
@@ -30,6 +32,7 @@ __all__ = [
 ]
 
 _OFFERS = {
+    "Chunk": "yumi.api.chunks",
     "EgmServer": "yumi.driver.egm_server",
     "abb_degrees": "yumi.api.joint_positions",
     "attach": "yumi.api.attach",

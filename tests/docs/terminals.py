@@ -45,7 +45,7 @@ class Clone:
         (self.root / "build").mkdir()
         for built in ("core", "page"):  # from the same sources, of which each has the fingerprint in its name
             (self.root / "build" / built).symlink_to(ROOT / "build" / built)
-        tcp = {port: str(free_tcp_port()) for port in ("8080", "8090")}
+        tcp = {port: str(free_tcp_port()) for port in ("8080", "8090", "8000")}
         self.ports = {**tcp, **{port: str(free_port()) for port in ("6510", "6511", "6512")}}
         usual = re.compile(rf"\b({'|'.join(self.ports)})\b")
         for part in ("src", "config", "examples", "docs", "README.md"):

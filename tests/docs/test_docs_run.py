@@ -36,6 +36,7 @@ EXAMPLES = [
     ("docs/how-to/script-without-ros.md", "script_move_and_grip.py", "left gripper: holding at 20 mm"),
     ("docs/how-to/script-without-ros.md", "script_both_arms.py", "right arm: holding, left arm: holding"),
     ("docs/how-to/plan-a-motion.md", "plan_around.py", "back at home"),
+    ("docs/how-to/run-a-policy.md", "run_policy.py", " points replaced, "),
     ("docs/tutorials/first-motion.md", "move_one_joint.py", "EGM has ended on both arms"),
     ("docs/tutorials/first-motion.md", "bad_goal.py", "its range is -143.5° to 43.5°."),
     ("docs/tutorials/first-motion.md", "grip.py", "left gripper: holding, 20.0 mm between the fingers"),

@@ -335,6 +335,7 @@ class AsyncRobot:
     move_to_pose = awaited(Robot.move_to_pose)
     move_linear = awaited(Robot.move_linear)
     follow = awaited(Robot.follow)
+    follow_chunks = at_once(Robot.follow_chunks)
     plan_to = awaited(Robot.plan_to)
     execute = awaited(Robot.execute)
     retreat = awaited(Robot.retreat)

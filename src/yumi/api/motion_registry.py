@@ -11,6 +11,7 @@ from threading import Lock
 from typing import NamedTuple
 
 from yumi.catalogue import Message, message
+from yumi.control.chunk_commands import ChunksExhausted
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome
 from yumi.control.loop_events import (
     ControllerReport,
@@ -194,7 +195,7 @@ class MotionRegistry:
             self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.said)
         elif isinstance(report, TrajectoryEnded):
             self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.said)
-        elif isinstance(report, ToolLimited):
+        elif isinstance(report, ToolLimited | ChunksExhausted):
             self._log(logging.INFO, f"{event.side.word.capitalize()} arm: {report}")
 
     def _end(self, identity: int, is_reached: bool, reason: Message) -> None:

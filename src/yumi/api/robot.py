@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, SupportsFloat, TypeVar
 
+from yumi.api.chunks import ChunkFollower
 from yumi.api.connection import Connection
 from yumi.api.joint_positions import Position, TimedPosition, checked_goal
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE, MotionExecutor
@@ -16,7 +17,9 @@ from yumi.api.motion_registry import Motion
 from yumi.api.robot_arm import Arm
 from yumi.api.tool import Frames, Gripper, PoseLike, boxes_from, poses_from, waypoints_from
 from yumi.catalogue import message
+from yumi.control.chunk_commands import MOST_JUMP
 from yumi.driver import gripper as driver
+from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers
@@ -61,7 +64,8 @@ class Robot:
         self._collision = settings.collision
         self._planner: Planner | None = None  # made when the first motion is planned
         self._frames = Frames()
-        force, picked = settings.gripper.force, settings.gripper.picked_pressure
+        self._force = force = settings.gripper.force
+        picked = settings.gripper.picked_pressure
         self.right, self.left = (
             Arm(
                 side,
@@ -167,6 +171,39 @@ class Robot:
         trajectories = _named(right, left)
         executor = self.executor
         return executor.awaited(executor.follow(trajectories), wait=wait, timeout=timeout)
+
+    def follow_chunks(self, arms: Sequence[str] | None = None, *, jump: float = MOST_JUMP) -> ChunkFollower:
+        """Have arms follow the chunks of a policy, each of which replaces what has not been executed yet.
+
+        ::
+
+            with robot.follow_chunks() as chunks:
+                while True:
+                    observed = time.monotonic()
+                    actions = infer(observe())
+                    chunks.send(yumi.Chunk(period=0.02, start=chunks.start_for(observed), right=actions))
+
+        Position, velocity and acceleration of the command are continuous at every seam. Where the points are exhausted
+        the arms brake from the same cycle on, within their limits, and hold until the next chunk. At the end of the
+        block they come to rest.
+
+        Args:
+            arms: ``"right"``, ``"left"`` or both; None: those on which EGM runs. They come to rest before the block.
+            jump: a chunk that is further from where its arm is commanded to be is refused [rad], above 0 up to 1.
+
+        Raises:
+            CommandRefused: an argument is impossible.
+            RobotNotReady: the robot is not connected; on entering, also: an arm does not follow.
+        """
+        executor, words = self.executor, {side.word: side for side in Side}
+        given = tuple(side.word for side in executor.arms) if arms is None else tuple(arms)
+        if not given or len(set(given)) != len(given) or not set(given) <= set(words):
+            raise CommandRefused(message("connect_arms_unknown", given=repr(arms)))
+        if not 0.0 < jump <= 1.0:
+            raise CommandRefused(message("goal_scale_out_of_range", name="jump", value=jump))
+        sides = tuple(words[word] for word in given)
+        grippers = {side: GripperFollower(self._gripper(side), self._force, self._check_not_stopped) for side in sides}
+        return ChunkFollower(executor, sides, executor.limits, grippers, jump)
 
     def plan_to(
         self,

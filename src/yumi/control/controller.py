@@ -89,17 +89,21 @@ class Controller(ABC):
         """
         raise CommandRefused(message("controller_takes_no_commands", type=self.kind))
 
-    def receive(self, command: object, state: ArmState | None) -> None:
+    def receive(self, command: object, state: ArmState | None) -> object:
         """Take a command between two cycles: a trajectory, a cancel. Only while active.
 
         Args:
             command: a picklable value the controller knows.
             state: the arm's newest state; None while it is not heard.
 
+        Returns:
+            What it made of the command, picklable, where the sender needs that; mostly None.
+
         Raises:
             CommandRefused: it breaks a rule; nothing was changed.
         """
         self.check(command, state)
+        return None
 
     def note_withheld(self, position: Joints) -> None:
         """The limiter holds the arm at ``position`` [rad], (7,), short of what is commanded.

@@ -36,6 +36,19 @@ class ControllerCommand:
     takes_over: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What became of commands that were taken.
+
+    Attributes:
+        replaced: the arms on which a controller was activated for its command, and the controllers that it replaced.
+        made: what each arm's controller made of its command, see :meth:`yumi.control.controller.Controller.receive`.
+    """
+
+    replaced: Mapping[Side, tuple[str, ...]]
+    made: Mapping[Side, object]
+
+
 class Commands:
     """Everything that can be asked of the control loop, served between two cycles: each method is one command.
 
@@ -170,6 +183,10 @@ class Commands:
         Returns:
             The arms on which a controller was activated for its command, and the controllers that it has replaced.
         """
+        return self.take_commands(*commands).replaced
+
+    def take_commands(self, *commands: ControllerCommand) -> Taken:
+        """As :meth:`send_commands`, and what the controllers made of the commands."""
         self.check_commands(*commands)
         replaced: dict[Side, tuple[str, ...]] = {}
         try:
@@ -187,10 +204,11 @@ class Commands:
                     is_active = not arm.manager.is_inactive(each.controller)
                     self.switch_controllers(each.side, replaced[each.side], (each.controller,) if is_active else ())
             raise
+        made = {}
         for each in commands:
             arm = self._arms[each.side]
-            arm.manager.receive(each.controller, each.message, arm.state)
-        return replaced
+            made[each.side] = arm.manager.receive(each.controller, each.message, arm.state)
+        return Taken(replaced, made)
 
     def _publish(self, side: Side) -> None:
         self._arms[side].publish(self._now())

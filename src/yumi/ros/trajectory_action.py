@@ -25,6 +25,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
+from yumi.control.chunk_commands import ChunksExhausted
 from yumi.control.controller import State
 from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
@@ -49,6 +50,7 @@ from yumi.errors import YumiError
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
 from yumi.planning.trajectory_request import plan_trajectory, timed
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
+from yumi.ros.chunk_topic import ChunkTopic
 from yumi.ros.controller_manager import MakeInterface
 from yumi.ros.messages import (
     LATCHED,
@@ -101,7 +103,7 @@ class TrajectoryAction:
     """Serves all topics, services and actions that a trajectory controller has.
 
     ``~/follow_joint_trajectory``, ``~/joint_trajectory``, ``~/speed_scaling_input``, ``~/controller_state``,
-    ``~/query_state``.
+    ``~/query_state``; ``~/chunks`` and ``~/chunk_state``, see :class:`yumi.ros.chunk_topic.ChunkTopic`.
 
     For both arms also ``~/inter_arm_skew``: time between the arms' first cycles, and largest difference of the times
     on the trajectory that they were sent to [s].
@@ -164,6 +166,7 @@ class TrajectoryAction:
         node.create_subscription(
             SpeedScalingFactor, "~/speed_scaling_input", self._scale, LATCHED, callback_group=commands
         )
+        self._chunks = ChunkTopic(node, commands, name, self._sides, control, clock, limits)
         self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
@@ -179,6 +182,8 @@ class TrajectoryAction:
             self._end_open_goals()
         elif isinstance(event, ReportsDropped):
             self._end_open_goals(str(event))
+        if isinstance(event, ChunksExhausted) and side is self._sides[0]:
+            self._log.info(str(event), throttle_duration_sec=1.0)
         if not isinstance(event, TrajectoryEnded):
             return
         with self._lock:

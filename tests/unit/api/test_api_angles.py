@@ -31,7 +31,8 @@ def test_package_lists_what_it_offers_before_anything_is_used() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     names = (
-        "EgmServer __version__ abb_degrees attach connect connect_async degrees errors in_degrees pose read_recording"
+        "Chunk EgmServer __version__ abb_degrees attach connect connect_async degrees errors in_degrees pose "
+        "read_recording"
     )
     assert done.stdout == f"{names}\nTrue\n"
 

@@ -174,5 +174,5 @@ def test_twin_has_all_methods_of_the_original_with_their_arguments(twin: type, o
         assert hasattr(twin, name), name
         if callable(method) and name != "stream":  # which returns at once
             assert list(signature(getattr(twin, name)).parameters) == list(signature(method).parameters)
-            is_at_once = name in {"servo_pose", "servo_twist", "jacobian"}
+            is_at_once = name in {"servo_pose", "servo_twist", "jacobian", "follow_chunks"}
             assert iscoroutinefunction(getattr(twin, name)) is not is_at_once

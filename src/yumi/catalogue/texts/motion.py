@@ -112,6 +112,47 @@ _TRAJECTORIES: Mapping[str, tuple[str, str]] = {
     "tolerance_not_a_number": ("a tolerance is nan", "give a number, 0 for the controller's own, -1 for none"),
 }
 
+_CHUNKS: Mapping[str, tuple[str, str]] = {
+    # ---- its form
+    "chunk_without_arm": ("it has points for no arm", "give right, left or both"),
+    "chunk_arm_not_taken": ("it has points for the {arm} arm, which does not follow chunks", "follow: {arms:list}"),
+    "chunk_points_malformed": (
+        "the points of the {arm} arm are not rows of {joints} finite positions in radians ({error})",
+        "",
+    ),
+    "chunk_point_count": ("it has {points} points; allowed are {least} to {most}", ""),
+    "chunk_counts_differ": ("it has {points} points for the {part}, and {others} for the {other}", "give as many"),
+    "chunk_time_out_of_range": ("{name} is {value:g} s; allowed is {lowest:g} to {highest:g} s", ""),
+    "chunk_gripper_malformed": (
+        "the points of the {arm} gripper are not numbers from 0, open, to 1, closed ({given})",
+        "",
+    ),
+    # ---- what it asks of the joints
+    "chunk_beyond_limit": (
+        "{joint} would have the {quantity} {value:.2f} {unit} at {time:.3f} s; its limit is {limit:.2f} {unit}",
+        "give it more time, or points with less noise",
+    ),
+    # ---- whether the arm can go on with it
+    "chunk_is_over": ("its last point was due {late:.3f} s ago", "send it earlier, or with more points"),
+    "chunk_begins_too_late": (
+        "it begins {early:.2f} s after the points before; at most {most:g} s are allowed",
+        "send it later, or with an earlier start",
+    ),
+    "chunk_jumps": (
+        "{joint} would have to jump by {distance:+.1°}; at most {most:.1°} are allowed",
+        "begin where the arm is commanded to be",
+    ),
+    "chunk_out_of_reach": (
+        "the joints cannot get onto it within their limits in the {duration:.3f} s that are left of it",
+        "begin nearer to where the arm is commanded to be, or give it more points",
+    ),
+    "chunks_taken_over": (
+        "something else commands the {arm} arm since then",
+        "follow chunks anew where the arm may go on",
+    ),
+    "chunks_ended": ("this following of chunks has ended", "follow chunks anew"),
+}
+
 _PATHS: Mapping[str, tuple[str, str]] = {
     "path_without_poses": ("it has no poses", "give at least one"),
     "path_angle_not_finite": ("the arm angle of pose {pose} is {angle}", "give a finite number of radians"),
@@ -130,6 +171,7 @@ _PATHS: Mapping[str, tuple[str, str]] = {
 MOTION: Mapping[str, Text] = {
     **{code: Text(f"goal refused: {what}", remedy) for code, (what, remedy) in _GOALS.items()},
     **{code: Text(f"trajectory refused: {what}", remedy) for code, (what, remedy) in _TRAJECTORIES.items()},
+    **{code: Text(f"chunk refused: {what}", remedy) for code, (what, remedy) in _CHUNKS.items()},
     **{code: Text(f"path refused: {what}", remedy) for code, (what, remedy) in _PATHS.items()},
     # ---- poses and velocities of a tool
     "arm_stretched_out": Text("the arm is stretched out there, or has to fold over"),
@@ -158,6 +200,7 @@ MOTION: Mapping[str, Text] = {
     "goal_replaced": Text("another goal replaced this one"),
     "trajectory_replaced": Text("a newer trajectory has replaced this one"),
     "motion_replaced_by_stream": Text("a stream of the tool has replaced this motion"),
+    "chunks_exhausted": Text("the points of the chunks are exhausted, the last of chunk {number}; the arm brakes"),
     "motion_stopped": Text("the arm was commanded to stop"),
     "motion_cancelled": Text("the motion was cancelled; the arm is at rest"),
     "controller_deactivated": Text("the controller was deactivated; the arm holds"),

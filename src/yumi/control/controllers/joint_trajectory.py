@@ -15,11 +15,13 @@ from math import inf, isnan
 from typing import Protocol
 
 from yumi.catalogue import Message, message
+from yumi.control.chunk_commands import ChunksExhausted, ChunkTaken, FollowChunk
 from yumi.control.controller import Controller
 from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
 from yumi.control.controllers.trajectory_parameters import TrajectorySettings, trajectory_parameters
 from yumi.control.goals import Buffer
 from yumi.control.motion.blending import blend
+from yumi.control.motion.chunk_motion import ChunkMotion, join
 from yumi.control.motion.point_motion import PointMotion, stop
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint, fixed
@@ -50,7 +52,7 @@ _SETTLING = 0.1  # [s] after a change of pace the measured speeds are those of t
 
 
 class _Source(Protocol):
-    """Where the commanded motion comes from: a spline, a tool stream, or a motion to rest."""
+    """Where the commanded motion comes from: a spline, chunks, a tool stream, or a motion to rest."""
 
     def motion(self, time: float) -> tuple[Joints, Joints]: ...
 
@@ -59,6 +61,9 @@ class _Source(Protocol):
 
 class JointTrajectoryController(Controller):
     """Follows one trajectory at a time; a new one replaces it, from whatever the arm is commanded then.
+
+    Or it follows chunks, each of which replaces what has not been executed yet of those before; where their points are
+    exhausted the arm brakes from the same cycle on, and holds.
 
     Commands come by :meth:`receive`; each motion's end is a report.
 
@@ -86,10 +91,11 @@ class JointTrajectoryController(Controller):
         defaults = {each.name: each.default for each in self.parameters(self._names)}
         self._settings = TrajectorySettings.of(defaults, self._names, limits.acceleration)
         self._scale = self._rate = self._settings.scale
-        self._reports: list[TrajectoryEnded] = []
+        self._reports: list[TrajectoryEnded | ChunksExhausted] = []
         self._goal: TrajectoryGoal | None = None
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
+        self._checked_chunk: tuple[FollowChunk, ArmState, _Source, ChunkMotion, float, float] | None = None
         self._feedback_due = -inf
         self._standstill: StandstillDetector | None = None
         self._is_judged = True
@@ -127,6 +133,8 @@ class JointTrajectoryController(Controller):
     def check(self, command: object, state: ArmState | None) -> None:
         if isinstance(command, FollowTrajectory):
             self._check_plan(command, state)
+        elif isinstance(command, FollowChunk):
+            self._check_chunk(command, state)
         elif isinstance(command, ScaleSpeed):
             if not 0.0 <= command.factor <= 1.0:
                 raise CommandRefused(message("speed_scaling_factor_out_of_range", factor=command.factor))
@@ -135,19 +143,24 @@ class JointTrajectoryController(Controller):
                 message(
                     "command_of_other_controller",
                     type=self.kind,
-                    allowed=(FollowTrajectory.__name__, ScaleSpeed.__name__, CancelTrajectory.__name__),
+                    allowed=tuple(
+                        each.__name__ for each in (FollowTrajectory, FollowChunk, ScaleSpeed, CancelTrajectory)
+                    ),
                     command=type(command).__name__,
                 )
             )
 
-    def receive(self, command: object, state: ArmState | None) -> None:
+    def receive(self, command: object, state: ArmState | None) -> ChunkTaken | None:
         self.check(command, state)
         if isinstance(command, FollowTrajectory):
             self._follow(command)
+        elif isinstance(command, FollowChunk):
+            return self._follow_chunk()
         elif isinstance(command, ScaleSpeed):
             self._scale = command.factor
         elif isinstance(command, CancelTrajectory):
             self._cancel(command)
+        return None
 
     def update(self, state: ArmState) -> ArmCommand | None:
         self._state = state
@@ -157,15 +170,17 @@ class JointTrajectoryController(Controller):
                 return None
             self._standstill = None
         goal, dt, share = self._goal, state.dt, self._settings.feedforward
-        if goal is None or goal.is_cancelled:
+        is_followed = goal is not None and not goal.is_cancelled
+        if not is_followed and not isinstance(self._source, ChunkMotion):
             self._time += dt
         else:
             # Time goes by for what is followed; waiting, for the begin or at the goal, takes its time.
             if self._rate != self._scale:
                 change = _SCALING_RATE * dt
                 self._rate += max(-change, min(change, self._scale - self._rate))
-            self._time += dt * self._pace if goal.begin <= self._time < goal.end else dt
-            share *= self._pace
+            self._time += dt * self._pace if goal is None or goal.begin <= self._time < goal.end else dt
+            if not isinstance(self._source, ChunkMotion) or not self._brake_at_end(self._source, state):
+                share *= self._pace
         self._times.append((state.time, self._time))
         self._position, velocity = self._source.motion(self._time)
         self._is_judged = False
@@ -175,7 +190,7 @@ class JointTrajectoryController(Controller):
         return ArmCommand(self._position, self._velocity)
 
     def note_withheld(self, position: Joints) -> None:
-        if self._goal is None and not self._is_braking:
+        if self._goal is None and not self._is_braking and not isinstance(self._source, ChunkMotion):
             self._rest_at(position)
 
     def take_reports(self) -> Sequence[object]:
@@ -197,7 +212,8 @@ class JointTrajectoryController(Controller):
         return reports
 
     def is_idle(self, now: float) -> bool:
-        return self._goal is None and self._standstill is None and not self._is_braking
+        is_at_rest = self._standstill is None and not self._is_braking and not isinstance(self._source, ChunkMotion)
+        return self._goal is None and is_at_rest
 
     @property
     def reference(self) -> Joints | None:
@@ -213,10 +229,7 @@ class JointTrajectoryController(Controller):
 
         What is left is what only this process can judge: the driver has checked the plan itself.
         """
-        if state is None:
-            raise refused(message("arm_without_egm", arm=self._side.word))
-        if self._standstill is not None and max(map(abs, state.velocity)) > STANDING:
-            raise refused(message("trajectory_while_arm_moves"))
+        state = self._checked_state(state)
         if self._checked is not None and self._checked[0] is command and self._checked[1] is state:
             return
         plan, settings = command.plan, self._settings
@@ -238,6 +251,63 @@ class JointTrajectoryController(Controller):
         spline = blend(plan, setpoint, now, self._limits, settings.start_tolerance)
         self._checked = (command, state, spline, now)
 
+    def _checked_state(self, state: ArmState | None) -> ArmState:
+        """The state of an arm that may follow what is new; raises TrajectoryRefused for another one."""
+        if state is None:
+            raise refused(message("arm_without_egm", arm=self._side.word))
+        if self._standstill is not None and max(map(abs, state.velocity)) > STANDING:
+            raise refused(message("trajectory_while_arm_moves"))
+        return state
+
+    def _check_chunk(self, command: FollowChunk, state: ArmState | None) -> None:
+        """Judge a chunk, and keep the motion that goes on along it, with the time on it and its pace."""
+        state, known = self._checked_state(state), self._checked_chunk
+        if known is not None and known[0] is command and known[1] is state and known[2] is self._source:
+            return
+        before: ChunkMotion | Setpoint
+        if isinstance(self._source, ChunkMotion):
+            pace, time, before = self._pace, self._time, self._source
+        else:
+            pace, time, before = self._pace, 0.0, self._source.setpoint(self._time)
+            if self._is_braking:  # in the chunk's time from here on
+                pace = self._speed.value
+                before = before.scaled(1.0 / pace)
+        shift = time + (command.start - state.time - self._settings.lookahead) * pace
+        motion = join(command, shift, before, time, self._names, self._limits)
+        self._checked_chunk = (command, state, self._source, motion, time, pace)
+
+    def _follow_chunk(self) -> ChunkTaken:
+        assert self._checked_chunk is not None
+        _, state, _, motion, time, pace = self._checked_chunk
+        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
+        if not isinstance(self._source, ChunkMotion):
+            if self._is_braking:
+                self._rate = 1.0
+            self._times.clear()
+        self._source, self._time, self._checked_chunk, self._standstill = motion, time, None, None
+        due = state.time + self._settings.lookahead
+
+        def when(time: float) -> float:
+            return due + (time - self._time) / pace if pace > 0.0 else inf
+
+        return ChunkTaken(
+            late=motion.late,
+            replaced=motion.replaced,
+            seam=when(motion.seam),
+            joined=when(motion.joined),
+            until=when(motion.end),
+        )
+
+    def _brake_at_end(self, source: ChunkMotion, state: ArmState) -> bool:
+        """Brake in the cycle in which the points of all chunks are exhausted; whether it does."""
+        if self._time < source.end:
+            return False
+        late, pace = self._time - source.end, self._pace
+        self._reports.append(ChunksExhausted(source.number, state.time + self._settings.lookahead - late / pace))
+        self._brake(source.at_end.scaled(pace))
+        self._time = late / pace
+        return True
+
     def _follow(self, command: FollowTrajectory) -> None:
         assert self._checked is not None
         spline, now = self._checked[2:]
@@ -252,6 +322,8 @@ class JointTrajectoryController(Controller):
 
     def _cancel(self, command: CancelTrajectory) -> None:
         goal = self._goal
+        if isinstance(self._source, ChunkMotion) and command.goal in (None, self._source.number):
+            self._brake(self._source.setpoint(self._time).scaled(self._pace))
         if goal is None or goal.is_cancelled or command.goal not in (None, goal.number):
             return
         goal.phase = Phase.CANCELED
@@ -327,17 +399,22 @@ class JointTrajectoryController(Controller):
                 self._feedback.write(self._feedback_of(self._state))
             self._reports.append(TrajectoryEnded(goal.number, outcome, code, said, self._skew))
 
-    def _brake(self) -> None:
-        """From what the arm is commanded now, at the speed time goes by; from where it is, if it is held back."""
+    def _brake(self, setpoint: Setpoint | None = None) -> None:
+        """From what the arm is commanded now, at the speed time goes by; from where it is, if it is held back.
+
+        Args:
+            setpoint: how the arm is commanded, where that is not read from what it follows now.
+        """
         state = self._state
         if state is not None and is_held_back(self._position, self._velocity, state.planned):
             # What the limiter withheld from the arm would be made up for as soon as its way is free.
             self._rest_at(state.position)
             self._standstill = StandstillDetector(state)
             return
-        setpoint = self._source.setpoint(self._time)
-        if self._goal is not None and not isinstance(self._source, PointMotion):
-            setpoint = setpoint.scaled(self._pace)
+        if setpoint is None:
+            setpoint = self._source.setpoint(self._time)
+            if self._goal is not None and not isinstance(self._source, PointMotion):
+                setpoint = setpoint.scaled(self._pace)
         softer = joints([_BRAKE_SHARE * each for each in self._limits.jerk])
         strength = joints([_BRAKE_SHARE * each for each in self._settings.deceleration])
         self._source = stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer))
@@ -361,11 +438,14 @@ class JointTrajectoryController(Controller):
 
     def _feedback_of(self, state: ArmState) -> TrajectoryFeedback:
         goal, source = self._goal, self._source
-        time = self._measured_time(state) if goal is not None else self._time
+        is_on_chunks = isinstance(source, ChunkMotion)
+        time = self._measured_time(state) if goal is not None or is_on_chunks else self._time
         desired, velocity = source.motion(time)
-        if goal is not None and not goal.is_cancelled and self._pace != 1.0:
+        if ((goal is not None and not goal.is_cancelled) or is_on_chunks) and self._pace != 1.0:
             velocity = fixed([self._pace * each for each in velocity])
         number, skew = (goal.number, self._skew or Skew()) if goal is not None else (0, Skew())
+        if isinstance(source, ChunkMotion):
+            number = source.number
         return TrajectoryFeedback(
             number,
             state.time,

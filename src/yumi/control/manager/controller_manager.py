@@ -257,7 +257,7 @@ class ControllerManager:
         """
         find(self._loaded, name).check_command(command, state)
 
-    def receive(self, name: str, command: object, state: ArmState | None) -> None:
+    def receive(self, name: str, command: object, state: ArmState | None) -> object:
         """Have an active controller take a command.
 
         Args:
@@ -265,11 +265,14 @@ class ControllerManager:
             command: a value it knows.
             state: the arm's newest state; None while it is not heard.
 
+        Returns:
+            What the controller made of it, see :meth:`.Controller.receive`.
+
         Raises:
             CommandRefused: no such controller, not active, or it refuses the command; nothing was changed.
         """
         self.check(name, command, state)
-        self._loaded[name].controller.receive(command, state)
+        return self._loaded[name].controller.receive(command, state)
 
     def update(self, state: ArmState) -> ArmCommand | None:
         """What the active controllers want; None holds. Never raises: who fails is deactivated."""

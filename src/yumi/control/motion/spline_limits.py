@@ -52,17 +52,26 @@ def derivative(polynomial: Sequence[float]) -> tuple[float, ...]:
     return tuple([power * coefficient for power, coefficient in enumerate(polynomial)][1:])
 
 
+def hull(polynomial: Sequence[float], length: float) -> tuple[float, float]:
+    """Two values between which it stays for times from 0 to ``length``: the ends of its Bernstein coefficients.
+
+    They are not finite where its numbers are too large to be calculated with.
+    """
+    scaled = [coefficient * length**power for power, coefficient in enumerate(polynomial)]
+    values = [sum([part * term for part, term in zip(row, scaled, strict=False)]) for row in _BERNSTEIN[len(scaled)]]
+    return (min(values), max(values)) if all(map(isfinite, values)) else (nan, nan)
+
+
 def excess(polynomial: Sequence[float], length: float, lowest: float, highest: float) -> Excess | None:
     """Where it is farthest outside of ``lowest`` to ``highest`` for times from 0 to ``length``; None if nowhere.
 
     Its Bernstein coefficients bound it from both sides, which is enough for most. A polynomial whose numbers are too
     large to be calculated with is nowhere inside: its value is NaN.
     """
-    scaled = [coefficient * length**power for power, coefficient in enumerate(polynomial)]
-    hull = [sum([part * term for part, term in zip(row, scaled, strict=False)]) for row in _BERNSTEIN[len(scaled)]]
-    if not all(map(isfinite, hull)):
+    least, most = hull(polynomial, length)
+    if not isfinite(least) or not isfinite(most):
         return Excess(0.0, nan)
-    if lowest <= min(hull) and max(hull) <= highest:
+    if lowest <= least and most <= highest:
         return None
 
     def outside(point: Excess) -> float:

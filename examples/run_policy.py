@@ -1,0 +1,54 @@
+"""Run a policy of a server on both arms: chunk after chunk, without a pause and without a step.
+
+python examples/policy_server.py                     # in another terminal
+python examples/run_policy.py [seconds] [address of the robot] [address of the server]
+"""
+
+import sys
+import time
+
+import numpy as np
+from policy_wire import pack, unpack
+from websockets.sync.client import connect
+
+import yumi
+
+
+def run(robot, server, seconds: float) -> None:
+    period = unpack(server.recv())["period"]
+    robot.move_to(right="ready", left="ready")
+    start = np.array([*robot.right.position, *robot.left.position])
+    with robot.follow_chunks() as chunks:
+        begin = time.monotonic()
+        behind = 0.0  # [s] that the arms have waited for points
+        while (observed := time.monotonic()) < begin + seconds:
+            position = np.array([*robot.right.position, *robot.left.position])
+            server.send(pack({"start": start, "position": position, "time": observed - begin - behind}))
+            actions = unpack(server.recv())["actions"]
+            due = chunks.start_for(observed)
+            behind += due - observed
+            chunks.send(
+                yumi.Chunk(
+                    period=period,
+                    start=due,
+                    right=actions[:, :7],
+                    left=actions[:, 7:14],
+                    right_gripper=actions[:, 14],
+                    left_gripper=actions[:, 15],
+                )
+            )
+            time.sleep(0.2)  # so often this policy looks at the robot; yours may take as long to infer
+        state = chunks.state
+    print(f"{state.sent} chunks, {state.replaced} points replaced, {state.late} too late")
+
+
+if __name__ == "__main__":
+    given = dict(enumerate(sys.argv[1:]))
+    try:
+        with (
+            yumi.connect(given.get(1, "127.0.0.1")) as robot,
+            connect(f"ws://{given.get(2, '127.0.0.1:8000')}", compression=None, max_size=None) as server,
+        ):
+            run(robot, server, float(given.get(0, 10.0)))
+    except (yumi.errors.YumiError, OSError) as error:
+        sys.exit(f"Error: {error}")

@@ -1,0 +1,80 @@
+"""The examples of a policy on the network speak the wire of openpi, and the picture shows what chunks make of it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from threading import Thread
+
+import numpy as np
+import pytest
+from doc_pages import ROOT
+from websockets.sync.client import connect
+from websockets.sync.server import serve
+
+sys.path += [str(ROOT / "docs" / "images"), str(ROOT / "examples")]
+
+import make_chunks
+import policy_server
+from policy_wire import pack, unpack
+
+from yumi_evaluation.chunks import steps_of
+
+# {"a": np.arange(6, dtype=np.float32).reshape(2, 3), "s": np.float64(1.5), "t": "x", "l": [1, np.zeros(2)]} as
+# openpi_client 0.1.2 packs it.
+PACKED = bytes.fromhex(
+    "84a16184c40b5f5f6e6461727261795f5fc3c40464617461c418000000000000803f0000004000004040000080400000a040c4056474797065a3"
+    "3c6634c4057368617065920203a173cb3ff8000000000000a174a178a16c920184c40b5f5f6e6461727261795f5fc3c40464617461c410000000"
+    "00000000000000000000000000c4056474797065a33c6638c405736861706591"
+    "02"
+)
+
+
+def test_what_openpi_packs_is_read() -> None:
+    message = unpack(PACKED)
+    assert message["a"].tolist() == [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]
+    assert message["a"].dtype == np.float32
+    assert (message["s"], message["t"], message["l"][0]) == (1.5, "x", 1)
+    assert message["l"][1].tolist() == [0.0, 0.0]
+
+
+def test_arrays_come_as_they_were_sent() -> None:
+    sent = {"image": np.arange(24, dtype=np.uint8).reshape(2, 4, 3), "n": np.float32(2.5), "t": "grasp", "l": [[1], {}]}
+    got = unpack(pack(sent))
+    assert np.array_equal(got["image"], sent["image"])
+    assert got["image"].dtype == np.uint8
+    assert (got["n"], got["n"].dtype, got["t"], got["l"]) == (2.5, np.float32, "grasp", [[1], {}])
+    with pytest.raises(TypeError, match="set cannot be sent"):
+        pack({"s": {1}})
+
+
+@pytest.fixture
+def port() -> Iterator[int]:
+    with serve(policy_server.answer, "127.0.0.1", 0, compression=None, max_size=None) as server:
+        thread = Thread(target=server.serve_forever)
+        thread.start()
+        yield server.socket.getsockname()[1]
+        server.shutdown()
+        thread.join()
+
+
+def test_server_gives_chunks_that_begin_where_the_arms_are_and_lead_back_to_the_wave(port: int) -> None:
+    start, position = np.zeros(14), np.full(14, 0.05)
+    with connect(f"ws://127.0.0.1:{port}", compression=None, max_size=None) as server:
+        metadata = unpack(server.recv())
+        assert metadata["period"] == 0.02
+        for time in (0.0, 1.0):
+            server.send(pack({"start": start, "position": position, "time": time}))
+            actions = unpack(server.recv())["actions"]
+            assert actions.shape == (50, 16)
+            assert actions[0, :14] == pytest.approx(position)
+            wave = policy_server.SWING * (1.0 - np.cos(policy_server.RATE * (time + 0.98)))
+            assert abs(actions[-1, 0] - wave) < 0.4 * abs(0.05 - wave) + 0.04
+            assert set(actions[:, 14:].ravel().tolist()) <= {0.0, 1.0}
+
+
+def test_picture_shows_one_motion_here_and_steps_upstream() -> None:
+    ours, theirs = make_chunks.runs()
+    assert ours.exhausted
+    assert ours.lost > 0
+    assert steps_of(ours.desired).share < 1.0 + 1e-5 < steps_of(theirs.desired).share

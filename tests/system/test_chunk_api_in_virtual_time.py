@@ -1,0 +1,190 @@
+"""Chunks as a script sends them: both arms of a driver and a virtual robot in memory follow them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from queue import Queue
+from typing import Any
+
+import numpy as np
+import pytest
+from teleoperation_bench import LEFT_START, START, WITHIN, driver_in_egm
+
+from cartesian_bench import shares
+from refusals import refused
+from system.test_endpoint_in_virtual_time import Driver
+from yumi.api.arm_access import TRAJECTORY_CONTROLLER
+from yumi.api.chunks import Chunk, ChunkFollower, _GripperSchedule
+from yumi.clock import ManualClock
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.loop_commands import Commands
+from yumi.errors import CommandRefused
+from yumi.robot.joints import YUMI_LIMITS, Side, joint_names
+
+PERIOD = 0.05
+HOLD = 1.0 - np.cos(np.arange(40) * PERIOD)  # of a wave that begins at rest
+
+
+@pytest.fixture(scope="module")
+def driver() -> Iterator[Driver]:
+    with driver_in_egm() as driver:
+        for side, arm in driver.arms.items():
+            controller = JointTrajectoryController(side, driver.buffers[side].trajectory)
+            arm.line.manager.load(TRAJECTORY_CONTROLLER, controller)
+            arm.line.manager.configure(TRAJECTORY_CONTROLLER)
+        yield driver
+
+
+def while_time_goes_by(driver: Driver, call: Callable[[], Any]) -> None:
+    with ThreadPoolExecutor(1) as other:
+        running = other.submit(call)
+        while not running.done():
+            driver.wait(0.02)
+        running.result()
+
+
+@pytest.fixture
+def chunks(driver: Driver) -> Iterator[ChunkFollower]:
+    chunks = ChunkFollower(driver.mover, tuple(Side), YUMI_LIMITS, {})
+    while_time_goes_by(driver, chunks.__enter__)
+    for arm in driver.arms.values():
+        arm.admitted.clear()
+    yield chunks
+    while_time_goes_by(driver, lambda: chunks.__exit__(None, None, None))
+
+
+def points(driver: Driver, side: Side, count: int = 20, first: int = 0, size: float = 0.1) -> np.ndarray:
+    wave = HOLD[first : first + count] - HOLD[first]
+    return np.array(driver.snapshot(side).sent) + size * wave[:, None]
+
+
+def test_both_arms_follow_chunks_and_hold_when_they_have_none(driver: Driver, chunks: ChunkFollower) -> None:
+    assert chunks.state.is_exhausted
+    begin, right, left = driver.now(), points(driver, Side.RIGHT, 40), points(driver, Side.LEFT, 40)
+    taken = chunks.send(Chunk(PERIOD, begin, right[:20], left[:20]))
+    assert set(taken) == {"right", "left"}
+    assert taken["right"].until == pytest.approx(begin + 0.95)
+    driver.wait(0.5)
+    state = chunks.state
+    assert (state.sent, state.refused, state.replaced, state.is_exhausted) == (1, 0, 0, False)
+    assert state.executed == pytest.approx(driver.now())
+    taken = chunks.send(Chunk(PERIOD, begin + 0.5, right[10:30], left[10:30]))
+    assert taken["left"].replaced == 9
+    assert chunks.state.replaced == 9
+    assert chunks.state.until == pytest.approx(begin + 1.45)
+    driver.wait(0.4)
+    for side, path in ((Side.RIGHT, right), (Side.LEFT, left)):
+        where = [np.interp(driver.now() - begin, np.arange(40) * PERIOD, path[:, joint]) for joint in range(7)]
+        assert driver.snapshot(side).position == pytest.approx(where, abs=3e-3)
+    driver.wait(1.5)
+    assert chunks.state.is_exhausted
+    assert chunks.state.executed == chunks.state.until
+    for side in Side:
+        assert max(map(abs, driver.snapshot(side).velocity)) < 1e-3
+        assert shares(np.array(driver.arms[side].admitted)) <= WITHIN
+
+
+def test_chunk_of_one_arm_leaves_the_other_on_its_points(driver: Driver, chunks: ChunkFollower) -> None:
+    begin, left = driver.now(), points(driver, Side.LEFT)
+    chunks.send(Chunk(PERIOD, begin, points(driver, Side.RIGHT), left))
+    driver.wait(0.3)
+    assert set(chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))) == {"right"}
+    driver.wait(0.3)
+    assert driver.snapshot(Side.LEFT).position == pytest.approx(left[12], abs=3e-3)
+    driver.wait(1.5)
+
+
+def test_chunk_after_a_wait_begins_where_the_arms_stand(driver: Driver, chunks: ChunkFollower) -> None:
+    observed = driver.now()
+    driver.wait(0.8)  # inference
+    assert chunks.start_for(observed) == pytest.approx(driver.now())
+    chunks.send(Chunk(PERIOD, chunks.start_for(observed), points(driver, Side.RIGHT)))
+    driver.wait(0.5)
+    observed = driver.now()
+    assert chunks.start_for(observed) == observed
+    driver.wait(0.8)  # the points are exhausted after 0.45 s of it
+    assert chunks.start_for(observed) == pytest.approx(observed + 0.35, abs=0.01)
+    driver.wait(0.5)
+
+
+def test_arm_that_something_else_has_taken_over_follows_no_chunk(driver: Driver, chunks: ChunkFollower) -> None:
+    chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
+    driver.wait(0.2)
+    while_time_goes_by(driver, lambda: driver.mover.bring_to_rest((Side.RIGHT,)))
+    with refused(CommandRefused, "chunks_taken_over", arm="right"):
+        chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
+    driver.call(Commands.switch_controllers, Side.RIGHT, (TRAJECTORY_CONTROLLER,), driver.mover.commanding(Side.RIGHT))
+    with refused(CommandRefused, "chunks_taken_over", arm="right"):  # before a person follows chunks anew
+        chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
+    assert chunks.state.refused == 2
+
+
+GOOD = [START] * 8
+
+
+@pytest.mark.parametrize(
+    ("chunk", "code"),
+    [
+        (Chunk(PERIOD), "chunk_without_arm"),
+        (Chunk(PERIOD, right="ready"), "chunk_points_malformed"),
+        (Chunk(PERIOD, right=[START[:6]] * 8), "chunk_points_malformed"),
+        (Chunk(PERIOD, right=[(float("nan"), *START[1:])] * 8), "chunk_points_malformed"),
+        (Chunk(PERIOD, right=[START]), "chunk_point_count"),
+        (Chunk(PERIOD, right=[START] * 501), "chunk_point_count"),
+        (Chunk(PERIOD, right=[(3.5, *START[1:])] * 8), "goal_joint_out_of_range"),
+        (Chunk(PERIOD, right=GOOD, left=[LEFT_START] * 9), "chunk_counts_differ"),
+        (Chunk(PERIOD, right=GOOD, right_gripper=[0.5] * 7), "chunk_counts_differ"),
+        (Chunk(PERIOD, right=GOOD, right_gripper=[1.5] * 8), "chunk_gripper_malformed"),
+        (Chunk(0.001, right=GOOD), "chunk_time_out_of_range"),
+        (Chunk(PERIOD, -100.0, right=GOOD), "chunk_time_out_of_range"),
+        (Chunk(PERIOD, right=[START, [each + 0.3 for each in START]] * 4), "chunk_beyond_limit"),
+    ],
+)
+def test_chunk_with_a_fault_is_refused(driver: Driver, chunks: ChunkFollower, chunk: Chunk, code: str) -> None:
+    with refused(CommandRefused, code):
+        chunks.send(chunk)
+    assert (chunks.state.sent, chunks.state.refused) == (0, 1)
+
+
+def test_chunk_for_an_arm_that_is_not_followed_is_refused(driver: Driver) -> None:
+    chunks = ChunkFollower(driver.mover, (Side.LEFT,), YUMI_LIMITS, {})
+    while_time_goes_by(driver, chunks.__enter__)
+    with refused(CommandRefused, "chunk_arm_not_taken", arm="right", arms=("left",)):
+        chunks.send(Chunk(PERIOD, right=GOOD))
+    while_time_goes_by(driver, lambda: chunks.__exit__(None, None, None))
+    with refused(CommandRefused, "chunks_ended"):
+        chunks.send(Chunk(PERIOD, left=[LEFT_START] * 8))
+
+
+def test_chunk_that_is_elsewhere_names_the_joint(driver: Driver, chunks: ChunkFollower) -> None:
+    with refused(CommandRefused, "chunk_jumps", joint=joint_names(Side.RIGHT)[0], most=0.2):
+        chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT) + np.array([0.5, *[0.0] * 6])))
+
+
+class Fingers:
+    """A gripper's goals, taken in no time."""
+
+    def __init__(self) -> None:
+        self.goals: Queue[float] = Queue()
+
+    def take(self, closed: float) -> None:
+        self.goals.put(closed)
+
+    def forget(self) -> None:
+        """Nothing waits."""
+
+
+def test_grippers_get_the_newest_goal_that_is_due() -> None:
+    fingers, clock = Fingers(), ManualClock(10.0)
+    with _GripperSchedule({Side.RIGHT: fingers}, clock) as schedule:  # type: ignore[dict-item]
+        schedule.replace(Side.RIGHT, [9.0, 9.5, 20.0], [0.0, 0.3, 1.0])
+        assert fingers.goals.get(timeout=5.0) == 0.3
+        clock.advance(11.0)
+        schedule.replace(Side.RIGHT, [20.5, 20.8, 30.0], [0.3, 0.6, 0.0])
+        assert fingers.goals.get(timeout=5.0) == 0.6
+        schedule.replace(Side.RIGHT, [20.9, 30.0], [0.6, 0.0])  # no other goal than before
+        clock.advance(11.0)
+        schedule.replace(Side.RIGHT, [40.0], [1.0])
+        assert fingers.goals.get(timeout=5.0) == 0.0
+    assert fingers.goals.empty()  # what was due later is not done any more
