@@ -17,7 +17,6 @@ from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
-from yumi.api.joint_positions import Position
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
@@ -424,10 +423,7 @@ class AsyncArm:
         """All that is known of the arm now."""
         return self.sync.state
 
-    def stream(self, position: Position) -> None:
-        """Follow a stream of positions [rad], (7,), of which this is the next; returns at once."""
-        self.sync.stream(position)
-
+    stream = at_once(Arm.stream)
     servo_pose = at_once(Arm.servo_pose)
     servo_twist = at_once(Arm.servo_twist)
     jacobian = at_once(Arm.jacobian)

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from yumi.catalogue import FrontEnd, message
+from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
     Arm,
@@ -190,6 +191,7 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
     front_ends = _SCRIPT
 
     frame: DeviceFrame
+    is_headset: bool = False
 
     def check(self) -> None:
         self.frame.check()
@@ -198,8 +200,9 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
         return tuple(side for side, hand in self.frame.by_arm.items() if hand.clutch)
 
     def run(self, robot: CommandedRobot, caller: Caller) -> TeleoperationReport:
+        who = Commander.HEADSET if self.is_headset else Commander.DEVICE
         try:
-            return robot.teleoperation.take(self.frame, caller.client, caller.elsewhere)
+            return robot.teleoperation.take(self.frame, caller.client, caller.elsewhere, who)
         finally:
             caller.hold("teleoperation", lambda: robot.teleoperation.lose(caller.client), LINK_LOST)
 
