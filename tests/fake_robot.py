@@ -68,7 +68,7 @@ class FakeControl:
         self.snapshots[side] = before._replace(activation=before.activation + 1, activity=before.activity + 1)
 
     def call(self, command: Callable[..., Any], /, *args: Any) -> Any:
-        with self.hand_over.passing(command, args):
+        with self.hand_over.passing(command, args, {}):
             return self._serve(command, *args)
 
     def _serve(self, command: Callable[..., Any], /, *args: Any) -> Any:

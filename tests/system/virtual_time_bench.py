@@ -108,7 +108,7 @@ class MemoryControl:
         return self._arms[side].snapshot
 
     def call(self, command: Callable[Concatenate[Commands, P], T], /, *args: P.args, **kwargs: P.kwargs) -> T:
-        with self.hand_over.passing(command, args):
+        with self.hand_over.passing(command, args, kwargs):
             return serve(self._commands, command, *args, **kwargs)
 
     def _is_busy(self, side: Side) -> bool:

@@ -7,11 +7,12 @@ again finds arms that none commands. How a newcomer's motion begins is decided h
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from enum import Enum
+from inspect import signature
 from math import inf
 from threading import Lock, RLock
 from typing import NamedTuple
@@ -162,7 +163,7 @@ class HandOver:
         self.own_name = "script"
         self._now, self._is_busy, self._on_event = now, is_busy, on_event
         self._held = dict.fromkeys(Side, _Held())
-        self._before: dict[Side, tuple[Commander, Hashable]] = {}  # who commanded last
+        self._before: dict[Side, tuple[Commander, object]] = {}  # who commanded last
         self._lock = Lock()  # of what is above, held for moments
         self._gates = {side: RLock() for side in Side}  # held while something that was granted is carried out
         self._events: list[Event] = []
@@ -212,7 +213,9 @@ class HandOver:
             self.let_go(side)
 
     @contextmanager
-    def passing(self, command: Callable[..., object], args: Sequence[object]) -> Iterator[None]:
+    def passing(
+        self, command: Callable[..., object], args: Sequence[object], options: Mapping[str, object]
+    ) -> Iterator[None]:
         """Whether a command of :class:`.Commands` may be carried out, and while it is, none takes its arms over.
 
         Raises:
@@ -225,9 +228,8 @@ class HandOver:
                 for side in self._entered(gates, {each.side for each in given if not isinstance(each.message, STOPS)}):
                     self.take(side, self._kind_of_motion(side, asker), None)
             elif command is Commands.switch_controllers and not asker.is_stop:
-                side, activated, *_ = (*args, ())
-                if activated and isinstance(side, Side):
-                    self._entered(gates, {side})
+                named = signature(command).bind(None, *args, **options).arguments
+                for side in self._entered(gates, {named["side"]} if named.get("activate") else set()):
                     self._check_no_person(side, asker)
             yield
 
@@ -235,6 +237,10 @@ class HandOver:
         """Whether somebody else than who asks commands an arm."""
         command = self.of(side)
         return command.who is not Commander.NONE and command.client != _asker.get().client
+
+    def is_own(self, side: Side) -> bool:
+        """Whether who asks commands an arm."""
+        return self.of(side).who is not Commander.NONE and not self.is_foreign(side)
 
     def renew(self, side: Side, lasts: float) -> None:
         """Have the command of who asks last for a time [s] from now, if the asker commands the arm."""
@@ -275,6 +281,7 @@ class HandOver:
         if isinstance(event, _ENDINGS):
             with self._reporting():
                 held = self._held[event.side]
+                self._before[event.side] = (Commander.NONE, event)  # whoever takes the arm next begins anew
                 if held.command.who is not Commander.NONE:
                     self._end(event.side, held)
 

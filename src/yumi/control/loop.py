@@ -102,7 +102,7 @@ class ArmLoop:
         if self._speed.value != FULL:
             limiter.scale_speed(self._speed.value)
         self._read_joints, self._joints_read = read_joints, 0  # and how many were
-        self._deadline = deadline
+        self._deadline, self._ended = deadline, 0  # and the activation whose streams were ended
         self._last: Cycle | None = None
         self._sent_moves = False  # with the last cycle
         self._unsettled: Cycle | None = None
@@ -309,7 +309,7 @@ class ArmLoop:
     def _silence(self, now: float) -> float | None:
         """For how long the one who commands the arm has been silent at ``now`` [s]; None where that is not too long."""
         newest = self._deadline.read() if self._deadline is not None else None
-        if newest is None or newest[1].activation != self.activation or not self.manager.is_commanding:
+        if newest is None or newest[1].activation in (0, self._ended) or newest[1].activation != self.activation:
             return None
         silence = now - newest[1].heard
         return silence if silence > newest[1].silence else None
@@ -317,8 +317,10 @@ class ArmLoop:
     def _end_if_silent(self, now: float) -> None:
         """Have the arm come to rest, from this reply on, when the one who commands it has been silent for too long."""
         silence = self._silence(now)
-        if silence is not None:
-            self._events.append(CommanderSilent(self._side, silence, self.manager.deactivate_commanding()))
+        if silence is not None and self._last is not None:
+            self._ended = self.activation
+            self.manager.end_streams(self._last.state)
+            self._events.append(CommanderSilent(self._side, silence))
 
     def _take_read_joints(self) -> None:
         """The other arm keeps clear of where the controller says that this one is."""

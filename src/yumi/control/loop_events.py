@@ -315,15 +315,13 @@ class CommanderSilent(Happened):
 
     Attributes:
         silence: for how long [s].
-        deactivated: controllers that commanded the arm until then.
     """
 
     silence: float
-    deactivated: tuple[str, ...]
 
     @property
     def said(self) -> Message:
-        return message("commander_silent", arm=self.side.word, silence=self.silence, controllers=self.deactivated)
+        return message("commander_silent", arm=self.side.word, silence=self.silence)
 
 
 @dataclass(frozen=True, slots=True)

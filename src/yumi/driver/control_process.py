@@ -530,7 +530,7 @@ class ControlProcess:
             CommandRefused: a rule stands against it, or somebody else commands the arm; nothing was changed.
             RobotNotReady: the control process starts, has ended or does not answer.
         """
-        with self.hand_over.passing(command, args), self._lock:
+        with self.hand_over.passing(command, args, kwargs), self._lock:
             # It would find the command when it has started, long after its caller got an error.
             if self._is_alive and not self._is_ready:
                 raise RobotNotReady(STARTING)

@@ -26,7 +26,7 @@ ARMS: Mapping[str, Text] = {
         "{start_egm} to go on",
     ),
     "commander_silent": Text(
-        "{arm} arm: who commanded it has sent nothing for {silence:.0ms}; it holds, {controllers} deactivated"
+        "{arm} arm: who commanded it has sent nothing for {silence:.0ms}; it comes to rest and holds"
     ),
     "arm_taken": Text("{arm} arm: commanded by {who} ({client})"),
     "arm_taken_over": Text("{arm} arm: commanded by {who} ({client}), in place of {before}"),
