@@ -51,7 +51,12 @@ class FakeControl:
         self.on_command: Callable[[ControllerCommand], None] = lambda command: None
         self.snapshots = {
             side: Snapshot(
-                wire=WireCounters(session=1), is_streaming=True, is_running=True, activation=1, position=home(side)
+                wire=WireCounters(session=1),
+                is_streaming=True,
+                is_running=True,
+                activation=1,
+                position=home(side),
+                sent=home(side),
             )
             for side in Side
         }

@@ -103,7 +103,7 @@ class ArmAccess:
             The motions to standstill.
         """
         moving = [side for side in sides if self.control.snapshot(side).is_commanded]
-        with asking(is_stop=True):
+        with asking(only_holds=True):
             self.activate(moving, GOAL_CONTROLLER)
         motions = tuple(self.motions.begin(side) for side in moving)
         return self.send(

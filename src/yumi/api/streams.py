@@ -15,7 +15,7 @@ from yumi.catalogue import message
 from yumi.clock import Clock
 from yumi.control.controller import IDLE
 from yumi.control.goals import Buffer, write_goal, write_speeds
-from yumi.control.hand_over import NEAR, Blend, Commander
+from yumi.control.hand_over import NEAR, Blend, Commander, asking
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.shared_state import Deadline
@@ -177,6 +177,10 @@ class ArmStreams(ArmAccess):
             if last is None or last.owner is not owner:
                 return
             last = self._jogs[side] = last._replace(owner=None)
+            with asking(client=owner):
+                # A person's next press of a key may follow at once: the arm is let go when none has.
+                if not self.control.hand_over.of(side).who.is_person:
+                    self.control.hand_over.let_go(side)
             snapshot, known = self.control.snapshot(side), self.streaming.get(side)
             is_commanding = known == (last.controller, snapshot.session, snapshot.activation)
             if is_commanding and _number(last.buffer) == last.number:

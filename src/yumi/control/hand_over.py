@@ -105,13 +105,13 @@ class Asker(NamedTuple):
         who: None is what the kind of the motion says, such as a stream.
         client: None is the program that owns the driver: ROS, or a script that has connected.
         name: of the client, for people.
-        is_stop: whether all that is asked for is that arms come to rest.
+        only_holds: whether all that is asked for is that arms come to rest, or hold.
     """
 
     who: Commander | None = None
     client: Hashable = None
     name: str = ""
-    is_stop: bool = False
+    only_holds: bool = False
 
 
 _asker: ContextVar[Asker] = ContextVar("asker", default=Asker())  # noqa: B039 - it is frozen
@@ -119,10 +119,10 @@ _asker: ContextVar[Asker] = ContextVar("asker", default=Asker())  # noqa: B039 -
 
 @contextmanager
 def asking(
-    who: Commander | None = None, client: Hashable = None, name: str = "", *, is_stop: bool = False
+    who: Commander | None = None, client: Hashable = None, name: str = "", *, only_holds: bool = False
 ) -> Iterator[None]:
     """Have what is done inside be asked for by ``who``, see :class:`Asker`."""
-    token = _asker.set(Asker(who, client, name, is_stop))
+    token = _asker.set(Asker(who, client, name, only_holds))
     try:
         yield
     finally:
@@ -227,10 +227,10 @@ class HandOver:
                 given = [each for each in args if isinstance(each, ControllerCommand)]
                 for side in self._entered(gates, {each.side for each in given if not isinstance(each.message, STOPS)}):
                     self.take(side, self._kind_of_motion(side, asker), None)
-            elif command is Commands.switch_controllers and not asker.is_stop:
+            elif command is Commands.switch_controllers and not asker.only_holds:
                 named = signature(command).bind(None, *args, **options).arguments
                 for side in self._entered(gates, {named["side"]} if named.get("activate") else set()):
-                    self._check_no_person(side, asker)
+                    self._check_switch(side, asker)
             yield
 
     def is_foreign(self, side: Side) -> bool:
@@ -325,11 +325,12 @@ class HandOver:
         is_known = command.client == asker.client and command.who in (Commander.PLANNER, Commander.POLICY)
         return command.who if is_known else Commander.TRAJECTORY
 
-    def _check_no_person(self, side: Side, asker: Asker) -> None:
+    def _check_switch(self, side: Side, asker: Asker) -> None:
+        """Controllers begin where the arm is measured: a person's arm is left alone by them, too."""
         with self._reporting():
             command = self._current(side).command
-            if command.who.is_person and command.client != asker.client:
-                self._check(side, command, Commander.TRAJECTORY, asker.client)
+            if command.is_reserved or (command.who.is_person and command.client != asker.client):
+                self._check(side, command, asker.who or Commander.TRAJECTORY, asker.client)
 
     def _current(self, side: Side) -> _Held:
         """What holds now: a command that is over is ended."""
