@@ -36,6 +36,9 @@ from yumi.robot.joints import Joints, Side
 JOG_HOLDS = 0.06
 """A jog moves an arm for so long, unless the next one comes [s]: braking from the page's highest speed takes 0.12 s."""
 
+LAST_STOP = 5.0
+"""The move of a program from which a person takes an arm has ended within this time [s]."""
+
 _SCRIPT = frozenset({FrontEnd.SCRIPT})
 _POLL_PERIOD = 0.1  # [s] between two looks at motions
 
@@ -208,9 +211,12 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
 
 
 def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bool]) -> str:
-    """Move an arm for a moment, whatever timeouts its controllers have; a move that is being carried out goes first."""
+    """Move an arm for a moment, whatever timeouts its controllers have.
+
+    A move that is being carried out goes first, but a person takes the arm over from a program's.
+    """
     try:
-        if not robot.moving.acquire(blocking=False):
+        if not robot.moving.acquire(blocking=False) and not _is_taken_from_program(robot, caller, side):
             raise CommandRefused(message("another_move_under_way"))
         try:
             caller.check()
@@ -221,6 +227,17 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
     finally:  # what has failed may have moved the arm all the same
         caller.hold(side, lambda: robot.mover.end_jog(side, caller.client), JOG_HOLDS)
     return ""
+
+
+def _is_taken_from_program(robot: CommandedRobot, caller: Caller, side: Side) -> bool:
+    """Have a person command an arm that a program's move commands, which ends; whether ``robot.moving`` is held now."""
+    hand_over = robot.control.hand_over
+    commander = hand_over.of(side).who
+    if caller.commander is None or commander is Commander.NONE or commander.is_person:
+        return False
+    hand_over.take(side, caller.commander)
+    robot.mover.stop((side,))
+    return robot.moving.acquire(timeout=LAST_STOP)
 
 
 def _move(

@@ -125,16 +125,17 @@ class CommandingReport(msgspec.Struct, frozen=True, kw_only=True):
         refused = None if it.refused is None else Said.of(it.refused)
         return cls(who=it.who.value, client=it.name, since=since, is_reserved=it.is_reserved, refused=refused)
 
-    def __str__(self) -> str:
-        """In words; empty where there is nothing to say."""
-        parts = []
+    @property
+    def said(self) -> tuple[Message, ...]:
+        """What there is to say of it; nothing of an arm that none commands and all may."""
+        since, said = time.strftime("%H:%M:%S", time.localtime(self.since)), []
         if self.who != Commander.NONE.value:
-            parts.append(f"{self.who} ({self.client}) since {time.strftime('%H:%M:%S', time.localtime(self.since))}")
+            said.append(message("commanded_since", who=self.who, client=self.client, since=since))
         if self.is_reserved:
-            parts.append("reserved for a person until given back")
+            said.append(message("reserved_for_person"))
         if self.refused is not None:
-            parts.append(f"last request refused: {self.refused.message}")
-        return "; ".join(parts)
+            said.append(message("last_take_over_refused", reason=self.refused.message))
+        return tuple(said)
 
 
 class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -339,8 +340,8 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
         lines = [f"{word} arm: {', '.join(parts)}"]
         if arm.problem is not None:
             lines.append(f"  {arm.problem.message}")
-        if str(arm.command):
-            lines.append(f"  command: {arm.command}")
+        if arm.command.said:
+            lines.append(f"  {in_words(arm.command.said)}")
         if arm.limited is not None:
             lines.append(f"  motion limited by {arm.limited}")
         if arm.position is not None:

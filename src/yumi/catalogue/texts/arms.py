@@ -25,6 +25,9 @@ ARMS: Mapping[str, Text] = {
         "{arm} arm: the robot began EGM session {session} in the middle of a motion; {controllers} deactivated",
         "{start_egm} to go on",
     ),
+    "commanded_since": Text("commanded by {who} ({client}) since {since}"),
+    "reserved_for_person": Text("reserved for a person", "{give_back} for programs to command it again"),
+    "last_take_over_refused": Text("the last request was refused: {reason}"),
     "commander_silent": Text(
         "{arm} arm: who commanded it has sent nothing for {silence:.0ms}; it comes to rest and holds"
     ),

@@ -211,6 +211,7 @@ export interface StateMessage {
   causes: Said[];
   stop: string;
   problems: PerArm<Said>; // of the arms that have one
+  commanding: PerArm<string>; // who commands an arm, where there is anything to say
 }
 
 export interface ControllerMessage {
