@@ -18,7 +18,7 @@ from yumi.control.controller import IDLE, Controller
 from yumi.control.goals import Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import fixed
-from yumi.control.motion.speed_motion import SpeedMotion, speeds_without_noise
+from yumi.control.motion.speed_motion import speeds_without_noise
 from yumi.control.motion.target_predictor import TargetPredictor
 from yumi.control.motion.tracking_filter import TrackingFilter
 from yumi.control.sampled import Sampled
@@ -73,8 +73,6 @@ class JointPositionController(Controller):
         self._predictor, self._filter = TargetPredictor(limits), TrackingFilter(limits)
         self._delay = DELAY
         self._feeds_forward = self._is_tracking = False
-        self._limits = limits
-        self._rest: SpeedMotion | None = None  # to rest, once its stream was ended
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         self._joint_names = joint_names
@@ -112,16 +110,8 @@ class JointPositionController(Controller):
         self._inbox.forget()
         self._integrals = [0.0] * JOINT_COUNT
         self._is_tracking = False
-        self._rest = None
-
-    def end_stream(self, state: ArmState) -> bool:
-        self._rest = SpeedMotion(self._limits)
-        self._rest.begin(state)
-        return True
 
     def update(self, state: ArmState) -> ArmCommand | None:
-        if self._rest is not None:
-            return self._rest.step(state, ZERO, self._speed.value)
         goal = self._inbox.take(state.session, state.time)
         if goal is not None:
             self._goal, self._given_at = goal.position, state.time
@@ -132,7 +122,6 @@ class JointPositionController(Controller):
     @property
     def sampled(self) -> Sampled | None:
         is_simple = type(self) is JointPositionController and self._is_proportional and not self._feeds_forward
-        is_simple = is_simple and self._rest is None
         return self._inbox.sampled(self._goal, self._p) if is_simple and self._goal is not None else None
 
     def is_idle(self, now: float) -> bool:
@@ -140,7 +129,7 @@ class JointPositionController(Controller):
 
     @property
     def reference(self) -> Joints | None:
-        return self._goal if self._rest is None else self._rest.position
+        return self._goal
 
     def _control(self, state: ArmState, goal: Joints) -> ArmCommand:
         """``p·e + ∫ i·e dt + d·de/dt``.
