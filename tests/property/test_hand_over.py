@@ -101,7 +101,7 @@ class Scene:
         self._silent_until = 0.0
         self._let_go: dict[Side, float] = {}
         self._still: dict[Side, Joints] = {}
-        driver.hand_over._on_event = self._note  # noqa: SLF001 - the driver of the tests has no log
+        driver.hand_over._on_event = self._note
 
     def _note(self, event: Event) -> None:
         if isinstance(event, CommanderChanged):

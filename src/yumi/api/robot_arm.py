@@ -485,7 +485,7 @@ class Arm:
 
         Raises:
             CommandRefused: the position is impossible or the stream begins elsewhere, the arm keeps the position
-                before; or somebody else commands the arm.
+                before; or another client commands the arm.
             RobotNotReady: as for :meth:`move_to`.
         """
         self.executor.stream(self.side, position, blend)

@@ -83,7 +83,7 @@ class Commanding:
 
     Attributes:
         who: commands it.
-        client: whose commands they are: a connection, or what else tells clients apart.
+        client: whose commands they are: a connection, or another value by which clients differ.
         name: of the client, for people.
         since: when it was taken over, or let go, on the machine's monotonic clock [s].
         is_reserved: whether the arm is kept for people, since a person has let it go and not given it back.
@@ -184,17 +184,17 @@ class HandOver:
             lasts: the command is over after this time [s], unless it is taken again; None: when the arm stands.
 
         Returns:
-            Whether somebody else commanded the arm last: nothing that was sent before may go on.
+            Whether another client commanded the arm last: nothing that was sent before may go on.
 
         Raises:
-            CommandRefused: somebody else commands the arm, or it is reserved for a person.
+            CommandRefused: another client commands the arm, or it is reserved for a person.
         """
-        with self._gates[side], self._reporting():  # what was granted to somebody else is over then
+        with self._gates[side], self._reporting():  # what was granted to another client is over then
             return self._take(side, kind, lasts)
 
     @contextmanager
     def writing(self, side: Side, kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:
-        """Take an arm, and keep it while a goal is written: whoever takes it over next finds the goal written.
+        """Take an arm, and keep it while a goal is written: the client that takes it over next finds the goal written.
 
         Raises:
             CommandRefused: as :meth:`take`.
@@ -234,7 +234,7 @@ class HandOver:
             yield
 
     def is_foreign(self, side: Side) -> bool:
-        """Whether somebody else than who asks commands an arm."""
+        """Whether another client than the one who asks commands an arm."""
         command = self.of(side)
         return command.who is not Commander.NONE and command.client != _asker.get().client
 
@@ -281,7 +281,7 @@ class HandOver:
         if isinstance(event, _ENDINGS):
             with self._reporting():
                 held = self._held[event.side]
-                self._before[event.side] = (Commander.NONE, event)  # whoever takes the arm next begins anew
+                self._before[event.side] = (Commander.NONE, event)  # the next one to take the arm begins anew
                 if held.command.who is not Commander.NONE:
                     self._end(event.side, held)
 
@@ -309,9 +309,7 @@ class HandOver:
         refusal = None
         if command.who is not Commander.NONE and not (who.is_person and not command.who.is_person):
             if command.client != client or command.who.is_person != who.is_person:
-                refusal = message(
-                    "arm_commanded_by_another", arm=side.word, who=command.who.value, client=command.name
-                )
+                refusal = message("arm_commanded_by_another", arm=side.word, who=command.who.value, client=command.name)
         elif command.is_reserved and not who.is_person:
             refusal = message("arm_reserved_for_person", arm=side.word, who=who.value)
         if refusal is not None:

@@ -198,7 +198,7 @@ class Deadline(NamedTuple):
     Attributes:
         heard: when it was heard last, on the machine's monotonic clock [s].
         silence: for so long it may be silent then [s].
-        activation: of the controllers that it commands; any later one is commanded by somebody else.
+        activation: of the controllers that it commands; any later one is another client's.
     """
 
     heard: float

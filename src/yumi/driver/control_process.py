@@ -27,6 +27,7 @@ from yumi.control.hand_over import HandOver
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import COMMANDS, Commands, serve
 from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event, ReportsDropped
+from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_memory import (
     CycleEvent,
     SharedBuffer,
@@ -36,7 +37,6 @@ from yumi.control.shared_memory import (
     new_cycle_event,
     shared_numbers,
 )
-from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import Deadline, Factor, JointStates, Snapshot, TrajectoryFeedback, read_snapshot
 from yumi.control.tool_goal import ToolGoal
 from yumi.driver.egm_arm import FallbackThread
@@ -527,7 +527,7 @@ class ControlProcess:
         """Have ``command``, a method of :class:`.Commands`, served between two cycles; returns its answer.
 
         Raises:
-            CommandRefused: a rule stands against it, or somebody else commands the arm; nothing was changed.
+            CommandRefused: a rule stands against it, or another client commands the arm; nothing was changed.
             RobotNotReady: the control process starts, has ended or does not answer.
         """
         with self.hand_over.passing(command, args, kwargs), self._lock:

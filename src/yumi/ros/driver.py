@@ -189,9 +189,11 @@ class RosDriver:
         self._commands: list[CommandTopic] = []
         for side, node in self._streams.items():
             snapshot = partial(control.snapshot, side)
-            who, goals, speeds = control.hand_over, buffers[side].goals, buffers[side].speeds
-            self._commands.append(JointCommandTopic(node, side, goals, snapshot, clock.now, who))
-            self._commands.append(JointVelocityTopic(node, side, speeds, snapshot, clock.now, who))
+            goals, speeds, who = buffers[side].goals, buffers[side].speeds, control.hand_over
+            self._commands += [
+                JointCommandTopic(node, side, goals, snapshot, clock.now, who),
+                JointVelocityTopic(node, side, speeds, snapshot, clock.now, who),
+            ]
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
 

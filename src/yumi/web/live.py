@@ -43,8 +43,9 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
 
     ``time`` is when it came, on this machine's monotonic clock [s]; ``reasons`` and ``causes`` are those of the state,
     and ``problems`` those of its arms, in the page's words, see :func:`words_for_page`; ``stop`` is the id of the stop
-    that is to be confirmed; ``commanding`` says who commands each arm, where there is anything to say; ``limited`` are the arms that something limits, as :class:`ShownLimits` has it; ``nearest``
-    are two parts of these, else those nearest of all.
+    that is to be confirmed; ``commanding`` says who commands each arm, where there is anything to say; ``limited`` are
+    the arms that something limits, as :class:`ShownLimits` has it; ``nearest`` are two parts of these, else those
+    nearest of all.
     """
 
     time: float

@@ -68,7 +68,7 @@ def test_person_takes_an_arm_from_a_program_and_no_program_takes_one_back(
     assert arms.of(LEFT).who is Commander.NONE
 
 
-@pytest.mark.parametrize("first, second", [("STREAM", "POLICY"), ("TRAJECTORY", "PLANNER"), ("PAGE", "HEADSET")])
+@pytest.mark.parametrize(("first", "second"), [("STREAM", "POLICY"), ("TRAJECTORY", "PLANNER"), ("PAGE", "HEADSET")])
 def test_one_who_commands_keeps_the_arm_from_those_of_the_same_rank(arms: Arms, first: str, second: str) -> None:
     arms.taken(Commander[first], "first")
     with refused(CommandRefused, "arm_commanded_by_another", who=Commander[first].value):

@@ -236,7 +236,7 @@ class ControllerManager:
     def end_streams(self, state: ArmState) -> None:
         """Have what commands the arm bring it to rest, see :meth:`.Controller.end_stream`; else it is deactivated."""
         try:
-            is_ended = all([loaded.controller.end_stream(state) for loaded in self._commanding])
+            is_ended = all(loaded.controller.end_stream(state) for loaded in self._commanding)
         except Exception as error:
             self._fail(self._commanding[0], error)
             return
