@@ -192,6 +192,12 @@ class HandOver:
         with self._gates[side], self._reporting():  # what was granted to another client is over then
             return self._take(side, kind, lasts)
 
+    def check(self, side: Side, kind: Commander) -> None:
+        """See that who asks could take an arm; nothing is taken. Raises as :meth:`take`."""
+        asker = _asker.get()
+        with self._reporting():
+            self._check(side, self._current(side).command, asker.who or kind, asker.client)
+
     @contextmanager
     def writing(self, side: Side, kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:
         """Take an arm, and keep it while a goal is written: the client that takes it over next finds the goal written.

@@ -198,7 +198,7 @@ class SetSpeedRatio(Command[str], frozen=True):
 
 
 class GiveBack(Command[str], frozen=True):
-    """Give arms back that a person has let go: programs may command them again.
+    """Give arms back to programs that a person has let go.
 
     A person who has teleoperated or jogged an arm leaves it reserved, so that no policy, stream or plan goes on by
     itself. Without an arm both are given back.

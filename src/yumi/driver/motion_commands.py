@@ -236,7 +236,7 @@ def _is_taken_from_program(robot: CommandedRobot, caller: Caller, side: Side) ->
     if caller.commander is None or commander is Commander.NONE or commander.is_person:
         return False
     hand_over.take(side, caller.commander)
-    robot.mover.stop((side,))
+    wait_for_futures([motion.future for motion in robot.mover.stop((side,))], LAST_STOP)
     return robot.moving.acquire(timeout=LAST_STOP)
 
 
@@ -250,12 +250,15 @@ def _move(
     """Move arms, wait until they stand, and give them back to the controllers that commanded them."""
     if not sides:
         raise CommandRefused(message("no_arm_has_goal"))
-    if not robot.moving.acquire(blocking=False):
+    is_free = robot.moving.acquire(blocking=False)
+    if not is_free and not any(_is_taken_from_program(robot, caller, side) for side in sides):
         raise CommandRefused(message("another_move_under_way"))
     try:
         before = {side: robot.mover.commanding(side) for side in sides}
         for side, names in before.items():
-            if robot.mover.is_moving(side):
+            robot.control.hand_over.check(side, Commander.TRAJECTORY)
+            is_taken_over = caller.commander is not None and robot.control.hand_over.is_foreign(side)
+            if robot.mover.is_moving(side) and not is_taken_over:
                 if not names:
                     raise CommandRefused(message("arm_moves_without_controller", arm=side.word))
                 raise CommandRefused(message("arm_moves_commanded_by", arm=side.word, controllers=tuple(names)))
