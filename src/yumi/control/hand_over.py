@@ -287,7 +287,8 @@ class HandOver:
         if isinstance(event, _ENDINGS):
             with self._reporting():
                 held = self._held[event.side]
-                self._before[event.side] = (Commander.NONE, event)  # the next one to take the arm begins anew
+                if isinstance(event, CommanderSilent):  # the next one to take the arm begins anew, who was silent, too
+                    self._before[event.side] = (Commander.NONE, event)
                 if held.command.who is not Commander.NONE:
                     self._end(event.side, held)
 

@@ -14,9 +14,10 @@ from typing import NamedTuple
 import msgspec
 
 from yumi.catalogue import FrontEnd, Message, in_words, message
+from yumi.control.hand_over import Commander
 from yumi.control.shared_state import Limited
 from yumi.driver.command import Arm
-from yumi.driver.commands import GetState, GetSurroundings, SwitchControllers
+from yumi.driver.commands import GetState, GetSurroundings, GiveBack, SwitchControllers
 from yumi.driver.reports import CommandingReport, DriverState, EventReport, Said
 from yumi.driver.surroundings import Surroundings
 from yumi.egm.udp import is_loopback
@@ -161,19 +162,23 @@ class LiveRobot:
         if not self.jogged:
             return
         try:
-            link = await DriverLink.open(self.robot)
+            link = await DriverLink.open(self.robot, is_page=True)
             try:
                 for arm, (names, by) in tuple(self.jogged.items()):
                     for _ in range(round(_STAND / _POLL)):
                         raw = await link.ask(GetState())
                         state = msgspec.json.decode(raw, type=DriverState)
-                        if state.arms[arm].mode.value != "moving":
+                        if (
+                            state.arms[arm].mode.value != "moving"
+                            and state.arms[arm].command.who == Commander.NONE.value
+                        ):
                             break
                         await asyncio.sleep(_POLL)
                     now = tuple(each.name for each in state.controllers[arm] if each.commands)
                     is_jogged = bool(now) and by.issuperset(now)
                     if names and is_jogged and now != names and state.arms[arm].mode.value == "holding":
                         await link.ask(SwitchControllers(arm=arm, activate=names, deactivate=now))
+                    await link.ask(GiveBack(arms=(arm,)))
                     self.jogged.pop(arm, None)
             finally:
                 await link.close()
