@@ -22,6 +22,7 @@ from yumi.control.controller_info import ControllerInfo, ParameterInfo
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoalController, StopMotion
 from yumi.control.counters import WireCounters
 from yumi.control.goals import MemoryBuffer
+from yumi.control.hand_over import HandOver
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControllerReport
 from yumi.control.shared_state import Snapshot
@@ -50,11 +51,17 @@ class FakeControl:
         self.on_command: Callable[[ControllerCommand], None] = lambda command: None
         self.snapshots = {
             side: Snapshot(
-                wire=WireCounters(session=1), is_streaming=True, is_running=True, activation=1, position=home(side)
+                wire=WireCounters(session=1),
+                is_streaming=True,
+                is_running=True,
+                activation=1,
+                position=home(side),
+                sent=home(side),
             )
             for side in Side
         }
         self._active: dict[Side, str | None] = dict.fromkeys(Side, GOAL_CONTROLLER)
+        self.hand_over = HandOver(lambda: 0.0)
 
     def snapshot(self, side: Side) -> Snapshot:
         return self.snapshots[side]
@@ -66,6 +73,10 @@ class FakeControl:
         self.snapshots[side] = before._replace(activation=before.activation + 1, activity=before.activity + 1)
 
     def call(self, command: Callable[..., Any], /, *args: Any) -> Any:
+        with self.hand_over.passing(command, args, {}):
+            return self._serve(command, *args)
+
+    def _serve(self, command: Callable[..., Any], /, *args: Any) -> Any:
         if command is Commands.list_controllers:
             return tuple(self._info(name, *args) for name in NAMES)
         if command is Commands.list_parameters:
@@ -111,11 +122,13 @@ class FakeRobot:
                 trajectory=self.feedback[side],
                 dual_trajectory=self.dual_feedback[side],
                 tool_path=MemoryBuffer(),
+                deadline=MemoryBuffer(),
             )
             for side in Side
         }
         self.speed_scale = 1.0
         self.clock = ManualClock(100.0)
+        self.control.hand_over = HandOver(self.clock.now)
         self.executor = MotionExecutor(
             self.control, self.motions, arms, YUMI_LIMITS, self.clock, lambda: self.speed_scale
         )

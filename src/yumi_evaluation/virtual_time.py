@@ -25,7 +25,7 @@ from yumi.control.loop import ArmLoop
 from yumi.control.loop_events import Event
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.shared_state import Snapshot, read_snapshot
+from yumi.control.shared_state import Deadline, Snapshot, read_snapshot
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.driver.egm_arm import EgmArm
@@ -105,6 +105,7 @@ class VirtualArmRig:
         clock: the time of everything.
         cycles: what our end did, cycle by cycle.
         events: what it reported.
+        deadline: until when the one who commands the arm must be heard again.
         to_us, to_robot: the two directions of the link; a test may replace them.
     """
 
@@ -133,7 +134,8 @@ class VirtualArmRig:
         self._near, self._far = memory_links()
         limiter = limiter or Limiter(YUMI_LIMITS)
         arm = EgmArm(self._near, Session(silence), limiter)
-        self.line = ArmLoop(side, arm, self.manager, limiter, self._snapshots, speed=speed)
+        self.deadline = MemoryBuffer[Deadline]()
+        self.line = ArmLoop(side, arm, self.manager, limiter, self._snapshots, speed=speed, deadline=self.deadline)
 
     @property
     def snapshot(self) -> Snapshot:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from threading import Barrier, Event, Thread
+from types import SimpleNamespace
 from typing import Any
 
 from rclpy.action import ActionClient
@@ -13,6 +14,7 @@ from rclpy.executors import MultiThreadedExecutor
 from ros_bench import Client, rclpy
 
 from yumi.clock import SystemClock, wait_until
+from yumi.control.hand_over import HandOver
 from yumi.driver.command import CommandedRobot
 from yumi.driver.robot_state import Mode, Report, RobotState
 from yumi.driver.state_machine import MachineState, SpeedSetting
@@ -100,7 +102,7 @@ def commanded(manager: FakeManager, check_arms: Callable[[Sequence[Side]], None]
     return CommandedRobot(
         address="memory",
         manager=manager,  # type: ignore[arg-type]
-        control=absent,
+        control=SimpleNamespace(hand_over=HandOver(lambda: 0.0)),  # type: ignore[arg-type]
         datagram=absent,
         grippers={},
         gripper_state=absent,

@@ -18,6 +18,7 @@ from refusals import assert_says, refused
 from yumi.catalogue import message
 from yumi.control.counters import WireCounters
 from yumi.control.goals import GoalKind, MemoryBuffer
+from yumi.control.hand_over import HandOver
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
 from yumi.control.motion.spline import TrajectoryPoint
@@ -260,6 +261,7 @@ def test_line_does_not_move_an_arm_that_was_stopped_and_follows_again_meanwhile(
 def test_line_is_refused_where_the_arm_is_held_elsewhere_than_it_is_commanded() -> None:
     held = STANDS._replace(sent=joints([HOME[0] - 0.3, *HOME[1:]]), limited_part="right fingers", limited_other="table")
     control: Any = SimpleNamespace(
+        hand_over=HandOver(lambda: 0.0),
         buffers={Side.RIGHT: SimpleNamespace(goals=MemoryBuffer(), tool_goals=MemoryBuffer())},
         snapshot=lambda side: held,
         call=lambda *_: {Side.RIGHT: HOME},

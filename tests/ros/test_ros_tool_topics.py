@@ -15,6 +15,7 @@ from yumi.catalogue import message
 from yumi.control.controller_info import ParameterInfo
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.goals import GoalKind, MemoryBuffer
+from yumi.control.hand_over import HandOver
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side
@@ -37,6 +38,7 @@ class Control:
         self.commands: list[ControllerCommand] = []
         self.parameters = CartesianController(Side.RIGHT, MemoryBuffer(), MemoryBuffer()).parameters(())
         self.is_stopped_meanwhile = False
+        self.hand_over = HandOver(lambda: 0.0)
 
     def snapshot(self, _: Side) -> Any:
         return self.now

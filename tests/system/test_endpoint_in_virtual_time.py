@@ -29,6 +29,7 @@ from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer
+from yumi.control.hand_over import HandOver
 from yumi.driver import motion_commands
 from yumi.driver.command import CommandedRobot
 from yumi.driver.endpoint import find_driver
@@ -69,6 +70,7 @@ class Driver(System):
                 trajectory=MemoryBuffer(),
                 dual_trajectory=MemoryBuffer(),
                 tool_path=MemoryBuffer(),
+                deadline=arm.deadline,
             )
             for side, arm in self.arms.items()
         }
@@ -86,6 +88,10 @@ class Driver(System):
             calibrate=lambda sides, check: self.manager.calibrate(*(self.grippers[it] for it in sides), check=check),
         )
         self.server = EndpointServer(robot)
+
+    @property
+    def hand_over(self) -> HandOver:
+        return self.control.hand_over
 
     def snapshot(self, side: Side) -> Any:
         return self.control.snapshot(side)

@@ -145,6 +145,7 @@ def test_no_command_is_beyond_the_limits_and_nothing_moves_without_a_clutch(
             worst = np.maximum(worst, shares(sent))
             del driver.arms[side].admitted[:-5]
         assert worst.max() <= max(WITHIN), number
+        driver.hand_over.give_back(tuple(Side))
         driver.mover.move({RIGHT: START, Side.LEFT: LEFT_START}, 1.0, None)
         driver.until(lambda: not any(driver.mover.is_moving(side) for side in Side), 10.0)
         if count > 3 and number % 10 == 0:

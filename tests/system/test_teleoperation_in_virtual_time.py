@@ -321,10 +321,12 @@ def test_one_operator_at_a_time(driver: Driver, operator: Operator) -> None:
     assert operator.clutch == "released"
 
 
-def test_arm_that_another_program_takes_is_left_alone(driver: Driver, operator: Operator) -> None:
+def test_program_takes_no_arm_from_a_person_but_may_stop_one(driver: Driver, operator: Operator) -> None:
     operator.engage(at())
     operator.hold(0.3, sway)
-    driver.call(Commands.switch_controllers, RIGHT, (GOAL_CONTROLLER,), (CARTESIAN_CONTROLLER,))
+    with refused(CommandRefused, "arm_commanded_by_another", who="device"):
+        driver.call(Commands.switch_controllers, RIGHT, (GOAL_CONTROLLER,), (CARTESIAN_CONTROLLER,))
+    driver.mover.stop([RIGHT])  # a stop is open to all
     operator.hold(0.3, sway)
     assert (operator.clutch, operator.why) == ("inert", "teleoperation_interrupted")
     assert driver.mover.commanding(RIGHT) == (GOAL_CONTROLLER,)

@@ -129,6 +129,7 @@ def test_arm_of_a_device_that_falls_silent_or_is_gone_stands_soon(
                     time.sleep(LINK_LOST + 0.3)
                     assert device.send().right.clutch == "inert"
             time.sleep(1.0)  # until another device may operate
+            driver.give_back()
             driver.move_to(right=ROOM)
     cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
     stops = [standstill(cycles, lost) for lost in lost_at]

@@ -10,11 +10,13 @@ from yumi.clock import ManualClock
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.goals import MemoryBuffer, write_goal
+from yumi.control.hand_over import HandOver
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import Commands, serve
 from yumi.control.loop_events import Event
 from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.stage_times import StageClock
@@ -44,6 +46,7 @@ class DriverArm:
         self.goals = MemoryBuffer()
         self.speed_scale = MemoryBuffer()
         self.snapshots = MemoryBuffer()
+        self.deadline = MemoryBuffer()
         self.admitted: list[Joints] = []
         self.measured: list[Joints] = []
         self.events: list[Event] = []
@@ -63,6 +66,7 @@ class DriverArm:
             self.recorder,
             stages,
             speed=speed,
+            deadline=self.deadline,
         )
 
     def advance(self, now: float) -> Sequence[Event]:
@@ -92,6 +96,7 @@ class MemoryControl:
     def __init__(self, arms: Mapping[Side, DriverArm], clock: ManualClock) -> None:
         self._arms = arms
         self._commands = Commands({side: arm.line for side, arm in arms.items()}, clock.now)
+        self.hand_over = HandOver(clock.now, self._is_busy)
 
     def check(self) -> None:
         """It runs."""
@@ -103,7 +108,11 @@ class MemoryControl:
         return self._arms[side].snapshot
 
     def call(self, command: Callable[Concatenate[Commands, P], T], /, *args: P.args, **kwargs: P.kwargs) -> T:
-        return serve(self._commands, command, *args, **kwargs)
+        with self.hand_over.passing(command, args, kwargs):
+            return serve(self._commands, command, *args, **kwargs)
+
+    def _is_busy(self, side: Side) -> bool:
+        return max(map(abs, self.snapshot(side).velocity)) > STANDING
 
 
 class System(ManualClock):
@@ -204,4 +213,5 @@ class System(ManualClock):
         for side, arm in self.arms.items():
             for _ in range(looks[side]):  # the driver looks again while something waits
                 for event in arm.advance(self.now()):
+                    self.control.hand_over.note(event)
                     self.manager.note(event)

@@ -11,10 +11,11 @@ from yumi.api.motion_registry import Motion, MotionRegistry
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.controllers.joint_goal import StopMotion
+from yumi.control.hand_over import asking
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
-from yumi.driver.control_process import ControlProcess
+from yumi.driver.control_process import FRESH, ControlProcess
 from yumi.driver.readiness import why_arm_does_not_follow
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
 from yumi.robot.joints import Side
@@ -36,8 +37,6 @@ CARTESIAN_CONTROLLER = "cartesian_controller"
 
 LAST_STOP = 5.0
 """An arm must have come to rest within this time [s]; it takes a tenth of it."""
-
-_FRESH = 1.5  # [s] a controller says at least once a second how it follows a trajectory
 
 
 class ArmAccess:
@@ -83,7 +82,7 @@ class ArmAccess:
         now = self.clock.now()
         return (
             self.motions.is_open(side)
-            or any(each.goal and now - each.time < _FRESH for each in self.trajectories(side))
+            or any(each.goal and now - each.time < FRESH for each in self.trajectories(side))
             or max(map(abs, self.control.snapshot(side).velocity)) > STANDING
         )
 
@@ -104,7 +103,8 @@ class ArmAccess:
             The motions to standstill.
         """
         moving = [side for side in sides if self.control.snapshot(side).is_commanded]
-        self.activate(moving, GOAL_CONTROLLER)
+        with asking(only_holds=True):
+            self.activate(moving, GOAL_CONTROLLER)
         motions = tuple(self.motions.begin(side) for side in moving)
         return self.send(
             [ControllerCommand(each.side, GOAL_CONTROLLER, StopMotion(each.identity)) for each in motions], motions
@@ -128,9 +128,12 @@ class ArmAccess:
         if all(info.name != name for info in self.control.call(Commands.list_controllers, side)):
             raise CommandRefused(message("cartesian_controller_missing", arm=side.word, controller=name))
 
-    def take_over(self, side: Side, name: str) -> None:
-        """Have a controller command an arm, from standstill: controllers plan their motions differently."""
-        if self.commanding(side) == (name,):
+    def take_over(self, side: Side, name: str, *, anew: bool = False) -> None:
+        """Have a controller command an arm, from standstill: controllers plan their motions differently.
+
+        ``anew``: a controller that commands the arm already begins anew, and what it was sent before ends.
+        """
+        if self.commanding(side) == (name,) and not anew:
             return
         self.bring_to_rest((side,))
         self.activate([side], name)

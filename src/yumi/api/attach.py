@@ -24,6 +24,7 @@ from yumi.driver.commands import (
     GetControllers,
     GetState,
     GetSurroundings,
+    GiveBack,
     Grip,
     ModeName,
     Recover,
@@ -150,6 +151,14 @@ class RunningDriver:
     def recover(self, confirm: str = "") -> str:
         """Bring the robot back after a stop; ``confirm`` is ``state.stop``, after a person has looked at the robot."""
         return self.call(Recover(confirm=confirm))
+
+    def give_back(self, arms: Arms = ("right", "left")) -> str:
+        """Let programs command arms again that a person has let go; for a person to call, or to agree to.
+
+        Raises:
+            CommandRefused: a person commands one of the arms at this moment; nothing was changed.
+        """
+        return self.call(GiveBack(arms=_arms(arms)))
 
     def calibrate(self, arms: Arms = ("right", "left")) -> str:
         """Close the fingers of grippers and call that zero."""

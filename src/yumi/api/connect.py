@@ -343,6 +343,7 @@ class AsyncRobot:
     allow_collision = awaited(Robot.allow_collision)
     record = awaited(Robot.record)
     recover = awaited(Robot.recover)
+    give_back = awaited(Robot.give_back)
     describe = awaited(Robot.describe)
 
 

@@ -15,6 +15,7 @@ from yumi.api.tool import pose_from, posture_for
 from yumi.catalogue import message
 from yumi.clock import Clock
 from yumi.control.controllers.joint_goal import JointGoal
+from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.point_motion import PointMotion, travel
 from yumi.control.motion.robot_response import STANDING
@@ -97,6 +98,8 @@ class MotionExecutor(ArmStreams):
         checked = {side: checked_goal(side, goal, starts[side]) for side, goal in goals.items()}
         for side in checked:
             self.check_follows(side)
+        for side in checked:
+            self.control.hand_over.take(side, Commander.TRAJECTORY, None)
         self.activate(checked, GOAL_CONTROLLER)
         limits = {side: self._limits_of_goals(side, speed_scale, acceleration) for side in checked}
         check()
@@ -186,7 +189,8 @@ class MotionExecutor(ArmStreams):
             ]
             for side, points in trajectories.items()
         }
-        return self._follow_plans(TRAJECTORY_CONTROLLER, tuple(plans), lambda _: plans, check)
+        kind = Commander.TRAJECTORY if start is None else Commander.PLANNER
+        return self._follow_plans(kind, TRAJECTORY_CONTROLLER, tuple(plans), lambda _: plans, check)
 
     def follow_path(
         self, paths: Mapping[Side, ToolMotion], check: Callable[[], None] = lambda: None
@@ -202,15 +206,18 @@ class MotionExecutor(ArmStreams):
         """
         for side in paths:
             self.check_has(side, CARTESIAN_CONTROLLER)
+        for side in paths:
+            self.control.hand_over.take(side, Commander.TRAJECTORY, None)
         self.bring_to_rest([side for side in paths if self.is_moving(side)])
 
         def plan(starts: Mapping[Side, Joints]) -> Mapping[Side, ArmPlan]:
             return plan_tool_motions(paths, starts, self.limits, self.tool_limits)
 
-        return self._follow_plans(CARTESIAN_CONTROLLER, tuple(paths), plan, check)
+        return self._follow_plans(Commander.TRAJECTORY, CARTESIAN_CONTROLLER, tuple(paths), plan, check)
 
     def _follow_plans(
         self,
+        kind: Commander,
         name: str,
         sides: Sequence[Side],
         plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]],
@@ -219,6 +226,8 @@ class MotionExecutor(ArmStreams):
         """Have a controller of each arm follow what ``plan`` makes of where the arms stand."""
         for side in sides:
             self.check_follows(side)
+        for side in sides:
+            self.control.hand_over.take(side, kind, None)
         for side in sides:
             self.take_over(side, name)
             self.streaming.pop(side, None)

@@ -414,6 +414,19 @@ class Robot:
         executor = self.executor
         executor.awaited(executor.stop(executor.arms))
 
+    def give_back(self) -> tuple[str, ...]:
+        """Let this program command arms again that a person has let go; for a person to call, or to agree to.
+
+        A person who has teleoperated or jogged an arm leaves it reserved: programs' motions are refused until then.
+
+        Returns:
+            The arms that were reserved.
+
+        Raises:
+            CommandRefused: a person commands one of the arms at this moment; nothing was changed.
+        """
+        return tuple(side.word for side in self.executor.control.hand_over.give_back(tuple(Side)))
+
     def recover(self, confirm: str = "") -> None:
         """Bring the robot back to where it may move, after an emergency stop, a lost connection, or any other fault.
 

@@ -196,7 +196,13 @@ class Arm:
         """
         executor = self.executor
         is_fault = executor.fault(self.side) is not None
-        return arm_report(self.side, executor.snapshot(self.side), self._datagram(), is_fault=is_fault)
+        return arm_report(
+            self.side,
+            executor.snapshot(self.side),
+            self._datagram(),
+            executor.control.hand_over.of(self.side),
+            is_fault=is_fault,
+        )
 
     def move_to(
         self,
@@ -466,7 +472,7 @@ class Arm:
         of = self._tool(tool)
         self.executor.stream_tool(self.side, lambda session: twist_goal(session, twist, of, is_in_tool=frame == "tool"))
 
-    def stream(self, position: Position) -> None:
+    def stream(self, position: Position, *, blend: float | None = None) -> None:
         """Follow a stream of positions, of which this is the next; returns at once.
 
         It may be called up to 250 times a second. The arm keeps the joints' limits on the way and stays at the last
@@ -474,12 +480,15 @@ class Arm:
 
         Args:
             position: joint positions [rad], as for :meth:`move_to`.
+            blend: a stream that begins more than 0.1 rad from where the arm is sent is followed as it is after this
+                time [s]; without it such a stream is refused.
 
         Raises:
-            CommandRefused: the position is impossible; the arm keeps the one before.
+            CommandRefused: the position is impossible or the stream begins elsewhere, the arm keeps the position
+                before; or another client commands the arm.
             RobotNotReady: as for :meth:`move_to`.
         """
-        self.executor.stream(self.side, position)
+        self.executor.stream(self.side, position, blend)
 
     def _snapshot(self) -> Snapshot:
         snapshot = self.executor.snapshot(self.side)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from math import isfinite
+from math import inf, isfinite
 from threading import Lock
 from typing import Any, NamedTuple
 
@@ -13,15 +13,22 @@ from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
 from yumi.clock import Clock
+from yumi.control.controller import IDLE
 from yumi.control.goals import Buffer, write_goal, write_speeds
+from yumi.control.hand_over import NEAR, Blend, Commander, asking
 from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.motion.setpoint import largest_difference
+from yumi.control.shared_state import Deadline
 from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.teleoperated_arm import Follower, JointsGoal, MotionGoal, PoseGoal
+from yumi.driver.teleoperated_arm import LINK_LOST, Follower, JointsGoal, MotionGoal, PoseGoal
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, joints
+
+LONGEST_BLEND = 10.0
+"""So long may it take until a stream that begins elsewhere is followed as it is [s]."""
 
 _JOG_GAP = 0.3  # [s] jogs that follow each other within this time belong to one press of a key
 
@@ -46,26 +53,50 @@ class _Jog(NamedTuple):
     owner: object
 
 
+class _Begun(NamedTuple):
+    """How a stream of positions began: at ``time`` [s], away from where the arm was sent."""
+
+    time: float
+    blend: Blend
+
+
 class ArmStreams(ArmAccess):
     """Arms that follow streams."""
 
     def __init__(self, control: ControlProcess, motions: MotionRegistry, arms: tuple[Side, ...], clock: Clock) -> None:
         super().__init__(control, motions, arms, clock)
         self._jogs: dict[Side, _Jog] = {}
+        self._begun: dict[Side, _Begun] = {}
         self._followed: dict[Side, int] = {}  # the number of the last message of an arm that follows a device
         self._jog_locks = {side: Lock() for side in Side}  # held briefly: the end of a jog waits for it
 
-    def stream(self, side: Side, goal: Position) -> None:
+    def stream(self, side: Side, goal: Position, blend: float | None = None) -> None:
         """Have an arm follow a stream of goals, of which this is the next.
 
+        A stream begins near where the arm is sent. One that begins elsewhere needs ``blend``: so long [s] it takes
+        until the arm follows it as it is, without a step.
+
         Raises:
-            CommandRefused: the goal is impossible; the arm keeps the one before.
+            CommandRefused: the goal is impossible, or a stream would begin too far away; the arm keeps the goal before.
             RobotNotReady: the arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        checked = checked_goal(side, goal, self.snapshot(side).sent)
-        session, _ = self._begin_stream(side, STREAM_CONTROLLER)
-        write_goal(self.control.buffers[side].goals, session, checked)
+        snapshot = self.snapshot(side)
+        checked = checked_goal(side, goal, snapshot.sent)
+        if blend is not None and not 0.0 < blend <= LONGEST_BLEND:  # NaN too
+            raise CommandRefused(message("blend_out_of_range", blend=blend, longest=LONGEST_BLEND))
+        known = (STREAM_CONTROLLER, snapshot.session, snapshot.activation)
+        if self.streaming.get(side) != known and blend is None:
+            distance = largest_difference(checked, snapshot.sent)
+            if distance > NEAR:
+                raise CommandRefused(message("stream_begins_elsewhere", arm=side.word, distance=distance, most=NEAR))
+        session, is_new = self._begin_stream(side, STREAM_CONTROLLER)
+        now = self.clock.now()
+        if is_new:
+            self._begun[side] = _Begun(now, Blend(self.control.snapshot(side).sent, checked, blend or 0.0))
+        begun = self._begun[side]
+        with self.control.hand_over.writing(side, Commander.STREAM):
+            write_goal(self.control.buffers[side].goals, session, begun.blend.at(checked, now - begun.time))
 
     def jog(self, side: Side, speeds: Sequence[float], owner: object) -> bool:
         """Have an arm move with joint speeds [rad/s], (7,), until its controller's timeout or :meth:`end_jog`.
@@ -128,7 +159,8 @@ class ArmStreams(ArmAccess):
                 if _number(buffer) != last.number:  # a ROS topic: two streams must not alternate
                     self.streaming.pop(side, None)
                     raise CommandRefused(message("jog_streamed_by_another", controller=controller, arm=side.word))
-                write(session, values)
+                with self.control.hand_over.writing(side, Commander.STREAM, _JOG_GAP):
+                    write(session, values)
             self._jogs[side] = _Jog(controller, self.clock.now(), _number(buffer), buffer, write, owner)
         return is_first
 
@@ -145,6 +177,10 @@ class ArmStreams(ArmAccess):
             if last is None or last.owner is not owner:
                 return
             last = self._jogs[side] = last._replace(owner=None)
+            with asking(client=owner):
+                # A person's next press of a key may follow at once: the arm is let go when none has.
+                if not self.control.hand_over.of(side).who.is_person:
+                    self.control.hand_over.let_go(side)
             snapshot, known = self.control.snapshot(side), self.streaming.get(side)
             is_commanding = known == (last.controller, snapshot.session, snapshot.activation)
             if is_commanding and _number(last.buffer) == last.number:
@@ -157,18 +193,24 @@ class ArmStreams(ArmAccess):
                 last.write(snapshot.session, ZERO)
                 self._jogs[side] = last._replace(number=_number(last.buffer))
 
-    def _begin_stream(self, side: Side, controller: str, *, is_jog: bool = False) -> tuple[int, bool]:
+    def _begin_stream(
+        self, side: Side, controller: str, *, is_jog: bool = False, kind: Commander = Commander.STREAM
+    ) -> tuple[int, bool]:
         """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
-        snapshot = self.snapshot(side)
+        snapshot, hand_over = self.snapshot(side), self.control.hand_over
         known = (controller, snapshot.session, snapshot.activation)
-        if is_jog and self.motions.is_open(side):
+        if is_jog and self.motions.is_open(side) and not hand_over.is_foreign(side):
             self.check_follows(side)
             raise _other_motion(side)
-        if self.streaming.get(side) == known and snapshot.is_commanded:
+        is_known = self.streaming.get(side) == known and snapshot.is_commanded
+        if not is_known:
+            if controller == CARTESIAN_CONTROLLER:
+                self.check_has(side, controller)
+            self.check_follows(side)
+        lasts = _JOG_GAP if is_jog else IDLE if kind is Commander.STREAM else LINK_LOST
+        is_handed_over = hand_over.take(side, kind, lasts)
+        if is_known and not is_handed_over:
             return snapshot.session, False
-        if controller == CARTESIAN_CONTROLLER:
-            self.check_has(side, controller)
-        self.check_follows(side)
         last = self.streaming.get(side, ("", 0, 0))
         jog = self._jogs.get(side)
         if (
@@ -181,9 +223,9 @@ class ArmStreams(ArmAccess):
             self.streaming.pop(side, None)  # the next press of a key may take the arm back
             raise CommandRefused(message("jog_switched_by_another", arm=side.word))
         is_jogged = last[0] in (JOG_CONTROLLER, CARTESIAN_CONTROLLER) and last[1:] == known[1:]
-        if is_jog and not is_jogged and self.is_moving(side):
+        if is_jog and not is_jogged and not is_handed_over and self.is_moving(side):
             raise _other_motion(side)
-        self.take_over(side, controller)
+        self.take_over(side, controller, anew=is_handed_over)
         snapshot = self.control.snapshot(side)
         self.streaming[side] = (controller, snapshot.session, snapshot.activation)
         return snapshot.session, True
@@ -197,7 +239,8 @@ class ArmStreams(ArmAccess):
             GoalNotReached: an arm that moved did not come to rest.
         """
         session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
-        self.control.buffers[side].tool_goals.write(goal(session))
+        with self.control.hand_over.writing(side, Commander.STREAM):
+            self.control.buffers[side].tool_goals.write(goal(session))
 
     # ---- devices of people
 
@@ -213,12 +256,16 @@ class ArmStreams(ArmAccess):
             RobotNotReady: the arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        self._begin_stream(side, CARTESIAN_CONTROLLER if follower is Follower.TOOL else STREAM_CONTROLLER)
+        controller = CARTESIAN_CONTROLLER if follower is Follower.TOOL else STREAM_CONTROLLER
+        self._begin_stream(side, controller, kind=Commander.DEVICE)
         self._followed[side] = _number(self._stream_of(side)[1])
 
     def follow_device(self, side: Side, goal: MotionGoal, time: float) -> None:
-        """Give an arm that follows a device the next goal; it was made at ``time`` [s]."""
-        (_, session, _), buffer = self._stream_of(side)
+        """Give an arm that follows a device the next goal; it was made at ``time`` [s].
+
+        The control process has the arm come to rest when no next one has come for :data:`.LINK_LOST`.
+        """
+        (_, session, activation), buffer = self._stream_of(side)
         if isinstance(goal, JointsGoal):
             write_goal(buffer, session, goal.position, time=time)
         else:
@@ -228,6 +275,7 @@ class ArmStreams(ArmAccess):
                 desired = twist_goal(session, goal.twist, FINGERTIPS, is_in_tool=goal.is_in_tool, time=time)
             buffer.write(desired._replace(speed=goal.speed, turning=goal.turning))
         self._followed[side] = _number(buffer)
+        self.control.buffers[side].deadline.write(Deadline(self.clock.now(), LINK_LOST, activation))
 
     def is_following(self, side: Side) -> bool:
         """Whether an arm follows the goals of its device, and nothing else has given it any."""
@@ -247,6 +295,8 @@ class ArmStreams(ArmAccess):
         if self.streaming[side][0] == CARTESIAN_CONTROLLER:
             # As at the end of a jog.
             self.control.call(Commands.send_commands, ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory()))
+            _, _, activation = self.streaming[side]
+            self.control.buffers[side].deadline.write(Deadline(self.clock.now(), inf, activation))
         else:
             self.stop((side,))
 

@@ -53,6 +53,7 @@ class Action(Enum):
     RETREAT = "retreat"
     SWITCH = "switch"
     GIVE_RADIANS = "give_radians"
+    GIVE_BACK = "give_back"
 
 
 @dataclass(frozen=True, slots=True)

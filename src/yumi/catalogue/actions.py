@@ -19,6 +19,7 @@ _ON_PAGE: dict[str, Words] = {
     "retreat": Words("run `yumi retreat`", "`yumi retreat`"),
     "switch": Words("choose the controller on this page", "the list of controllers"),
     "give_radians": Words("give radians", "radians"),
+    "give_back": Words("press “Give arms back”", "“Give arms back”"),
 }
 
 _BY_FRONT_END: dict[str, dict[str, Words]] = {
@@ -35,6 +36,7 @@ _BY_FRONT_END: dict[str, dict[str, Words]] = {
         "retreat": _ON_PAGE["retreat"],
         "switch": Words("call controller_manager/switch_controller", "controller_manager/switch_controller"),
         "give_radians": _ON_PAGE["give_radians"],
+        "give_back": Words("call give_back", "give_back"),
     },
     "script": {
         "start_egm": Words("call robot.recover()", "robot.recover()"),
@@ -49,6 +51,7 @@ _BY_FRONT_END: dict[str, dict[str, Words]] = {
         "retreat": Words("call robot.retreat()", "robot.retreat()"),
         "switch": Words("leave the arm to one controller", "the controller of the arm"),
         "give_radians": Words("use yumi.degrees(...)", "yumi.degrees"),
+        "give_back": Words("call robot.give_back()", "robot.give_back()"),
     },
     "shell": {
         "start_egm": Words("run `yumi start`", "`yumi start`"),
@@ -63,6 +66,7 @@ _BY_FRONT_END: dict[str, dict[str, Words]] = {
         "retreat": _ON_PAGE["retreat"],
         "switch": Words("run `yumi switch`", "`yumi switch`"),
         "give_radians": Words("add --degrees", "--degrees"),
+        "give_back": Words("run `yumi give-back`", "`yumi give-back`"),
     },
     "page": _ON_PAGE,
     "virtual_page": {

@@ -105,6 +105,14 @@ class Controller(ABC):
         self.check(command, state)
         return None
 
+    def end_stream(self, state: ArmState) -> bool:
+        """Bring the arm to rest, and take nothing until it is activated anew: who streams was silent for too long.
+
+        Returns:
+            Whether it does; else it is deactivated, and the limiter brings the arm to rest.
+        """
+        return False
+
     def note_withheld(self, position: Joints) -> None:
         """The limiter holds the arm at ``position`` [rad], (7,), short of what is commanded.
 

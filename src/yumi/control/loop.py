@@ -12,6 +12,7 @@ from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.goals import Buffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import (
+    CommanderSilent,
     ControllerFailed,
     ControllerReport,
     ControllersLate,
@@ -29,7 +30,7 @@ from yumi.control.loop_events import (
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.standstill import AT_GOAL
-from yumi.control.shared_state import PROBLEMS, JointStates, Limited, Problem, Snapshot
+from yumi.control.shared_state import PROBLEMS, Deadline, JointStates, Limited, Problem, Snapshot
 from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.control.stage_times import AFTER_REPLY, StageClock
 from yumi.errors import CommandRefused
@@ -71,6 +72,7 @@ class ArmLoop:
         speed: the factor on its speeds, which its controllers share.
         collisions: what keeps both arms apart; None where nothing does.
         read_joints: the joints as they were read from the controller while its datagrams do not arrive.
+        deadline: until when the one who commands the arm must be heard again; None where that is not watched.
     """
 
     def __init__(
@@ -86,6 +88,7 @@ class ArmLoop:
         speed: SpeedScale | None = None,
         collisions: CollisionLimiter | None = None,
         read_joints: Buffer[JointStates] | None = None,
+        deadline: Buffer[Deadline] | None = None,
     ) -> None:
         self.manager = manager
         self.collisions = collisions
@@ -99,6 +102,7 @@ class ArmLoop:
         if self._speed.value != FULL:
             limiter.scale_speed(self._speed.value)
         self._read_joints, self._joints_read = read_joints, 0  # and how many were
+        self._deadline, self._ended = deadline, 0  # and the activation whose streams were ended
         self._last: Cycle | None = None
         self._sent_moves = False  # with the last cycle
         self._unsettled: Cycle | None = None
@@ -201,7 +205,8 @@ class ArmLoop:
     def prepare(self) -> None:
         """Before a wait for datagrams: have the next one answered at once, where that needs no controller in Python."""
         is_heard = self._limiter.unanswered == self._braked  # else the controllers may have to be deactivated first
-        self._arm.prepare(self.manager.sampled if is_heard else None, self._session)
+        is_soon_silent = self._last is not None and self._silence(self._last.state.time + self._due[1]) is not None
+        self._arm.prepare(self.manager.sampled if is_heard and not is_soon_silent else None, self._session)
 
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
@@ -215,6 +220,7 @@ class ArmLoop:
         self._note_late(now)
         # What waits in the socket says nothing about the time in which nothing was answered.
         self._end_if_lost(now)
+        self._end_if_silent(now)
         self._stages.begin(now)
         self._unsettled = run_cycle(self._arm, self.manager, now, self._stages)
         return self._unsettled
@@ -299,6 +305,22 @@ class ArmLoop:
         self._events.append(SessionLost(self._side, silence, deactivated, unwatched if is_ours else 0.0))
         self.publish(now)
         return True
+
+    def _silence(self, now: float) -> float | None:
+        """For how long the one who commands the arm has been silent at ``now`` [s]; None where that is not too long."""
+        newest = self._deadline.read() if self._deadline is not None else None
+        if newest is None or newest[1].activation in (0, self._ended) or newest[1].activation != self.activation:
+            return None
+        silence = now - newest[1].heard
+        return silence if silence > newest[1].silence else None
+
+    def _end_if_silent(self, now: float) -> None:
+        """Have the arm come to rest, from this reply on, when the one who commands it has been silent for too long."""
+        silence = self._silence(now)
+        if silence is not None and self._last is not None:
+            self._ended = self.activation
+            self.manager.end_streams(self._last.state)
+            self._events.append(CommanderSilent(self._side, silence))
 
     def _take_read_joints(self) -> None:
         """The other arm keeps clear of where the controller says that this one is."""

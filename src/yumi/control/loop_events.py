@@ -309,6 +309,53 @@ class ControlProcessEnded(Happened):
         return message("control_process_ended", arm=self.side.word, exit_code=self.exit_code)
 
 
+@dataclass(frozen=True, slots=True)
+class CommanderSilent(Happened):
+    """Who commanded an arm has sent nothing for too long: the arm comes to rest and holds.
+
+    Attributes:
+        silence: for how long [s].
+    """
+
+    silence: float
+
+    @property
+    def said(self) -> Message:
+        return message("commander_silent", arm=self.side.word, silence=self.silence)
+
+
+@dataclass(frozen=True, slots=True)
+class CommanderChanged(Happened):
+    """Another one commands an arm, or a person has let the arm go.
+
+    Attributes:
+        who: commands it now, see :class:`yumi.control.hand_over.Commander`.
+        client: whose commands they are; where none commands the arm now, whose they were.
+        before: who commanded it until then.
+    """
+
+    who: str
+    client: str
+    before: str
+
+    @property
+    def said(self) -> Message:
+        if self.who == "none":
+            return message("arm_let_go", arm=self.side.word, client=self.client, before=self.before)
+        if self.before == "none":
+            return message("arm_taken", arm=self.side.word, who=self.who, client=self.client)
+        return message("arm_taken_over", arm=self.side.word, who=self.who, client=self.client, before=self.before)
+
+
+@dataclass(frozen=True, slots=True)
+class ArmGivenBack(Happened):
+    """An arm that was reserved for people may be commanded by programs again."""
+
+    @property
+    def said(self) -> Message:
+        return message("arm_given_back", arm=self.side.word)
+
+
 Event = (
     SessionStarted
     | SessionResumed
@@ -326,6 +373,9 @@ Event = (
     | CycleFailed
     | ReportsDropped
     | ControlProcessEnded
+    | CommanderSilent
+    | CommanderChanged
+    | ArmGivenBack
 )
 """What happened to an arm."""
 

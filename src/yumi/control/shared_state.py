@@ -199,6 +199,20 @@ class TrajectoryFeedback(NamedTuple):
     monitor_period: float
 
 
+class Deadline(NamedTuple):
+    """Until when the one who commands an arm must be heard again.
+
+    Attributes:
+        heard: when it was heard last, on the machine's monotonic clock [s].
+        silence: for so long it may be silent then [s].
+        activation: of the controllers that it commands; any later one is another client's.
+    """
+
+    heard: float
+    silence: float
+    activation: int
+
+
 class Factor(NamedTuple):
     """A factor on the speed of one arm, above 0 up to 1."""
 

@@ -22,6 +22,7 @@ from typing import Annotated, ClassVar, Generic, Literal, Protocol, TypeVar, get
 import msgspec
 
 from yumi.catalogue import FrontEnd, Message, message
+from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import CommandPort, Commands
 from yumi.control.shared_state import JointStates, Snapshots
 from yumi.driver.gripper import Check, Gripper
@@ -177,6 +178,7 @@ class Caller:
 
     Attributes:
         client: its connection; an arm that one client jogs is not jogged by another one.
+        front_end: what the client is; only a page's motions are those of a person.
         show: takes each step of the command.
         show_motions: takes how far motions are.
         is_gone: whether the client is not there any more, or the driver ends.
@@ -185,12 +187,23 @@ class Caller:
         elsewhere: has something done on a thread that may wait, while the command is answered.
     """
 
-    client: object = None
+    client: Hashable = None
+    front_end: FrontEnd | None = None
     show: Callable[[str], None] = lambda step: None
     show_motions: Callable[[dict[str, MotionReport]], None] = lambda motions: None
     is_gone: Callable[[], bool] = lambda: False
     hold: Callable[[Hashable, Callable[[], object], float | None], None] = lambda name, end, after: None
     elsewhere: Elsewhere = lambda work: work()
+
+    @property
+    def commander(self) -> Commander | None:
+        """Whom its motions make the commander of an arm; None where their kind says."""
+        return Commander.PAGE if self.front_end is FrontEnd.PAGE else None
+
+    @property
+    def name(self) -> str:
+        """For people; empty for the program that owns the driver."""
+        return "" if self.client is None else "page" if self.front_end is FrontEnd.PAGE else "another program"
 
     def check(self, step: str = "") -> None:
         """See that it is there; raises RobotNotReady: what it has asked for ends before its next step."""
@@ -261,6 +274,8 @@ class Mover(TeleoperatedArms, Protocol):
 
 class Control(CommandPort, Snapshots, Protocol):
     """What is needed of the control process."""
+
+    hand_over: HandOver
 
 
 class EventLog:
@@ -382,7 +397,8 @@ class CommandedRobot:
 
     def _arm(self, side: Side, *, is_connected: bool) -> ArmReport:
         is_fault = self.mover.fault(side) is not None
-        report = arm_report(side, self.control.snapshot(side), self.datagram(side), is_fault=is_fault)
+        commanding = self.control.hand_over.of(side)
+        report = arm_report(side, self.control.snapshot(side), self.datagram(side), commanding, is_fault=is_fault)
         read = self.joints(side) if report.position is None and is_connected else None
         return report if read is None else msgspec.structs.replace(report, resting=read.position)
 

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from yumi.catalogue import FrontEnd, message
+from yumi.control.hand_over import Commander, asking
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
     EVERYWHERE,
@@ -30,7 +31,7 @@ from yumi.driver.command import (
 )
 from yumi.driver.motion_commands import Follow, Jog, JogTool, Move, Teleoperate
 from yumi.driver.reports import ControllerStatus, DriverState, GripReport
-from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import Mode, arms_in_words
 from yumi.driver.surroundings import Surroundings
 from yumi.errors import CommandRefused, GoalNotReached
 from yumi.robot.description import Mass
@@ -194,6 +195,24 @@ class SetSpeedRatio(Command[str], frozen=True):
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         return robot.manager.set_speed_ratio(self.percent)
+
+
+class GiveBack(Command[str], frozen=True):
+    """Give arms back to programs that a person has let go.
+
+    A person who has teleoperated or jogged an arm leaves it reserved, so that no policy, stream or plan goes on by
+    itself. Without an arm both are given back.
+    """
+
+    lane = Lane.WRITE
+    examples = ("yumi give-back", "yumi give-back right")
+    button = "Give arms back"
+
+    arms: ArmNames = ()
+
+    def run(self, robot: CommandedRobot, caller: Caller) -> str:
+        given = robot.control.hand_over.give_back(sides_of(self.arms) or tuple(Side))
+        return f"Programs may command {arms_in_words(given)} again" if given else "No arm is reserved for a person"
 
 
 # ---- grippers
@@ -363,7 +382,9 @@ class RunRoutine(PanelCommand, frozen=True):
     routine: str
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
-        return robot.manager.run_routine(side_of(self.arm), self.routine)
+        side = side_of(self.arm)
+        with robot.control.hand_over.holding(side, Commander.RAPID):
+            return robot.manager.run_routine(side, self.routine)
 
 
 class LoadModule(PanelCommand, frozen=True):
@@ -386,7 +407,9 @@ class RunModule(PanelCommand, frozen=True):
     routine: str
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
-        return robot.manager.run_module(side_of(self.arm), self.file_name, self.text, self.routine)
+        side = side_of(self.arm)
+        with robot.control.hand_over.holding(side, Commander.RAPID):
+            return robot.manager.run_module(side, self.file_name, self.text, self.routine)
 
 
 class SetTool(PanelCommand, frozen=True):
@@ -472,6 +495,7 @@ COMMANDS: tuple[type[Command[Any]], ...] = (
     StartEgm,
     StopEgm,
     Recover,
+    GiveBack,
     Calibrate,
     Grip,
     Move,
@@ -510,7 +534,8 @@ def carry_out(command: Command[R], robot: CommandedRobot, caller: Caller = Calle
     try:
         command.check()
         robot.check_arms(command.needed_arms(robot))
-        return command.run(robot, caller)
+        with asking(caller.commander, caller.client, caller.name):
+            return command.run(robot, caller)
     finally:
         if command.lane not in (Lane.READ, Lane.JOG):
             robot.on_change()

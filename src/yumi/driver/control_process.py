@@ -23,9 +23,11 @@ from yumi.catalogue import Message, clause, message, said_by
 from yumi.clock import Clock, SystemClock
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.goals import SessionGoal
+from yumi.control.hand_over import HandOver
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import COMMANDS, Commands, serve
 from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event, ReportsDropped
+from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_memory import (
     CycleEvent,
     SharedBuffer,
@@ -35,7 +37,7 @@ from yumi.control.shared_memory import (
     new_cycle_event,
     shared_numbers,
 )
-from yumi.control.shared_state import Factor, JointStates, Snapshot, TrajectoryFeedback, read_snapshot
+from yumi.control.shared_state import Deadline, Factor, JointStates, Snapshot, TrajectoryFeedback, read_snapshot
 from yumi.control.tool_goal import ToolGoal
 from yumi.driver.egm_arm import FallbackThread
 from yumi.egm.udp import HasFileno, Poller
@@ -56,6 +58,9 @@ STALE = 0.5
 
 HUNG = 2.0
 """A process that stands still for so long is not waited for, less than the robot's watchdog waits by default [s]."""
+
+FRESH = 1.5
+"""A controller says at least once a second how it follows a trajectory [s]."""
 
 _REPORT_PERIOD = 10.0  # [s]
 _LONGEST_DATAGRAM = 4096  # bytes; a robot's has some hundred
@@ -100,6 +105,7 @@ class ArmBuffers:
         tool_goals: poses and velocities of the tool.
         tool_path: how it follows a line of the tool.
         speed_scale: the factor on its speeds.
+        deadline: until when the one who commands it must be heard again.
         read_joints: the joints as they were read from the controller, while EGM does not report them.
         flight: memory of its flight recorder.
         datagram: the robot's newest, for what the control loop does not read of it.
@@ -119,6 +125,7 @@ class ArmBuffers:
         self.tool_path = SharedBuffer(TrajectoryFeedback)
         self.point_goals = SharedBuffer(SessionGoal)
         self.speed_scale = SharedBuffer(Factor)
+        self.deadline = SharedBuffer(Deadline)
         self.read_joints = SharedBuffer(JointStates)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.datagram = SharedBytes(_LONGEST_DATAGRAM)
@@ -411,6 +418,7 @@ class ControlProcess:
     Attributes:
         buffers: what it shares with its parent, per arm.
         recorders: the memory of each arm's flight recorder.
+        hand_over: who commands each arm: every command passes there.
         started_as: what the operating system permitted it, in a sentence.
     """
 
@@ -420,6 +428,7 @@ class ControlProcess:
         self.started_as = ""
         self._build, self._wake = build, wake
         self._on_event = on_event
+        self.hand_over = HandOver(time.monotonic, self._is_busy, self._handle)
         self._lock = Lock()
         self._number = 0
         self._given_up = shared_numbers(1)
@@ -518,10 +527,10 @@ class ControlProcess:
         """Have ``command``, a method of :class:`.Commands`, served between two cycles; returns its answer.
 
         Raises:
-            CommandRefused: a rule stands against it; nothing was changed.
+            CommandRefused: a rule stands against it, or another client commands the arm; nothing was changed.
             RobotNotReady: the control process starts, has ended or does not answer.
         """
-        with self._lock:
+        with self.hand_over.passing(command, args, kwargs), self._lock:
             # It would find the command when it has started, long after its caller got an error.
             if self._is_alive and not self._is_ready:
                 raise RobotNotReady(STARTING)
@@ -570,13 +579,25 @@ class ControlProcess:
                 if self._is_expected_to_run:
                     child.join(_ANSWER_TIMEOUT)
                     for side in Side:
-                        self._handle(ControlProcessEnded(side, child.exit_code))
+                        ended = ControlProcessEnded(side, child.exit_code)
+                        self.hand_over.note(ended)
+                        self._handle(ended)
                 return
             if not isinstance(value, Answer):
+                self.hand_over.note(value)
                 self._handle(value)
             elif value.number in (self._number, NO_NUMBER):
                 self._answers.append(value.value)
                 self._answered.set()
+
+    def _is_busy(self, side: Side) -> bool:
+        """Whether an arm moves, or follows a trajectory however slowly."""
+        snapshot, buffers = self.snapshot(side), self.buffers[side]
+        if not snapshot.is_running:
+            return False
+        newest = (each.read() for each in (buffers.trajectory, buffers.dual_trajectory, buffers.tool_path))
+        is_followed = any(it is not None and it[1].goal and snapshot.time - it[1].time < FRESH for it in newest)
+        return is_followed or max(map(abs, snapshot.velocity)) > STANDING
 
     def _handle(self, event: Event) -> None:
         try:

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from yumi.catalogue import Message, clause, message
 from yumi.clock import Clock, wait_until
+from yumi.control.hand_over import asking
 from yumi.control.loop_commands import CommandPort, Commands
 from yumi.control.loop_events import (
     ControllersLate,
@@ -171,13 +172,14 @@ class EgmControl:
         default = (self._default,)
         names = self._deactivated.get(side, default)
         self._bringup.step(f"activate {', '.join(names)} on the {side.word} arm")
-        try:
-            self._control.call(Commands.switch_controllers, side, names)
-        except CommandRefused as error:
-            if names == default:
-                raise
-            self._bringup.step(f"activate {self._default} instead: {error}")
-            self._control.call(Commands.switch_controllers, side, default)
+        with asking(only_holds=True):  # an arm that is reserved for a person may have its session back
+            try:
+                self._control.call(Commands.switch_controllers, side, names)
+            except CommandRefused as error:
+                if names == default:
+                    raise
+                self._bringup.step(f"activate {self._default} instead: {error}")
+                self._control.call(Commands.switch_controllers, side, default)
 
     def _why_not_running(self, arms: tuple[Side, ...]) -> Message:
         for side, problem in self._problems(arms).items():

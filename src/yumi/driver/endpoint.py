@@ -41,7 +41,12 @@ ANSWER = 10.0
 
 
 class Attach(EndpointRequest, frozen=True):
-    """Keep the connection although nothing is asked for yet; the only request without an answer."""
+    """Keep the connection although nothing is asked for yet; the only request without an answer.
+
+    ``is_page``: the client is a page that a person operates, whose motions come before those of programs.
+    """
+
+    is_page: bool = False
 
 
 class Subscribe(EndpointRequest, frozen=True):

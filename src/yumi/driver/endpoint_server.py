@@ -80,6 +80,7 @@ class _Client:
         self.is_gone = False
         self.is_served = False  # one of MAX_CLIENTS
         self.is_attached = False
+        self.front_end: FrontEnd | None = None
         self.silence: asyncio.TimerHandle | None = None  # what disconnects it unless it asks for something
         self.pending = 0
         self.subscription: asyncio.Task[None] | None = None
@@ -273,6 +274,8 @@ class EndpointServer:
             return True
         if client.is_gone and not request.is_stop:
             return False  # it came while the connection was being closed
+        if isinstance(request, Attach) and request.is_page:
+            client.front_end = FrontEnd.PAGE
         if not self._serves(client):
             return await self._serve_beyond_limit(client, request)
         if isinstance(request, Subscribe):
@@ -321,6 +324,7 @@ class EndpointServer:
         """On a worker's thread."""
         caller = Caller(
             client,
+            client.front_end,
             lambda step: client.send_soon(Answer(id=command.id, step=step)),
             lambda motions: client.send_soon(Answer(id=command.id, motions=motions)),
             lambda: client.is_gone or self._is_over.is_set(),

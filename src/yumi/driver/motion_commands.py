@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from yumi.catalogue import FrontEnd, message
+from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
     Arm,
@@ -34,6 +35,9 @@ from yumi.robot.joints import Joints, Side
 
 JOG_HOLDS = 0.06
 """A jog moves an arm for so long, unless the next one comes [s]: braking from the page's highest speed takes 0.12 s."""
+
+LAST_STOP = 5.0
+"""The move of a program from which a person takes an arm has ended within this time [s]."""
 
 _SCRIPT = frozenset({FrontEnd.SCRIPT})
 _POLL_PERIOD = 0.1  # [s] between two looks at motions
@@ -190,6 +194,7 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
     front_ends = _SCRIPT
 
     frame: DeviceFrame
+    is_headset: bool = False
 
     def check(self) -> None:
         self.frame.check()
@@ -198,16 +203,20 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
         return tuple(side for side, hand in self.frame.by_arm.items() if hand.clutch)
 
     def run(self, robot: CommandedRobot, caller: Caller) -> TeleoperationReport:
+        who = Commander.HEADSET if self.is_headset else Commander.DEVICE
         try:
-            return robot.teleoperation.take(self.frame, caller.client, caller.elsewhere)
+            return robot.teleoperation.take(self.frame, caller.client, caller.elsewhere, who)
         finally:
             caller.hold("teleoperation", lambda: robot.teleoperation.lose(caller.client), LINK_LOST)
 
 
 def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bool]) -> str:
-    """Move an arm for a moment, whatever timeouts its controllers have; a move that is being carried out goes first."""
+    """Move an arm for a moment, whatever timeouts its controllers have.
+
+    A move that is being carried out goes first, but a person takes the arm over from a program's.
+    """
     try:
-        if not robot.moving.acquire(blocking=False):
+        if not robot.moving.acquire(blocking=False) and not _is_taken_from_program(robot, caller, side):
             raise CommandRefused(message("another_move_under_way"))
         try:
             caller.check()
@@ -220,6 +229,17 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
     return ""
 
 
+def _is_taken_from_program(robot: CommandedRobot, caller: Caller, side: Side) -> bool:
+    """Have a person command an arm that a program's move commands, which ends; whether ``robot.moving`` is held now."""
+    hand_over = robot.control.hand_over
+    commander = hand_over.of(side).who
+    if caller.commander is None or commander is Commander.NONE or commander.is_person:
+        return False
+    hand_over.take(side, caller.commander)
+    wait_for_futures([motion.future for motion in robot.mover.stop((side,))], LAST_STOP)
+    return robot.moving.acquire(timeout=LAST_STOP)
+
+
 def _move(
     robot: CommandedRobot,
     sides: Sequence[Side],
@@ -230,12 +250,15 @@ def _move(
     """Move arms, wait until they stand, and give them back to the controllers that commanded them."""
     if not sides:
         raise CommandRefused(message("no_arm_has_goal"))
-    if not robot.moving.acquire(blocking=False):
+    is_free = robot.moving.acquire(blocking=False)
+    if not is_free and not any(_is_taken_from_program(robot, caller, side) for side in sides):
         raise CommandRefused(message("another_move_under_way"))
     try:
         before = {side: robot.mover.commanding(side) for side in sides}
         for side, names in before.items():
-            if robot.mover.is_moving(side):
+            robot.control.hand_over.check(side, Commander.TRAJECTORY)
+            is_taken_over = caller.commander is not None and robot.control.hand_over.is_foreign(side)
+            if robot.mover.is_moving(side) and not is_taken_over:
                 if not names:
                     raise CommandRefused(message("arm_moves_without_controller", arm=side.word))
                 raise CommandRefused(message("arm_moves_commanded_by", arm=side.word, controllers=tuple(names)))

@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from yumi.catalogue import FrontEnd, Message, from_wire, in_words, is_known, message, sentence, to_wire
+from yumi.control.hand_over import Commander, Commanding
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import PROBLEMS, Limited, Problem, Snapshot
 from yumi.driver.robot_state import robot_lines
@@ -99,6 +100,44 @@ class EgmReport(msgspec.Struct, frozen=True, kw_only=True):
     is_collision: bool | None = None
 
 
+class CommandingReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Who commands an arm.
+
+    Attributes:
+        who: none, page, headset, device, lead-through, trajectory, planner, stream, policy or RAPID.
+        client: whose commands they are; empty where none commands the arm.
+        since: when the arm was taken over, or let go, UNIX time [s].
+        is_reserved: whether the arm is kept for people until a person gives it back.
+        refused: why the last request to take the arm over was refused; None once one was granted.
+    """
+
+    who: str = Commander.NONE.value
+    client: str = ""
+    since: float = 0.0
+    is_reserved: bool = False
+    refused: Said | None = None
+
+    @classmethod
+    def of(cls, commanding: Commanding) -> CommandingReport:
+        """As the hand-over has it."""
+        it = commanding
+        since = it.since + time.time() - time.monotonic() if it.since else 0.0
+        refused = None if it.refused is None else Said.of(it.refused)
+        return cls(who=it.who.value, client=it.name, since=since, is_reserved=it.is_reserved, refused=refused)
+
+    @property
+    def said(self) -> tuple[Message, ...]:
+        """What there is to say of it; nothing of an arm that none commands and all may."""
+        since, said = time.strftime("%H:%M:%S", time.localtime(self.since)), []
+        if self.who != Commander.NONE.value:
+            said.append(message("commanded_since", who=self.who, client=self.client, since=since))
+        if self.is_reserved:
+            said.append(message("reserved_for_person"))
+        if self.refused is not None:
+            said.append(message("last_take_over_refused", reason=self.refused.message))
+        return tuple(said)
+
+
 class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
     """One arm now. What is measured is None while the robot sends no datagrams for it.
 
@@ -118,6 +157,7 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
         problem: why it holds whatever it is commanded to do; None when nothing is wrong.
         limited: what it is kept apart from now, or was 0.2 s ago; None while its commands lead it near to nothing.
         cycles: its datagrams.
+        command: who commands it.
     """
 
     mode: ArmMode
@@ -134,6 +174,7 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
     problem: Said | None = None
     limited: Limited | None = None
     cycles: CycleCounts | None = None
+    command: CommandingReport = CommandingReport()
 
 
 class ControllerStatus(msgspec.Struct, frozen=True):
@@ -299,6 +340,8 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
         lines = [f"{word} arm: {', '.join(parts)}"]
         if arm.problem is not None:
             lines.append(f"  {arm.problem.message}")
+        if arm.command.said:
+            lines.append(f"  {in_words(arm.command.said)}")
         if arm.limited is not None:
             lines.append(f"  motion limited by {arm.limited}")
         if arm.position is not None:
@@ -331,9 +374,16 @@ class MotionReport(msgspec.Struct, frozen=True):
     remaining: float | None
 
 
-def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_fault: bool = False) -> ArmReport:
-    """An arm as its control loop's ``snapshot`` and its robot's newest ``datagram`` show it."""
-    it = snapshot
+def arm_report(
+    side: Side,
+    snapshot: Snapshot,
+    datagram: bytes = b"",
+    commanding: Commanding = Commanding(),  # noqa: B008 - it is frozen
+    *,
+    is_fault: bool = False,
+) -> ArmReport:
+    """An arm as its control loop's ``snapshot`` and its robot's newest ``datagram`` show it, and who commands it."""
+    it, command = snapshot, CommandingReport.of(commanding)
     counts = CycleCounts(
         answered=it.cycles,
         missed=it.wire.missed,
@@ -349,7 +399,7 @@ def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_faul
     )
     if not it.is_streaming:
         mode = ArmMode.FAULT if is_fault else ArmMode.NO_EGM
-        return ArmReport(mode=mode, session=it.session, cycles=counts)
+        return ArmReport(mode=mode, session=it.session, cycles=counts, command=command)
     if is_fault or it.problem is not Problem.NONE:
         mode = ArmMode.FAULT
     elif not it.is_running:
@@ -386,4 +436,5 @@ def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_faul
         problem=Said.of(message(PROBLEMS[it.problem], arm=side.word)) if it.problem is not Problem.NONE else None,
         limited=it.limited,
         cycles=counts,
+        command=command,
     )

@@ -6,14 +6,16 @@ waits: an arm is taken over and a gripper gets its goal on other threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Hashable, Mapping
+from contextlib import AbstractContextManager, suppress
+from functools import partial
 from math import inf
 from threading import Lock
 from typing import Protocol
 
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
+from yumi.control.hand_over import Commander, HandOver, asking
 from yumi.control.shared_state import Snapshots
 from yumi.driver.device_frame import ClutchWord, DeviceFrame, TeleoperatedArmReport, TeleoperationReport
 from yumi.driver.gripper_follower import GripperFollower
@@ -76,6 +78,12 @@ class TeleoperatedArms(Protocol):
     def end_following(self, side: Side) -> None: ...
 
 
+class TeleoperatedControl(Snapshots, Protocol):
+    """Where an arm is, and who commands it."""
+
+    hand_over: HandOver
+
+
 Elsewhere = Callable[[Callable[[], None]], None]
 """Has something done on a thread that may wait."""
 
@@ -102,24 +110,32 @@ class Teleoperation:
     def __init__(
         self,
         arms: TeleoperatedArms,
-        control: Snapshots,
+        control: TeleoperatedControl,
         grippers: Mapping[Side, GripperFollower],
         on_change: Callable[[], None] = lambda: None,
     ) -> None:
         self._robot, self._control, self._grippers, self._on_change = arms, control, grippers, on_change
         self._lock = Lock()
         self._arms = {side: _Arm(side) for side in Side}
-        self._operator: object = None
+        self._operator: Hashable = None
         self._came_at = -inf
         self._clock = DeviceClock()
         self._dropped = 0
 
-    def take(self, frame: DeviceFrame, operator: object, elsewhere: Elsewhere) -> TeleoperationReport:
-        """Have the arms follow a frame of the operator's device.
+    def take(
+        self, frame: DeviceFrame, operator: Hashable, elsewhere: Elsewhere, who: Commander = Commander.DEVICE
+    ) -> TeleoperationReport:
+        """Have the arms follow a frame of the operator's device; ``who`` commands them meanwhile.
 
         Raises:
             CommandRefused: another operator's device moves the arms.
         """
+        with asking(who, operator, who.value):
+            return self._take(frame, operator, elsewhere, who)
+
+    def _take(
+        self, frame: DeviceFrame, operator: Hashable, elsewhere: Elsewhere, who: Commander
+    ) -> TeleoperationReport:
         now = self._robot.clock.now()
         steps: dict[Side, Step] = {}
         with self._lock:
@@ -138,7 +154,7 @@ class Teleoperation:
                 steps |= self._move(frame, now, made_at)
             presses = {side: self._arms[side].press for side in steps}
         for side, step in steps.items():
-            self._carry_out(side, step, presses[side], elsewhere)
+            self._carry_out(side, step, presses[side], elsewhere, partial(asking, who, operator, who.value))
         with self._lock:
             return self._report()
 
@@ -147,7 +163,8 @@ class Teleoperation:
         steps = {}
         for side, hand in frame.by_arm.items():
             arm = self._arms[side]
-            is_taken = arm.taken == arm.press and self._robot.is_following(side)
+            is_own = self._control.hand_over.is_own(side)
+            is_taken = arm.taken == arm.press and is_own and self._robot.is_following(side)
             state = ArmNow(self._control.snapshot(side).sent, is_taken)
             step = arm.teleoperated.take(hand, frame.settings, frame.time, now, state)
             if step.goal is not None:
@@ -156,17 +173,24 @@ class Teleoperation:
                 arm.press += 1
             if step.brakes or step.take_over is not None or step.gripper is not None:
                 steps[side] = step
+        for side, arm in self._arms.items():
+            if arm.teleoperated.clutch in (Clutch.ENGAGING, Clutch.ENGAGED):
+                self._control.hand_over.renew(side, LINK_LOST)
+            else:
+                self._control.hand_over.let_go(side)
         return steps
 
-    def lose(self, operator: object) -> None:
+    def lose(self, operator: Hashable) -> None:
         """No more frames come from the operator: the arms that follow brake, and their clutches are inert."""
         with self._lock:
             is_operator = operator is self._operator
             steps = self._end_all(message("teleoperation_link_lost")) if is_operator else {}
-        for side in steps:
-            self._brake(side)
+        with asking(client=operator):
+            for side in steps:
+                self._brake(side)
+                self._control.hand_over.let_go(side)
 
-    def _check_operator(self, operator: object, now: float) -> None:
+    def _check_operator(self, operator: Hashable, now: float) -> None:
         if operator is not self._operator and self._operator is not None and now - self._came_at < OPERATOR_HOLDS:
             raise CommandRefused(message("teleoperated_by_another"))
 
@@ -175,12 +199,24 @@ class Teleoperation:
         steps = {side: arm.teleoperated.end(why) for side, arm in self._arms.items()}
         return {side: step for side, step in steps.items() if step.brakes}
 
-    def _carry_out(self, side: Side, step: Step, press: int, elsewhere: Elsewhere) -> None:
+    def _carry_out(
+        self,
+        side: Side,
+        step: Step,
+        press: int,
+        elsewhere: Elsewhere,
+        asked: Callable[[], AbstractContextManager[None]],
+    ) -> None:
         if step.brakes:
             self._brake(side)
         if step.take_over is not None:
             follower = step.take_over
-            elsewhere(lambda: self._take_over(side, follower, press))
+
+            def take_over() -> None:
+                with asked():  # on another thread
+                    self._take_over(side, follower, press)
+
+            elsewhere(take_over)
         if step.gripper is not None and (work := self._grippers[side].take(step.gripper)) is not None:
             elsewhere(work)
 

@@ -280,6 +280,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
             speed,
             collisions,
             own.read_joints,
+            own.deadline,
         )
         arms[side] = ConnectedArm(loop, socket)
         answered.append((limiter, arm))

@@ -50,7 +50,10 @@ class JointCodec:
 
     def __init__(self) -> None:
         self._library = load()
-        self._report, self._unreadable = create_string_buffer(REPORT.size), create_string_buffer(UNREADABLE_DATAGRAM.size)
+        self._report, self._unreadable = (
+            create_string_buffer(REPORT.size),
+            create_string_buffer(UNREADABLE_DATAGRAM.size),
+        )
         self._datagram = create_string_buffer(LARGEST_REFERENCE)
 
     def decode(self, datagram: bytes) -> JointReport:

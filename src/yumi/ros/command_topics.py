@@ -26,6 +26,7 @@ from std_msgs.msg import Float64MultiArray
 from yumi.catalogue import message
 from yumi.control.controllers.forward_command import FORWARDERS
 from yumi.control.goals import GoalBuffer, GoalKind, write_goal, write_speeds
+from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import Commands
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.control_process import ControlProcess
@@ -63,6 +64,7 @@ class CommandTopic(ABC):
         box: where goals go.
         snapshot: what is known of the arm.
         now: the time on the machine's monotonic clock [s].
+        hand_over: who commands the arm; None where nothing else does.
     """
 
     name: str
@@ -79,6 +81,7 @@ class CommandTopic(ABC):
         box: GoalBuffer,
         snapshot: Callable[[], Snapshot],
         now: Callable[[], float] = lambda: nan,
+        hand_over: HandOver | None = None,
     ) -> None:
         self._node = node
         self._refusals = RefusalLog(node.get_logger(), now)
@@ -88,6 +91,7 @@ class CommandTopic(ABC):
         self._now = now
         self._given_in = (0, 0)  # session and activation
         self.why_stopped: Callable[[], Cause] = Cause
+        self._hand_over = hand_over or HandOver(now)
         self._subscription = node.create_subscription(self.type, self.name, self._receive, _COMMAND_QOS)
 
     def destroy(self) -> None:
@@ -157,7 +161,8 @@ class CommandTopic(ABC):
     def _accept(self, received: Any, time: float) -> None:
         snapshot = self.check()
         now = (snapshot.session, snapshot.activation)
-        self.put(received, snapshot, time, is_new=self._given_in != now)
+        with self._hand_over.writing(self._side, Commander.STREAM):
+            self.put(received, snapshot, time, is_new=self._given_in != now)
         self._given_in = now
 
 
@@ -212,6 +217,7 @@ class ForwardTopic(CommandTopic):
         now: the time on the machine's monotonic clock [s].
         controller: its name.
         active: which controllers command the arm; asked after each activation.
+        hand_over: who commands the arm.
     """
 
     type, noun, taker = Float64MultiArray, "Command", "forward controller"
@@ -226,13 +232,14 @@ class ForwardTopic(CommandTopic):
         now: Callable[[], float],
         controller: str,
         active: Callable[[], Container[str]],
+        hand_over: HandOver | None = None,
     ) -> None:
         self.name = self.controller = controller
         self.name += "/commands"
         self._positions, self._speeds = buffers
         self._active = active
         self._known = (0, False)  # the activation, and whether the controller commands in it
-        super().__init__(node, side, buffers[0], snapshot, now)
+        super().__init__(node, side, buffers[0], snapshot, now, hand_over)
 
     def is_for(self, kind: GoalKind) -> bool:
         return bool(kind & (GoalKind.FORWARD_POSITION | GoalKind.FORWARD_VELOCITY))
@@ -278,6 +285,7 @@ def forward_interfaces(
             now,
             name,
             partial(active, side),
+            control.hand_over,
         )
 
     return {controller.kind: make for controller in FORWARDERS}

@@ -96,6 +96,7 @@ class RosDriver:
     ) -> None:
         self._manager = manager
         self._gripper_parts = grippers
+        control.hand_over.own_name = "ROS"
         self._hardware = {side: ArmHardware(side, control) for side in Side}
         root = settings.ros.root
         namespaces = {side: f"{root}/{side.value}" for side in Side}
@@ -188,8 +189,11 @@ class RosDriver:
         self._commands: list[CommandTopic] = []
         for side, node in self._streams.items():
             snapshot = partial(control.snapshot, side)
-            self._commands.append(JointCommandTopic(node, side, buffers[side].goals, snapshot, clock.now))
-            self._commands.append(JointVelocityTopic(node, side, buffers[side].speeds, snapshot, clock.now))
+            goals, speeds, who = buffers[side].goals, buffers[side].speeds, control.hand_over
+            self._commands += [
+                JointCommandTopic(node, side, goals, snapshot, clock.now, who),
+                JointVelocityTopic(node, side, speeds, snapshot, clock.now, who),
+            ]
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
 
@@ -239,6 +243,7 @@ class RosDriver:
             robot,
             self._grippers.statuses,
             self._timers,
+            control.hand_over,
             lambda: manager.egm_arms,
         )
 

@@ -34,6 +34,7 @@ from yumi.clock import Clock
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, InterfaceInfo
 from yumi.control.goals import UNKNOWN, check_position
+from yumi.control.hand_over import Commanding
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, TrajectoryFeedback
 from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, refused
@@ -119,8 +120,17 @@ _COUNTERS = (
 """Of an arm, in the values of ``egm_state``."""
 
 
-def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> DiagnosticStatus:
-    """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``; off is OK unless it ``is_desired``."""
+def egm_status(
+    side: Side,
+    snapshot: Snapshot,
+    commanding: Commanding = Commanding(),  # noqa: B008 - it is frozen
+    *,
+    is_desired: bool = False,
+) -> DiagnosticStatus:
+    """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``, and who commands the arm.
+
+    That EGM is off is OK unless it ``is_desired``.
+    """
     level, sentence = DiagnosticStatus.OK, "off, no datagrams from the robot; start_egm starts EGM"
     if snapshot.problem is not Problem.NONE:
         level, sentence = DiagnosticStatus.ERROR, str(said(PROBLEMS[snapshot.problem], arm=side.word))
@@ -144,6 +154,11 @@ def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> D
         "streaming": snapshot.is_streaming,
         "running": snapshot.is_running,
         "commanded": snapshot.is_commanded,
+        "commander": commanding.who.value,
+        "commander_client": commanding.name,
+        "commander_since": f"{commanding.since:.3f}",  # on the monotonic clock
+        "reserved_for_person": commanding.is_reserved,
+        "take_over_refused": "" if commanding.refused is None else str(commanding.refused),
         **{name: counters[name] for name in _COUNTERS},
         "limited_by": snapshot.limited_by,
         "problem": snapshot.problem.name.lower(),

@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.clock import Clock
+from yumi.control.hand_over import HandOver
 from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.robot_state import RobotState
@@ -198,6 +199,7 @@ class HealthTopics:
         robot: the state of the robot.
         grippers: both grippers' statuses for ``/diagnostics``.
         timers: keeps the rates.
+        hand_over: who commands the arms.
         desired: the arms on which EGM is to run.
     """
 
@@ -209,22 +211,25 @@ class HealthTopics:
         robot: Callable[[], RobotState],
         grippers: Callable[[], list[DiagnosticStatus]],
         timers: TimerThread,
+        hand_over: HandOver,
         desired: Callable[[], Container[Side]] = tuple,
     ) -> None:
         clock, root = node.get_clock(), node.get_namespace().strip("/")
         place = f"/{root}/" if root else ""
         diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
 
+        def status(side: Side) -> DiagnosticStatus:
+            return egm_status(side, snapshot(side), hand_over.of(side), is_desired=side in desired())
+
         def publish_arm(publisher: Any, side: Side) -> None:
-            publisher.publish(egm_status(side, snapshot(side), is_desired=side in desired()))
+            publisher.publish(status(side))
 
         def publish_diagnostics() -> None:
             array = DiagnosticArray()
             array.header.stamp = stamp(clock.now().nanoseconds)
-            arms = (egm_status(side, snapshot(side), is_desired=side in desired()) for side in Side)
-            array.status = [robot_status(robot()), *arms, *grippers()]
-            for status in array.status:  # those of several robots meet on /diagnostics
-                status.name = f"{place}{status.name}"
+            array.status = [robot_status(robot()), *map(status, Side), *grippers()]
+            for each in array.status:  # those of several robots meet on /diagnostics
+                each.name = f"{place}{each.name}"
             diagnostics.publish(array)
 
         for side, stream in streams.items():

@@ -82,7 +82,8 @@ class ToolTopic(CommandTopic):
         self._frames = frames
         self._control = control
         self._goals = control.buffers[side].tool_goals
-        super().__init__(node, side, control.buffers[side].goals, partial(control.snapshot, side), now)
+        goals, snapshot = control.buffers[side].goals, partial(control.snapshot, side)
+        super().__init__(node, side, goals, snapshot, now, control.hand_over)
 
     def _pose(self, received: Any) -> Pose:
         """The pose of a PoseStamped in the robot's base."""

@@ -35,8 +35,8 @@ class DriverLink:
         self._reading = asyncio.create_task(self._read())
 
     @classmethod
-    async def open(cls, robot: str = "") -> DriverLink:
-        """Connect to the one driver that runs, or to that of ``robot``.
+    async def open(cls, robot: str = "", *, is_page: bool = False) -> DriverLink:
+        """Connect to the one driver that runs, or to that of ``robot``; ``is_page`` as in :class:`.Attach`.
 
         Raises:
             RobotNotReady: none runs, or several do; the message says what to do.
@@ -49,7 +49,7 @@ class DriverLink:
             raise
         reader, writer = await asyncio.open_unix_connection(sock=connected, limit=_LONGEST_LINE)
         link = cls(reader, writer)
-        link._write(Attach())  # a page that has taken control may ask for nothing for long
+        link._write(Attach(is_page=is_page))  # a page that has taken control may ask for nothing for long
         return link
 
     async def close(self) -> None:

@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import msgspec
 
-from yumi.catalogue import Message, message
+from yumi.catalogue import FrontEnd, Message, in_words, message
+from yumi.control.hand_over import Commander
 from yumi.control.shared_state import Limited
 from yumi.driver.command import Arm
-from yumi.driver.commands import GetState, GetSurroundings, SwitchControllers
-from yumi.driver.reports import DriverState, EventReport, Said
+from yumi.driver.commands import GetState, GetSurroundings, GiveBack, SwitchControllers
+from yumi.driver.reports import CommandingReport, DriverState, EventReport, Said
 from yumi.driver.surroundings import Surroundings
 from yumi.egm.udp import is_loopback
 from yumi.errors import RobotNotReady
@@ -43,8 +44,9 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
 
     ``time`` is when it came, on this machine's monotonic clock [s]; ``reasons`` and ``causes`` are those of the state,
     and ``problems`` those of its arms, in the page's words, see :func:`words_for_page`; ``stop`` is the id of the stop
-    that is to be confirmed; ``limited`` are the arms that something limits, as :class:`ShownLimits` has it; ``nearest``
-    are two parts of these, else those nearest of all.
+    that is to be confirmed; ``commanding`` says who commands each arm, where there is anything to say; ``limited`` are
+    the arms that something limits, as :class:`ShownLimits` has it; ``nearest`` are two parts of these, else those
+    nearest of all.
     """
 
     time: float
@@ -53,6 +55,7 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     causes: tuple[Mapping[str, object], ...]
     stop: str
     problems: dict[str, Mapping[str, object]]
+    commanding: dict[str, str]
     limited: dict[str, Limited]
     nearest: Distance | None
 
@@ -61,6 +64,7 @@ class _ArmPart(msgspec.Struct, frozen=True):
     position: Joints | None
     problem: Said | None
     limited: Limited | None = None
+    command: CommandingReport = CommandingReport()
 
 
 class _StatePart(msgspec.Struct, frozen=True):
@@ -158,19 +162,23 @@ class LiveRobot:
         if not self.jogged:
             return
         try:
-            link = await DriverLink.open(self.robot)
+            link = await DriverLink.open(self.robot, is_page=True)
             try:
                 for arm, (names, by) in tuple(self.jogged.items()):
                     for _ in range(round(_STAND / _POLL)):
                         raw = await link.ask(GetState())
                         state = msgspec.json.decode(raw, type=DriverState)
-                        if state.arms[arm].mode.value != "moving":
+                        if (
+                            state.arms[arm].mode.value != "moving"
+                            and state.arms[arm].command.who == Commander.NONE.value
+                        ):
                             break
                         await asyncio.sleep(_POLL)
                     now = tuple(each.name for each in state.controllers[arm] if each.commands)
                     is_jogged = bool(now) and by.issuperset(now)
                     if names and is_jogged and now != names and state.arms[arm].mode.value == "holding":
                         await link.ask(SwitchControllers(arm=arm, activate=names, deactivate=now))
+                    await link.ask(GiveBack(arms=(arm,)))
                     self.jogged.pop(arm, None)
             finally:
                 await link.close()
@@ -214,7 +222,10 @@ class LiveRobot:
             count += 1
             problems = {name: self._words(arm.problem) for name, arm in arms.items() if arm.problem is not None}
             words = tuple(map(self._words, part.reasons)), tuple(map(self._words, part.causes))
-            seen = StateMessage(now, raw, *words, part.stop, problems, limited, nearest)
+            front_end = FrontEnd.VIRTUAL_PAGE if self.is_virtual else FrontEnd.PAGE
+            said = {name: in_words(arm.command.said, front_end) for name, arm in arms.items()}
+            commanding = {name: each for name, each in said.items() if each}
+            seen = StateMessage(now, raw, *words, part.stop, problems, commanding, limited, nearest)
             self._on_state(msgspec.json.encode(seen))
             if not self._watched.is_set():
                 self._state, self.why_not, self.is_virtual = None, _LOOKED_FOR, False  # another one may run later

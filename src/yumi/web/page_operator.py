@@ -102,7 +102,7 @@ class Operator:
 
     async def open(self) -> None:
         """Connect to the driver; raises RobotNotReady where none runs."""
-        self._link = await DriverLink.open(self._live.robot)
+        self._link = await DriverLink.open(self._live.robot, is_page=True)
         self._following = asyncio.create_task(self._jog_on()), asyncio.create_task(self._device.run())
 
     async def close(self) -> None:

@@ -67,6 +67,7 @@ def test_joints_that_a_goal_leaves_out_stay_where_they_were_sent(robot: FakeRobo
     robot.executor.move({Side.RIGHT: {"j1": 0.1}}, None, None)
     assert robot.control.commands[0].message.position == expected  # type: ignore[attr-defined]
     robot.end(robot.control.commands[0])
+    robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(sent=expected)
     robot.control.on_command = robot.rest
     robot.executor.stream(Side.RIGHT, {"j1": 0.1})
     newest = read_goal(robot.goals[Side.RIGHT], 1)

@@ -97,7 +97,7 @@ def test_arm_to_act_on_is_an_argument_of_that_name() -> None:
         for each in command.params
         if isinstance(each, click.Argument) and isinstance(each.type, click.Choice) and "right" in each.type.choices
     }
-    assert arms.keys() == {"start", "calibrate", "grip", "move", "switch", "measure"}
+    assert arms.keys() == {"start", "give-back", "calibrate", "grip", "move", "switch", "measure"}
     assert set(arms.values()) == {"arm"}
 
 

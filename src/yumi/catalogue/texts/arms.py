@@ -25,6 +25,18 @@ ARMS: Mapping[str, Text] = {
         "{arm} arm: the robot began EGM session {session} in the middle of a motion; {controllers} deactivated",
         "{start_egm} to go on",
     ),
+    "commanded_since": Text("commanded by {who} ({client}) since {since}"),
+    "reserved_for_person": Text("reserved for a person", "{give_back} for programs to command it again"),
+    "last_take_over_refused": Text("the last request was refused: {reason}"),
+    "commander_silent": Text(
+        "{arm} arm: who commanded it has sent nothing for {silence:.0ms}; it comes to rest and holds"
+    ),
+    "arm_taken": Text("{arm} arm: commanded by {who} ({client})"),
+    "arm_taken_over": Text("{arm} arm: commanded by {who} ({client}), in place of {before}"),
+    "arm_let_go": Text(
+        "{arm} arm: {before} ({client}) has let it go; it holds, reserved for a person", "{give_back} for programs"
+    ),
+    "arm_given_back": Text("{arm} arm: given back; programs may command it"),
     "session_resumed": Text(
         "{arm} arm: EGM feedback is back, session {session} goes on and the arm holds", "{recover} to go on"
     ),

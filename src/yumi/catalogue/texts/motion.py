@@ -272,6 +272,21 @@ CONTROLLERS: Mapping[str, Text] = {
     "controller_without_egm": Text(
         "controller {controller:quoted} cannot start: EGM is not running on this arm", "{start_egm}"
     ),
+    "arm_commanded_by_another": Text(
+        "the {arm} arm is commanded by {who} ({client})", "wait until that has ended, or stop it"
+    ),
+    "arm_reserved_for_person": Text(
+        "the {arm} arm is reserved for a person, who has let it go, and {who} is none", "{give_back}"
+    ),
+    "give_back_while_commanded": Text(
+        "the {arm} arm is commanded by a person now ({who})", "let it go first: release the clutch or the key"
+    ),
+    "stream_begins_elsewhere": Text(
+        "a joint of the stream's first position is {distance:.1°} away from where the {arm} arm is sent; "
+        "it may be {most:.1°} away",
+        "begin the stream where the arm is, move there before, or give blend, in seconds",
+    ),
+    "blend_out_of_range": Text("blend is {blend:g} s; its range is above 0 to {longest:g} s"),
     "controllers_were_ended": Text(
         "controller {controller:quoted} is inactive: what commanded the arm was ended",
         "{recover}, or activate {controller}",

@@ -71,6 +71,7 @@ class CartesianController(JointTrajectoryController):
         self._limited: list[ToolLimited] = []
         self._goals = goals
         self._number = 0
+        self._is_ended = False  # its stream, until it is activated anew
         self._values: Values = {each.name: each.default for each in _PARAMETERS}
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
@@ -84,10 +85,11 @@ class CartesianController(JointTrajectoryController):
         super().activate(state)
         newest = self._goals.read()
         self._number = newest[0] if newest else 0  # what was sent before does not count
+        self._is_ended = False
 
     def update(self, state: ArmState) -> ArmCommand | None:
         newest = self._goals.read()
-        if newest is not None and newest[0] != self._number and self._standstill is None:
+        if newest is not None and newest[0] != self._number and self._standstill is None and not self._is_ended:
             self._number, goal = newest
             if goal.session == state.session:
                 self._take(goal, state)
@@ -107,6 +109,11 @@ class CartesianController(JointTrajectoryController):
         if stream.is_over(state.time):
             self._rest_at(self._position)
         return command
+
+    def end_stream(self, state: ArmState) -> bool:
+        self._is_ended = True
+        self.receive(CancelTrajectory(), state)
+        return True
 
     def note_withheld(self, position: Joints) -> None:
         if not isinstance(self._source, ToolStream):

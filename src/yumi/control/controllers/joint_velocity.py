@@ -34,7 +34,7 @@ class JointVelocityController(Controller):
         self._wanted: Joints = ZERO
         self._given_at = -inf
         self._timeout = inf
-        self._is_active = False
+        self._is_active = self._is_ended = False
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         return (Parameter("timeout", 0.1, 0.01, 2.0, "s", "Without a new speed for so long, the arm stops."),)
@@ -49,7 +49,7 @@ class JointVelocityController(Controller):
         self._inbox.forget()
         self._wanted, self._given_at = ZERO, -inf
         self._motion.begin(state)
-        self._is_active = True
+        self._is_active, self._is_ended = True, False
 
     def deactivate(self) -> None:
         self._is_active = False
@@ -58,8 +58,12 @@ class JointVelocityController(Controller):
         goal = self._inbox.take(state.session, state.time)
         if goal is not None:
             self._wanted, self._given_at = goal.velocity, goal.time
-        is_silent = state.time - self._given_at > self._timeout
+        is_silent = self._is_ended or state.time - self._given_at > self._timeout
         return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
+
+    def end_stream(self, state: ArmState) -> bool:
+        self._is_ended = True
+        return True
 
     def note_withheld(self, position: Joints) -> None:
         self._motion.give_up(position)

@@ -233,6 +233,16 @@ class ControllerManager:
             self._note_change()
         return tuple(loaded.name for loaded in commanding)
 
+    def end_streams(self, state: ArmState) -> None:
+        """Have what commands the arm bring it to rest, see :meth:`.Controller.end_stream`; else it is deactivated."""
+        try:
+            is_ended = all(loaded.controller.end_stream(state) for loaded in self._commanding)
+        except Exception as error:
+            self._fail(self._commanding[0], error)
+            return
+        if not is_ended:
+            self.deactivate_commanding()
+
     def set_hardware_state(self, name: str, state: State) -> HardwareInfo:
         """Lead the hardware component to ``state``; who uses what it no longer offers is deactivated.
 

@@ -51,6 +51,9 @@ export class ArmPanel {
 
   private show(page: Page): void {
     if (!page.state) return;
+    const commanding = page.commanding[page.arm] ?? "";
+    text(at("commanding"), commanding);
+    at("commanding").hidden = !commanding;
     this.showJoints(page);
     this.showTool(page);
     showGripper(page);

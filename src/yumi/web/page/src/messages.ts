@@ -211,6 +211,7 @@ export interface StateMessage {
   causes: Said[];
   stop: string;
   problems: PerArm<Said>; // of the arms that have one
+  commanding: PerArm<string>; // who commands an arm, where there is anything to say
 }
 
 /** What the clutch of a teleoperated arm does; why a held one moves nothing, what the arm is kept apart from, and why the

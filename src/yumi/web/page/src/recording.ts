@@ -39,7 +39,7 @@ export function ofTime(recording: Recording, time: number): Partial<Page> {
   };
   return {
     state, stateTime: time, reasons: asMessages(robot?.reasons), causes: asMessages(robot?.causes?.length ? robot.causes : fault), stop: robot?.stop ?? "",
-    problems: {}, limited: {}, nearest: null,
+    problems: {}, commanding: {}, limited: {}, nearest: null,
   };
 }
 

@@ -31,6 +31,7 @@ export interface Page {
   causes: Said[]; // what stopped the robot
   stop: string; // id of the stop that a person has to confirm
   problems: PerArm<Said>; // why an arm holds, of those that do
+  commanding: PerArm<string>; // who commands an arm, where there is anything to say
   limited: PerArm<Limited>; // two parts of each arm that must not come nearer to each other
   nearest: Distance | null; // those that limit an arm, else those nearest to each other
   silentSince: number; // when the robot began to run EGM without its datagrams, on the server's clock [s]
@@ -64,7 +65,7 @@ export function initialPage(model: Model, workObject: Frame | null): Page {
       is_recording: false, controller: null, why_no_robot: CONNECTING, is_virtual: false, why_not_operated: "", may_stop: false, may_pair: false,
       control: "none", surroundings: { boxes: [] }, faults: [],
     },
-    state: null, stateTime: 0, reasons: [], causes: [], stop: "", problems: {}, limited: {}, nearest: null,
+    state: null, stateTime: 0, reasons: [], causes: [], stop: "", problems: {}, commanding: {}, limited: {}, nearest: null,
     silentSince: Infinity, arm, tab: "joints", jogSpeed: 0.6, frame: "base", handle: "none",
     goal: posesOf(model)[0] ?? JOINT_GOAL, isForBoth: false, isPreviewed: false, plan: null,
     device: "keyboard", teleoperatedArms: "both", scale: 1, yaw: 0, teleoperated: null, workObject, events: [], recording: null, tasks: [], missing: [], log: [],
@@ -78,9 +79,9 @@ export function posesOf(model: Model): string[] {
 
 /** What a state of the driver changes. */
 export function ofState(page: Page, message: StateMessage): Partial<Page> {
-  const { state, time: stateTime, reasons, causes, stop, problems, limited, nearest } = message;
+  const { state, time: stateTime, reasons, causes, stop, problems, commanding, limited, nearest } = message;
   const silentSince = silentArms(state).length ? Math.min(page.silentSince, stateTime) : Infinity;
-  return { state, stateTime, reasons, causes, stop, problems, limited, nearest, silentSince };
+  return { state, stateTime, reasons, causes, stop, problems, commanding, limited, nearest, silentSince };
 }
 
 /** What is known of a controller without a driver, in the shape of a driver's state as far as there is one. */

@@ -43,7 +43,7 @@ export function driverState(changes: Partial<DriverState> = {}): DriverState {
 }
 
 export function stateMessage(changes: Partial<StateMessage> = {}): StateMessage {
-  return { type: "state", time: 10, state: driverState(), limited: {}, nearest: null, reasons: [], causes: [], stop: "", problems: {}, ...changes };
+  return { type: "state", time: 10, state: driverState(), limited: {}, commanding: {}, nearest: null, reasons: [], causes: [], stop: "", problems: {}, ...changes };
 }
 
 export function viewMessage(changes: Partial<ViewMessage> = {}): ViewMessage {

@@ -1,0 +1,121 @@
+"""A person at the page and a script want the same arm: who commands it, and what each of them hears."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cartesian_bench import shares
+from refusals import refused
+from system.teleoperation_bench import LEFT_START, RIGHT, START, WITHIN, driver_in_egm
+from system.test_endpoint_in_virtual_time import Driver
+from yumi.catalogue import FrontEnd
+from yumi.control.hand_over import Commander
+from yumi.driver.command import Caller, Command
+from yumi.driver.commands import GiveBack, carry_out
+from yumi.driver.motion_commands import Jog, Move
+from yumi.errors import CommandRefused, GoalNotReached
+from yumi.robot.joints import Joints, Side, joints
+
+PAGE = Caller(client="page", front_end=FrontEnd.PAGE)
+SCRIPT = Caller(client="script")
+SPEEDS = joints([0.2] * 7)
+FAR: Joints = joints([value + 0.5 for value in START])
+
+
+class Clients:
+    """Clients of a driver, whose commands wait on threads of their own while time goes by."""
+
+    def __init__(self, driver: Driver, pool: ThreadPoolExecutor) -> None:
+        self.driver = driver
+        self._pool = pool
+
+    def begin(self, command: Command[Any], caller: Caller) -> Future[Any]:
+        return self._pool.submit(carry_out, command, self.driver.server._robot, caller)
+
+    def done(self, command: Command[Any], caller: Caller) -> Any:
+        """The result of a command; time goes by meanwhile."""
+        return self.ended(self.begin(command, caller))
+
+    def ended(self, future: Future[Any]) -> Any:
+        while not future.done():
+            self.driver.wait(0.02)
+            wait([future], 0.002)
+        return future.result()
+
+    def jog(self, seconds: float) -> None:
+        begin = self.driver.now()
+        while self.driver.now() - begin < seconds:
+            self.done(Jog(arm="right", speeds=SPEEDS), PAGE)
+            self.driver.wait(0.02)
+
+
+@pytest.fixture
+def clients(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Clients]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with driver_in_egm() as driver, ThreadPoolExecutor(4) as pool:
+        yield Clients(driver, pool)
+
+
+def command(clients: Clients) -> tuple[Commander, bool]:
+    now = clients.driver.hand_over.of(RIGHT)
+    return now.who, now.is_reserved
+
+
+def test_person_takes_an_arm_from_a_scripts_move_and_gives_it_back(clients: Clients) -> None:
+    driver = clients.driver
+    moving = clients.begin(Move(right=FAR, left=LEFT_START, speed_scale=0.2), SCRIPT)
+    driver.until(lambda: driver.mover.is_moving(RIGHT), 5.0)
+    driver.wait(0.3)
+    assert command(clients) == (Commander.TRAJECTORY, False)
+    clients.jog(0.5)
+    with pytest.raises(GoalNotReached):
+        clients.ended(moving)
+    assert command(clients) == (Commander.PAGE, False)
+    with refused(CommandRefused, "arm_commanded_by_another", who="page", client="page"):
+        clients.done(Move(right=START), SCRIPT)
+    driver.wait(1.0)
+    assert command(clients) == (Commander.NONE, True)
+    still = driver.snapshot(RIGHT).sent
+    for attempt in (Move(right=START), Jog(arm="right", speeds=SPEEDS)):
+        with refused(CommandRefused, "arm_reserved_for_person", arm="right"):
+            clients.done(attempt, SCRIPT)
+    driver.wait(0.5)
+    assert driver.snapshot(RIGHT).sent == pytest.approx(still, abs=1e-9)
+    report = driver.server._robot.state().arms["right"].command
+    assert [said.code for said in report.said] == ["reserved_for_person", "last_take_over_refused"]
+    clients.done(Move(left=LEFT_START), SCRIPT)  # the other arm is nobody's
+    clients.done(GiveBack(arms=("right",)), PAGE)
+    clients.done(Move(right=START), SCRIPT)
+    assert driver.snapshot(RIGHT).sent == pytest.approx(START, abs=1e-5)
+    for side in Side:
+        assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
+
+
+def test_move_of_the_page_is_a_persons_and_no_scripts_move_follows_it_by_itself(clients: Clients) -> None:
+    moving = clients.begin(Move(right=FAR, speed_scale=0.2), SCRIPT)
+    clients.driver.until(lambda: clients.driver.mover.is_moving(RIGHT), 5.0)
+    clients.driver.wait(0.3)
+    clients.done(Move(right=START), PAGE)
+    with pytest.raises(GoalNotReached):
+        clients.ended(moving)
+    clients.driver.wait(0.5)
+    assert command(clients) == (Commander.NONE, True)
+    with refused(CommandRefused, "arm_reserved_for_person"):
+        clients.done(Move(right=FAR), SCRIPT)
+    clients.done(Move(right=FAR, speed_scale=0.5), PAGE)
+
+
+def test_stop_of_a_script_is_open_to_it_while_a_person_commands(clients: Clients) -> None:
+    clients.jog(0.3)
+
+    clients.driver.mover.stop((RIGHT,))
+    clients.driver.wait(0.3)
+    before = clients.driver.snapshot(RIGHT).sent
+    clients.driver.wait(0.3)
+    assert clients.driver.snapshot(RIGHT).sent == pytest.approx(before, abs=1e-9)

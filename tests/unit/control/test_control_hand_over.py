@@ -1,0 +1,227 @@
+"""Who may take an arm over from whom, and what is left when somebody lets it go."""
+
+from __future__ import annotations
+
+from math import inf
+from threading import Event as Flag
+from threading import Thread
+
+import pytest
+
+from refusals import refused
+from unit.robot.test_robot_kinematics import rad
+from yumi.clock import ManualClock
+from yumi.control.controller import IDLE
+from yumi.control.controllers.joint_goal import JointGoal, StopMotion
+from yumi.control.hand_over import Blend, Commander, HandOver, asking
+from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.loop_events import ArmGivenBack, CommanderChanged, CommanderSilent, Event
+from yumi.errors import CommandRefused
+from yumi.robot.joints import ZERO, Side, home, joints
+
+RIGHT, LEFT = Side.RIGHT, Side.LEFT
+SOON = 0.1  # [s]
+PERSONS = [Commander.PAGE, Commander.HEADSET, Commander.DEVICE, Commander.LEAD_THROUGH]
+PROGRAMS = [Commander.TRAJECTORY, Commander.PLANNER, Commander.STREAM, Commander.POLICY, Commander.RAPID]
+
+
+class Arms(HandOver):
+    """The hand-over of arms that the test has move.
+
+    Attributes:
+        clock: of it.
+        moving: those that move.
+        events: what happened.
+    """
+
+    def __init__(self) -> None:
+        self.clock = ManualClock(100.0)
+        self.moving: set[Side] = set()
+        self.events: list[Event] = []
+        super().__init__(self.clock.now, lambda side: side in self.moving, self.events.append)
+
+    def taken(self, who: Commander, client: object = None, lasts: float | None = IDLE, side: Side = RIGHT) -> bool:
+        with asking(who, client, str(client)):  # type: ignore[arg-type]
+            return self.take(side, who, lasts)
+
+
+@pytest.fixture
+def arms() -> Arms:
+    return Arms()
+
+
+def test_every_commander_is_a_person_or_a_program_or_none() -> None:
+    assert {who for who in Commander if who.is_person} == set(PERSONS)
+    assert {*PERSONS, *PROGRAMS, Commander.NONE} == set(Commander)
+
+
+@pytest.mark.parametrize("person", PERSONS)
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_person_takes_an_arm_from_a_program_and_no_program_takes_one_back(
+    arms: Arms, person: Commander, program: Commander
+) -> None:
+    arms.taken(program, "program")
+    assert arms.taken(person, "person")
+    with refused(CommandRefused, "arm_commanded_by_another", arm="right", who=person.value, client="person"):
+        arms.taken(program, "program")
+    assert arms.of(RIGHT).who is person
+    assert arms.of(LEFT).who is Commander.NONE
+
+
+@pytest.mark.parametrize(("first", "second"), [("STREAM", "POLICY"), ("TRAJECTORY", "PLANNER"), ("PAGE", "HEADSET")])
+def test_one_who_commands_keeps_the_arm_from_those_of_the_same_rank(arms: Arms, first: str, second: str) -> None:
+    arms.taken(Commander[first], "first")
+    with refused(CommandRefused, "arm_commanded_by_another", who=Commander[first].value):
+        arms.taken(Commander[second], "second")
+    assert not arms.taken(Commander[second], "first")  # the same client goes on in another way
+    assert arms.of(RIGHT).who is Commander[second]
+
+
+def test_stream_is_over_a_second_after_its_last_goal_and_a_motion_when_the_arm_stands(arms: Arms) -> None:
+    arms.taken(Commander.STREAM, "stream")
+    arms.clock.advance(IDLE)
+    assert arms.of(RIGHT).who is Commander.STREAM
+    arms.clock.advance(0.01)
+    assert arms.of(RIGHT).who is Commander.NONE
+    arms.moving.add(RIGHT)
+    arms.taken(Commander.TRAJECTORY, "script", None)
+    arms.clock.advance(60.0)
+    assert arms.of(RIGHT).who is Commander.TRAJECTORY
+    arms.moving.clear()
+    assert arms.of(RIGHT).who is Commander.NONE
+    assert not arms.of(RIGHT).is_reserved
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_arm_that_a_person_has_let_go_is_reserved_until_it_is_given_back(arms: Arms, program: Commander) -> None:
+    arms.taken(Commander.HEADSET, "person", SOON)
+    with asking(client="person"):
+        arms.let_go(RIGHT)
+    arms.clock.advance(3600.0)
+    with refused(CommandRefused, "arm_reserved_for_person", arm="right", who=program.value):
+        arms.taken(program, "program")
+    refusal = arms.of(RIGHT).refused
+    assert refusal is not None
+    assert refusal.code == "arm_reserved_for_person"
+    assert arms.give_back((RIGHT, LEFT)) == (RIGHT,)
+    assert arms.of(RIGHT).refused is None
+    assert arms.taken(program, "program")
+    assert arms.give_back((RIGHT, LEFT)) == ()
+
+
+def test_person_who_falls_silent_has_let_the_arm_go(arms: Arms) -> None:
+    arms.taken(Commander.DEVICE, "person", SOON)
+    with asking(client="person"):
+        for _ in range(10):
+            arms.clock.advance(SOON)
+            arms.renew(RIGHT, SOON)
+    assert arms.of(RIGHT).who is Commander.DEVICE
+    arms.clock.advance(2.0 * SOON)
+    assert (arms.of(RIGHT).who, arms.of(RIGHT).is_reserved) == (Commander.NONE, True)
+    with asking(client="person"):
+        arms.renew(RIGHT, SOON)  # too late
+    assert arms.of(RIGHT).who is Commander.NONE
+    assert arms.taken(Commander.PAGE, "another person")  # a reserved arm is for people
+    assert arms.of(RIGHT).is_reserved
+
+
+def test_arm_that_a_person_commands_is_not_given_back(arms: Arms) -> None:
+    arms.taken(Commander.PAGE, "person")
+    with refused(CommandRefused, "give_back_while_commanded", arm="right", who="page"):
+        arms.give_back((RIGHT,))
+
+
+def test_nobody_lets_go_what_another_one_commands(arms: Arms) -> None:
+    arms.taken(Commander.DEVICE, "person")
+    with asking(client="another"):
+        arms.let_go(RIGHT)
+        arms.renew(RIGHT, inf)
+        assert not arms.is_own(RIGHT)
+    assert arms.of(RIGHT).who is Commander.DEVICE
+    arms.clock.advance(IDLE + 0.01)
+    assert arms.of(RIGHT).who is Commander.NONE
+
+
+def test_end_of_the_controllers_ends_the_command_and_who_takes_the_arm_next_begins_anew(arms: Arms) -> None:
+    assert not arms.taken(Commander.DEVICE, "person")  # nothing was sent before
+    arms.note(CommanderSilent(RIGHT, 0.2))
+    assert (arms.of(RIGHT).who, arms.of(RIGHT).is_reserved) == (Commander.NONE, True)
+    assert arms.taken(Commander.DEVICE, "person")
+    arms.note(CommanderSilent(LEFT, 0.2))
+    assert not arms.of(LEFT).is_reserved
+
+
+def test_hand_overs_are_events_and_a_program_that_goes_on_is_none(arms: Arms) -> None:
+    arms.taken(Commander.POLICY, "policy")
+    arms.clock.advance(2.0)
+    arms.taken(Commander.POLICY, "policy")
+    assert arms.events == []
+    arms.taken(Commander.HEADSET, "person")
+    with asking(client="person"):
+        arms.let_go(RIGHT)
+    arms.give_back((RIGHT,))
+    arms.taken(Commander.POLICY, "policy")
+    assert arms.events == [
+        CommanderChanged(RIGHT, "headset", "person", "policy"),
+        CommanderChanged(RIGHT, "none", "person", "headset"),
+        ArmGivenBack(RIGHT),
+        CommanderChanged(RIGHT, "policy", "policy", "none"),
+    ]
+
+
+def test_commands_that_move_pass_only_for_who_commands_and_a_stop_passes_always(arms: Arms) -> None:
+    goal = ControllerCommand(RIGHT, "c", JointGoal(home(RIGHT), 1, None, None))
+    stop = ControllerCommand(RIGHT, "c", StopMotion(2))
+    arms.taken(Commander.DEVICE, "person")
+    with arms.passing(Commands.send_commands, (stop,), {}), arms.passing(Commands.hold, (RIGHT,), {}):
+        pass
+    with refused(CommandRefused, "arm_commanded_by_another"), arms.passing(Commands.send_commands, (goal,), {}):
+        pass
+    for options in ({"activate": ("c",)}, {"activate": ("c",), "deactivate": ("d",)}):
+        with (
+            refused(CommandRefused, "arm_commanded_by_another"),
+            arms.passing(Commands.switch_controllers, (RIGHT,), options),
+        ):
+            pass
+    with arms.passing(Commands.switch_controllers, (RIGHT, (), ("d",)), {}):  # the arm holds
+        pass
+    with asking(only_holds=True), arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}):
+        pass
+    with asking(client="person"), arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}):
+        pass
+    assert arms.of(RIGHT).who is Commander.DEVICE
+
+
+def test_who_takes_an_arm_over_waits_until_a_goal_of_before_is_written(arms: Arms) -> None:
+    order: list[str] = []
+    begins = Flag()
+
+    def take() -> None:
+        begins.set()
+        arms.taken(Commander.DEVICE, "person")
+        order.append("taken")
+
+    other = Thread(target=take)
+    with arms.writing(RIGHT, Commander.STREAM):
+        other.start()
+        begins.wait()
+        other.join(0.05)  # would be over by then
+        assert other.is_alive()
+        order.append("written")
+    other.join()
+    assert order == ["written", "taken"]
+
+
+def test_blend_begins_where_the_arm_is_sent_and_ends_on_the_stream() -> None:
+    sent, first = rad((20, -90, -110, 10, 30, 60, 10)), rad((30, -80, -100, 20, 40, 50, 0))
+    blend = Blend(sent, first, 2.0)
+    assert blend.at(first, 0.0) == pytest.approx(sent)
+    assert blend.at(first, 2.0) == first
+    half = joints([0.5 * (a + b) for a, b in zip(sent, first, strict=True)])
+    assert blend.at(first, 1.0) == pytest.approx(half)
+    step = 1e-3
+    for time in (0.0, 2.0 - 2.0 * step):  # neither speed nor acceleration steps where it begins and ends
+        a, b, c = (blend.at(first, time + number * step)[0] for number in range(3))
+        assert abs(b - a) / step < 1e-5
+        assert abs(c - 2.0 * b + a) / step**2 < 2e-2
+    assert Blend(sent, first, 0.0).at(ZERO, 0.0) == ZERO
