@@ -18,6 +18,7 @@ from threading import Lock, RLock
 from typing import NamedTuple
 
 from yumi.catalogue import Message, message
+from yumi.control.chunk_commands import FollowChunk
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.loop_commands import Commands, ControllerCommand
@@ -229,10 +230,11 @@ class HandOver:
         """
         asker = _asker.get()
         with ExitStack() as gates:
-            if command is Commands.send_commands:
+            if command in (Commands.send_commands, Commands.take_commands):
                 given = [each for each in args if isinstance(each, ControllerCommand)]
-                for side in self._entered(gates, {each.side for each in given if not isinstance(each.message, STOPS)}):
-                    self.take(side, self._kind_of_motion(side, asker), None)
+                moving = {each.side: each.message for each in given if not isinstance(each.message, STOPS)}
+                for side in self._entered(gates, set(moving)):
+                    self.take(side, self._kind_of_motion(side, moving[side], asker), None)
             elif command is Commands.switch_controllers and not asker.only_holds:
                 named = signature(command).bind(None, *args, **options).arguments
                 for side in self._entered(gates, {named["side"]} if named.get("activate") else set()):
@@ -324,8 +326,10 @@ class HandOver:
             self._held[side] = held._replace(command=replace(command, refused=refusal))
             raise CommandRefused(refusal)
 
-    def _kind_of_motion(self, side: Side, asker: Asker) -> Commander:
+    def _kind_of_motion(self, side: Side, sent: object, asker: Asker) -> Commander:
         """Of a motion without a kind of its own: that of who asks, where that one commands a motion already."""
+        if isinstance(sent, FollowChunk):
+            return Commander.POLICY
         command = self.of(side)
         is_known = command.client == asker.client and command.who in (Commander.PLANNER, Commander.POLICY)
         return command.who if is_known else Commander.TRAJECTORY
