@@ -137,6 +137,22 @@ def wear_headset(page: Any, save: Callable[[Any, str], None]) -> None:
     save(page, "headset")
 
 
+def teleoperation(opened: Callable[..., Any], save: Callable[[Any, str], None]) -> None:
+    """The pictures of teleoperation, from where the arms have room; EGM is off before and after."""
+    with attach() as driver:
+        driver.start_egm()
+        driver.move_to(right="ready", left="ready")
+        page = opened(SIZE)
+        page.click("#take")
+        teleoperate(Film(page), save)
+        page.close()
+        page = opened(EYE, script=run_script("person"))
+        wear_headset(page, save)
+        page.close()
+        driver.move_to(right="home", left="home")
+        driver.stop_egm()
+
+
 def move_to_limit(film: Film) -> None:
     """Send the right arm straight against the body: the limiter keeps it apart while the motion goes on.
 
@@ -225,18 +241,7 @@ def main() -> None:
             for name, page in (("dark", opened(SIZE, "dark")), ("390", opened((390, 844)))):
                 picture(page, name)
                 page.close()
-            with attach() as driver:
-                driver.start_egm()
-                driver.move_to(right="ready", left="ready")
-                page = opened(SIZE)
-                page.click("#take")
-                teleoperate(Film(page), picture)
-                page.close()
-                page = opened(EYE, script=run_script("person"))
-                wear_headset(page, picture)
-                page.close()
-                driver.move_to(right="home", left="home")
-                driver.stop_egm()
+            teleoperation(opened, picture)
             page = opened(SIZE)
             film = Film(page)
             demonstration(film)

@@ -507,7 +507,7 @@ def view(
       yumi view --robot 192.168.125.1    a driver that only reads is started
       yumi view --robot 127.0.0.1:8080   any program of `yumi controller`
       yumi view session.mcap             a recording or flight record
-      yumi view --operate --https --listen 192.168.1.20   a headset on another machine
+      yumi view --operate --https --listen 192.168.1.20   for a headset
     """
     from yumi.web.controller import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
     from yumi.web.page_build import page_folder  # noqa: PLC0415

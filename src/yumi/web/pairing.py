@@ -73,5 +73,5 @@ class Pairing:
     def is_paired(self, key: str) -> bool:
         """Whether a session has this key."""
         given = key.encode(errors="surrogateescape")
-        found = [secrets.compare_digest(given, known) for known in self._keys]  # all of them: the time tells nothing
+        found = [secrets.compare_digest(given, known) for known in self._keys]  # all of them, in the same time
         return any(found)

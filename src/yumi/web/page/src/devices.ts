@@ -60,12 +60,14 @@ export class Keyboard implements Device {
   private readonly held = new Set<string>();
   private gripper: number | undefined;
 
-  /** A key was pressed; whether it means something. */
-  press(code: string): boolean {
-    const isKnown = code === CLUTCH_KEY || code in KEY_AXES || code in GRIPPER_KEYS;
-    if (isKnown) this.held.add(code);
+  /** Whether a key means something here. */
+  static isKnown(code: string): boolean {
+    return code === CLUTCH_KEY || code in KEY_AXES || code in GRIPPER_KEYS;
+  }
+
+  press(code: string): void {
+    this.held.add(code);
     if (this.held.has(CLUTCH_KEY)) this.gripper = GRIPPER_KEYS[code] ?? this.gripper;
-    return isKnown;
   }
 
   release(code: string): void {

@@ -151,8 +151,9 @@ export class Teleoperation {
   private bindKeys(): void {
     const keys = at("keys");
     keys.addEventListener("keydown", (event) => {
-      if (event.ctrlKey || event.altKey || event.metaKey || !this.keyboard.press(event.code)) return;
+      if (event.ctrlKey || event.altKey || event.metaKey || !Keyboard.isKnown(event.code)) return;
       event.preventDefault();
+      if (!event.repeat) this.keyboard.press(event.code); // one that is held on was pressed before the focus was lost
     });
     keys.addEventListener("keyup", (event) => this.keyboard.release(event.code));
     keys.addEventListener("blur", () => this.store.page.device === "keyboard" && this.release());
