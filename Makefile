@@ -16,7 +16,7 @@ help:
 	@echo 'make demo          a virtual YuMi moves both arms and grips; ARGS="--robot <address>" for a real one'
 	@echo 'make test          the check: format, lint, types, layers, spelling, terms, then the tests that need no real time'
 	@echo 'make check         the same without the tests'
-	@echo 'make test-real-time  the rest of the tests: ROS, processes, sockets, the pages; wants a quiet machine for 25 minutes'
+	@echo 'make test-real-time  the rest of the tests: ROS, processes, sockets, the pages; wants a quiet machine for some ten minutes'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
 	@echo 'make wheels        wheels in dist/: one for every Python, one for this Python with the message packages built'
 	@echo 'make release VERSION=0.1.0  wheels, sources and notes in dist/, each tried in an empty environment'
@@ -62,9 +62,12 @@ test: parts-of-tests check
 	.venv/bin/python -m pytest --numprocesses 2 --dist worksteal -m 'not ros and not real_time and not soak' $(ARGS)
 	.venv/bin/python -m pytest -m smoke tests/ros/test_ros_driver.py $(ARGS)
 
-# What runs in real time has the machine to itself, one by one.
+# What runs in real time waits more than it computes: two files at a time, each with the robot and the driver that its
+# tests share. What measures or loads the machine has the machine to itself.
+REAL_TIME = (ros or real_time) and not soak
 test-real-time: parts-of-tests
-	.venv/bin/python -m pytest -m '(ros or real_time) and not soak' $(ARGS)
+	.venv/bin/python -m pytest --numprocesses 2 --dist loadgroup --no-loadscope-reorder -m '$(REAL_TIME) and not alone' $(ARGS)
+	.venv/bin/python -m pytest -m '$(REAL_TIME) and alone' $(ARGS)
 
 # The long forms of tests, properties with a thousand examples each, with what they tell meanwhile.
 soak: parts-of-tests

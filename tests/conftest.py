@@ -5,7 +5,9 @@ from __future__ import annotations
 import gc
 import os
 import runpy
+import shutil
 import signal
+import tempfile
 import threading
 from collections.abc import Iterator
 from math import radians
@@ -19,6 +21,9 @@ from yumi.clock import ManualClock
 from yumi.robot.joints import Joints, joints
 
 
+_RUNTIME = pytest.StashKey[str]()
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--random-words", action="store_true", help="Replace every sentence of the catalogue by random words."
@@ -26,7 +31,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """A shell starts what goes on in its background so that Ctrl-C is ignored, and every command would inherit that."""
+    """Give what the tests start a world of its own, beside other tests and beside a driver that runs on this machine.
+
+    A shell starts what goes on in its background so that Ctrl-C is ignored, and every command would inherit that.
+    """
+    config.stash[_RUNTIME] = tempfile.mkdtemp(prefix="yumi-tests-")  # short: sockets in it have paths
+    os.environ["XDG_RUNTIME_DIR"] = config.stash[_RUNTIME]  # where the one driver of a machine is found
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.getoption("random_words"):
@@ -35,12 +45,19 @@ def pytest_configure(config: pytest.Config) -> None:
         runpy.run_path(f"{folder}/sitecustomize.py")  # in the processes that the tests start Python does so itself
 
 
+def pytest_unconfigure(config: pytest.Config) -> None:
+    shutil.rmtree(config.stash[_RUNTIME])
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long tests run only where they are selected, see ``make soak``; random words have no wording to look at."""
     if config.getoption("random_words"):
         for item in items:
             if item.get_closest_marker("words"):
                 item.add_marker(pytest.mark.skip(reason="looks at the catalogue's own words, which are random now"))
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:  # ``make test-real-time``: a file starts its robot once
+            item.add_marker(pytest.mark.xdist_group(item.path.name))
     if "soak" not in config.option.markexpr:  # another -m takes the place of the usual one
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("soak")])
         items[:] = [item for item in items if not item.get_closest_marker("soak")]

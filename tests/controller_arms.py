@@ -134,7 +134,7 @@ class LimitedArm:
     def settle(self, state: ArmState) -> None:
         self._limiter.observe(state)
 
-    def prepare(self, sampled: Sampled | None) -> None:
+    def prepare(self, sampled: Sampled | None, session: int) -> None:
         """It is asked for each state."""
 
     def take_braked(self) -> Sequence[Cycle]:

@@ -42,6 +42,9 @@ class Clone:
         ignored = shutil.ignore_patterns(".venv", ".git", "build", "__pycache__", ".*_cache", ".hypothesis", "*.mcap")
         shutil.copytree(ROOT, self.root, ignore=ignored, ignore_dangling_symlinks=True)
         (self.root / ".venv").symlink_to(sys.prefix)
+        (self.root / "build").mkdir()
+        for built in ("core", "page"):  # from the same sources, of which each has the fingerprint in its name
+            (self.root / "build" / built).symlink_to(ROOT / "build" / built)
         self.ports = {port: str(free_tcp_port()) for port in ("8080", "8000")}
         self.ports |= {port: str(free_port()) for port in ("6510", "6511", "6512")}
         usual = re.compile(rf"\b({'|'.join(self.ports)})\b")

@@ -25,6 +25,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     Before them come those that have a driver of their own, since two would refuse each other.
     """
     items.sort(key=_place)
+    for item in items:
+        if _place(item) == 2:
+            item.add_marker(pytest.mark.xdist_group("the driver that tests share"))
 
 
 def _place(item: pytest.Item) -> int:

@@ -24,6 +24,7 @@ from yumi_evaluation.bench.run import Workshop, run_case
 CYCLES = 200
 pytestmark = [
     pytest.mark.real_time,
+    pytest.mark.alone,
     pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the benchmark needs Linux"),
 ]
 
@@ -68,6 +69,30 @@ def check_replies(run: Run) -> None:
     # A machine under other load may let a few go; the replies of a limiter that catches up belong to no certain cycle.
     assert run.count("bad") + run.count("duplicates") <= 0.05 * 2 * CYCLES
     assert (run.latencies > 0).sum() >= 0.95 * 2 * CYCLES
+
+
+WRONG_AT_TIMES = """
+import os, socket, sys
+from yumi.egm.egm_pb2 import EgmRobot
+server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+server.bind(("127.0.0.1", int(sys.argv[1])))
+print("ready", os.getpid(), flush=True)
+while True:
+    datagram, robot = server.recvfrom(2048)
+    answer = EgmRobot.FromString(datagram)
+    answer.feedBack.joints.joints[2] += answer.header.seqno % 100 == 99
+    server.sendto(answer.SerializeToString(), robot)
+"""
+
+
+def test_bad_reply_is_no_missed_one_too(workshop: Workshop, tmp_path: Path) -> None:
+    """Datagrams 99, 199, 299 and 399 are of the robot's motion, the last two of the cycles that are counted."""
+    program = tmp_path / "server.py"
+    program.write_text(WRONG_AT_TIMES, encoding="utf-8")
+    server = Contender("wrong", "wrong at times", f"{sys.executable} {program}", Runtime.OTHER, gain=0.0)
+    run = run_case(workshop, Case(server, Mode.PING_PONG, 1), 1, CYCLES)
+    assert (run.count("bad"), run.count("missed")) == (4, 0)
+    assert (run.latencies == 0).sum() == 2
 
 
 def test_server_that_does_not_drive_the_robot_is_refused(workshop: Workshop) -> None:

@@ -25,7 +25,7 @@ from yumi.process.command import Command
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 
 LATENCY = 0.02
 """How late a datagram or an answer may be at most, whatever a program does [s].

@@ -83,6 +83,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     virtual.stop()
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("duration", [short(6.0, pytest.mark.real_time), long(60.0 * MINUTES, 60.0 * MINUTES + 120.0)])
 def test_no_arm_is_lost_beside_a_busy_machine(robot: Robot, duration: float) -> None:
     clock = SystemClock()

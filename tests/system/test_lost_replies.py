@@ -147,6 +147,7 @@ def losses(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Losses]:
 
 
 @pytest.mark.real_time
+@pytest.mark.alone
 @pytest.mark.parametrize(("kind", "seconds"), [("goals", 0.06), ("trajectories", 0.25)])
 def test_robot_that_follows_again_changes_its_speed_by_no_more_than_five_commands_explain(
     losses: Losses, kind: str, seconds: float

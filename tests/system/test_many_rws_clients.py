@@ -25,7 +25,7 @@ from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
 from yumi.testing.virtual_yumi import ControllerProcess
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 SCRIPT = Path(__file__).with_name("rws_load.py")
 RATE = 20.0
 

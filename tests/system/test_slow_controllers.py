@@ -27,7 +27,7 @@ from yumi.process.child import ChildProcess, PipeEnd
 from yumi.process.realtime import prefer_process, prefer_thread
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side, home, joints
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 
 NAME = "busy_controller"
 BUSY, HANGS = 0.050, 0.500  # [s]

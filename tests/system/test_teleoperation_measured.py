@@ -83,6 +83,7 @@ class Device:
         self.send_until(lambda report: report.right.clutch == "engaged")
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("steps", [short(8, pytest.mark.real_time, pytest.mark.timeout(60)), long(40, 180.0)])
 def test_motion_of_a_hand_is_in_a_datagram_within_thirty_milliseconds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
@@ -107,6 +108,7 @@ def test_motion_of_a_hand_is_in_a_datagram_within_thirty_milliseconds(
     assert p95 < 0.030
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("times", [short(1, pytest.mark.real_time, pytest.mark.timeout(60)), long(5, 180.0)])
 def test_arm_of_a_device_that_falls_silent_or_is_gone_stands_soon(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int

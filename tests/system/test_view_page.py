@@ -24,7 +24,7 @@ from yumi.robot.joints import Joints, Pose, Side, home, joints
 from yumi.robot.kinematics import IDENTITY
 from yumi.virtual.faults import inject_fault
 
-pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(180)]
 SOON = 20_000  # [ms]
 JOGGED_ON = 0.6
 """A jog that goes on ends at the joint's limit, two radians away; on a busy machine a stop may be late [rad]."""

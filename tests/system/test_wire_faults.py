@@ -20,7 +20,7 @@ from yumi.cli.controller import fault as fault_command
 from yumi.clock import SystemClock
 from yumi.robot.joints import CYCLE, ZERO, Joints, Side
 
-pytestmark = [pytest.mark.real_time, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(120)]
 
 LENGTH = 60.0  # of the swing [s]
 POINTS_PER_SECOND = 20

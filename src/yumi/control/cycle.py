@@ -39,10 +39,14 @@ class ArmPort(Protocol):
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
 
-    def prepare(self, sampled: Sampled | None) -> None:
+    def prepare(self, sampled: Sampled | None, session: int) -> None:
         """Answer the next state by this formula as soon as it comes; :meth:`receive` and :meth:`reply` still follow.
 
-        It holds for the next wait for states only. None: nothing is answered before.
+        It holds for the next wait for states only.
+
+        Args:
+            sampled: the formula; None: nothing is answered before.
+            session: in which it holds, that of the state received last.
         """
 
     def take_braked(self) -> Sequence[Cycle]:

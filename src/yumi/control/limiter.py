@@ -95,7 +95,7 @@ class Limiter:
             raise MemoryError("no memory for the limiter of an arm")
         self.handle = handle
         finalize(self, self._library.limiter_delete, handle).atexit = False  # threads may still use it
-        self._exchange = LimiterExchange.from_address(self._library.limiter_exchange(handle))
+        self._exchange = LimiterExchange.from_address(handle)
         self._other: Limiter | None = None  # kept, since the core reads what it has measured
 
     def pair(self, other: Limiter) -> None:

@@ -201,7 +201,7 @@ class ArmLoop:
     def prepare(self) -> None:
         """Before a wait for datagrams: have the next one answered at once, where that needs no controller in Python."""
         is_heard = self._limiter.unanswered == self._braked  # else the controllers may have to be deactivated first
-        self._arm.prepare(self.manager.sampled if is_heard else None)
+        self._arm.prepare(self.manager.sampled if is_heard else None, self._session)
 
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""

@@ -58,11 +58,8 @@ public:
         Setpoint robot = fed.robot ? *fed.robot : begin(fed, state, dt);
         double predicted = used_after_;
         if (fed.seen) {
-            double unexpected = 0.0;
-            for (int i = 0; i < JOINTS; ++i)
-                unexpected = std::max(unexpected, std::abs(state.planned[i] - fed.seen->state.planned[i] -
-                                                           robot.velocity[i] * dt));
-            if (unexpected > UNEXPECTED) {
+            const Values moved = added(state.planned, -1.0, fed.seen->state.planned);
+            if (largest(added(moved, -dt, robot.velocity)) > UNEXPECTED) {
                 predicted = 0.0;
                 const FedForward resumed = resume(fed, state, fed.seen->position);
                 if (resumed.robot) robot = *resumed.robot;
@@ -76,7 +73,7 @@ public:
             const double most = limits_.velocity[i], top = limits_.acceleration[i], jerk = limits_.jerk[i];
             const double place = state.planned[i] + robot.velocity[i] * predicted;  // the robot will plan to be by then
             const double lead = gain_ * (position[i] - then[i]);
-            const double goal = lead + std::max(-most, std::min(most, desired[i]));
+            const double goal = lead + bounded(desired[i], most);
             const double room = goal > 0.0 ? limits_.upper[i] - place : place - limits_.lower[i];
             const double highest = std::min(most, speed_to_stop(room, top, jerk));
             const Ramp last{robot.velocity[i], robot.acceleration[i]};
@@ -116,11 +113,12 @@ public:
     FedForward follow(const FedForward& fed, const Values& speeds, double dt) const {
         FedForward next = fed;
         if (!fed.robot) return next;
+        const Values& old = fed.robot->velocity;
         next.robot = Setpoint{fed.robot->position, {}, {}};
-        for (int i = 0; i < JOINTS; ++i) {
-            const double old = fed.robot->velocity[i], most = CORRECTED * limits_.acceleration[i] * dt;
-            next.robot->velocity[i] = std::max(old - most, std::min(old + most, speeds[i]));
-        }
+        next.robot->velocity = values_of([&](int i) {
+            const double most = CORRECTED * limits_.acceleration[i] * dt;
+            return std::max(old[i] - most, std::min(old[i] + most, speeds[i]));
+        });
         return next;
     }
 
@@ -141,20 +139,16 @@ private:
     Setpoint begin(const FedForward& fed, const ArmState& state, double dt) const {
         Setpoint robot;
         if (!fed.seen) return robot;
-        robot.velocity = led(fed.seen->position, state.position);
-        const Values before = led(fed.seen->before, fed.seen->state.position);
-        for (int i = 0; i < JOINTS; ++i) {
-            const double top = limits_.acceleration[i];
-            robot.acceleration[i] = std::max(-top, std::min(top, (robot.velocity[i] - before[i]) / dt));
-        }
+        robot.velocity = led(fed.seen->position, reported(state, CYCLE));
+        const Values before = led(fed.seen->before, reported(fed.seen->state, CYCLE));
+        robot.acceleration = values_of(
+            [&](int i) { return bounded((robot.velocity[i] - before[i]) / dt, limits_.acceleration[i]); });
         return robot;
     }
 
     // How fast a robot that reports to be there sets out towards a position reference.
     Values led(const Values& position, const Values& from) const {
-        Values speeds;
-        for (int i = 0; i < JOINTS; ++i) speeds[i] = gain_ * (position[i] - from[i]);
-        return speeds;
+        return values_of([&](int i) { return gain_ * (position[i] - from[i]); });
     }
 
     JointLimits limits_;

@@ -36,11 +36,11 @@ public:
     // Whether an arm can be there at the begin of a session, that was sent to the position `sent`. It may have been
     // moved to where the other one is since the last plausible state, but not in a doubt.
     bool is_start(const ArmState& state, const Values& sent) const {
-        for (int i = 0; i < JOINTS; ++i)
-            if (!(limits_.lower[i] - OUTSIDE <= state.position[i] && state.position[i] <= limits_.upper[i] + OUTSIDE))
-                return false;
+        const bool is_inside = all_joints([&](int i) {
+            return limits_.lower[i] - OUTSIDE <= state.position[i] && state.position[i] <= limits_.upper[i] + OUTSIDE;
+        });
         const bool is_exchanged = in_a_row > 0 && is_of_other_arm(state);
-        return is_near_plan(state) && !is_exchanged && (!last_ || can_reach(*last_, state, sent, INF));
+        return is_inside && is_near_plan(state) && !is_exchanged && (!last_ || can_reach(*last_, state, sent, INF));
     }
 
     // Whether the arm can be where `state` says, and plan to be where it says, after the last plausible state. While
@@ -101,9 +101,9 @@ private:
 
     // Whether the measured position is one that a servo has on the way to the planned one.
     bool is_near_plan(const ArmState& state) const {
-        for (int i = 0; i < JOINTS; ++i)
-            if (!(std::abs(state.planned[i] - state.position[i]) <= speeds_[i] * LONGEST + MARGIN)) return false;
-        return true;
+        return all_joints([&](int i) {
+            return std::abs(state.planned[i] - state.position[i]) <= speeds_[i] * LONGEST + MARGIN;
+        });
     }
 
     // Whether the joints' speeds explain the way from `last`, or from there to `sent`, in the time between. The robot's
@@ -111,13 +111,10 @@ private:
     bool can_reach(const ArmState& last, const ArmState& state, const Values& sent, double longest) const {
         const double time = std::min(std::max(state.dt, state.time - last.time), longest);
         auto is_reached = [&](const Values& before, const Values& after) {
-            for (int i = 0; i < JOINTS; ++i) {
+            return all_joints([&](int i) {
                 const double room = speeds_[i] * time + MARGIN;
-                const auto [low, high] = std::minmax(before[i], sent[i]);
-                if (!(low - room <= after[i] && after[i] <= high + room))
-                    return false;
-            }
-            return true;
+                return std::min(before[i], sent[i]) - room <= after[i] && after[i] <= std::max(before[i], sent[i]) + room;
+            });
         };
         return is_reached(last.position, state.position) && is_reached(last.planned, state.planned);
     }

@@ -19,17 +19,32 @@ constexpr double EGM_GAIN = 5.0;    // [1/s] of the robot's position loop; as in
 
 using Values = std::array<double, JOINTS>;
 
+// The values that a function has of the joints' numbers.
+template <typename Of>
+Values values_of(Of of) {
+    Values values;
+    for (int i = 0; i < JOINTS; ++i) values[i] = of(i);
+    return values;
+}
+
+// Whether something is so of all joints' numbers.
+template <typename Is>
+bool all_joints(Is is) {
+    for (int i = 0; i < JOINTS; ++i)
+        if (!is(i)) return false;
+    return true;
+}
+
 inline Values added(const Values& a, double factor, const Values& b) {
-    Values sum;
-    for (int i = 0; i < JOINTS; ++i) sum[i] = a[i] + factor * b[i];
-    return sum;
+    return values_of([&](int i) { return a[i] + factor * b[i]; });
 }
 
 inline Values rate_of(const Values& now, const Values& before, double dt) {
-    Values rate;
-    for (int i = 0; i < JOINTS; ++i) rate[i] = (now[i] - before[i]) / dt;
-    return rate;
+    return values_of([&](int i) { return (now[i] - before[i]) / dt; });
 }
+
+// A value that is at most so far from zero.
+inline double bounded(double value, double most) { return std::max(-most, std::min(most, value)); }
 
 inline double length(const Values& values) {
     double sum = 0.0;
@@ -62,16 +77,13 @@ struct JointLimits {
     }
     // Whether all joints are in range.
     bool contain(const Values& position) const {
-        for (int i = 0; i < JOINTS; ++i)
-            if (!(lower[i] <= position[i] && position[i] <= upper[i])) return false;
-        return true;
+        return all_joints([&](int i) { return lower[i] <= position[i] && position[i] <= upper[i]; });
     }
     // Cut at the range; joints that were outside `last` may come back but not go further.
     Values inside(const Values& position, const Values& last) const {
-        Values cut;
-        for (int i = 0; i < JOINTS; ++i)
-            cut[i] = std::max(std::min(lower[i], last[i]), std::min(std::max(upper[i], last[i]), position[i]));
-        return cut;
+        return values_of([&](int i) {
+            return std::max(std::min(lower[i], last[i]), std::min(std::max(upper[i], last[i]), position[i]));
+        });
     }
 };
 

@@ -56,8 +56,9 @@ STATE, COMMAND = Struct("2dq21dq"), Struct("14dq")
 BRAKED = Struct("2dq21dq14dq")
 """A cycle that the fallback thread has answered: the state, and the command."""
 
-SAMPLED = Struct("3q14d")
-"""A controller's formula: address and number of its goals, whether it goes to the goal itself; goal and gains."""
+SAMPLED = Struct("4q14d")
+"""A controller's formula: its session, address and number of its goals, whether it goes to the goal itself; goal and
+gains."""
 
 MOST_BRAKED = 250
 """Of these are kept: a second."""
@@ -217,7 +218,6 @@ def load() -> ctypes.PyDLL:
         ("collisions_new", address, address, address, address),
         ("collisions_delete", None, address),
         ("collisions_permit", None, address, address),
-        ("collisions_is_clear", boolean, address, integer, packed, packed, packed, double, integer, address),
         ("arm_collisions_new", address, address, integer, double),
         ("arm_collisions_delete", None, address),
         ("arm_collisions_note_permission", None, address),
@@ -228,7 +228,6 @@ def load() -> ctypes.PyDLL:
         ("arm_collisions_limited", boolean, address, integer, address),
         ("limiter_new", address, packed, packed, address, integer),
         ("limiter_delete", None, address),
-        ("limiter_exchange", address, address),
         ("limiter_pair", None, address, address),
         ("limiter_lose", integer, address, integer),
         ("limiter_scale_speed", None, address, double),

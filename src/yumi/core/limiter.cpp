@@ -18,8 +18,6 @@ LimiterHandle* limiter_new(const Limiter::Settings* settings, const StateTable* 
 
 void limiter_delete(LimiterHandle* arm) { delete arm; }
 
-LimiterExchange* limiter_exchange(LimiterHandle* arm) { return &arm->exchange; }
-
 // Each arm knows where the other was measured last.
 void limiter_pair(LimiterHandle* arm, LimiterHandle* other) {
     arm->limiter.pair(other->limiter);

@@ -322,10 +322,9 @@ private:
         ArmCommand command{last_position(), {}, false};
         if (gain_ == 0.0) return command;
         const Values& followed = references_.followed().position;
-        for (int i = 0; i < JOINTS; ++i) {
-            const double most = taken_at_once_[i] / gain_;
-            command.position[i] = followed[i] + std::max(-most, std::min(most, last_position()[i] - followed[i]));
-        }
+        command.position = values_of([&](int i) {
+            return followed[i] + bounded(last_position()[i] - followed[i], taken_at_once_[i] / gain_);
+        });
         return command;
     }
 
@@ -442,13 +441,11 @@ private:
         // A command that chased noise would never rest; a lead of some size shows whether it is taken.
         const double kept = state_ == IGNORED ? PROBE : NO_LEAD;
         if (!held.stop_within) held.stop_within = places_to_stop(motion, state);
-        const auto& [lowest, highest] = *held.stop_within;
+        const std::array<Values, 2>& range = *held.stop_within;
         const Values there = place_to_rest(state);
-        Values goal;
-        for (int i = 0; i < JOINTS; ++i) {
-            const double lead = std::max(-kept, std::min(kept, last[i] - there[i]));
-            goal[i] = std::max(lowest[i], std::min(highest[i], there[i] + lead));
-        }
+        const Values goal = values_of([&](int i) {
+            return std::max(range[0][i], std::min(range[1][i], there[i] + bounded(last[i] - there[i], kept)));
+        });
         held.positions = go_to(motion.positions, goal, state, dt);
         const Values& position = held.positions.sent.position;
         const bool is_led = largest_difference(position, goal) >= NO_LEAD;
@@ -477,8 +474,7 @@ private:
         const Values stop = position_limiter_.place_to_stop(motion.positions);
         std::array<Values, 2> range;
         for (int i = 0; i < JOINTS; ++i) {
-            const double most = limits_.velocity[i], now = state.planned[i];
-            const double speed = std::max(-most, std::min(most, speeds[i]));
+            const double now = state.planned[i], speed = bounded(speeds[i], limits_.velocity[i]);
             const double end = now + braking_path(speed, 0.0, limits_.acceleration[i], limits_.jerk[i]).end;
             range[0][i] = std::min({now, end, last[i], stop[i]}) - NEAR;
             range[1][i] = std::max({now, end, last[i], stop[i]}) + NEAR;
@@ -513,13 +509,11 @@ private:
     bool is_near(const ArmState& state) const {
         const Values& last = last_position();
         if (gain_ == 0.0 || distance(last, state.planned) < near_) return true;
-        for (int i = 0; i < JOINTS; ++i) {
-            // At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it
-            // faster.
+        // At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it faster.
+        return all_joints([&](int i) {
             const double speed = std::abs(state.velocity[i]) + limits_.acceleration[i] * FEEDBACK_DELAY;
-            if (!(std::abs(last[i] - state.planned[i]) < speed / EGM_GAIN)) return false;
-        }
-        return true;
+            return std::abs(last[i] - state.planned[i]) < speed / EGM_GAIN;
+        });
     }
 
     StateTable table_;

@@ -57,7 +57,7 @@ inline Ramp ramp_speed(double goal, const Ramp& last, double top, double acceler
         (goal != 0.0 || std::abs(change) <= jerk * dt))  // at rest the change of speed has to end, too
         return {goal, change};
     if (std::isnan(goal)) goal = 0.0;
-    const double missing = std::max(-top, std::min(top, goal)) - last.speed, half = 0.5 * jerk * dt;
+    const double missing = bounded(goal, top) - last.speed, half = 0.5 * jerk * dt;
     // As hard as it can still be taken back, at the jerk, when the speed is reached.
     const double ease = std::sqrt(2.0 * jerk * std::abs(missing) + half * half) - half;
     const double aim = std::copysign(std::min({acceleration, ease, std::abs(missing) / dt}), missing);

@@ -49,8 +49,7 @@ class PositionLimiter {
 public:
     explicit PositionLimiter(const JointLimits& limits) : limits_(limits) {
         speed_ = least(limits.velocity), top_ = least(limits.acceleration), jerk_ = least(limits.jerk);
-        for (int i = 0; i < JOINTS; ++i)
-            longest_ramp_ = std::max(longest_ramp_, limits.acceleration[i] / limits.jerk[i]);
+        longest_ramp_ = largest(values_of([&](int i) { return limits.acceleration[i] / limits.jerk[i]; }));
     }
 
     // To `desired` itself, and true, if a step there is smooth enough; else to the next position towards it within the
@@ -118,11 +117,10 @@ public:
     // Where the motion so far comes to rest that brakes as hard as it may, within the range.
     Values place_to_stop(const PositionMotion& motion) const {
         const Setpoint& sent = motion.sent;
-        Values ends;
-        for (int i = 0; i < JOINTS; ++i) {
+        const Values ends = values_of([&](int i) {
             const double top = limits_.acceleration[i], jerk = limits_.jerk[i];
-            ends[i] = sent.position[i] + braking_path(sent.velocity[i], sent.acceleration[i], top, jerk).end;
-        }
+            return sent.position[i] + braking_path(sent.velocity[i], sent.acceleration[i], top, jerk).end;
+        });
         return limits_.inside(ends, sent.position);
     }
 
@@ -205,7 +203,7 @@ private:
 
     JointLimits limits_;
     // What the weakest joint may do, and how long the slowest one needs to build up its acceleration.
-    double speed_, top_, jerk_, longest_ramp_ = 0.0;
+    double speed_, top_, jerk_, longest_ramp_;
 };
 
 }  // namespace core

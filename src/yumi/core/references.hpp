@@ -61,7 +61,7 @@ public:
         if (!is_within(speeds(*last, commands_[0]))) return;  // as slowed as all that follow: they look alike
         double differences[REMEMBERED], closest = INF;
         for (int i = 0; i < count_; ++i) {
-            differences[i] = distance(bounded(speeds(*last, commands_[i])), moved);
+            differences[i] = distance(slowed(speeds(*last, commands_[i])), moved);
             closest = i ? std::min(closest, differences[i]) : differences[i];
         }
         // false feedback, or a robot that moves otherwise
@@ -94,11 +94,10 @@ public:
     bool are_lost(const Values& changes) const {
         if (!is_repeating()) return false;
         const ArmCommand &old = commands_[0], &newest = commands_[count_ - 1];
-        for (int i = 0; i < JOINTS; ++i)
-            if (std::abs(gain_ * (newest.position[i] - old.position[i]) + newest.velocity[i] - old.velocity[i]) >
-                changes[i])
-                return true;
-        return false;
+        return !all_joints([&](int i) {
+            const double change = gain_ * (newest.position[i] - old.position[i]) + newest.velocity[i] - old.velocity[i];
+            return !(std::abs(change) > changes[i]);
+        });
     }
 
     // After the reply `sent` to `state`; the robot's plan does not show it yet, but the one before. A state is valid
@@ -109,9 +108,7 @@ public:
         sent_ = sent, last_ = state;
         acting_[0] = acting_[1], acting_[1] = before;
         if (!(sent == commands_[count_ - 1])) {
-            if (count_ == REMEMBERED) {
-                forget(1, 2);
-            }
+            if (count_ == REMEMBERED) forget(1, 2);
             commands_[count_++] = sent;
         }
         if (!is_valid || (is_at_rest && !are_ignored)) return compare_from(state);
@@ -154,9 +151,8 @@ public:
 
     // How fast a robot moves that follows `sent`.
     Values speeds(const ArmState& state, const ArmCommand& sent) const {
-        Values speed;
-        for (int i = 0; i < JOINTS; ++i) speed[i] = gain_ * (sent.position[i] - state.position[i]) + sent.velocity[i];
-        return speed;
+        return values_of(
+            [&](int i) { return gain_ * (sent.position[i] - state.position[i]) + sent.velocity[i]; });
     }
 
 private:
@@ -194,25 +190,19 @@ private:
         moved_ = moved;
         if (bandwidth_ <= 0.0) return moved;
         const double share = -std::expm1(-2.0 * M_PI * bandwidth_ * dt);
-        Values speed;
-        for (int i = 0; i < JOINTS; ++i) speed[i] = before[i] + (moved[i] - before[i]) / share;
-        return speed;
+        return values_of([&](int i) { return before[i] + (moved[i] - before[i]) / share; });
     }
 
     double share_of_fastest(const Values& speed) const {
-        double most = 0.0;
-        for (int i = 0; i < JOINTS; ++i) most = std::max(most, std::abs(speed[i]) / fastest_[i]);
-        return most;
+        return largest(values_of([&](int i) { return speed[i] / fastest_[i]; }));
     }
     bool is_within(const Values& speed) const { return share_of_fastest(speed) <= 1.0; }
 
     // The speeds of joints that are slowed together where one asks for more than its highest speed.
-    Values bounded(const Values& speed) const {
+    Values slowed(const Values& speed) const {
         const double most = share_of_fastest(speed);
         if (most <= 1.0) return speed;
-        Values slowed;
-        for (int i = 0; i < JOINTS; ++i) slowed[i] = speed[i] / most;
-        return slowed;
+        return values_of([&](int i) { return speed[i] / most; });
     }
 
     void compare_from(const ArmState& state) { plan_ = state.planned, due_ = {}, due_for_ = 0.0; }

@@ -19,13 +19,15 @@ struct SharedGoal {
 
 // position + gain · (goal - position), or the goal itself; as SAMPLED in library.py.
 struct Sampled {
+    std::int64_t session;  // in which the controller was asked last, and no other
     const SharedGoal* goals;
     std::int64_t taken;  // which of them was taken last, and what it was
     std::int64_t goes_there;
     Values goal, gain;
 
-    // The command for a state; none while a goal is written.
+    // The command for a state; none in another session, and none while a goal is written.
     std::optional<ArmCommand> command(const ArmState& state) const {
+        if (state.session != session) return std::nullopt;
         const std::int64_t newest = __atomic_load_n(&goals->finished, __ATOMIC_ACQUIRE);
         std::int64_t words[sizeof(SharedGoal) / sizeof(std::int64_t)];  // each read before the count is read again
         const auto* shared = reinterpret_cast<const std::int64_t*>(goals);
@@ -34,7 +36,7 @@ struct Sampled {
         std::memcpy(&found, words, sizeof found);
         if (__atomic_load_n(&goals->begun, __ATOMIC_RELAXED) != newest) return std::nullopt;
         ArmCommand command;
-        command.position = newest != taken && found.session == state.session ? found.position : goal;
+        command.position = newest != taken && found.session == session ? found.position : goal;
         for (int i = 0; i < JOINTS && !goes_there; ++i)
             command.position[i] = state.position[i] + gain[i] * (command.position[i] - state.position[i]);
         return command;

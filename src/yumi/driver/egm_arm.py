@@ -118,11 +118,11 @@ class EgmArm:
             raise ForbiddenTransition(f"{LimiterEvent(forbidden).name}, in the fallback thread")
         self._keep(string_at(self.handle + _DATAGRAM_AT, self._exchange.datagram_size))
 
-    def prepare(self, sampled: Sampled | None) -> None:
+    def prepare(self, sampled: Sampled | None, session: int) -> None:
         packed = None
         if sampled is not None:
             goal, gains = sampled.goal, sampled.gains
-            packed = SAMPLED.pack(sampled.address, sampled.taken, gains is None, *goal, *(gains or goal))
+            packed = SAMPLED.pack(session, sampled.address, sampled.taken, gains is None, *goal, *(gains or goal))
         self._library.arm_prepare(self.handle, packed)
 
     def take_braked(self) -> Sequence[Cycle]:

@@ -88,7 +88,7 @@ class ArmRun:
 
     Attributes:
         latency: quantiles of send to reply.
-        missed: cycles without a reply in time: one period when paced, 0.1 s in ping-pong.
+        missed: cycles without any reply in time: one period when paced, 0.1 s in ping-pong.
         stale: replies that came after their cycle.
         bad: replies with a wrong value.
         recovering: replies of a limiter that was still catching up after an unanswered cycle.
@@ -120,7 +120,8 @@ class Run:
         arms: one or two.
         heard: messages that the subscriber process received, by topic; empty without ROS.
         stages: medians of the control loop's last ten seconds, by the name of the stage [µs]; empty for others.
-        latencies: of each arm and cycle [ns], 0 without a reply; shape (arms, cycles).
+        unanswered: datagrams that the core answered for a late controller, by arm; without those that have none.
+        latencies: of each arm and cycle [ns], 0 without a right reply; shape (arms, cycles).
     """
 
     round: int
@@ -133,6 +134,7 @@ class Run:
     arms: tuple[ArmRun, ...]
     heard: dict[str, int]
     stages: dict[str, float] = field(default_factory=dict)
+    unanswered: dict[str, int] = field(default_factory=dict)
     latencies: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 0), np.int64), compare=False, repr=False)
 
     @property

@@ -61,6 +61,7 @@ def document(
                 "arms": [asdict(arm.latency) | {each: getattr(arm, each) for each in COUNTERS} for arm in run.arms],
                 "heard": run.heard,
                 "stages_us": run.stages,
+                "unanswered": run.unanswered,
             }
             for run in figures.runs
         ],

@@ -145,7 +145,7 @@ class Server:
     def __init__(self, workshop: Workshop, contender: Contender, arms: int, log: Path) -> None:
         self.ports = [free_port() for _ in range(ARMS)]
         self.pids: list[int] = []
-        self.reported: dict[str, dict[str, Any]] = {"heard": {}, "stages": {}}
+        self.reported: dict[str, dict[str, Any]] = {"heard": {}, "stages": {}, "unanswered": {}}
         self._contender = contender
         self._log = log
         used = [str(port) for port in self.ports[:arms]]
@@ -232,7 +232,7 @@ class Load:
 
     Attributes:
         summary: its JSON.
-        latencies: of each arm and counted cycle [ns], 0 without a reply; shape (arms, cycles).
+        latencies: of each arm and counted cycle [ns], 0 without a right reply; shape (arms, cycles).
         cpu: CPU time of the answering process and of all while it ran [s].
         wall: how long that was [s].
     """
@@ -312,6 +312,7 @@ def run_case(workshop: Workshop, case: Case, number: int, cycles: int) -> Run:
         arms=load.arms,
         heard=server.reported["heard"],
         stages=server.reported["stages"],
+        unanswered=server.reported["unanswered"],
         latencies=load.latencies,
     )
 

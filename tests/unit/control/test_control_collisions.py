@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import subprocess
 from collections.abc import Callable
-from ctypes import PyDLL, c_bool, c_char_p, c_int64, c_void_p, create_string_buffer, string_at
+from ctypes import PyDLL, c_bool, c_char_p, c_int64, c_void_p, string_at
 from functools import cache
 from itertools import chain
 from math import dist, inf, radians
@@ -22,7 +22,7 @@ from contract.trajectory_arms import NAME, TrajectoryArm
 from reported_limiter import ReportedLimiter
 from trajectories import planned
 from yumi.catalogue import message
-from yumi.control.collisions import BODY_MARGIN, DISTANCES, MARGIN, CollisionLimiter
+from yumi.control.collisions import BODY_MARGIN, MARGIN, CollisionLimiter
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.goals import MemoryBuffer, write_goal
@@ -457,9 +457,9 @@ def test_what_is_clear_comes_no_nearer_than_its_margin_and_what_is_refused_comes
         right, left = (moving(generator, side) for side in Side)
         planned = joints((np.array(left.position) - 0.02 * np.array(left.velocity)).tolist())
         both.arm(Side.LEFT).sent(planned, left, None)
-        motions = packed(right.position, right), packed(ZERO, Setpoint(ZERO)), packed(planned, left)
-        decision = create_string_buffer(512)
-        is_clear.append(both.library.collisions_is_clear(both.handle, 0, *motions, inf, DISTANCES, decision))
+        both.arm(Side.RIGHT).sent(ZERO, Setpoint(ZERO), None)
+        both.arm(Side.RIGHT).begin_cycle()
+        is_clear.append(both.arm(Side.RIGHT).accepts(right.position, right, None))
         mine, theirs = braking_postures(right, 24), braking_postures(left, 24)
         lines = np.linspace(planned, left.position, 5)
         beyond = np.inf

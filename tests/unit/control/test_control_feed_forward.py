@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from reported_limiter import ReportedLimiter
 from yumi.control.controller import Controller
 from yumi.control.limiter import Limiter
+from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import (
     CYCLE,
@@ -35,6 +36,10 @@ FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)
 """Nothing on the robot's side slows the arm down."""
 
 MOVING = (0, 6)
+
+MISPREDICTED = 0.5 * EGM_GAIN * (2.0 * CYCLE) ** 2 * YUMI_LIMITS.acceleration[0] / (YUMI_LIMITS.jerk[0] * CYCLE**2)
+"""More than the jerk that is allowed, as a share: the limiter knows where the robot will report to be two cycles later,
+when it takes a command, but for what its acceleration adds meanwhile, and the robot's loop makes a speed of that."""
 
 
 class Dictated(Controller):
@@ -99,8 +104,16 @@ def test_robot_stays_within_its_limits_whatever_position_and_speed_are_wanted(
     arm = dictated(lambda time: orders[int(time / 0.08) % len(orders)])
     for top, strength, rush in shares(planned_speeds(arm, 0.08 * len(orders) + 0.4)):
         assert max(top, strength) <= 1.02
-        assert rush <= 4.0  # where both change at once; seldom above 1.1
+        assert rush <= 1.0 + MISPREDICTED
     assert arm.robot.arm.overload is None
+
+
+@pytest.mark.parametrize("first", [0.0039, 0.5])
+def test_speed_that_sets_in_on_a_motion_goes_on_from_how_fast_the_robot_will_be_then(first: float) -> None:
+    """The robot takes it a cycle after it was sent, and is faster by then."""
+    arm = dictated(lambda time: (1.0, 0.0) if time % 0.16 >= 0.08 else (0.0, first))
+    for _, _, rush in shares(planned_speeds(arm, 0.5)):
+        assert rush <= 1.02
 
 
 def test_smooth_motion_with_its_speed_passes_unchanged() -> None:

@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <poll.h>
 
+#include <functional>
 #include <random>
 
 #include "check.hpp"
@@ -14,6 +15,15 @@ extern "C" bool collisions_is_slow(const collision::Limiter*, const collision::M
 extern "C" bool collisions_is_clear(collision::Limiter*, std::int64_t, const collision::Motion*, const collision::Motion*,
                                     const collision::Motion*, double, std::int64_t, collision::Decision*) {
     return true;
+}
+
+thread_local std::function<void()> after_poll;  // what happens once, as soon as this thread has waited
+
+extern "C" int poll(pollfd* waits, nfds_t count, int milliseconds) {
+    const timespec most{milliseconds / 1000, milliseconds % 1000 * 1'000'000L};
+    const int found = ppoll(waits, count, milliseconds < 0 ? nullptr : &most, nullptr);
+    if (const auto happens = std::exchange(after_poll, nullptr)) happens();
+    return found;
 }
 
 namespace {
@@ -182,18 +192,22 @@ namespace {
 // A robot that stands at zero and sends in its cycle; what is prepared is a proportional formula.
 struct PreparedWire : Wire {
     core::SharedGoal goals{};
-    core::Sampled formula{&goals, 0, false, joint_1(0.002), {}};  // so near that it is no wonder that the robot stands
+    core::Sampled formula{1, &goals, 0, false, joint_1(0.002), {}};  // so near that it is no wonder that the robot stands
 
     PreparedWire() {
         formula.gain.fill(0.5);
         for (int cycle = 0; cycle < 3; ++cycle) CHECK(is_taken_and_answered());
+    }
+    void prepare(std::optional<core::Sampled> prepared) {
+        const core::Guard guard(core::lock);
+        arm.prepared = prepared;
     }
     // What a wait for the robot's next datagram, a cycle later, returns.
     std::int64_t come(long after = 3'500'000, std::optional<core::Sampled> prepared = std::nullopt) {
         const timespec pause{0, after};
         nanosleep(&pause, nullptr);
         robot_sends();
-        arm.prepared = prepared;  // just before the wait, as Python does it
+        prepare(prepared);  // just before the wait, as Python does it
         return thread.wait(-1, 1000);
     }
     bool is_taken_and_answered() {
@@ -206,12 +220,15 @@ struct PreparedWire : Wire {
         come(after, formula);
         if (!is_answered(0)) return false;
         take();
-        return answer() && !is_answered(0) && arm.exchange.sampled_at > 0.0;
+        if (!answer() || is_answered(0)) return false;
+        const core::Guard guard(core::lock);
+        return arm.exchange.sampled_at > 0.0;
     }
     // Whether joint 1 is sent there by datagrams that are answered so. Where the machine is late, they are taken.
     bool comes_to(double goal) {
         for (int cycle = 0, sampled = 0; cycle < 2000; ++cycle) {
             if (is_sampled()) {
+                const core::Guard guard(core::lock);
                 if (++sampled > 50 && std::abs(limiter.exchange.command.position[0] - goal) < 1e-9) return true;
             } else {
                 take(), answer(), is_answered(5);
@@ -232,10 +249,12 @@ TEST(datagram_is_answered_by_the_formula_that_was_prepared) {
 
 TEST(formula_that_was_prepared_takes_the_newest_goal_of_its_session) {
     core::SharedGoal goals{2, 2, 7, 0.0, joint_1(0.2), {}};
-    core::Sampled formula{&goals, 1, true, joint_1(0.1), {}};
     core::ArmState state = standing();
+    core::Sampled formula{state.session, &goals, 1, true, joint_1(0.1), {}};
     CHECK(formula.command(state)->position == joint_1(0.1));  // a goal for another session
     state.session = 7;
+    CHECK(!formula.command(state));  // the controller was not asked in this one
+    formula.session = 7;
     CHECK(formula.command(state)->position == joint_1(0.2));
     formula.taken = 2;
     CHECK(formula.command(state)->position == joint_1(0.1));  // one that was taken, and is not in force any more
@@ -266,10 +285,11 @@ TEST(formula_that_was_prepared_is_forgotten_while_the_other_thread_is_busy) {
     wire.robot_sends(), wire.take();
     CHECK(wire.answer());
     CHECK(wire.is_answered(1000));
-    wire.arm.prepared = wire.formula;
+    wire.prepare(wire.formula);
     wire.thread.note_busy();
     wire.robot_sends();
     CHECK(wire.is_answered(1000));
+    const core::Guard guard(core::lock);
     CHECK(!wire.arm.prepared);  // its controller may have to be deactivated first
 }
 
@@ -283,4 +303,18 @@ TEST(what_was_sampled_is_recorded_where_the_other_thread_does_not_hear_of_it) {
     BrakedCycle cycles[ArmHandle::MOST_BRAKED];
     const core::Guard guard(core::lock);
     CHECK(wire.arm.take_braked(cycles) == 1 + is_sampled);
+}
+
+TEST(datagram_that_comes_while_the_other_arm_is_answered_is_found_by_the_same_wait) {
+    Wire right, left;
+    FallbackThread both;
+    both.add(right.arm), both.add(left.arm);
+    for (Wire* first : {&right, &left}) {
+        Wire* second = first == &right ? &left : &right;
+        first->robot_sends();
+        after_poll = [&] { second->robot_sends(); };
+        CHECK(both.wait(-1, 1000) == 3);
+        right.take(), left.take();
+        CHECK(both.wait(-1, 0) == 0);
+    }
 }

@@ -222,7 +222,7 @@ def test_datagram_is_answered_by_the_formula_that_was_prepared_before_it_is_rece
         core, before, sampled = FallbackThread([arm]), 0, 0
         for seqno in count():
             assert core.wait(-1, CYCLE) == ((), False)
-            arm.prepare(Sampled(goals.address, 0, goal))
+            arm.prepare(Sampled(goals.address, 0, goal), 1)
             robot.send(seqno)
             assert core.wait(-1, 1.0) == ((0,), False)
             before = robot.answers()
@@ -240,6 +240,33 @@ def test_datagram_is_answered_by_the_formula_that_was_prepared_before_it_is_rece
             if sampled == 20:
                 break
         assert sent.position == pytest.approx(goal, abs=1e-6)
+        core.close()
+        robot.close()
+
+
+def test_formula_that_was_prepared_in_another_session_answers_nothing() -> None:
+    goals, clock = SharedBuffer(SessionGoal), SystemClock()
+    with UdpServer("127.0.0.1", 0) as server:
+        robot, session = Sender(server), Session(1.0)
+        arm = EgmArm(server, session, Limiter(YUMI_LIMITS))
+        core, sampled = FallbackThread([arm]), 0
+        for seqno in count():
+            assert core.wait(-1, CYCLE) == ((), False)
+            is_same = seqno % 2 == 0
+            arm.prepare(Sampled(goals.address, 0, HOME), 1 if is_same else 2)
+            robot.send(seqno)
+            assert core.wait(-1, 1.0) == ((0,), False)
+            answered = robot.answers()
+            assert is_same or not answered
+            sampled += answered
+            state = arm.receive(clock.now())
+            assert state is not None
+            assert state.session == 1
+            assert arm.reply(ArmCommand(HOME)) is not None
+            assert answered + robot.answers() == 1
+            arm.settle(state)
+            if sampled == 20:  # where the machine was not late
+                break
         core.close()
         robot.close()
 

@@ -63,7 +63,7 @@ def test_parts_of_a_reply_are_those_of_the_echo_of_core_and_controller_and_what_
 def test_document_keeps_the_names_of_a_run() -> None:
     (content,) = document(Figures((run(1, LOOP, 80.0),)), {}, {}, is_complete=False)["runs"]
     own = {"round", "contender", "mode", "cycles", "cycles_per_second", "cpu_percent", "cpu_all_percent"}
-    assert set(content) == own | {"generator_late_max_us", "arms", "heard", "stages_us"}
+    assert set(content) == own | {"generator_late_max_us", "arms", "heard", "stages_us", "unanswered"}
     assert set(content["arms"][0]) == LATENCIES | COUNTERS
 
 

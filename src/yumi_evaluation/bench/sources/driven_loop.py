@@ -83,8 +83,11 @@ class DrivenLoop:
             for side in Side:
                 self._drive(side)
         stages = stage_medians(self.control.recorders[Side.RIGHT].frames())
+        limited = {side.word: read_snapshot(self.control.buffers[side].snapshots).limiter for side in Side}
         self.control.stop()
         print("stages", json.dumps(stages), flush=True)
+        unanswered = {arm: counters.unanswered for arm, counters in limited.items() if counters.unanswered}
+        print("unanswered", json.dumps(unanswered), flush=True)
 
     def _drive(self, side: Side) -> None:
         snapshot = read_snapshot(self.control.buffers[side].snapshots)

@@ -149,7 +149,8 @@ static long code_of(const double *axes)
 
 typedef struct {
     int socket;
-    int64_t *sent, *latency; /* per moving cycle, warm-up included; latency 0: no reply */
+    int64_t *sent, *latency; /* per moving cycle, warm-up included; latency 0: no right reply */
+    uint8_t *wrong; /* per moving cycle: whether a bad reply came */
     long stale, bad, recovering, unparsed, duplicates, right_in_a_row;
     long gap; /* the unanswered cycle sent last */
 } Arm;
@@ -157,7 +158,7 @@ typedef struct {
 static Arm arms[MAX_ARMS];
 static struct pollfd readable[MAX_ARMS];
 
-/* Take one reply; returns the moving cycle that it answers, -1 for none, -2 when nothing waits. */
+/* Take one reply; returns the moving cycle that it answers, right or wrong, -1 for none, -2 when nothing waits. */
 static long take_reply(Arm *arm, long cycle)
 {
     uint8_t bytes[2048];
@@ -179,7 +180,7 @@ static long take_reply(Arm *arm, long cycle)
     long code = code_of(axes);
     if (code == 0) return -1; /* a late answer to the lead-in */
     int is_wrong = code < 0 || code > cycle + 1 || !is_right(axes, code);
-    if (is_wrong && cycle - arm->gap > RECOVERY) { arm->bad++; return -1; }
+    if (is_wrong && cycle - arm->gap > RECOVERY) { arm->bad++; return arm->wrong[cycle]++ ? -1 : cycle; }
     if (is_wrong) arm->recovering++;
     long answered = is_wrong ? cycle : code - 1; /* code 0 is the lead-in */
     if (arm->latency[answered]) { arm->duplicates++; return -1; }
@@ -295,12 +296,12 @@ static void open_arm(int index)
     Arm *arm = &arms[index];
     int on = 1;
     struct sockaddr_in to = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK), .sin_port = htons((uint16_t)set.ports[index])};
-    size_t room = (size_t)(set.warm_up + set.cycles) * sizeof(int64_t);
+    size_t cycles = (size_t)(set.warm_up + set.cycles), room = cycles * sizeof(int64_t);
     arm->socket = socket(AF_INET, SOCK_DGRAM, 0);
     setsockopt(arm->socket, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
-    arm->sent = malloc(room), arm->latency = malloc(room), arm->gap = -2 * RECOVERY;
-    if (connect(arm->socket, (struct sockaddr *)&to, sizeof to) || !arm->sent || !arm->latency) { perror("load generator"); exit(2); }
-    memset(arm->sent, 0, room), memset(arm->latency, 0, room); /* touched now, not in a cycle */
+    arm->sent = malloc(room), arm->latency = malloc(room), arm->wrong = malloc(cycles), arm->gap = -2 * RECOVERY;
+    if (connect(arm->socket, (struct sockaddr *)&to, sizeof to) || !arm->sent || !arm->latency || !arm->wrong) { perror("load generator"); exit(2); }
+    memset(arm->sent, 0, room), memset(arm->latency, 0, room), memset(arm->wrong, 0, cycles); /* touched now, not in a cycle */
     readable[index] = (struct pollfd){arm->socket, POLLIN, 0};
 }
 
@@ -325,7 +326,7 @@ static void report(long cycles, int64_t duration)
         Arm *arm = &arms[i];
         long missed = 0;
         int64_t limit = set.is_ping_pong ? ANSWER_TIMEOUT : set.period;
-        for (long c = set.warm_up; c < set.warm_up + cycles; ++c) missed += !arm->latency[c] || arm->latency[c] > limit;
+        for (long c = set.warm_up; c < set.warm_up + cycles; ++c) missed += arm->latency[c] > limit || (!arm->latency[c] && !arm->wrong[c]);
         if (file) fwrite(arm->latency + set.warm_up, sizeof(int64_t), (size_t)cycles, file);
         printf("%s{\"port\": %d, \"missed\": %ld, \"stale\": %ld, \"bad\": %ld, \"recovering\": %ld, \"unparsed\": %ld, \"duplicates\": %ld}",
                i ? ", " : "", set.ports[i], missed, arm->stale, arm->bad, arm->recovering, arm->unparsed, arm->duplicates);
