@@ -45,13 +45,8 @@ class Clone:
         (self.root / "build").mkdir()
         for built in ("core", "page"):  # from the same sources, of which each has the fingerprint in its name
             (self.root / "build" / built).symlink_to(ROOT / "build" / built)
-<<<<<<< HEAD
         tcp = {port: str(free_tcp_port()) for port in ("8080", "8090", "8000")}
         self.ports = {**tcp, **{port: str(free_port()) for port in ("6510", "6511", "6512")}}
-=======
-        self.ports = {port: str(free_tcp_port()) for port in ("8080", "8000")}
-        self.ports |= {port: str(free_port()) for port in ("6510", "6511", "6512")}
->>>>>>> refs/h/chunks
         usual = re.compile(rf"\b({'|'.join(self.ports)})\b")
         for part in ("src", "config", "examples", "docs", "README.md"):
             files = [self.root / part] if (self.root / part).is_file() else (self.root / part).rglob("*")
