@@ -15,6 +15,7 @@ from yumi.catalogue import Message, message
 from yumi.clock import ManualClock
 from yumi.control.counters import WireCounters
 from yumi.control.goals import GoalKind, MemoryBuffer, SessionGoal, read_goal
+from yumi.control.hand_over import Commander, HandOver, asking
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
 from yumi.ros.command_topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic
@@ -527,3 +528,31 @@ def test_speed_of_zero_is_never_too_late(ros: None, monkeypatch: pytest.MonkeyPa
         JointState(name=list(NAMES), velocity=[speed, *[0.0] * 6])
     )
     assert (sent is None) == (speed > 0.0)
+
+
+def test_goal_is_refused_while_a_person_commands_the_arm_or_has_let_it_go(
+    buffers: Boxes, node: Node, middle: Joints
+) -> None:
+    clock = ManualClock(1.0)
+    hand_over = HandOver(clock.now)
+    topic = JointCommandTopic(
+        node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots), clock.now, hand_over
+    )
+    goal = JointState(name=list(NAMES), position=list(middle))
+    with asking(Commander.HEADSET, "person", "headset"):
+        hand_over.take(Side.RIGHT, Commander.DEVICE)
+        topic_refuses(topic, goal, node, "arm_commanded_by_another", arm="right", who="headset", client="headset")
+        hand_over.let_go(Side.RIGHT)
+    topic_refuses(topic, goal, node, "arm_reserved_for_person", arm="right", who="stream")
+    assert newest(buffers, 3) is None
+    hand_over.give_back((Side.RIGHT,))
+    topic.take(goal)
+    assert newest(buffers, 3) == (1, middle)
+
+
+def topic_refuses(topic: CommandTopic, received: Any, node: Node, code: str, **values: Any) -> None:
+    """A message that comes on another thread than that of who commands is refused, and the log says why."""
+    node.warnings.clear()
+    with asking():
+        topic.take(received)
+    assert node.warnings == [str(message(code, **values))]

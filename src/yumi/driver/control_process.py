@@ -580,13 +580,17 @@ class ControlProcess:
                     child.join(_ANSWER_TIMEOUT)
                     for side in Side:
                         ended = ControlProcessEnded(side, child.exit_code)
-                        self.hand_over.note(ended)
                         self._handle(ended)
+                        self.hand_over.note(ended)
                 return
             if not isinstance(value, Answer):
-                self.hand_over.note(value)
                 self._handle(value)
+<<<<<<< HEAD
             elif value.number in (self._number, NO_NUMBER):
+=======
+                self.hand_over.note(value)
+            elif value.number in (self._number, UNREADABLE):
+>>>>>>> refs/h/handover
                 self._answers.append(value.value)
                 self._answered.set()
 
