@@ -585,12 +585,8 @@ class ControlProcess:
                 return
             if not isinstance(value, Answer):
                 self._handle(value)
-<<<<<<< HEAD
-            elif value.number in (self._number, NO_NUMBER):
-=======
                 self.hand_over.note(value)
-            elif value.number in (self._number, UNREADABLE):
->>>>>>> refs/h/handover
+            elif value.number in (self._number, NO_NUMBER):
                 self._answers.append(value.value)
                 self._answered.set()
 
