@@ -499,7 +499,7 @@ export class Scene {
     const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
     // The headset's x, y, z are the robot's -y, z, -x where the person stands behind it.
     const turn = new THREE.Matrix4().set(s, 0, -c, 0, -c, 0, -s, 0, 0, 1, 0, 0, 0, 0, 0, 1);
-    person.matrix.makeTranslation(-BEFORE * c, -BEFORE * s, -BELOW).multiply(turn);
+    person.matrix.makeTranslation(-BEFORE * c, -BEFORE * s, BELOW).multiply(turn);
     person.matrixWorldNeedsUpdate = true; // three.js sees no change of a matrix that it does not make itself
     scene.add(person);
     if (isDark) scene.background = new THREE.Color(0xdfe4ea);
