@@ -499,7 +499,8 @@ export class Scene {
     const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
     // The headset's x, y, z are the robot's -y, z, -x where the person stands behind it.
     const turn = new THREE.Matrix4().set(s, 0, -c, 0, -c, 0, -s, 0, 0, 1, 0, 0, 0, 0, 0, 1);
-    person.matrix.makeTranslation(-BEFORE * c, -BEFORE * s, -BELOW).multiply(turn);
+    person.matrix.makeTranslation(-BEFORE * c, -BEFORE * s, BELOW).multiply(turn);
+    person.matrixWorldNeedsUpdate = true; // three.js sees no change of a matrix that it does not make itself
     scene.add(person);
     if (isDark) scene.background = new THREE.Color(0xdfe4ea);
     renderer.xr.enabled = true;
@@ -537,6 +538,7 @@ export class Scene {
   /** Draw a hand of the person, at a matrix of the headset's. */
   showHand(name: Side, matrix: Float32Array): void {
     this.hands[name].matrix.fromArray(matrix);
+    this.hands[name].matrixWorldNeedsUpdate = true;
     this.hands[name].visible = true;
   }
 
