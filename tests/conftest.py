@@ -20,7 +20,6 @@ from yumi.catalogue import FrontEnd, speak_as
 from yumi.clock import ManualClock
 from yumi.robot.joints import Joints, joints
 
-
 _RUNTIME = pytest.StashKey[str]()
 
 
