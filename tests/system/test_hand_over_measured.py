@@ -40,7 +40,7 @@ def wrist(speed: float) -> Joints:
 
 
 class Policy:
-    """A program that turns both wrists to and fro whenever it may, over a connection of its own.
+    """A program that turns both wrists back and forth whenever it may, over a connection of its own.
 
     Attributes:
         refusals: how often it was refused, by the code.
