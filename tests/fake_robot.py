@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import monotonic
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -61,7 +62,7 @@ class FakeControl:
             for side in Side
         }
         self._active: dict[Side, str | None] = dict.fromkeys(Side, GOAL_CONTROLLER)
-        self.hand_over = HandOver(lambda: 0.0)
+        self.hand_over = HandOver(monotonic)
 
     def snapshot(self, side: Side) -> Snapshot:
         return self.snapshots[side]
@@ -128,7 +129,6 @@ class FakeRobot:
         }
         self.speed_scale = 1.0
         self.clock = ManualClock(100.0)
-        self.control.hand_over = HandOver(self.clock.now)
         self.executor = MotionExecutor(
             self.control, self.motions, arms, YUMI_LIMITS, self.clock, lambda: self.speed_scale
         )

@@ -15,7 +15,7 @@ from yumi.catalogue import message
 from yumi.clock import Clock
 from yumi.control.controller import IDLE
 from yumi.control.goals import Buffer, write_goal, write_speeds
-from yumi.control.hand_over import NEAR, Blend, Commander, asking
+from yumi.control.hand_over import NEAR, Blend, Commander, asking, is_person_asking
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.shared_state import Deadline
@@ -165,6 +165,9 @@ class ArmStreams(ArmAccess):
         return is_first
 
     def _check_owner(self, side: Side, owner: object) -> None:
+        if is_person_asking():  # a person takes an arm from a program that jogs it
+            self.control.hand_over.check(side, Commander.STREAM)
+            return
         last = self._jogs.get(side)
         if last is None or last.owner in (None, owner) or self.clock.now() - last.time >= _JOG_GAP:
             return

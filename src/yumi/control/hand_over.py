@@ -130,6 +130,12 @@ def asking(
         _asker.reset(token)
 
 
+def is_person_asking() -> bool:
+    """Whether who asks on this thread is a person."""
+    who = _asker.get().who
+    return who is not None and who.is_person
+
+
 class _Held(NamedTuple):
     """A command with what it takes to see that it is over."""
 
