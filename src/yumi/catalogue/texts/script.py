@@ -62,6 +62,27 @@ SCRIPT: Mapping[str, Text] = {
         "jog refused: another program has switched the controllers of the {arm} arm", "press again to take it back"
     ),
     "jog_while_moving": Text("jog refused: another motion of the {arm} arm is under way", "stop it first"),
+    "stream_time_malformed": Text(
+        "stream refused: the time of the point is {given}",
+        "give seconds by time.monotonic() of the driver's machine, or none: then the moment of the call counts",
+    ),
+    "stream_time_far": Text(
+        "stream refused: the point is for {away:.3f} s from now, by time.monotonic() of the driver's machine; allowed is "
+        "{oldest:g} to {newest:g} s",
+        "give none where no such time is known: then the moment of the call counts",
+    ),
+    "stream_velocity_malformed": Text(
+        "stream refused: the velocities of the {arm} arm are not {count} finite numbers [rad/s] in chain order"
+    ),
+    "stream_tracking_unknown": Text("stream refused: tracking is {given:quoted}", "choose {known:or}"),
+    "stream_delay_out_of_range": Text(
+        "stream refused: delay is {given}; allowed is 0 to {longest:g} s, with tracking 'interpolate'"
+    ),
+    "stream_empty": Text("stream refused: neither an arm nor a gripper has a goal"),
+    "stream_grippers_malformed": Text(
+        "stream refused: the goal of gripper {arm:quoted} is {given}",
+        "give 'right' or 'left' a width [m] from 0, closed, to {most:g}",
+    ),
     "cartesian_controller_missing": Text(
         "the {arm} arm has no {controller}, which moves its tool",
         "name it in controllers.yaml as the delivered file does",
