@@ -345,6 +345,7 @@ class AsyncRobot:
         """Work objects by name, as :attr:`yumi.api.robot.Robot.work_objects`."""
         return self.sync.work_objects
 
+    stream = at_once(Robot.stream)
     move_to = awaited(Robot.move_to)
     move_to_pose = awaited(Robot.move_to_pose)
     move_linear = awaited(Robot.move_linear)
@@ -424,10 +425,7 @@ class AsyncArm:
         """All that is known of the arm now."""
         return self.sync.state
 
-    def stream(self, position: Position) -> None:
-        """Follow a stream of positions [rad], (7,), of which this is the next; returns at once."""
-        self.sync.stream(position)
-
+    stream = at_once(Arm.stream)
     servo_pose = at_once(Arm.servo_pose)
     servo_twist = at_once(Arm.servo_twist)
     jacobian = at_once(Arm.jacobian)

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from math import isfinite
+from math import isfinite, nan
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, SupportsFloat
 
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, ArmAccess
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
-from yumi.catalogue import message
+from yumi.catalogue import message, quoted
 from yumi.clock import Clock
-from yumi.control.goals import Buffer, write_goal, write_speeds
+from yumi.control.goals import (
+    CONFIGURED_DELAY,
+    NEWEST_POINT,
+    OLDEST_POINT,
+    UNKNOWN,
+    Buffer,
+    write_goal,
+    write_speeds,
+)
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
@@ -55,17 +63,60 @@ class ArmStreams(ArmAccess):
         self._followed: dict[Side, int] = {}  # the number of the last message of an arm that follows a device
         self._jog_locks = {side: Lock() for side in Side}  # held briefly: the end of a jog waits for it
 
-    def stream(self, side: Side, goal: Position) -> None:
-        """Have an arm follow a stream of goals, of which this is the next.
+    def stream(
+        self,
+        goals: Mapping[Side, Position],
+        velocities: Mapping[Side, Sequence[SupportsFloat]] | None = None,
+        time: SupportsFloat | None = None,
+        delay: float = CONFIGURED_DELAY,
+    ) -> bool:
+        """Have arms follow a stream of positions, of which these are the next point; all of them, or none.
+
+        Args:
+            goals: positions [rad], (7,), of each arm.
+            velocities: those of the stream then [rad/s], (7,); an arm that is left out has them estimated.
+            time: when the point is for, by the driver's clock [s]; None: now.
+            delay: as :func:`yumi.control.goals.stream_delay` has it.
+
+        Returns:
+            Whether controllers were switched for it.
 
         Raises:
-            CommandRefused: the goal is impossible; the arm keeps the one before.
-            RobotNotReady: the arm does not follow.
+            CommandRefused: the point is impossible; the arms keep the one before.
+            RobotNotReady: an arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        checked = checked_goal(side, goal, self.snapshot(side).sent)
-        session, _ = self._begin_stream(side, STREAM_CONTROLLER)
-        write_goal(self.control.buffers[side].goals, session, checked)
+        velocities = velocities or {}
+        positions = {side: checked_goal(side, goal, self.snapshot(side).sent) for side, goal in goals.items()}
+        for side in velocities:
+            if side not in goals:
+                raise CommandRefused(message("stream_velocity_without_position", arm=side.word))
+        speeds = {side: _checked_velocity(side, velocities[side]) if side in velocities else UNKNOWN for side in goals}
+        self._check_time(time)
+        begun = {side: self._begin_stream(side, STREAM_CONTROLLER) for side in goals}
+        now = self.clock.now()  # not before: to take an arm over may last seconds
+        stamp = now if time is None else float(time)
+        for side, position in positions.items():
+            write_goal(self.control.buffers[side].goals, begun[side][0], position, speeds[side], stamp, delay)
+        return any(is_new for _, is_new in begun.values())
+
+    def _check_time(self, time: SupportsFloat | None) -> None:
+        if time is None:
+            return
+        try:
+            away = float(time) - self.clock.now()
+        except (TypeError, ValueError):
+            away = nan
+        if not isfinite(away):
+            raise CommandRefused(message("stream_time_malformed", given=quoted(time)))
+        if not -OLDEST_POINT <= away <= NEWEST_POINT:
+            raise CommandRefused(message("stream_time_far", away=away, oldest=-OLDEST_POINT, newest=NEWEST_POINT))
+
+    def end_stream(self, side: Side) -> None:
+        """Have an arm brake and hold that follows a stream; one that something else commands is left alone."""
+        snapshot = self.control.snapshot(side)
+        if self.streaming.get(side) == (STREAM_CONTROLLER, snapshot.session, snapshot.activation):
+            self.stop((side,))
 
     def jog(self, side: Side, speeds: Sequence[float], owner: object) -> bool:
         """Have an arm move with joint speeds [rad/s], (7,), until its controller's timeout or :meth:`end_jog`.
@@ -254,6 +305,16 @@ class ArmStreams(ArmAccess):
         """The stream of an arm, and where its messages go."""
         stream, buffers = self.streaming.get(side, ("", 0, 0)), self.control.buffers[side]
         return stream, buffers.tool_goals if stream[0] == CARTESIAN_CONTROLLER else buffers.goals
+
+
+def _checked_velocity(side: Side, velocity: Sequence[SupportsFloat]) -> Joints:
+    try:
+        values = joints([float(value) for value in velocity])
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(message("stream_velocity_malformed", arm=side.word, count=JOINT_COUNT)) from error
+    if not all(map(isfinite, values)):
+        raise CommandRefused(message("stream_velocity_malformed", arm=side.word, count=JOINT_COUNT))
+    return values
 
 
 def _number(buffer: Buffer[Any]) -> int:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from enum import IntFlag
 from math import isfinite, isnan, nan, pi, radians
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, Literal, NamedTuple, Protocol, TypeVar, get_args
 
-from yumi.catalogue import message
+from yumi.catalogue import message, quoted
 from yumi.control.sampled import Sampled
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Joints
@@ -58,6 +58,15 @@ UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
 
 CONFIGURED_DELAY = -1.0
 """The delay of a stream that the controller's parameters say."""
+
+LONGEST_DELAY = 1.0
+"""With which a stream is followed at most [s]."""
+
+OLDEST_POINT, NEWEST_POINT = 0.5, 1.0
+"""A point of a stream is for a time that is past for no longer, and no further in the future [s]."""
+
+Tracking = Literal["feed_forward", "gains"]
+"""How a stream is followed: by its stamps with speeds fed forward, or each point by the controller's gains alone."""
 
 
 class Goal(NamedTuple):
@@ -126,6 +135,27 @@ def read_goal(buffer: GoalBuffer, session: int) -> tuple[int, Goal | None]:
         return 0, None
     number, goal = newest
     return number, Goal(*goal[2:4], goal.time, goal.delay) if goal.session == session else None
+
+
+def stream_delay(tracking: str = "feed_forward", delay: float | None = None) -> float:
+    """The delay of a goal, for :func:`write_goal`, by what a person says; raises CommandRefused.
+
+    Args:
+        tracking: as :data:`Tracking`.
+        delay: how late the arm follows the stamps [s]; None as the controller's parameters say.
+    """
+    known = get_args(Tracking)
+    if tracking not in known:
+        raise CommandRefused(message("stream_tracking_unknown", given=str(tracking), known=known))
+    if delay is None:
+        return CONFIGURED_DELAY if tracking == "feed_forward" else nan
+    try:
+        value = float(delay)
+    except (TypeError, ValueError):
+        value = nan
+    if not 0.0 <= value <= LONGEST_DELAY or tracking != "feed_forward":
+        raise CommandRefused(message("stream_delay_out_of_range", given=quoted(delay), longest=LONGEST_DELAY))
+    return value
 
 
 class GoalInbox:

@@ -16,7 +16,7 @@ from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
-from yumi.control.goals import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
+from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
     ControllerFailed,
@@ -68,7 +68,7 @@ def test_joints_that_a_goal_leaves_out_stay_where_they_were_sent(robot: FakeRobo
     assert robot.control.commands[0].message.position == expected  # type: ignore[attr-defined]
     robot.end(robot.control.commands[0])
     robot.control.on_command = robot.rest
-    robot.executor.stream(Side.RIGHT, {"j1": 0.1})
+    robot.executor.stream({Side.RIGHT: {"j1": 0.1}})
     newest = read_goal(robot.goals[Side.RIGHT], 1)
     assert newest is not None
     assert newest[1].position == expected
@@ -160,7 +160,7 @@ def test_executor_refuses_an_impossible_goal_and_asks_no_one(
 ) -> None:
     for ask in (
         lambda: robot.executor.move({Side.LEFT: LEFT, Side.RIGHT: goal}, None, None),  # type: ignore[dict-item]
-        lambda: robot.executor.stream(Side.RIGHT, goal),  # type: ignore[arg-type]
+        lambda: robot.executor.stream({Side.RIGHT: goal}),  # type: ignore[dict-item]
     ):
         with refused(CommandRefused, code, **values):
             ask()
@@ -171,7 +171,7 @@ def test_executor_refuses_an_impossible_goal_and_asks_no_one(
 @pytest.mark.parametrize("value", [nan, 0.0, -0.5, 1.01, inf, "fast"])
 def test_goal_with_an_impossible_scale_leaves_a_stream_under_way(robot: FakeRobot, name: str, value: Any) -> None:
     robot.control.on_command = robot.rest
-    robot.executor.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream({Side.RIGHT: RIGHT})
     switches, commands = list(robot.control.switches), list(robot.control.commands)
     scales: dict[str, Any] = {"speed_scale": None, "acceleration": None, name: value}
     code = "goal_scale_no_number" if value == "fast" else "goal_scale_out_of_range"
@@ -265,16 +265,16 @@ def test_fault_concerns_its_arms(robot: FakeRobot, event: object, sides: list[Si
 def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
     for _ in range(3):
-        robot.executor.stream(Side.RIGHT, RIGHT)
+        robot.executor.stream({Side.RIGHT: RIGHT})
     assert robot.control.switches == [Switch(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))]
-    assert read_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, pytest.approx(nan, nan_ok=True)))
+    assert read_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, robot.clock.now(), CONFIGURED_DELAY))
 
 
 def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
-    robot.executor.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream({Side.RIGHT: RIGHT})
     robot.executor.move({Side.RIGHT: RIGHT}, None, None)
-    robot.executor.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream({Side.RIGHT: RIGHT})
     assert [switch.activate for switch in robot.control.switches] == [
         (STREAM_CONTROLLER,),
         (GOAL_CONTROLLER,),
@@ -285,7 +285,7 @@ def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
 def test_stream_begins_when_the_motion_before_it_has_ended(robot: FakeRobot) -> None:
     robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.control.on_command = robot.end
-    robot.executor.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream({Side.RIGHT: RIGHT})
     assert isinstance(robot.control.commands[-1].message, StopMotion)
 
 

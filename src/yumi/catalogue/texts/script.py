@@ -13,6 +13,7 @@ _NEAREST = "or leave the configuration out: it takes the nearest posture then"
 SCRIPT: Mapping[str, Text] = {
     # ---- connect
     "fraction_out_of_range": Text("{parameter} is {value}; allowed is above 0 up to 1"),
+    "arm_name_unknown": Text("there is no arm {given}", "choose 'right' or 'left'"),
     "connect_arms_unknown": Text("arms is {given}", "name 'right', 'left' or both"),
     "connect_port_twice": Text("the port is given twice, in {address:quoted} and as rws_port={port}", "give it once"),
     "controllers_missing": Text("the controllers of the {arm} arm lack {missing:list}", "add them"),
@@ -76,9 +77,11 @@ SCRIPT: Mapping[str, Text] = {
     ),
     "stream_tracking_unknown": Text("stream refused: tracking is {given:quoted}", "choose {known:or}"),
     "stream_delay_out_of_range": Text(
-        "stream refused: delay is {given}; allowed is 0 to {longest:g} s, with tracking 'interpolate'"
+        "stream refused: delay is {given}; allowed is 0 to {longest:g} s, with tracking 'feed_forward'"
     ),
+    "stream_velocity_without_position": Text("stream refused: the {arm} arm has a velocity and no position"),
     "stream_empty": Text("stream refused: neither an arm nor a gripper has a goal"),
+    "gripper_follows_not": Text("the {arm} gripper does not follow the stream: {reason}", "{reason:remedy}"),
     "stream_grippers_malformed": Text(
         "stream refused: the goal of gripper {arm:quoted} is {given}",
         "give 'right' or 'left' a width [m] from 0, closed, to {most:g}",

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from math import copysign, inf, isnan
 
 from yumi.control.controller import IDLE, Controller
-from yumi.control.goals import CONFIGURED_DELAY, Goal, GoalBuffer, GoalInbox, GoalKind
+from yumi.control.goals import CONFIGURED_DELAY, LONGEST_DELAY, Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import Setpoint, fixed
 from yumi.control.motion.speed_motion import speeds_without_noise
@@ -32,9 +32,6 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.stream_monitor import StreamMonitor
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 from yumi.settings import Parameter, Values, flag, number
-
-LONGEST_DELAY = 1.0
-"""With which a stream is followed at most [s]."""
 
 _NO_SPEED = 1e-6  # [rad/s] not worth feeding forward
 _SHORTEST_PERIOD = 2.0 * CYCLE  # [s] a faster stream is followed with the delay of one of this period
