@@ -23,6 +23,7 @@ _OFTEN = 0.2  # share of points that are late, of a stream whose delay is too sh
 _LATE = 0.010  # [s] a point is late that comes so long after it was needed; it is read once a cycle
 _LIMITED = 5  # cycles in which a joint's limits let it not follow
 _CATCHING_UP = 1.0  # [s] which the arm has at first, and after a jump
+_OTHER_DELAY = 0.005  # [s] is worth a report
 _JUMP = 1.05  # times a joint's highest speed
 
 
@@ -64,7 +65,7 @@ class StreamMonitor:
         self.newest, self.period = -inf, 0.0
         self._position: Joints = ()
         self._intervals.clear()
-        self._delay = 0.0  # that was reported
+        self._delay = inf  # that was reported
         self._limited, self._catches_up = 0, inf  # until then [s]
         self._count(-inf)
 
@@ -109,7 +110,7 @@ class StreamMonitor:
         rate = self._points / span
         if not LOWEST_RATE / _TOLERANCE <= rate <= HIGHEST_RATE * _TOLERANCE:
             self._report("stream_rate_out_of_range", now, rate=rate, lowest=LOWEST_RATE, highest=HIGHEST_RATE)
-        elif abs(delay - self._delay) > 0.1 * delay:
+        elif abs(delay - self._delay) > _OTHER_DELAY:
             self._delay = delay
             self._report("stream_followed", now, is_warning=False, rate=rate, delay=delay)
         if self._late > _OFTEN * self._seen:

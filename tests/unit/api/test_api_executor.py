@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from math import inf, nan
+from math import inf, isnan, nan
 from threading import Event
 from typing import Any
 
@@ -16,7 +16,7 @@ from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
-from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
+from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, Goal, MemoryBuffer, read_goal, stream_delay, write_speeds
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
     ControllerFailed,
@@ -268,6 +268,68 @@ def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None
         robot.executor.stream({Side.RIGHT: RIGHT})
     assert robot.control.switches == [Switch(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))]
     assert read_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, robot.clock.now(), CONFIGURED_DELAY))
+
+
+def test_stream_gives_both_arms_the_point_for_the_same_time(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.end
+    speeds = (0.1,) * 7
+    robot.executor.stream({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, {Side.LEFT: speeds}, 99.9, 0.1)
+    goals = {side: read_goal(robot.goals[side], 1) for side in Side}
+    assert goals[Side.RIGHT] == (1, Goal(RIGHT, UNKNOWN, 99.9, 0.1))
+    assert goals[Side.LEFT] == (1, Goal(LEFT, speeds, 99.9, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        ({"velocities": {Side.LEFT: (0.0,) * 7}}, "stream_velocity_without_position"),
+        ({"velocities": {Side.RIGHT: (0.0,) * 6}}, "stream_velocity_malformed"),
+        ({"velocities": {Side.RIGHT: (nan,) * 7}}, "stream_velocity_malformed"),
+        ({"time": "now"}, "stream_time_malformed"),
+        ({"time": nan}, "stream_time_malformed"),
+        ({"time": 99.0}, "stream_time_far"),
+        ({"time": 101.5}, "stream_time_far"),
+    ],
+)
+def test_impossible_point_of_a_stream_moves_no_arm(robot: FakeRobot, arguments: dict[str, Any], code: str) -> None:
+    with refused(CommandRefused, code):
+        robot.executor.stream({Side.RIGHT: RIGHT}, **arguments)
+    assert robot.control.commands == robot.control.switches == []
+    assert read_goal(robot.goals[Side.RIGHT], 1) == (0, None)
+
+
+@pytest.mark.parametrize(
+    ("tracking", "delay", "code"),
+    [
+        ("closely", None, "stream_tracking_unknown"),
+        ("feed_forward", -0.1, "stream_delay_out_of_range"),
+        ("feed_forward", 1.1, "stream_delay_out_of_range"),
+        ("feed_forward", nan, "stream_delay_out_of_range"),
+        ("feed_forward", "late", "stream_delay_out_of_range"),
+        ("gains", 0.1, "stream_delay_out_of_range"),
+    ],
+)
+def test_impossible_tracking_of_a_stream_is_refused(tracking: str, delay: Any, code: str) -> None:
+    with refused(CommandRefused, code):
+        stream_delay(tracking, delay)
+
+
+def test_tracking_of_a_stream_says_its_delay() -> None:
+    assert (stream_delay(), stream_delay("feed_forward", 0), isnan(stream_delay("gains"))) == (
+        CONFIGURED_DELAY,
+        0.0,
+        True,
+    )
+
+
+def test_end_of_a_stream_brakes_the_arm_that_nothing_else_commands(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.end
+    robot.executor.stream({Side.RIGHT: RIGHT})
+    robot.control.commands.clear()
+    robot.executor.end_stream(Side.LEFT)
+    assert robot.control.commands == []
+    robot.executor.end_stream(Side.RIGHT)
+    assert [(each.side, type(each.message)) for each in robot.control.commands] == [(Side.RIGHT, StopMotion)]
 
 
 def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
