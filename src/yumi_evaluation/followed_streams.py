@@ -7,6 +7,7 @@ The source is a smooth random motion of all fourteen joints, as of a policy. Its
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import degrees
@@ -276,3 +277,7 @@ ROWS = (
 def table() -> str:
     """The table in Markdown."""
     return "\n".join([HEAD, *(row.text() for row in ROWS)])
+
+
+if __name__ == "__main__":
+    sys.stdout.write(f"{table()}\n")

@@ -12,7 +12,7 @@ from yumi_evaluation.followed_streams import HEAD, ROWS, Followed, SmoothPolicy,
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "follow-a-stream.md"
 CHECKED = (ROWS[0], ROWS[4], ROWS[-1])
-"""Rows of the table that are followed again; ``make streams-table`` writes all of them."""
+"""Rows of the table that are followed again; ``python -m yumi_evaluation.followed_streams`` writes all of them."""
 
 pytestmark = pytest.mark.timeout(180)
 

@@ -79,8 +79,15 @@ SCRIPT: Mapping[str, Text] = {
     "stream_delay_out_of_range": Text(
         "stream refused: delay is {given}; allowed is 0 to {longest:g} s, with tracking 'feed_forward'"
     ),
+    "stream_counts_differ": Text(
+        "stream refused: it has {names} names and {positions} positions; velocities are as many, or none"
+    ),
+    "stream_joint_unknown": Text(
+        "stream refused: {joint:quoted} is neither a joint of an arm nor of a gripper", "name them as in joint_states"
+    ),
     "stream_velocity_without_position": Text("stream refused: the {arm} arm has a velocity and no position"),
     "stream_empty": Text("stream refused: neither an arm nor a gripper has a goal"),
+    "gripper_follows_not_by_fault": Text("a gripper does not follow the stream, by a fault of the driver: {error}"),
     "gripper_follows_not": Text("the {arm} gripper does not follow the stream: {reason}", "{reason:remedy}"),
     "stream_grippers_malformed": Text(
         "stream refused: the goal of gripper {arm:quoted} is {given}",
