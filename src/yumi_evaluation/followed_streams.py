@@ -1,5 +1,4 @@
-"""Streams of joint positions that both arms follow in virtual time, with the delivered controllers: how late, how
-smoothly.
+"""Streams of joint positions that both arms follow in virtual time, as delivered: how late, and how smoothly.
 
 The source is a smooth random motion of all fourteen joints, as of a policy. Its points go through the API's
 ``stream``, through the limiter and over EGM to the virtual robot, as those of a script do.
@@ -126,7 +125,9 @@ class StreamedArms:
 
     def _rig(self, side: Side) -> VirtualArmRig:
         delivered = next(each for each in read_controllers(side) if each.name == STREAM_CONTROLLER)
-        rig = VirtualArmRig({STREAM_CONTROLLER: JointPositionController(self._goals[side])}, side=side, position=_START[side])
+        rig = VirtualArmRig(
+            {STREAM_CONTROLLER: JointPositionController(self._goals[side])}, side=side, position=_START[side]
+        )
         values = {name: entry.value for name, entry in delivered.entries.items()}
         rig.manager.set_parameters(STREAM_CONTROLLER, values)
         return rig
@@ -220,9 +221,7 @@ def _halves(values: Array) -> dict[Side, Joints]:
 
 def _lag(policy: SmoothPolicy, moments: Array, positions: Array) -> float:
     chosen = slice(None, None, 4)
-    return minimum(
-        lambda late: float(((positions[chosen] - policy.at(moments[chosen] - late)) ** 2).sum()), -0.05, 0.4
-    )
+    return minimum(lambda late: float(((positions[chosen] - policy.at(moments[chosen] - late)) ** 2).sum()), -0.05, 0.4)
 
 
 def _rms(values: Array) -> float:

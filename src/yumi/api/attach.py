@@ -328,7 +328,6 @@ class RunningDriver:
         request = JogTool(arm=arm, linear=(x, y, z), angular=(about_x, about_y, about_z), elbow=turn, frame=frame)
         self.call(request)
 
-
     def stream(
         self,
         *,

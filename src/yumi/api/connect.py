@@ -17,7 +17,6 @@ from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
-from yumi.api.joint_positions import Position
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot

@@ -487,7 +487,7 @@ class Arm:
         Args:
             position: joint positions [rad], as for :meth:`move_to`.
             velocity: of the stream at this point [rad/s], (7,); None has it estimated from the points.
-            time: when the point is for, by ``time.monotonic()`` of the driver's machine [s]: from 0.5 s ago to 1 s
+            time: when the point is for, by ``time.monotonic()`` of the driver's machine [s]: from 5 s ago to 1 s
                 ahead; None is the moment of the call.
             tracking: ``"feed_forward"``, or ``"gains"``: each point is gone to by the controller's gains, some 0.2 s
                 late and without regard to ``time``.

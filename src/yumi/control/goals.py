@@ -62,7 +62,7 @@ CONFIGURED_DELAY = -1.0
 LONGEST_DELAY = 1.0
 """With which a stream is followed at most [s]."""
 
-OLDEST_POINT, NEWEST_POINT = 0.5, 1.0
+OLDEST_POINT, NEWEST_POINT = 5.0, 1.0
 """A point of a stream is for a time that is past for no longer, and no further in the future [s]."""
 
 Tracking = Literal["feed_forward", "gains"]

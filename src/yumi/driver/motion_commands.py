@@ -184,8 +184,8 @@ class JogTool(Command[str], frozen=True):
 class Stream(Command[str], frozen=True):
     """Have arms follow a stream of joint positions, of which this is the next point, and grippers one of widths.
 
-    It is asked for again and again, 10 to 500 times a second. Positions are as of :class:`Move`; ``velocities`` [rad/s],
-    (7,), are those of the stream. ``time`` [s] is when the point is for, by ``time.monotonic()`` of the driver's
+    It is asked for again and again, 10 to 500 times a second. Positions are as of :class:`Move`; ``velocities``
+    [rad/s], (7,), are those of the stream. ``time`` [s] is when the point is for, by ``time.monotonic()`` of the driver's
     machine; without it that is now. ``grippers`` are widths [m], of which 0 grips. ``tracking`` and ``delay`` [s] say
     how the stream is followed. The first one takes the arms over from standstill. The arms brake when the client goes
     away.
@@ -196,8 +196,8 @@ class Stream(Command[str], frozen=True):
 
     right: Position | None = None
     left: Position | None = None
-    velocities: dict[Arm, Joints] = {}
-    grippers: dict[Arm, float] = {}
+    velocities: dict[Arm, Joints] | None = None
+    grippers: dict[Arm, float] | None = None
     time: float | None = None
     tracking: Tracking = "feed_forward"
     delay: float | None = None
@@ -217,8 +217,8 @@ class Stream(Command[str], frozen=True):
         return tuple(self.goals)
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
-        closed = {side_of(arm): closed_of(arm, width) for arm, width in self.grippers.items()}
-        velocities = {side_of(arm): velocity for arm, velocity in self.velocities.items()}
+        closed = {side_of(arm): closed_of(arm, width) for arm, width in (self.grippers or {}).items()}
+        velocities = {side_of(arm): velocity for arm, velocity in (self.velocities or {}).items()}
         delay = stream_delay(self.tracking, self.delay)
         if not robot.moving.acquire(blocking=False):
             raise CommandRefused(message("another_move_under_way"))

@@ -269,7 +269,9 @@ def _split(received: Any) -> tuple[dict[Side, Any], dict[Side, float]]:
     has_speeds = len(received.velocity) > 0
     counts = {len(received.name), len(received.position), len(received.velocity) if has_speeds else len(received.name)}
     if len(counts) != 1:
-        raise CommandRefused(message("stream_counts_differ", names=len(received.name), positions=len(received.position)))
+        raise CommandRefused(
+            message("stream_counts_differ", names=len(received.name), positions=len(received.position))
+        )
     parts: dict[Side, Any] = {}
     closed: dict[Side, float] = {}
     for index, name in enumerate(received.name):

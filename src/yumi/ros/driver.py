@@ -192,15 +192,18 @@ class RosDriver:
         )
         manager.when_ready(self._gripper_setup.run)
 
-        self._commands: list[CommandTopic] = []
-        self._joint_commands: dict[Side, JointCommandTopic] = {}
+        self._joint_commands = {
+            side: JointCommandTopic(node, side, buffers[side].goals, partial(control.snapshot, side), clock.now)
+            for side, node in self._streams.items()
+        }
+        self._commands: list[CommandTopic] = [
+            *self._joint_commands.values(),
+            *(
+                JointVelocityTopic(node, side, buffers[side].speeds, partial(control.snapshot, side), clock.now)
+                for side, node in self._streams.items()
+            ),
+        ]
         self._gripper_work = ThreadPoolExecutor(len(Side), "gripper-streams")
-        for side, node in self._streams.items():
-            snapshot = partial(control.snapshot, side)
-            topic = JointCommandTopic(node, side, buffers[side].goals, snapshot, clock.now)
-            self._joint_commands[side] = topic
-            self._commands.append(topic)
-            self._commands.append(JointVelocityTopic(node, side, buffers[side].speeds, snapshot, clock.now))
         for command in self._commands:
             command.why_stopped = manager.monitor.cause
 

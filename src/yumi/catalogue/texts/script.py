@@ -68,8 +68,8 @@ SCRIPT: Mapping[str, Text] = {
         "give seconds by time.monotonic() of the driver's machine, or none: then the moment of the call counts",
     ),
     "stream_time_far": Text(
-        "stream refused: the point is for {away:.3f} s from now, by time.monotonic() of the driver's machine; allowed is "
-        "{oldest:g} to {newest:g} s",
+        "stream refused: the point is for {away:.3f} s from now, by time.monotonic() of the driver's machine; "
+        "allowed is {oldest:g} to {newest:g} s",
         "give none where no such time is known: then the moment of the call counts",
     ),
     "stream_velocity_malformed": Text(
