@@ -185,10 +185,10 @@ class Stream(Command[str], frozen=True):
     """Have arms follow a stream of joint positions, of which this is the next point, and grippers one of widths.
 
     It is asked for again and again, 10 to 500 times a second. Positions are as of :class:`Move`; ``velocities``
-    [rad/s], (7,), are those of the stream. ``time`` [s] is when the point is for, by ``time.monotonic()`` of the driver's
-    machine; without it that is now. ``grippers`` are widths [m], of which 0 grips. ``tracking`` and ``delay`` [s] say
-    how the stream is followed. The first one takes the arms over from standstill. The arms brake when the client goes
-    away.
+    [rad/s], (7,), are those of the stream. ``time`` [s] is when the point is for, by ``time.monotonic()`` of the
+    driver's machine; without it that is now. ``grippers`` are widths [m], of which 0 grips. ``tracking`` and ``delay``
+    [s] say how the stream is followed. The first one takes the arms over from standstill. The arms brake when the
+    client goes away.
     """
 
     lane = Lane.JOG
