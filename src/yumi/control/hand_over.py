@@ -135,14 +135,14 @@ class _Held(NamedTuple):
 
     command: Commanding = Commanding()
     until: float = -inf  # [s] it is over then, unless it is renewed
-    is_motion: bool = False  # and as long as the arm moves
+    is_motion: bool = False  # and then it is not over as long as the arm moves
 
 
 class HandOver:
     """Who commands both arms; safe from any thread.
 
     A person may take an arm over from a program at any time; otherwise the one who commands keeps the arm. A program
-    commands as long as its motion lasts, and a stream for a second after its last goal. A person commands until the
+    commands as long as the arm moves, and a stream for a second after its last goal. A person commands until the
     clutch or key is released, or nothing has come for a time: then the arm is reserved for people until
     :meth:`give_back`, so that no program goes on by itself.
 
@@ -182,7 +182,8 @@ class HandOver:
         Args:
             side: the arm.
             kind: of the motion, for who has not said who it is.
-            lasts: the command is over after this time [s], unless it is taken again; None: when the arm stands.
+            lasts: the command is over after this time [s], unless it is taken again; None: when the arm stands. That of
+                a program is never over before the arm stands.
 
         Returns:
             Whether another client commanded the arm last: nothing that was sent before may go on.
@@ -323,7 +324,7 @@ class HandOver:
     def _take(self, side: Side, kind: Commander, lasts: float | None) -> bool:
         asker, held, now = _asker.get(), self._current(side), self._now()
         who, command = asker.who or kind, held.command
-        until, is_motion = now + (MOTION_BEGINS if lasts is None else lasts), lasts is None
+        until, is_motion = now + (MOTION_BEGINS if lasts is None else lasts), lasts is None or not who.is_person
         if command.who is who and command.client == asker.client:
             self._held[side] = held._replace(until=until, is_motion=is_motion)
             return False

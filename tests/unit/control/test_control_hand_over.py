@@ -88,6 +88,12 @@ def test_stream_is_over_a_second_after_its_last_goal_and_a_motion_when_the_arm_s
     arms.clock.advance(0.01)
     assert arms.of(RIGHT).who is Commander.NONE
     arms.moving.add(RIGHT)
+    arms.taken(Commander.STREAM, "stream")
+    arms.clock.advance(2.0 * IDLE)  # its last points are for later, and the arm is not there yet
+    assert arms.of(RIGHT).who is Commander.STREAM
+    arms.moving.clear()
+    assert arms.of(RIGHT).who is Commander.NONE
+    arms.moving.add(RIGHT)
     arms.taken(Commander.TRAJECTORY, "script", None)
     arms.clock.advance(60.0)
     assert arms.of(RIGHT).who is Commander.TRAJECTORY
