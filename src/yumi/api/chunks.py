@@ -17,6 +17,7 @@ from yumi.api.arm_access import TRAJECTORY_CONTROLLER, ArmAccess
 from yumi.catalogue import message, quoted, said_by
 from yumi.clock import Clock
 from yumi.control.chunk_commands import MOST_JUMP, ChunkTaken, FollowChunk
+from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.trajectory_commands import refused
 from yumi.driver.gripper_follower import GripperFollower
@@ -104,8 +105,9 @@ class ChunkFollower:
     def __enter__(self) -> ChunkFollower:
         for side in self._sides:
             self._access.check_follows(side)
+        handed_over = self._access.control.hand_over.take_all(self._sides, Commander.POLICY, None)
         for side in self._sides:
-            self._access.take_over(side, TRAJECTORY_CONTROLLER)
+            self._access.take_over(side, TRAJECTORY_CONTROLLER, anew=side in handed_over)
             self._access.streaming.pop(side, None)
         self._activations = {side: self._access.snapshot(side).command_epoch for side in self._sides}
         self._stack.callback(self._activations.clear)
