@@ -106,8 +106,8 @@ class ChunkFollower:
         for side in self._sides:
             self._access.check_follows(side)
         handed_over = self._access.control.hand_over.take_all(self._sides, Commander.POLICY, None)
+        self._access.take_over(self._sides, TRAJECTORY_CONTROLLER, anew=handed_over)
         for side in self._sides:
-            self._access.take_over(side, TRAJECTORY_CONTROLLER, anew=side in handed_over)
             self._access.streaming.pop(side, None)
         self._activations = {side: self._access.snapshot(side).command_epoch for side in self._sides}
         self._stack.callback(self._activations.clear)

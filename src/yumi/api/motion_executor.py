@@ -225,8 +225,8 @@ class MotionExecutor(ArmStreams):
         for side in sides:
             self.check_follows(side)
         self.control.hand_over.take_all(sides, kind, None)
+        self.take_over(sides, name)
         for side in sides:
-            self.take_over(side, name)
             self.streaming.pop(side, None)
         before = {side: self.control.snapshot(side).command_epoch for side in sides}
         plans = plan(self.control.call(Commands.commanded_positions, *sides))

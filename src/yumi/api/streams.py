@@ -294,17 +294,14 @@ class ArmStreams(ArmAccess):
         last = {side: self.streaming.get(side, ("", 0, 0)) for side in sides}
         for side in handed_over:
             self.streaming.pop(side, None)  # one that cannot be switched now begins anew later
-        begun = {}
-        for side in sides:
-            is_new, is_handed_over = side in new or side in handed_over, side in handed_over
-            if is_new:
-                if is_jog:
-                    self._check_jog_begins(side, known[side], last[side], is_handed_over=is_handed_over)
-                self.take_over(side, controller, anew=is_handed_over)
-                snapshot = self.control.snapshot(side)
-                known[side] = self.streaming[side] = (controller, snapshot.session, snapshot.activation)
-            begun[side] = (known[side][1], is_new)
-        return begun
+        switched = [side for side in sides if side in new or side in handed_over]
+        for side in switched if is_jog else ():
+            self._check_jog_begins(side, known[side], last[side], is_handed_over=side in handed_over)
+        self.take_over(switched, controller, anew=handed_over)
+        for side in switched:
+            snapshot = self.control.snapshot(side)
+            known[side] = self.streaming[side] = (controller, snapshot.session, snapshot.activation)
+        return {side: (known[side][1], side in switched) for side in sides}
 
     def _check_jog_begins(
         self, side: Side, known: tuple[str, int, int], last: tuple[str, int, int], *, is_handed_over: bool
