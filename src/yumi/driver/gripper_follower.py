@@ -62,7 +62,7 @@ class GripperFollower:
         return self._work
 
     def follow(self, closed: float, report: Callable[[Message], None]) -> Callable[[], None] | None:
-        """The next goal of a stream, from 0 to 1; one that is the same as before is left out, unless it was refused.
+        """The next goal of a stream, from 0 to 1; one that the gripper has is left out, unless it was refused.
 
         Args:
             closed: as for :meth:`take`.
@@ -71,7 +71,7 @@ class GripperFollower:
         Returns:
             As :meth:`take`.
         """
-        if self._streamed is not None and abs(closed - self._streamed) < _RESOLUTION and self.refusal is None:
+        if self._has(closed) and self.refusal is None:
             return None
         work = self.take(closed)
         if work is None:
@@ -84,6 +84,14 @@ class GripperFollower:
                 report(self.refusal)
 
         return follow
+
+    def _has(self, closed: float) -> bool:
+        """Whether this goal was the last one, and nothing else has moved the fingers since."""
+        with self._lock:
+            last, is_working = self._streamed, self._is_working
+        if last is None or abs(closed - last) >= _RESOLUTION:
+            return False
+        return is_working or self._gripper.goal == goal_of(last, self._force)
 
     def forget(self) -> None:
         """A goal that was not given to the gripper yet is not given any more."""

@@ -115,6 +115,22 @@ def test_goal_of_a_stream_that_is_the_same_as_before_is_left_out_unless_it_was_r
     assert gripper.goals[-1] == goal_of(0.2, 8.0)
 
 
+def test_goal_of_a_stream_is_given_again_after_another_one_has_moved_the_fingers(
+    gripper: FakeGripper, follower: GripperFollower
+) -> None:
+    def follow(closed: float) -> bool:
+        work = follower.follow(closed, lambda reason: None)
+        if work is not None:
+            work()
+        return work is not None
+
+    assert [follow(0.5), follow(0.5)] == [True, False]
+    gripper.begin(go_to(0.02), lambda: None)
+    assert [follow(0.5), follow(0.5)] == [True, False]
+    give(follower, 0.2)  # of a device
+    assert [follow(0.5), follow(0.5)] == [True, False]
+
+
 @pytest.mark.parametrize("width", [-0.001, 0.051, float("nan"), "wide", None])
 def test_impossible_width_is_refused(width: object) -> None:
     with refused(CommandRefused, "stream_grippers_malformed", arm="right"):
