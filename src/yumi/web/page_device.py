@@ -62,7 +62,7 @@ class PageDevice:
                 is_held = any(hand.clutch for hand in device.frame.by_arm.values())
                 if is_held and not time.monotonic() - device.seen <= OLDEST_SEEN:  # NaN too
                     raise CommandRefused(message("page_too_slow_to_teleoperate"))
-                answer = await self._ask(Teleoperate(frame=device.frame))
+                answer = await self._ask(Teleoperate(frame=device.frame, is_headset=device.is_headset))
                 self._show(self._shown(device.frame.time, _report_decoder.decode(answer)))
             except Exception as error:  # a fault of ours, too: a page must not hold a clutch in vain
                 self._show(refused_report(device, self._failure(error)))

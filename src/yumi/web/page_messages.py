@@ -131,6 +131,7 @@ class DeviceMessage(PageMessage, frozen=True, tag="teleoperate"):
 
     seen: float
     frame: DeviceFrame
+    is_headset: bool = False
 
 
 class Pair(PageMessage, frozen=True, tag="pair"):

@@ -111,9 +111,10 @@ export class Teleoperation {
     if (time <= this.sentAt || this.connection.backlog > BACKLOG) return;
     this.isHeld = isHeld;
     this.sentAt = time;
-    const ofHeadset = page.device === "headset" ? {} : { speed: 0.2, turning: 1 };
-    const settings = { scale: page.scale, yaw: page.yaw, ...ofHeadset };
-    this.connection.send({ type: "teleoperate", seen: page.stateTime, frame: { time, ...passed, settings } });
+    const isHeadset = page.device === "headset";
+    const settings = { scale: page.scale, yaw: page.yaw, ...(isHeadset ? {} : { speed: 0.2, turning: 1 }) };
+    const frame = { time, ...passed, settings };
+    this.connection.send({ type: "teleoperate", seen: page.stateTime, frame, is_headset: isHeadset });
   }
 
   /** Let go of every clutch, whatever is held. */
