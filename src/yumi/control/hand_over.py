@@ -253,8 +253,8 @@ class HandOver:
         asker = _asker.get()
         with ExitStack() as gates:
             if command in (Commands.send_commands, Commands.take_commands):
-                given = {each.side: each.message for each in args if isinstance(each, ControllerCommand)}
-                moved = {side: given[side] for side in given if not isinstance(given[side], STOPS)}
+                given = [each for each in args if isinstance(each, ControllerCommand)]
+                moved = {each.side: each.message for each in given if not isinstance(each.message, STOPS)}
                 kinds = {side: self._kind_of_motion(side, moved[side], asker) for side in self._entered(gates, moved)}
                 for side, kind in kinds.items():
                     self.check(side, kind)

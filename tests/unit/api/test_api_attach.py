@@ -39,11 +39,12 @@ from yumi.control.trajectory_commands import Outcome as TrajectoryOutcome
 from yumi.driver import endpoint_server, motion_commands
 from yumi.driver.endpoint import MAX_REQUEST, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
+from yumi.driver.gripper_follower import closed_of, goal_of
 from yumi.driver.reports import ArmMode
 from yumi.driver.robot_state import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.planning.planner import Plan
-from yumi.robot.gripper import Outcome, go_to
+from yumi.robot.gripper import Outcome
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints, named_pose
 
 NOT_UNDERSTOOD = "request_not_understood"
@@ -940,7 +941,7 @@ def test_stream_gives_both_arms_and_grippers_a_point_and_ends_with_its_client(dr
         assert [goal is not None and goal[1].delay for goal in goals.values()] == [0.1, 0.1]
         assert goals[Side.LEFT] is not None
         assert goals[Side.LEFT][1].velocity == SPEEDS
-        poll_until(lambda: driver.grippers[Side.RIGHT].goals == [go_to(0.015)])
+        poll_until(lambda: driver.grippers[Side.RIGHT].goals == [goal_of(closed_of("right", 0.03), 10.0)])
         driver.robot.control.commands.clear()
     poll_until(lambda: {each.side for each in driver.robot.control.commands} == set(Side))
 

@@ -25,7 +25,7 @@ from yumi.control.goals import CONFIGURED_DELAY, LONGEST_DELAY, Goal, GoalBuffer
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import Setpoint, fixed
 from yumi.control.motion.speed_motion import speeds_without_noise
-from yumi.control.motion.target_predictor import TargetPredictor
+from yumi.control.motion.target_predictor import CONNECTED, TargetPredictor
 from yumi.control.motion.tracking_filter import TrackingFilter
 from yumi.control.sampled import Sampled
 from yumi.control.speed_scale import SpeedScale
@@ -209,9 +209,9 @@ class JointPositionController(Controller):
         """
         monitor, now = self._monitor, state.time
         self._begin_tracking(state)
-        is_next = goal is not None and goal.time > monitor.newest
+        before = monitor.newest
+        is_next = goal is not None and goal.time > before
         if goal is not None and is_next:
-            before = monitor.newest
             monitor.note_point(goal.position, goal.time, points, self._joint_names, now)
             self._pending.append(goal)
         self._set_lateness(state.dt)
@@ -219,7 +219,8 @@ class JointPositionController(Controller):
         if is_next:
             # Who asks for less delay than a period has asked for a prediction beyond the newest point.
             is_enough = self._late >= self._delay + self._period
-            monitor.note_delay(self._late, place - before if is_enough else 0.0, now)
+            is_connected = monitor.newest - before < CONNECTED
+            monitor.note_delay(self._late, place - before if is_enough and is_connected else 0.0, now)
         soon = place + max(self._period, _SHORTEST_PERIOD)
         while self._pending and self._pending[0].time <= soon:
             self._predictor.add(*self._pending.popleft()[:3])
