@@ -82,6 +82,7 @@ class FakeGripper:
         self.side = side
         self.busy = threading.Lock()
         self.goals: list[GripperGoal] = []
+        self.goal: GripperGoal | None = None
         self.last_position = 0.0
         self.on_begin: Callable[[], None] = lambda: None
 
@@ -91,6 +92,7 @@ class FakeGripper:
         self.on_begin()
         check()
         self.goals.append(goal)
+        self.goal = goal
         self.last_position = goal.position
 
     def wait(self, goal: GripperGoal, is_cancelled: Callable[[], bool]) -> Outcome | None:

@@ -35,6 +35,7 @@ def test_page_works_as_it_is_written(documentation: Pages, page: str) -> None:
 EXAMPLES = [
     ("docs/how-to/script-without-ros.md", "script_move_and_grip.py", "left gripper: holding at 20 mm"),
     ("docs/how-to/script-without-ros.md", "script_both_arms.py", "right arm: holding, left arm: holding"),
+    ("docs/how-to/follow-a-stream.md", "stream_both_arms.py", "right arm: "),
     ("docs/how-to/plan-a-motion.md", "plan_around.py", "back at home"),
     ("docs/how-to/run-a-policy.md", "run_policy.py", " points replaced, "),
     ("docs/tutorials/first-motion.md", "move_one_joint.py", "EGM has ended on both arms"),

@@ -162,7 +162,7 @@ class Scene:
         for side in Side:
             if self._random.uniform() < 0.5:  # a policy's goals come with a jitter
                 goal = policy_goal(side, self._driver.now())
-                self.policies[side].attempt(lambda side=side, goal=goal: self._driver.mover.stream(side, goal, 0.5))
+                self.policies[side].attempt(lambda side=side, goal=goal: stream_to(self._driver, side, goal))
             if self._random.uniform() < 0.02:
                 way = self._random.uniform(-0.2, 0.2, 7)
                 there = joints([a + b for a, b in zip(STARTS[side], way.tolist(), strict=True)])
@@ -174,6 +174,11 @@ class Scene:
         for side in Side:
             if not self._driver.hand_over.of(side).who.is_person:
                 self._driver.hand_over.give_back((side,))
+
+
+def stream_to(driver: Driver, side: Side, goal: Joints) -> None:
+    """The next point of a policy's stream."""
+    driver.mover.stream({side: goal}, blend=0.5)
 
 
 def policy_goal(side: Side, time: float) -> Joints:
@@ -238,7 +243,7 @@ def test_policy_goes_on_after_twenty_take_overs_only_when_it_is_given_the_arms_b
         for _ in range(int(seconds * RATE)):
             for side, policy in policies.items():
                 goal = policy_goal(side, driver.now())
-                policy.attempt(lambda side=side, goal=goal: driver.mover.stream(side, goal, 0.5))
+                policy.attempt(lambda side=side, goal=goal: stream_to(driver, side, goal))
             operator.send(hand, left=hand)
             driver.wait(1.0 / RATE)
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from math import inf, isnan, nan, pi, radians
 from time import time_ns
 from typing import Any
@@ -14,11 +15,18 @@ from std_msgs.msg import Float64MultiArray
 from yumi.catalogue import Message, message
 from yumi.clock import ManualClock
 from yumi.control.counters import WireCounters
-from yumi.control.goals import GoalKind, MemoryBuffer, SessionGoal, read_goal
+from yumi.control.goals import CONFIGURED_DELAY, GoalKind, MemoryBuffer, SessionGoal, read_goal
 from yumi.control.hand_over import Commander, HandOver, asking
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
+from yumi.errors import CommandRefused
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
-from yumi.ros.command_topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic
+from yumi.ros.command_topics import (
+    CommandTopic,
+    ForwardTopic,
+    JointCommandTopic,
+    JointStreamTopic,
+    JointVelocityTopic,
+)
 from yumi.ros.messages import RefusalLog
 
 pytestmark = pytest.mark.ros
@@ -556,3 +564,33 @@ def topic_refuses(topic: CommandTopic, received: Any, node: Node, code: str, **v
     with asking():
         topic.take(received)
     assert node.warnings == [str(message(code, **values))]
+
+
+@pytest.mark.parametrize("taken", list(Side))
+def test_point_for_both_arms_is_taken_by_both_or_by_none(node: Node, middle: Joints, taken: Side) -> None:
+    clock, closed = ManualClock(1000.0), list[Mapping[Side, float]]()
+    hand_over, boxes = HandOver(clock.now), {side: MemoryBuffer[SessionGoal]() for side in Side}
+    arms = {
+        side: JointCommandTopic(node, side, boxes[side], lambda: commanded(middle), clock.now, hand_over)
+        for side in Side
+    }
+    stream = JointStreamTopic(node, arms, closed.append, clock.now, hand_over)
+    names = [*joint_names(Side.RIGHT), *joint_names(Side.LEFT), "gripper_r_joint"]
+    point = JointState(name=names, position=[*middle, *middle, 0.0125])
+    with asking(Commander.HEADSET, "person"):
+        hand_over.take(taken, Commander.HEADSET)
+    with pytest.raises(CommandRefused, match=f"{taken.word} arm"):
+        stream.take(point)
+    assert [box.read() for box in boxes.values()] == [None, None]
+    assert closed == []
+    assert hand_over.of(taken.other).who is Commander.NONE
+    with asking(client="person"):
+        hand_over.let_go(taken)
+    hand_over.give_back(tuple(Side))
+    stream.take(point)
+    goals = [read_goal(box, 3)[1] for box in boxes.values()]
+    assert [goal is not None and (goal.position, goal.time, goal.delay) for goal in goals] == [
+        (middle, 1000.0, CONFIGURED_DELAY)
+    ] * 2
+    assert closed == [{Side.RIGHT: pytest.approx(0.5)}]
+    assert {hand_over.of(side).who for side in Side} == {Commander.STREAM}

@@ -141,6 +141,31 @@ def test_arm_goes_where_joint_commands_say(egm_running: Client) -> None:
     assert arm.position()[:6] == pytest.approx(start[:6], abs=radians(0.05))
 
 
+def test_both_arms_and_a_gripper_follow_one_stream(egm_running: Client) -> None:
+    arms = {side: Arm(egm_running, side) for side in Side}
+    start = {side: arm.position()[6] for side, arm in arms.items()}
+    merged: list[Any] = []
+    node = egm_running.node
+    node.create_subscription(JointState, "joint_states", merged.append, 10)
+    publisher = node.create_publisher(JointState, "joint_commands", 10)
+    egm_running.until(lambda: publisher.get_subscription_count() > 0)
+    names = [*(joint_names(side)[6] for side in Side), finger_names(Side.RIGHT)[0]]
+
+    def is_there(step: list[int]) -> bool:
+        turn = min(radians(5.0), 0.002 * step[0])
+        step[0] += 1
+        point = JointState(name=names, position=[*(start[side] + turn for side in Side), 0.015])
+        point.header.stamp = node.get_clock().now().to_msg()
+        publisher.publish(point)
+        fingers = dict(zip(merged[-1].name, merged[-1].position, strict=True)) if merged else {}
+        return all(
+            abs(arm.states[-1].position[6] - start[side] - radians(5.0)) < radians(0.1) for side, arm in arms.items()
+        ) and fingers.get(names[2], 0.0) == pytest.approx(0.015, abs=5e-4)
+
+    steps = [0]
+    egm_running.until(lambda: is_there(steps))
+
+
 @pytest.mark.parametrize(
     ("name", "position", "refusal"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from queue import Queue
 from typing import Any
 
@@ -17,7 +18,9 @@ from system.test_endpoint_in_virtual_time import Driver
 from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.api.chunks import Chunk, ChunkFollower, _GripperSchedule
 from yumi.clock import ManualClock
+from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.hand_over import Commander, asking
 from yumi.control.loop_commands import Commands
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, joint_names
@@ -36,9 +39,9 @@ def driver() -> Iterator[Driver]:
         yield driver
 
 
-def while_time_goes_by(driver: Driver, call: Callable[[], Any]) -> None:
+def while_time_goes_by(driver: Driver, call: Callable[..., Any], *args: Any) -> None:
     with ThreadPoolExecutor(1) as other:
-        running = other.submit(call)
+        running = other.submit(call, *args)
         while not running.done():
             driver.wait(0.02)
         running.result()
@@ -118,6 +121,28 @@ def test_arm_that_something_else_has_taken_over_follows_no_chunk(driver: Driver,
     with refused(CommandRefused, "chunks_taken_over", arm="right"):  # before a person follows chunks anew
         chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
     assert chunks.state.refused == 2
+
+
+def test_policy_takes_no_arm_from_another_one_and_keeps_those_that_it_moves(
+    driver: Driver, chunks: ChunkFollower
+) -> None:
+    def stream() -> None:
+        driver.mover.stream({Side.RIGHT: driver.snapshot(Side.RIGHT).sent})
+
+    chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
+    driver.wait(0.5)
+    assert driver.hand_over.of(Side.RIGHT).who is Commander.POLICY
+    with asking(client="another program"), refused(CommandRefused, "arm_commanded_by_another", who="policy"):
+        stream()
+    driver.wait(1.5)  # the points are exhausted, and the arm stands
+    with asking(client="another program"):
+        while_time_goes_by(driver, copy_context().run, stream)
+    others = ChunkFollower(driver.mover, tuple(Side), YUMI_LIMITS, {})
+    with refused(CommandRefused, "arm_commanded_by_another", who="stream"):
+        others.__enter__()
+    with refused(CommandRefused, "chunks_taken_over", arm="right"):
+        chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
+    driver.wait(1.1 * IDLE)
 
 
 GOOD = [START] * 8

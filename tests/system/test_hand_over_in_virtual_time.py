@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from math import cos
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from yumi.catalogue import FrontEnd
 from yumi.control.hand_over import Commander
 from yumi.driver.command import Caller, Command
 from yumi.driver.commands import GiveBack, carry_out
-from yumi.driver.motion_commands import Jog, Move
+from yumi.driver.motion_commands import Jog, Move, Stream
 from yumi.errors import CommandRefused, GoalNotReached
 from yumi.robot.joints import Joints, Side, joints
 
@@ -109,6 +110,43 @@ def test_move_of_the_page_is_a_persons_and_no_scripts_move_follows_it_by_itself(
     with refused(CommandRefused, "arm_reserved_for_person"):
         clients.done(Move(right=FAR), SCRIPT)
     clients.done(Move(right=FAR, speed_scale=0.5), PAGE)
+
+
+def test_person_takes_one_arm_of_a_stream_and_the_other_one_brakes_and_holds(clients: Clients) -> None:
+    driver = clients.driver
+    begin = driver.now()
+
+    def point(blend: float | None = None) -> Stream:
+        time = driver.now()
+        turn = 0.2 * (1.0 - cos(1.5 * (time - begin)))
+        return Stream(
+            right=(*START[:6], START[6] + turn), left=(*LEFT_START[:6], LEFT_START[6] - turn), time=time, blend=blend
+        )
+
+    def stream(seconds: float, blend: float | None = None) -> None:
+        end = driver.now() + seconds
+        while driver.now() < end:
+            clients.done(point(blend), SCRIPT)
+            driver.wait(1.0 / 30.0)
+
+    stream(1.0)
+    assert {driver.hand_over.of(side).who for side in Side} == {Commander.STREAM}
+    assert max(map(abs, driver.snapshot(Side.LEFT).velocity)) > 0.05
+    clients.jog(0.3)
+    with refused(CommandRefused, "arm_commanded_by_another", arm="right", who="page"):
+        clients.done(point(), SCRIPT)
+    driver.wait(0.5)
+    still = driver.snapshot(Side.LEFT).sent
+    driver.wait(1.0)
+    assert driver.snapshot(Side.LEFT).sent == pytest.approx(still, abs=1e-9)
+    with refused(CommandRefused, "arm_reserved_for_person", arm="right"):
+        clients.done(point(), SCRIPT)
+    clients.done(GiveBack(arms=("right",)), PAGE)
+    stream(2.0, blend=1.0)
+    for side, start, sign in ((RIGHT, START, 1.0), (Side.LEFT, LEFT_START, -1.0)):
+        turn = 0.2 * (1.0 - cos(1.5 * (driver.now() - begin)))
+        assert driver.snapshot(side).sent == pytest.approx((*start[:6], start[6] + sign * turn), abs=0.05)
+        assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
 
 
 def test_stop_of_a_script_is_open_to_it_while_a_person_commands(clients: Clients) -> None:

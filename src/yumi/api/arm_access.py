@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION
 from concurrent.futures import wait as wait_for_futures
 from contextlib import suppress
@@ -128,15 +128,14 @@ class ArmAccess:
         if all(info.name != name for info in self.control.call(Commands.list_controllers, side)):
             raise CommandRefused(message("cartesian_controller_missing", arm=side.word, controller=name))
 
-    def take_over(self, side: Side, name: str, *, anew: bool = False) -> None:
-        """Have a controller command an arm, from standstill: controllers plan their motions differently.
+    def take_over(self, sides: Collection[Side], name: str, anew: Collection[Side] = ()) -> None:
+        """Have a controller command arms, from standstill: controllers plan their motions differently.
 
-        ``anew``: a controller that commands the arm already begins anew, and what it was sent before ends.
+        On the arms ``anew`` a controller that commands already begins anew, and what it was sent before ends.
         """
-        if self.commanding(side) == (name,) and not anew:
-            return
-        self.bring_to_rest((side,))
-        self.activate([side], name)
+        others = [side for side in sides if side in anew or self.commanding(side) != (name,)]
+        self.bring_to_rest(others)
+        self.activate(others, name)
 
     def check_follows(self, side: Side) -> None:
         """Raises RobotNotReady where an arm does not follow, or waits for a recovery."""

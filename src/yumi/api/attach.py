@@ -16,6 +16,7 @@ import msgspec
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.catalogue import message, quoted
+from yumi.control.goals import Tracking
 from yumi.driver.command import Arm, Command, Lane
 from yumi.driver.command import Position as SentPosition
 from yumi.driver.commands import (
@@ -35,7 +36,7 @@ from yumi.driver.commands import (
     SwitchControllers,
 )
 from yumi.driver.endpoint import ANSWER, EndpointClient, find_driver
-from yumi.driver.motion_commands import Follow, Jog, JogTool, Move
+from yumi.driver.motion_commands import Follow, Jog, JogTool, Move, Stream
 from yumi.driver.reports import ControllerStatus, DriverState, GripReport, MotionReport
 from yumi.driver.surroundings import Surroundings, limits_of, shapes_of
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
@@ -331,6 +332,41 @@ class RunningDriver:
             raise CommandRefused(message("twist_malformed"))
         x, y, z, about_x, about_y, about_z, turn = values
         request = JogTool(arm=arm, linear=(x, y, z), angular=(about_x, about_y, about_z), elbow=turn, frame=frame)
+        self.call(request)
+
+    def stream(
+        self,
+        *,
+        right: Position | None = None,
+        left: Position | None = None,
+        velocities: Mapping[Arm, Sequence[float]] | None = None,
+        grippers: Mapping[Arm, float] | None = None,
+        time: float | None = None,
+        tracking: Tracking = "feed_forward",
+        delay: float | None = None,
+        blend: float | None = None,
+    ) -> None:
+        """Follow a stream with both arms and the grippers, of which this is the next point.
+
+        Arguments and errors are those of :meth:`yumi.api.robot.Robot.stream`. The arms brake and hold when this program
+        disconnects or ends.
+        """
+        speeds = {}
+        for arm, velocity in (velocities or {}).items():
+            values = _as_sent(velocity)
+            if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
+                raise CommandRefused(message("stream_velocity_malformed", arm=arm, count=JOINT_COUNT))
+            speeds[arm] = joints(values)
+        request = Stream(
+            right=None if right is None else _as_sent(right),
+            left=None if left is None else _as_sent(left),
+            velocities=speeds,
+            grippers={arm: float(width) for arm, width in (grippers or {}).items()},
+            time=time,
+            tracking=tracking,
+            delay=delay,
+            blend=blend,
+        )
         self.call(request)
 
 

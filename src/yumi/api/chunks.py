@@ -105,10 +105,9 @@ class ChunkFollower:
     def __enter__(self) -> ChunkFollower:
         for side in self._sides:
             self._access.check_follows(side)
+        handed_over = self._access.control.hand_over.take_all(self._sides, Commander.POLICY, None)
+        self._access.take_over(self._sides, TRAJECTORY_CONTROLLER, anew=handed_over)
         for side in self._sides:
-            self._access.control.hand_over.take(side, Commander.POLICY, None)
-        for side in self._sides:
-            self._access.take_over(side, TRAJECTORY_CONTROLLER)
             self._access.streaming.pop(side, None)
         self._activations = {side: self._access.snapshot(side).command_epoch for side in self._sides}
         self._stack.callback(self._activations.clear)

@@ -331,6 +331,7 @@ class AsyncRobot:
     tools = same(Robot.tools)
     work_objects = same(Robot.work_objects)
 
+    stream = at_once(Robot.stream)
     move_to = awaited(Robot.move_to)
     move_to_pose = awaited(Robot.move_to_pose)
     move_linear = awaited(Robot.move_linear)

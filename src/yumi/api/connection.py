@@ -28,12 +28,14 @@ from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.command import CommandedRobot
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import Gripper, GripperSetup, GripperSignals, close_as_test
+from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.robot_state import Report, arms_in_words
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
+from yumi.driver.teleoperation import Elsewhere
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.errors import RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
@@ -110,6 +112,7 @@ class Connection:
     grippers: Mapping[Side, Gripper]
     manager: RobotManager
     _robot: CommandedRobot
+    _elsewhere: Elsewhere
 
     def __init__(
         self,
@@ -172,6 +175,7 @@ class Connection:
 
         self.manager.monitor.log.report = report
         self._note = server.note_event
+        self._elsewhere = server.elsewhere
         server.start()
         try:
             yield
@@ -185,6 +189,15 @@ class Connection:
     def _calibrate_for_client(self, sides: Sequence[Side], check: Callable[[], None]) -> None:
         for side in sides:
             self.calibrate(side, check)
+
+    @property
+    def followers(self) -> Mapping[Side, GripperFollower]:
+        """What gives grippers the goals of streams."""
+        return self._robot.followers
+
+    def follow_with_grippers(self, closed: Mapping[Side, float]) -> None:
+        """The next goals of a stream for grippers, from 0, open, to 1, closed; returns at once."""
+        self._robot.follow_with_grippers(closed, self._elsewhere)
 
     def datagram(self, side: Side) -> bytes:
         """The newest datagram of an arm's robot."""

@@ -98,8 +98,7 @@ class MotionExecutor(ArmStreams):
         checked = {side: checked_goal(side, goal, starts[side]) for side, goal in goals.items()}
         for side in checked:
             self.check_follows(side)
-        for side in checked:
-            self.control.hand_over.take(side, Commander.TRAJECTORY, None)
+        self.control.hand_over.take_all(checked, Commander.TRAJECTORY, None)
         self.activate(checked, GOAL_CONTROLLER)
         limits = {side: self._limits_of_goals(side, speed_scale, acceleration) for side in checked}
         check()
@@ -206,8 +205,7 @@ class MotionExecutor(ArmStreams):
         """
         for side in paths:
             self.check_has(side, CARTESIAN_CONTROLLER)
-        for side in paths:
-            self.control.hand_over.take(side, Commander.TRAJECTORY, None)
+        self.control.hand_over.take_all(paths, Commander.TRAJECTORY, None)
         self.bring_to_rest([side for side in paths if self.is_moving(side)])
 
         def plan(starts: Mapping[Side, Joints]) -> Mapping[Side, ArmPlan]:
@@ -226,10 +224,9 @@ class MotionExecutor(ArmStreams):
         """Have a controller of each arm follow what ``plan`` makes of where the arms stand."""
         for side in sides:
             self.check_follows(side)
+        self.control.hand_over.take_all(sides, kind, None)
+        self.take_over(sides, name)
         for side in sides:
-            self.control.hand_over.take(side, kind, None)
-        for side in sides:
-            self.take_over(side, name)
             self.streaming.pop(side, None)
         before = {side: self.control.snapshot(side).command_epoch for side in sides}
         plans = plan(self.control.call(Commands.commanded_positions, *sides))

@@ -20,8 +20,10 @@ from yumi.control.loop_events import (
     SessionLost,
     SessionStarted,
     is_fault,
+    is_warning,
 )
 from yumi.control.shared_state import Limited
+from yumi.control.stream_monitor import StreamReport
 from yumi.control.tool_limits import ToolLimited
 from yumi.control.trajectory_commands import Outcome, TrajectoryEnded
 from yumi.driver.stops import Cause, explained
@@ -197,6 +199,8 @@ class MotionRegistry:
             self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.said)
         elif isinstance(report, ToolLimited | ChunksExhausted):
             self._log(logging.INFO, f"{event.side.word.capitalize()} arm: {report}")
+        elif isinstance(report, StreamReport):
+            self._log(logging.WARNING if is_warning(event) else logging.INFO, event.said)
 
     def _end(self, identity: int, is_reached: bool, reason: Message) -> None:
         with self._lock:

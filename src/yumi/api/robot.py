@@ -16,10 +16,11 @@ from yumi.api.motion_executor import RETREAT_SPEED_SCALE, MotionExecutor
 from yumi.api.motion_registry import Motion
 from yumi.api.robot_arm import Arm
 from yumi.api.tool import Frames, Gripper, PoseLike, boxes_from, poses_from, waypoints_from
-from yumi.catalogue import message
+from yumi.catalogue import message, quoted
 from yumi.control.chunk_commands import MOST_JUMP
+from yumi.control.goals import Tracking, stream_delay
 from yumi.driver import gripper as driver
-from yumi.driver.gripper_follower import GripperFollower
+from yumi.driver.gripper_follower import closed_of
 from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers
@@ -64,8 +65,7 @@ class Robot:
         self._collision = settings.collision
         self._planner: Planner | None = None  # made when the first motion is planned
         self._frames = Frames()
-        self._force = force = settings.gripper.force
-        picked = settings.gripper.picked_pressure
+        force, picked = settings.gripper.force, settings.gripper.picked_pressure
         self.right, self.left = (
             Arm(
                 side,
@@ -202,8 +202,50 @@ class Robot:
         if not 0.0 < jump <= 1.0:
             raise CommandRefused(message("goal_scale_out_of_range", name="jump", value=jump))
         sides = tuple(words[word] for word in given)
-        grippers = {side: GripperFollower(self._gripper(side), self._force, self._check_not_stopped) for side in sides}
+        grippers = {side: self._connected.followers[side] for side in sides}
         return ChunkFollower(executor, sides, executor.limits, grippers, jump)
+
+    def stream(
+        self,
+        *,
+        right: Position | None = None,
+        left: Position | None = None,
+        velocities: Mapping[str, Sequence[SupportsFloat]] | None = None,
+        grippers: Mapping[str, SupportsFloat] | None = None,
+        time: SupportsFloat | None = None,
+        tracking: Tracking = "feed_forward",
+        delay: float | None = None,
+        blend: SupportsFloat | None = None,
+    ) -> None:
+        """Follow a stream with both arms and the grippers, of which this is the next point; returns at once.
+
+        ::
+
+            while True:
+                action = policy(observe())  # 30 times a second
+                robot.stream(right=action.right, left=action.left, grippers={"right": action.width})
+
+        Both arms get the point for the same time, or none does. Arguments and errors are those of :meth:`Arm.stream`.
+
+        Args:
+            right: joint positions of the right arm [rad], (7,); None leaves the arm alone.
+            left: of the left arm.
+            velocities: of the stream at this point [rad/s], (7,), by ``"right"`` and ``"left"``.
+            grippers: widths [m] by ``"right"`` and ``"left"``, from 0, which grips, to 0.05. A gripper goes to the
+                newest one as soon as it has done the one before; one that cannot is said in the log.
+            time: as for :meth:`Arm.stream`; so are ``tracking``, ``delay`` and ``blend``.
+            tracking: see ``time``.
+            delay: see ``time``.
+            blend: see ``time``.
+        """
+        goals: dict[Side, Position] = {} if right is left is None else _named(right, left)
+        closed = {_side(arm): closed_of(arm, width) for arm, width in (grippers or {}).items()}
+        if not goals and not closed:
+            raise CommandRefused(message("stream_empty"))
+        speeds = {_side(arm): velocity for arm, velocity in (velocities or {}).items()}
+        self.executor.stream(goals, speeds, time, stream_delay(tracking, delay), blend)
+        if closed:
+            self._connected.follow_with_grippers(closed)
 
     def plan_to(
         self,
@@ -542,6 +584,13 @@ class Robot:
         if not self._is_connected:
             raise RobotNotReady(message("script_not_connected"))
         return self._connection
+
+
+def _side(arm: str) -> Side:
+    for side in Side:
+        if side.word == arm:
+            return side
+    raise CommandRefused(message("arm_name_unknown", given=quoted(arm)))
 
 
 def _named(right: T | None, left: T | None) -> dict[Side, T]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from math import nan
+from typing import SupportsFloat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from yumi.api.tool import (
     waypoints_from,
 )
 from yumi.catalogue import message
+from yumi.control.goals import Tracking, stream_delay
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_goal import check_twist, pose_goal, twist_goal
 from yumi.driver.reports import ArmMode, ArmReport, arm_report
@@ -472,23 +474,43 @@ class Arm:
         of = self._tool(tool)
         self.executor.stream_tool(self.side, lambda session: twist_goal(session, twist, of, is_in_tool=frame == "tool"))
 
-    def stream(self, position: Position, *, blend: float | None = None) -> None:
-        """Follow a stream of positions, of which this is the next; returns at once.
+    def stream(
+        self,
+        position: Position,
+        *,
+        velocity: Sequence[SupportsFloat] | None = None,
+        time: SupportsFloat | None = None,
+        tracking: Tracking = "feed_forward",
+        delay: float | None = None,
+        blend: SupportsFloat | None = None,
+    ) -> None:
+        """Follow a stream of positions, of which this is the next point; returns at once.
 
-        It may be called up to 250 times a second. The arm keeps the joints' limits on the way and stays at the last
-        position; :meth:`move_to` or :meth:`stop` end the stream. A motion under way ends before the stream begins.
+        It is called 10 to 500 times a second. The arm follows one period of the stream and 26 ms late, within the
+        joints' limits. Where no point comes, it goes on for three periods of the stream, 0.25 s at most, then brakes
+        and holds; a stream that had come to rest has the arm at its last point. A point that comes more than a second
+        after the last one begins a stream, too. :meth:`move_to` or :meth:`stop` end the stream. A motion under way ends
+        before it begins.
 
         Args:
             position: joint positions [rad], as for :meth:`move_to`.
+            velocity: of the stream at this point [rad/s], (7,); None has it estimated from the points.
+            time: when the point is for, by ``time.monotonic()`` of the driver's machine [s]: from 5 s ago to 1 s
+                ahead; None is the moment of the call.
+            tracking: ``"feed_forward"``, or ``"gains"``: each point is gone to by the controller's gains, some 0.2 s
+                late and without regard to ``time``.
+            delay: how far the arm is behind the times of the points [s], 0 to 1; less than a period and 26 ms predicts,
+                which follows sooner and amplifies noise, more lets points arrive later. None is that sum.
             blend: a stream that begins more than 0.1 rad from where the arm is sent is followed as it is after this
-                time [s]; without it such a stream is refused.
+                time [s], above 0 to 10; without it such a stream is refused.
 
         Raises:
-            CommandRefused: the position is impossible or the stream begins elsewhere, the arm keeps the position
-                before; or another client commands the arm.
+            CommandRefused: the position or another argument is impossible, the stream begins elsewhere, or another
+                client commands the arm; the arm keeps the point before.
             RobotNotReady: as for :meth:`move_to`.
         """
-        self.executor.stream(self.side, position, blend)
+        velocities = {} if velocity is None else {self.side: velocity}
+        self.executor.stream({self.side: position}, velocities, time, stream_delay(tracking, delay), blend)
 
     def _snapshot(self) -> Snapshot:
         snapshot = self.executor.snapshot(self.side)

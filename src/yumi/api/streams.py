@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, SupportsFloat
 
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, ArmAccess
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
-from yumi.catalogue import message
+from yumi.catalogue import message, quoted
 from yumi.clock import Clock
 from yumi.control.controller import IDLE
-from yumi.control.goals import Buffer, write_goal, write_speeds
+from yumi.control.goals import (
+    CONFIGURED_DELAY,
+    NEWEST_POINT,
+    OLDEST_POINT,
+    UNKNOWN,
+    Buffer,
+    write_goal,
+    write_speeds,
+)
 from yumi.control.hand_over import NEAR, Blend, Commander, asking, is_person_asking
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
@@ -54,10 +62,17 @@ class _Jog(NamedTuple):
 
 
 class _Begun(NamedTuple):
-    """How a stream of positions began: at ``time`` [s], away from where the arm was sent."""
+    """How a stream of positions began.
+
+    Attributes:
+        time: when its first point was for, or was taken, if that was later [s].
+        blend: from where the arm was sent then.
+        client: whose stream it is.
+    """
 
     time: float
     blend: Blend
+    client: Hashable
 
 
 class ArmStreams(ArmAccess):
@@ -70,33 +85,92 @@ class ArmStreams(ArmAccess):
         self._followed: dict[Side, int] = {}  # the number of the last message of an arm that follows a device
         self._jog_locks = {side: Lock() for side in Side}  # held briefly: the end of a jog waits for it
 
-    def stream(self, side: Side, goal: Position, blend: float | None = None) -> None:
-        """Have an arm follow a stream of goals, of which this is the next.
+    def stream(
+        self,
+        goals: Mapping[Side, Position],
+        velocities: Mapping[Side, Sequence[SupportsFloat]] | None = None,
+        time: SupportsFloat | None = None,
+        delay: float = CONFIGURED_DELAY,
+        blend: SupportsFloat | None = None,
+    ) -> bool:
+        """Have arms follow a stream of positions, of which these are the next point; all of them, or none.
 
-        A stream begins near where the arm is sent. One that begins elsewhere needs ``blend``: so long [s] it takes
-        until the arm follows it as it is, without a step.
+        A stream begins near where the arms are sent. One that begins elsewhere needs ``blend``. What comes more than
+        :data:`.IDLE` after the last point begins a stream, too.
+
+        Args:
+            goals: positions [rad], (7,), of each arm.
+            velocities: those of the stream then [rad/s], (7,); an arm that is left out has them estimated.
+            time: when the point is for, by the driver's clock [s]; None: now.
+            delay: as :func:`yumi.control.goals.stream_delay` has it.
+            blend: so long it takes until the arms follow the stream as it is, without a step [s].
+
+        Returns:
+            Whether controllers were switched for it.
 
         Raises:
-            CommandRefused: the goal is impossible, or a stream would begin too far away; the arm keeps the goal before.
-            RobotNotReady: the arm does not follow.
+            CommandRefused: the point is impossible, a stream would begin too far away, or another client commands an
+                arm; the arms keep the point before.
+            RobotNotReady: an arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        snapshot = self.snapshot(side)
-        checked = checked_goal(side, goal, snapshot.sent)
-        if blend is not None and not 0.0 < blend <= LONGEST_BLEND:  # NaN too
-            raise CommandRefused(message("blend_out_of_range", blend=blend, longest=LONGEST_BLEND))
-        known = (STREAM_CONTROLLER, snapshot.session, snapshot.activation)
-        if self.streaming.get(side) != known and blend is None:
-            distance = largest_difference(checked, snapshot.sent)
-            if distance > NEAR:
+        velocities = velocities or {}
+        positions = {side: checked_goal(side, goal, self.snapshot(side).sent) for side, goal in goals.items()}
+        for side in velocities:
+            if side not in goals:
+                raise CommandRefused(message("stream_velocity_without_position", arm=side.word))
+        speeds = {side: _checked_velocity(side, velocities[side]) if side in velocities else UNKNOWN for side in goals}
+        self._check_time(time)
+        duration = _checked_blend(blend)
+        begins = [side for side in goals if not self._is_streamed(side)]
+        for side in begins:
+            self.check_follows(side)
+            self.control.hand_over.check(side, Commander.STREAM)
+            distance = largest_difference(positions[side], self.snapshot(side).sent)
+            if duration is None and distance > NEAR:
                 raise CommandRefused(message("stream_begins_elsewhere", arm=side.word, distance=distance, most=NEAR))
-        session, is_new = self._begin_stream(side, STREAM_CONTROLLER)
-        now = self.clock.now()
-        if is_new:
-            self._begun[side] = _Begun(now, Blend(self.control.snapshot(side).sent, checked, blend or 0.0))
-        begun = self._begun[side]
-        with self.control.hand_over.writing(side, Commander.STREAM):
-            write_goal(self.control.buffers[side].goals, session, begun.blend.at(checked, now - begun.time))
+        begun = self._begin_streams(tuple(goals), STREAM_CONTROLLER)
+        now = self.clock.now()  # not before: to take an arm over may last seconds
+        stamp = now if time is None else float(time)
+        for side, (_, is_new) in begun.items():
+            if is_new or side in begins:
+                blended = Blend(self.control.snapshot(side).sent, positions[side], duration or 0.0)
+                self._begun[side] = _Begun(max(now, stamp), blended, self.control.hand_over.of(side).client)
+        with self.control.hand_over.writing(goals, Commander.STREAM):
+            for side, position in positions.items():
+                begin = self._begun[side]
+                point, speed = begin.blend.at(position, stamp - begin.time, speeds[side])
+                write_goal(self.control.buffers[side].goals, begun[side][0], point, speed, stamp, delay)
+        return any(is_new for _, is_new in begun.values())
+
+    def _is_streamed(self, side: Side) -> bool:
+        """Whether an arm follows a stream of who asks, which is not over."""
+        snapshot = self.snapshot(side)
+        known = (STREAM_CONTROLLER, snapshot.session, snapshot.activation)
+        return self.streaming.get(side) == known and self.control.hand_over.is_own(side)
+
+    def _check_time(self, time: SupportsFloat | None) -> None:
+        if time is None:
+            return
+        try:
+            away = float(time) - self.clock.now()
+        except (TypeError, ValueError):
+            away = nan
+        if not isfinite(away):
+            raise CommandRefused(message("stream_time_malformed", given=quoted(time)))
+        if not -OLDEST_POINT <= away <= NEWEST_POINT:
+            raise CommandRefused(message("stream_time_far", away=away, oldest=-OLDEST_POINT, newest=NEWEST_POINT))
+
+    def end_stream(self, side: Side, owner: Hashable) -> None:
+        """Have an arm brake and hold that follows the stream of ``owner``; what another one commands is left alone."""
+        snapshot, begun = self.control.snapshot(side), self._begun.get(side)
+        is_known = self.streaming.get(side) == (STREAM_CONTROLLER, snapshot.session, snapshot.activation)
+        if begun is None or begun.client != owner or not is_known:
+            return
+        with asking(client=owner):
+            if not self.control.hand_over.is_foreign(side):
+                self.stop((side,))
+                self.control.hand_over.let_go(side)
 
     def jog(self, side: Side, speeds: Sequence[float], owner: object) -> bool:
         """Have an arm move with joint speeds [rad/s], (7,), until its controller's timeout or :meth:`end_jog`.
@@ -159,7 +233,7 @@ class ArmStreams(ArmAccess):
                 if _number(buffer) != last.number:  # a ROS topic: two streams must not alternate
                     self.streaming.pop(side, None)
                     raise CommandRefused(message("jog_streamed_by_another", controller=controller, arm=side.word))
-                with self.control.hand_over.writing(side, Commander.STREAM, _JOG_GAP):
+                with self.control.hand_over.writing((side,), Commander.STREAM, _JOG_GAP):
                     write(session, values)
             self._jogs[side] = _Jog(controller, self.clock.now(), _number(buffer), buffer, write, owner)
         return is_first
@@ -200,38 +274,50 @@ class ArmStreams(ArmAccess):
         self, side: Side, controller: str, *, is_jog: bool = False, kind: Commander = Commander.STREAM
     ) -> tuple[int, bool]:
         """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
-        snapshot, hand_over = self.snapshot(side), self.control.hand_over
-        known = (controller, snapshot.session, snapshot.activation)
-        if is_jog and self.motions.is_open(side) and not hand_over.is_foreign(side):
-            self.check_follows(side)
-            raise _other_motion(side)
-        is_known = self.streaming.get(side) == known and snapshot.is_commanded
-        if not is_known:
-            if controller == CARTESIAN_CONTROLLER:
-                self.check_has(side, controller)
-            self.check_follows(side)
+        return self._begin_streams((side,), controller, is_jog=is_jog, kind=kind)[side]
+
+    def _begin_streams(
+        self, sides: Sequence[Side], controller: str, *, is_jog: bool = False, kind: Commander = Commander.STREAM
+    ) -> dict[Side, tuple[int, bool]]:
+        """As :meth:`_begin_stream`; all arms can be taken over, or none is."""
+        hand_over, known, new = self.control.hand_over, dict[Side, tuple[str, int, int]](), set[Side]()
+        for side in sides:
+            snapshot = self.snapshot(side)
+            known[side] = (controller, snapshot.session, snapshot.activation)
+            if is_jog and self.motions.is_open(side) and not hand_over.is_foreign(side):
+                self.check_follows(side)
+                raise _other_motion(side)
+            if self.streaming.get(side) != known[side] or not snapshot.is_commanded:
+                if controller == CARTESIAN_CONTROLLER:
+                    self.check_has(side, controller)
+                self.check_follows(side)
+                new.add(side)
         lasts = _JOG_GAP if is_jog else IDLE if kind is Commander.STREAM else LINK_LOST
-        is_handed_over = hand_over.take(side, kind, lasts)
-        if is_known and not is_handed_over:
-            return snapshot.session, False
-        last = self.streaming.get(side, ("", 0, 0))
+        handed_over = hand_over.take_all(sides, kind, lasts)
+        last = {side: self.streaming.get(side, ("", 0, 0)) for side in sides}
+        for side in handed_over:
+            self.streaming.pop(side, None)  # one that cannot be switched now begins anew later
+        switched = [side for side in sides if side in new or side in handed_over]
+        for side in switched if is_jog else ():
+            self._check_jog_begins(side, known[side], last[side], is_handed_over=side in handed_over)
+        self.take_over(switched, controller, anew=handed_over)
+        for side in switched:
+            snapshot = self.control.snapshot(side)
+            known[side] = self.streaming[side] = (controller, snapshot.session, snapshot.activation)
+        return {side: (known[side][1], side in switched) for side in sides}
+
+    def _check_jog_begins(
+        self, side: Side, known: tuple[str, int, int], last: tuple[str, int, int], *, is_handed_over: bool
+    ) -> None:
+        """See that a jog interrupts nothing else of who jogs; ``last`` is the stream that the arm followed last."""
         jog = self._jogs.get(side)
-        if (
-            is_jog
-            and jog
-            and self.clock.now() - jog.time < _JOG_GAP
-            and last[0] == jog.controller
-            and last[1:] != known[1:]
-        ):
+        is_recent = jog is not None and self.clock.now() - jog.time < _JOG_GAP
+        if jog is not None and is_recent and last[0] == jog.controller and last[1:] != known[1:]:
             self.streaming.pop(side, None)  # the next press of a key may take the arm back
             raise CommandRefused(message("jog_switched_by_another", arm=side.word))
         is_jogged = last[0] in (JOG_CONTROLLER, CARTESIAN_CONTROLLER) and last[1:] == known[1:]
-        if is_jog and not is_jogged and not is_handed_over and self.is_moving(side):
+        if not is_jogged and not is_handed_over and self.is_moving(side):
             raise _other_motion(side)
-        self.take_over(side, controller, anew=is_handed_over)
-        snapshot = self.control.snapshot(side)
-        self.streaming[side] = (controller, snapshot.session, snapshot.activation)
-        return snapshot.session, True
 
     def stream_tool(self, side: Side, goal: Callable[[int], ToolGoal]) -> None:
         """Have an arm's tool follow a stream, of which ``goal`` of the EGM session is the next message.
@@ -242,7 +328,7 @@ class ArmStreams(ArmAccess):
             GoalNotReached: an arm that moved did not come to rest.
         """
         session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
-        with self.control.hand_over.writing(side, Commander.STREAM):
+        with self.control.hand_over.writing((side,), Commander.STREAM):
             self.control.buffers[side].tool_goals.write(goal(session))
 
     # ---- devices of people
@@ -307,6 +393,26 @@ class ArmStreams(ArmAccess):
         """The stream of an arm, and where its messages go."""
         stream, buffers = self.streaming.get(side, ("", 0, 0)), self.control.buffers[side]
         return stream, buffers.tool_goals if stream[0] == CARTESIAN_CONTROLLER else buffers.goals
+
+
+def _checked_blend(blend: SupportsFloat | None) -> float | None:
+    try:
+        duration = None if blend is None else float(blend)
+    except (TypeError, ValueError):
+        duration = nan
+    if duration is not None and not 0.0 < duration <= LONGEST_BLEND:
+        raise CommandRefused(message("blend_out_of_range", given=quoted(blend), longest=LONGEST_BLEND))
+    return duration
+
+
+def _checked_velocity(side: Side, velocity: Sequence[SupportsFloat]) -> Joints:
+    try:
+        values = joints([float(value) for value in velocity])
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(message("stream_velocity_malformed", arm=side.word, count=JOINT_COUNT)) from error
+    if not all(map(isfinite, values)):
+        raise CommandRefused(message("stream_velocity_malformed", arm=side.word, count=JOINT_COUNT))
+    return values
 
 
 def _number(buffer: Buffer[Any]) -> int:

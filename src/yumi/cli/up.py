@@ -57,7 +57,7 @@ from yumi.cli.options import (
 )
 from yumi.clock import SystemClock
 from yumi.control.loop_commands import Commands
-from yumi.control.loop_events import ControllerReport, Event, is_fault
+from yumi.control.loop_events import Event, is_logged, is_warning
 from yumi.control.speed_scale import FULL
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
@@ -381,8 +381,8 @@ class DriverWithoutRos:
 
     def on_event(self, event: Event) -> None:
         """Log an event of the control process, with its cause where EGM has ended."""
-        if not isinstance(event, ControllerReport):
-            level = logging.WARNING if is_fault(event) else logging.INFO
+        if is_logged(event):
+            level = logging.WARNING if is_warning(event) else logging.INFO
             self._parts.manager.monitor.describe(event, partial(self.log, level))
 
     def info(self, sentence: str) -> None:

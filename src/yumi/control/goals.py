@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from enum import IntFlag
 from math import isfinite, isnan, nan, pi, radians
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, Literal, NamedTuple, Protocol, TypeVar, get_args
 
-from yumi.catalogue import message
+from yumi.catalogue import message, quoted
 from yumi.control.sampled import Sampled
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Joints
@@ -56,6 +56,18 @@ class MemoryBuffer(Generic[V]):
 UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
 """Positions or velocities that a goal does not have."""
 
+CONFIGURED_DELAY = -1.0
+"""The delay of a stream that the controller's parameters say."""
+
+LONGEST_DELAY = 1.0
+"""With which a stream is followed at most [s]."""
+
+OLDEST_POINT, NEWEST_POINT = 5.0, 1.0
+"""A point of a stream is for a time that is past for no longer, and no further in the future [s]."""
+
+Tracking = Literal["feed_forward", "gains"]
+"""How a stream is followed: by its stamps with speeds fed forward, or each point by the controller's gains alone."""
+
 
 class Goal(NamedTuple):
     """What the joints are to do.
@@ -64,11 +76,14 @@ class Goal(NamedTuple):
         position: positions [rad], (7,); NaN in a goal of speeds.
         velocity: velocities [rad/s], (7,); NaN where they are not known.
         time: when it was given, on the machine's monotonic clock [s]; NaN where that is not known.
+        delay: how late the arm follows the stream that it is a point of [s]: 0 predicts, ``CONFIGURED_DELAY`` is what
+            the parameters say; NaN where it is not a point of a stream, and the controller's gains lead there.
     """
 
     position: Joints
     velocity: Joints = UNKNOWN
     time: float = nan
+    delay: float = nan
 
 
 class SessionGoal(NamedTuple):
@@ -79,21 +94,33 @@ class SessionGoal(NamedTuple):
         time: as in :class:`Goal`.
         position: as in :class:`Goal`.
         velocity: as in :class:`Goal`.
+        delay: as in :class:`Goal`.
     """
 
     session: int
     time: float
     position: Joints
     velocity: Joints
+    delay: float = nan
 
 
 GoalBuffer = Buffer[SessionGoal]
 """Where an arm looks for goals."""
 
 
-def write_goal(buffer: GoalBuffer, session: int, goal: Joints, velocity: Joints = UNKNOWN, time: float = nan) -> None:
-    """Ask for ``goal`` [rad], which itself moves with ``velocity`` [rad/s], in EGM session ``session``."""
-    buffer.write(SessionGoal(session, time, goal, velocity))
+def write_goal(
+    buffer: GoalBuffer,
+    session: int,
+    goal: Joints,
+    velocity: Joints = UNKNOWN,
+    time: float = nan,
+    delay: float = nan,
+) -> None:
+    """Ask for ``goal`` [rad], which itself moves with ``velocity`` [rad/s], in EGM session ``session``.
+
+    ``time`` and ``delay`` are as in :class:`Goal`.
+    """
+    buffer.write(SessionGoal(session, time, goal, velocity, delay))
 
 
 def write_speeds(buffer: GoalBuffer, session: int, velocity: Joints, time: float = nan) -> None:
@@ -107,7 +134,28 @@ def read_goal(buffer: GoalBuffer, session: int) -> tuple[int, Goal | None]:
     if newest is None:
         return 0, None
     number, goal = newest
-    return number, Goal(goal.position, goal.velocity, goal.time) if goal.session == session else None
+    return number, Goal(*goal[2:4], goal.time, goal.delay) if goal.session == session else None
+
+
+def stream_delay(tracking: str = "feed_forward", delay: float | None = None) -> float:
+    """The delay of a goal, for :func:`write_goal`, by what a person says; raises CommandRefused.
+
+    Args:
+        tracking: as :data:`Tracking`.
+        delay: how late the arm follows the stamps [s]; None as the controller's parameters say.
+    """
+    known = get_args(Tracking)
+    if tracking not in known:
+        raise CommandRefused(message("stream_tracking_unknown", given=str(tracking), known=known))
+    if delay is None:
+        return CONFIGURED_DELAY if tracking == "feed_forward" else nan
+    try:
+        value = float(delay)
+    except (TypeError, ValueError):
+        value = nan
+    if not 0.0 <= value <= LONGEST_DELAY or tracking != "feed_forward":
+        raise CommandRefused(message("stream_delay_out_of_range", given=quoted(delay), longest=LONGEST_DELAY))
+    return value
 
 
 class GoalInbox:
@@ -116,6 +164,11 @@ class GoalInbox:
     def __init__(self, buffer: GoalBuffer) -> None:
         self._buffer = buffer
         self._number = 0
+
+    @property
+    def number(self) -> int:
+        """Of the newest write that was taken or forgotten; the numbers between two are of goals that nothing took."""
+        return self._number
 
     def forget(self) -> None:
         """What was sent until now belongs to the past."""
@@ -138,7 +191,7 @@ class GoalInbox:
         self._number, goal = newest
         if goal.session != session:
             return None
-        return Goal(goal.position, goal.velocity, now if isnan(goal.time) else goal.time)
+        return Goal(goal.position, goal.velocity, now if isnan(goal.time) else goal.time, goal.delay)
 
 
 def check_position(name: str, index: int, position: float) -> None:

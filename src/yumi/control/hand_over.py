@@ -7,7 +7,7 @@ again finds arms that none commands. How a newcomer's motion begins is decided h
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ from yumi.control.loop_events import (
 )
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Side, joints
+from yumi.robot.joints import ZERO, Joints, Side, joints
 
 NEAR = 0.1
 """A stream may begin so far from where the arm is sent [rad]: the arm is there in a moment, within its limits."""
@@ -141,14 +141,14 @@ class _Held(NamedTuple):
 
     command: Commanding = Commanding()
     until: float = -inf  # [s] it is over then, unless it is renewed
-    is_motion: bool = False  # and as long as the arm moves
+    is_motion: bool = False  # and then it is not over as long as the arm moves
 
 
 class HandOver:
     """Who commands both arms; safe from any thread.
 
     A person may take an arm over from a program at any time; otherwise the one who commands keeps the arm. A program
-    commands as long as its motion lasts, and a stream for a second after its last goal. A person commands until the
+    commands as long as the arm moves, and a stream for a second after its last goal. A person commands until the
     clutch or key is released, or nothing has come for a time: then the arm is reserved for people until
     :meth:`give_back`, so that no program goes on by itself.
 
@@ -188,7 +188,8 @@ class HandOver:
         Args:
             side: the arm.
             kind: of the motion, for who has not said who it is.
-            lasts: the command is over after this time [s], unless it is taken again; None: when the arm stands.
+            lasts: the command is over after this time [s], unless it is taken again; None: when the arm stands. That of
+                a program is never over before the arm stands.
 
         Returns:
             Whether another client commanded the arm last: nothing that was sent before may go on.
@@ -199,6 +200,26 @@ class HandOver:
         with self._gates[side], self._reporting():  # what was granted to another client is over then
             return self._take(side, kind, lasts)
 
+    def take_all(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> frozenset[Side]:
+        """Have who asks command arms, or go on to: all of them, or none.
+
+        Args:
+            sides: the arms.
+            kind: as for :meth:`take`.
+            lasts: as for :meth:`take`.
+
+        Returns:
+            Those that another client commanded last.
+
+        Raises:
+            CommandRefused: as :meth:`take`, for one of the arms; nothing was changed.
+        """
+        with ExitStack() as gates:
+            ordered = self._entered(gates, sides)
+            for side in ordered:
+                self.check(side, kind)
+            return frozenset(side for side in ordered if self.take(side, kind, lasts))
+
     def check(self, side: Side, kind: Commander) -> None:
         """See that who asks could take an arm; nothing is taken. Raises as :meth:`take`."""
         asker = _asker.get()
@@ -206,14 +227,15 @@ class HandOver:
             self._check(side, self._current(side).command, asker.who or kind, asker.client)
 
     @contextmanager
-    def writing(self, side: Side, kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:
-        """Take an arm, and keep it while a goal is written: the client that takes it over next finds the goal written.
+    def writing(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:
+        """Take arms, and keep them while goals are written: the client that takes one over next finds its goal written.
 
         Raises:
-            CommandRefused: as :meth:`take`.
+            CommandRefused: as :meth:`take_all`.
         """
-        with self._gates[side]:
-            self.take(side, kind, lasts)
+        with ExitStack() as gates:
+            self._entered(gates, sides)
+            self.take_all(sides, kind, lasts)
             yield
 
     @contextmanager
@@ -238,9 +260,12 @@ class HandOver:
         with ExitStack() as gates:
             if command in (Commands.send_commands, Commands.take_commands):
                 given = [each for each in args if isinstance(each, ControllerCommand)]
-                moving = {each.side: each.message for each in given if not isinstance(each.message, STOPS)}
-                for side in self._entered(gates, set(moving)):
-                    self.take(side, self._kind_of_motion(side, moving[side], asker), None)
+                moved = {each.side: each.message for each in given if not isinstance(each.message, STOPS)}
+                kinds = {side: self._kind_of_motion(side, moved[side], asker) for side in self._entered(gates, moved)}
+                for side, kind in kinds.items():
+                    self.check(side, kind)
+                for side, kind in kinds.items():
+                    self.take(side, kind, None)
             elif command is Commands.switch_controllers and not asker.only_holds:
                 named = signature(command).bind(None, *args, **options).arguments
                 for side in self._entered(gates, {named["side"]} if named.get("activate") else set()):
@@ -305,7 +330,7 @@ class HandOver:
     def _take(self, side: Side, kind: Commander, lasts: float | None) -> bool:
         asker, held, now = _asker.get(), self._current(side), self._now()
         who, command = asker.who or kind, held.command
-        until, is_motion = now + (MOTION_BEGINS if lasts is None else lasts), lasts is None
+        until, is_motion = now + (MOTION_BEGINS if lasts is None else lasts), lasts is None or not who.is_person
         if command.who is who and command.client == asker.client:
             self._held[side] = held._replace(until=until, is_motion=is_motion)
             return False
@@ -332,9 +357,9 @@ class HandOver:
             self._held[side] = held._replace(command=replace(command, refused=refusal))
             raise CommandRefused(refusal)
 
-    def _kind_of_motion(self, side: Side, sent: object, asker: Asker) -> Commander:
+    def _kind_of_motion(self, side: Side, motion: object, asker: Asker) -> Commander:
         """Of a motion without a kind of its own: that of who asks, where that one commands a motion already."""
-        if isinstance(sent, FollowChunk):
+        if isinstance(motion, FollowChunk):
             return Commander.POLICY
         command = self.of(side)
         is_known = command.client == asker.client and command.who in (Commander.PLANNER, Commander.POLICY)
@@ -365,7 +390,7 @@ class HandOver:
             self._events.append(CommanderChanged(side, Commander.NONE.value, was.name, was.who.value))
         return held
 
-    def _entered(self, gates: ExitStack, sides: set[Side]) -> Sequence[Side]:
+    def _entered(self, gates: ExitStack, sides: Collection[Side]) -> Sequence[Side]:
         """The arms in one order, each with its gate closed until ``gates`` ends."""
         ordered = tuple(side for side in Side if side in sides)
         for side in ordered:
@@ -400,10 +425,23 @@ class Blend:
         self._offset: Joints = joints([a - b for a, b in zip(sent, first, strict=True)])
         self._seconds = seconds
 
-    def at(self, goal: Joints, time: float) -> Joints:
-        """A goal of the stream, ``time`` [s] after the first, as the arm is sent there [rad], (7,)."""
-        share = min(1.0, time / self._seconds) if self._seconds > 0.0 else 1.0
+    def at(self, goal: Joints, time: float, velocity: Joints = ZERO) -> tuple[Joints, Joints]:
+        """A goal of the stream, ``time`` [s] after its begin, as the arm is sent there.
+
+        Args:
+            goal: position [rad], (7,).
+            time: below 0 counts as 0.
+            velocity: that of the stream there [rad/s], (7,); NaN where it is not known, and is not known then.
+
+        Returns:
+            Position [rad] and velocity [rad/s], (7,) each.
+        """
+        share = min(1.0, max(0.0, time / self._seconds)) if self._seconds > 0.0 else 1.0
         if share == 1.0:
-            return goal
+            return goal, velocity
         left = 1.0 - share**3 * (10.0 - 15.0 * share + 6.0 * share * share)  # no step in speed or acceleration
-        return joints([to + left * by for to, by in zip(goal, self._offset, strict=True)])
+        fades = -30.0 * (share * (1.0 - share)) ** 2 / self._seconds  # [1/s]
+        return (
+            joints([to + left * by for to, by in zip(goal, self._offset, strict=True)]),
+            joints([speed + fades * by for speed, by in zip(velocity, self._offset, strict=True)]),
+        )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from yumi.catalogue import Message, message
 from yumi.control.shared_state import Limited, Problem
+from yumi.control.stream_monitor import StreamReport
 from yumi.robot.joints import Joints, Side
 
 
@@ -387,6 +388,18 @@ def is_fault(event: Event) -> bool:
     if isinstance(event, ImplausibleFeedback):
         return event.is_lost
     return isinstance(event, ReferencesIgnored | ControllerFailed | CycleFailed | ReportsDropped | ControlProcessEnded)
+
+
+def is_logged(event: Event) -> bool:
+    """Whether a log has ``event``: a controller's own reports are for who has commanded it, but those of a stream."""
+    return not isinstance(event, ControllerReport) or isinstance(event.report, StreamReport)
+
+
+def is_warning(event: Event) -> bool:
+    """Whether a person should look at it: a fault, or a stream that leaves its range."""
+    if isinstance(event, ControllerReport):
+        return isinstance(event.report, StreamReport) and event.report.is_warning
+    return is_fault(event)
 
 
 def _ended(controllers: tuple[str, ...]) -> Message:

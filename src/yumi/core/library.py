@@ -171,7 +171,7 @@ class ArmExchange(ctypes.Structure):
     )
 
 
-SHARED_GOAL = Struct("qqqd14d")
+SHARED_GOAL = Struct("qqqdd14d")
 """A goal in shared memory, of a ``SharedBuffer[SessionGoal]``: its write begun and finished, then its fields."""
 
 SIZES = (

@@ -14,6 +14,7 @@ struct SharedGoal {
     std::int64_t begun, finished;  // which write: equal where the goal is whole
     std::int64_t session;          // that the goal is meant for
     double time;
+    double delay;  // of the stream that the goal is a point of; NaN where it is none
     Values position, velocity;
 };
 
@@ -25,7 +26,7 @@ struct Sampled {
     std::int64_t goes_there;
     Values goal, gain;
 
-    // The command for a state; none in another session, and none while a goal is written.
+    // The command for a state; none in another session, none while a goal is written, or for a point of a stream.
     std::optional<ArmCommand> command(const ArmState& state) const {
         if (state.session != session) return std::nullopt;
         const std::int64_t newest = __atomic_load_n(&goals->finished, __ATOMIC_ACQUIRE);
@@ -35,8 +36,10 @@ struct Sampled {
         SharedGoal found;
         std::memcpy(&found, words, sizeof found);
         if (__atomic_load_n(&goals->begun, __ATOMIC_RELAXED) != newest) return std::nullopt;
+        const bool is_new = newest != taken && found.session == session;
+        if (is_new && !std::isnan(found.delay)) return std::nullopt;
         ArmCommand command;
-        command.position = newest != taken && found.session == session ? found.position : goal;
+        command.position = is_new ? found.position : goal;
         for (int i = 0; i < JOINTS && !goes_there; ++i)
             command.position[i] = state.position[i] + gain[i] * (command.position[i] - state.position[i]);
         return command;

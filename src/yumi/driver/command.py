@@ -17,11 +17,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum, auto
 from threading import Lock
-from typing import Annotated, ClassVar, Generic, Literal, Protocol, TypeVar, get_args
+from typing import Annotated, ClassVar, Generic, Literal, Protocol, SupportsFloat, TypeVar, get_args
 
 import msgspec
 
 from yumi.catalogue import FrontEnd, Message, message
+from yumi.control.goals import CONFIGURED_DELAY
 from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import CommandPort, Commands
 from yumi.control.shared_state import JointStates, Snapshots
@@ -44,6 +45,8 @@ from yumi.driver.teleoperation import Elsewhere, TeleoperatedArms, Teleoperation
 from yumi.errors import ProtocolError, RobotNotReady
 from yumi.robot.gripper import GripperState
 from yumi.robot.joints import Joints, Pose, Side
+
+log = logging.getLogger(__name__)
 
 R = TypeVar("R")
 Arm = Literal["right", "left"]
@@ -259,6 +262,17 @@ class Mover(TeleoperatedArms, Protocol):
 
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
 
+    def stream(
+        self,
+        goals: Mapping[Side, Position],
+        velocities: Mapping[Side, Sequence[SupportsFloat]] | None = None,
+        time: SupportsFloat | None = None,
+        delay: float = CONFIGURED_DELAY,
+        blend: SupportsFloat | None = None,
+    ) -> bool: ...
+
+    def end_stream(self, side: Side, owner: Hashable) -> None: ...
+
     def jog(self, side: Side, speeds: Sequence[float], owner: object) -> bool: ...
 
     def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, owner: object, *, is_in_tool: bool) -> bool: ...
@@ -328,6 +342,7 @@ class CommandedRobot:
         on_subscription: called when a client wants to see the state again and again.
         events: the newest lines of the driver's log.
         moving: held while a motion of the arms is carried out, one at a time.
+        followers: of the grippers' goals, where these come as a stream.
         teleoperation: of the arms and grippers.
     """
 
@@ -349,6 +364,7 @@ class CommandedRobot:
     on_subscription: Callable[[], None] = lambda: None
     events: EventLog = field(default_factory=EventLog)
     moving: Lock = field(default_factory=Lock)
+    followers: Mapping[Side, GripperFollower] = field(init=False)
     teleoperation: Teleoperation = field(init=False)
     _controllers: dict[Side, tuple[int, tuple[ControllerStatus, ...]]] = field(default_factory=dict)
 
@@ -357,7 +373,19 @@ class CommandedRobot:
             side: GripperFollower(gripper, self.force, self.manager.check_not_stopped)
             for side, gripper in self.grippers.items()
         }
+        object.__setattr__(self, "followers", grippers)
         object.__setattr__(self, "teleoperation", Teleoperation(self.mover, self.control, grippers, self.on_change))
+
+    def follow_with_grippers(self, closed: Mapping[Side, float], elsewhere: Elsewhere) -> None:
+        """The next goals of a stream for grippers, from 0, open, to 1, closed; the newest counts, nothing waits."""
+        for side, goal in closed.items():
+
+            def report(reason: Message, side: Side = side) -> None:
+                log.warning("%s", message("gripper_follows_not", arm=side.word, reason=reason))
+
+            work = self.followers[side].follow(goal, report)
+            if work is not None:
+                elsewhere(work)
 
     def state(self) -> DriverState:
         """All that is known of the driver, without its events."""

@@ -29,7 +29,7 @@ from yumi.driver.command import (
     side_of,
     sides_of,
 )
-from yumi.driver.motion_commands import Follow, Jog, JogTool, Move, Teleoperate
+from yumi.driver.motion_commands import Follow, Jog, JogTool, Move, Stream, Teleoperate
 from yumi.driver.reports import ControllerStatus, DriverState, GripReport
 from yumi.driver.robot_state import Mode, arms_in_words
 from yumi.driver.surroundings import Surroundings
@@ -502,6 +502,7 @@ COMMANDS: tuple[type[Command[Any]], ...] = (
     Follow,
     Jog,
     JogTool,
+    Stream,
     Teleoperate,
     SwitchControllers,
     SetSpeedScale,

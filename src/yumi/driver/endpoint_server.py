@@ -25,7 +25,7 @@ from typing import Any
 import msgspec
 
 from yumi.catalogue import FrontEnd, Message, cut, message, said_by
-from yumi.control.loop_events import ControllerReport, Event, is_fault
+from yumi.control.loop_events import Event, is_logged, is_warning
 from yumi.driver.command import RECENT, Caller, Command, CommandedRobot, EndpointRequest, Lane
 from yumi.driver.commands import carry_out, offered_to
 from yumi.driver.endpoint import (
@@ -149,8 +149,8 @@ class EndpointServer:
 
     def note_event(self, event: Event) -> None:
         """Keep an event of the control process, unless it is a controller's own."""
-        if not isinstance(event, ControllerReport):
-            self._robot.events.note(logging.WARNING if is_fault(event) else logging.INFO, event.said)
+        if is_logged(event):
+            self._robot.events.note(logging.WARNING if is_warning(event) else logging.INFO, event.said)
 
     @property
     def client_count(self) -> int:
@@ -329,7 +329,7 @@ class EndpointServer:
             lambda motions: client.send_soon(Answer(id=command.id, motions=motions)),
             lambda: client.is_gone or self._is_over.is_set(),
             lambda name, end, after: client.call_soon(self._hold, client, name, end, after),
-            self._elsewhere,
+            self.elsewhere,
         )
         try:
             result = msgspec.Raw(msgspec.json.encode(carry_out(command, self._robot, caller)))
@@ -338,7 +338,7 @@ class EndpointServer:
             answer = _failed(command, error)
         client.send_soon(answer)
 
-    def _elsewhere(self, work: Callable[[], None]) -> None:
+    def elsewhere(self, work: Callable[[], None]) -> None:
         """Have a worker do something for a client who does not wait for it; not once the driver ends."""
         with suppress(RuntimeError):  # the workers have ended
             self._workers.submit(work).add_done_callback(_log_failure)

@@ -107,6 +107,7 @@ class Gripper:
         side: which arm carries it.
         modules: what it is made of.
         last_position: where its fingers were when they were last read [m].
+        goal: what they were told last; None after a jog, or where that is not known.
         busy: held while a command has the fingers move, see :meth:`alone`; a stop needs it not.
     """
 
@@ -124,6 +125,7 @@ class Gripper:
         self.side = side
         self.modules = modules
         self.last_position = 0.0
+        self.goal: GripperGoal | None = None
         self.busy = Lock()
         self._client = client
         self._signals = signals
@@ -223,6 +225,7 @@ class Gripper:
                 raise GoalNotReached(message("gripper_stopped_before_it_moved", gripper=self.side.word))
 
         self._is_stopped = self._is_jogging = False
+        self.goal = goal
         check()
         if self._value("hand_StatusCalibrated") == 0 and not self.is_calibrated():
             raise RobotNotReady(message("gripper_not_calibrated", gripper=self.side.word))
@@ -335,6 +338,7 @@ class Gripper:
         """
         self.stop()
         self._is_stopped, self._is_jogging = False, True
+        self.goal = None
         check()
         self._write("hand_CmdGripper", ServoCommand.JOG_OPEN if opens else ServoCommand.JOG_CLOSE)
         if self._is_stopped:  # while the command was under way

@@ -7,11 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION
 from concurrent.futures import wait as wait_for_futures
 from contextlib import suppress
+from functools import partial
 from typing import Annotated, Literal
 
 import msgspec
 
 from yumi.catalogue import FrontEnd, message
+from yumi.control.goals import Tracking, stream_delay
 from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
@@ -27,6 +29,7 @@ from yumi.driver.command import (
     side_of,
 )
 from yumi.driver.device_frame import DeviceFrame, TeleoperationReport
+from yumi.driver.gripper_follower import closed_of
 from yumi.driver.reports import MotionReport
 from yumi.driver.teleoperated_arm import LINK_LOST
 from yumi.errors import CommandRefused, GoalNotReached, YumiError
@@ -180,6 +183,60 @@ class JogTool(Command[str], frozen=True):
             side,
             lambda: robot.mover.jog_tool(side, twist, FINGERTIPS, caller.client, is_in_tool=is_in_tool),
         )
+
+
+class Stream(Command[str], frozen=True):
+    """Have arms follow a stream of joint positions, of which this is the next point, and grippers one of widths.
+
+    It is asked for again and again, 10 to 500 times a second. Positions are as of :class:`Move`; ``velocities``
+    [rad/s], (7,), are those of the stream. ``time`` [s] is when the point is for, by ``time.monotonic()`` of the
+    driver's machine; without it that is now. ``grippers`` are widths [m], of which 0 grips. ``tracking`` and ``delay``
+    [s] say how the stream is followed. The first one takes the arms over from standstill; a stream that does not begin
+    where they are needs ``blend`` [s]. The arms brake when the client goes away.
+    """
+
+    lane = Lane.JOG
+    front_ends = _SCRIPT
+
+    right: Position | None = None
+    left: Position | None = None
+    velocities: dict[Arm, Joints] | None = None
+    grippers: dict[Arm, float] | None = None
+    time: float | None = None
+    tracking: Tracking = "feed_forward"
+    delay: float | None = None
+    blend: float | None = None
+
+    @property
+    def goals(self) -> Mapping[Side, Position]:
+        """The positions of the arms that have one."""
+        both = ((Side.RIGHT, self.right), (Side.LEFT, self.left))
+        return {side: goal for side, goal in both if goal is not None}
+
+    def check(self) -> None:
+        if not self.goals and not self.grippers:
+            raise CommandRefused(message("stream_empty"))
+        stream_delay(self.tracking, self.delay)
+
+    def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
+        return tuple(self.goals)
+
+    def run(self, robot: CommandedRobot, caller: Caller) -> str:
+        closed = {side_of(arm): closed_of(arm, width) for arm, width in (self.grippers or {}).items()}
+        velocities = {side_of(arm): velocity for arm, velocity in (self.velocities or {}).items()}
+        delay = stream_delay(self.tracking, self.delay)
+        if not robot.moving.acquire(blocking=False):
+            raise CommandRefused(message("another_move_under_way"))
+        try:
+            caller.check()
+            if robot.mover.stream(self.goals, velocities, self.time, delay, self.blend):  # a controller was switched
+                robot.on_change()
+        finally:
+            robot.moving.release()
+            for side in self.goals:  # what has failed may have moved the arm all the same
+                caller.hold(("stream", side), partial(robot.mover.end_stream, side, caller.client), None)
+        robot.follow_with_grippers(closed, caller.elsewhere)
+        return ""
 
 
 class Teleoperate(Command[TeleoperationReport], frozen=True):

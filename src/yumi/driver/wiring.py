@@ -4,8 +4,9 @@
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
                                    threads: answers (five), streams, timers, slow-timers-r and -l, signal-timers,
-                                            joint-states-r, joint-states-l, grippers, robot-monitor, watchdog,
-                                            control-events, automatic-recovery (recovery.automatic), all of
+                                            joint-states-r, joint-states-l, grippers, gripper-streams (two at most),
+                                            robot-monitor, watchdog, control-events,
+                                            automatic-recovery (recovery.automatic), all of
                                             them supervised (process/supervision.py); endpoint, endpoint-work (16 at
                                             most);
                                             web-socket (opened again by who listens), flight-records and

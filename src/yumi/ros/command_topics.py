@@ -9,6 +9,8 @@ joint_commands                   sensor_msgs/JointState     joint_position_contr
 joint_velocity_commands          sensor_msgs/JointState     joint_velocity_controller: velocities
 <controller>/commands            std_msgs/Float64MultiArray a forward controller: 7 positions or velocities by index
 ================================ ========================== ===================================================
+
+Beside them, in the robot's namespace, ``joint_commands`` takes points of a stream for both arms and the grippers.
 """
 
 from __future__ import annotations
@@ -25,14 +27,15 @@ from std_msgs.msg import Float64MultiArray
 
 from yumi.catalogue import message
 from yumi.control.controllers.forward_command import FORWARDERS
-from yumi.control.goals import GoalBuffer, GoalKind, write_goal, write_speeds
+from yumi.control.goals import CONFIGURED_DELAY, GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import Commands
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.gripper_follower import closed_of
 from yumi.driver.stops import Cause, because
 from yumi.errors import CommandRefused
-from yumi.robot.joints import ZERO, Joints, Side
+from yumi.robot.joints import ZERO, Joints, Side, finger_names, joint_names
 from yumi.ros.controller_manager import MakeInterface
 from yumi.ros.messages import (
     RefusalLog,
@@ -161,7 +164,7 @@ class CommandTopic(ABC):
     def _accept(self, received: Any, time: float) -> None:
         snapshot = self.check()
         now = (snapshot.session, snapshot.activation)
-        with self._hand_over.writing(self._side, Commander.STREAM):
+        with self._hand_over.writing((self._side,), Commander.STREAM):
             self.put(received, snapshot, time, is_new=self._given_in != now)
         self._given_in = now
 
@@ -184,13 +187,116 @@ class JointCommandTopic(CommandTopic):
         return age if 0.0 <= age <= OLDEST_STAMP else 0.0
 
     def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        self._checked(received, snapshot, time, nan, is_new=is_new)()
+
+    def point(self, received: Any, time: float) -> Callable[[], None]:
+        """What writes the next point of a stream, which arrived at ``time`` [s] and was checked; raises CommandRefused.
+
+        The arm follows it by its stamp, as the controller's ``stream.delay`` says.
+        """
+        snapshot = self.check()
+        now = (snapshot.session, snapshot.activation)
+        write = self._checked(
+            received, snapshot, time - self._age(received), CONFIGURED_DELAY, is_new=self._given_in != now
+        )
+
+        def begin() -> None:
+            write()
+            self._given_in = now
+
+        return begin
+
+    def _checked(
+        self, received: Any, snapshot: Snapshot, time: float, delay: float, *, is_new: bool
+    ) -> Callable[[], None]:
         if is_new and snapshot.reference is None:
             reason = message("no_reference_yet", arm=self._side.word)
             raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
-        goal = goal_of(received, self._side, base)
-        write_goal(self._box, snapshot.session, goal, goal_speeds_of(received, self._side), time)
-        self._goal = goal
+        goal, speeds = goal_of(received, self._side, base), goal_speeds_of(received, self._side)
+
+        def write() -> None:
+            write_goal(self._box, snapshot.session, goal, speeds, time, delay)
+            self._goal = goal
+
+        return write
+
+
+class JointStreamTopic:
+    """Points of a stream for both arms and the grippers, by the names of joints and fingers, in one message.
+
+    All arms that it names follow it, or none; joints that are not named keep their goal. The position of a finger
+    [m] is that of its gripper, which grips at 0.
+
+    Args:
+        node: of the robot.
+        arms: the topics of the arms.
+        follow: has grippers go to widths, from 0, open, to 1, closed; does not wait for them.
+        now: the time on the machine's monotonic clock [s].
+        hand_over: who commands the arms.
+    """
+
+    noun = "Stream"
+
+    def __init__(
+        self,
+        node: Any,
+        arms: Mapping[Side, JointCommandTopic],
+        follow: Callable[[Mapping[Side, float]], None],
+        now: Callable[[], float],
+        hand_over: HandOver,
+    ) -> None:
+        self._node, self._arms, self._follow, self._now = node, arms, follow, now
+        self._hand_over = hand_over
+        self._refusals = RefusalLog(node.get_logger(), now)
+        self._subscription = node.create_subscription(JointState, "joint_commands", self._receive, _COMMAND_QOS)
+
+    def destroy(self) -> None:
+        """Take no more commands."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _receive(self, received: Any, info: Mapping[str, Any]) -> None:
+        waited = waited_for(info)
+        try:
+            check_wait(self.noun, waited)
+            self.take(received, waited)
+        except CommandRefused as error:
+            self._refusals.warn(error.said)
+
+    def take(self, received: Any, waited: float = 0.0) -> None:
+        """Pass on a point that was received ``waited`` [s] ago; raises CommandRefused, and nothing was changed."""
+        time, (parts, closed) = self._now() - waited, _split(received)
+        writes = [self._arms[side].point(part, time) for side, part in parts.items()]
+        with self._hand_over.writing(parts, Commander.STREAM):
+            for write in writes:
+                write()
+        if closed:
+            self._follow(closed)
+
+
+def _split(received: Any) -> tuple[dict[Side, Any], dict[Side, float]]:
+    """The part of a point for each arm that it names, and how far grippers are to be closed."""
+    has_speeds = len(received.velocity) > 0
+    counts = {len(received.name), len(received.position), len(received.velocity) if has_speeds else len(received.name)}
+    if len(counts) != 1:
+        raise CommandRefused(
+            message("stream_counts_differ", names=len(received.name), positions=len(received.position))
+        )
+    parts: dict[Side, Any] = {}
+    closed: dict[Side, float] = {}
+    for index, name in enumerate(received.name):
+        side = next((it for it in Side if name in (*joint_names(it), *finger_names(it))), None)
+        if side is None:
+            raise CommandRefused(message("stream_joint_unknown", joint=name))
+        if name in finger_names(side):
+            closed[side] = closed_of(side.word, 2.0 * received.position[index])
+            continue
+        part = parts.setdefault(side, JointState(header=received.header))
+        part.name.append(name)
+        part.position.append(received.position[index])
+        if has_speeds:
+            part.velocity.append(received.velocity[index])
+    return parts, closed
 
 
 class JointVelocityTopic(CommandTopic):

@@ -43,7 +43,15 @@ from yumi.clock import Clock
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo, Statistics
 from yumi.control.loop_commands import CommandPort, Commands
-from yumi.control.loop_events import ControllerReport, ControlProcessEnded, Event, ReportsDropped, is_fault
+from yumi.control.loop_events import (
+    ControllerReport,
+    ControlProcessEnded,
+    Event,
+    ReportsDropped,
+    is_fault,
+    is_logged,
+    is_warning,
+)
 from yumi.control.manager.controller_switch import Strictness
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
@@ -176,6 +184,8 @@ class ArmManager:
         """
         if isinstance(event, ControllerReport):
             self._nodes.on_event(event.controller, event.report)
+            if is_logged(event):
+                (self._log.warning if is_warning(event) else self._log.info)(str(event))
             return
         if isinstance(event, ControlProcessEnded | ReportsDropped):
             self._nodes.on_event_of_all(event)

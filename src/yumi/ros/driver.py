@@ -28,7 +28,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -52,7 +53,13 @@ from yumi.robot.joints import JointLimits, Side, prefixed
 from yumi.robot.urdf import MESHES, robot_description
 from yumi.ros.cartesian_interfaces import cartesian_interfaces
 from yumi.ros.command_services import CommandActions, CommandServices, SpeedScaleInterface
-from yumi.ros.command_topics import CommandTopic, JointCommandTopic, JointVelocityTopic, forward_interfaces
+from yumi.ros.command_topics import (
+    CommandTopic,
+    JointCommandTopic,
+    JointStreamTopic,
+    JointVelocityTopic,
+    forward_interfaces,
+)
 from yumi.ros.controller_manager import ArmHardware, ArmManager
 from yumi.ros.frames import ROBOT_STATE_PUBLISHER, FramePublisher, RobotFrames
 from yumi.ros.gripper import GripperParts, Grippers
@@ -94,7 +101,7 @@ class RosDriver:
         clock: Clock,
         limits: JointLimits,
     ) -> None:
-        self._manager = manager
+        self._manager, self._clock, self._hand_over = manager, clock, control.hand_over
         self._gripper_parts = grippers
         control.hand_over.own_name = "ROS"
         self._hardware = {side: ArmHardware(side, control) for side in Side}
@@ -186,14 +193,19 @@ class RosDriver:
         )
         manager.when_ready(self._gripper_setup.run)
 
-        self._commands: list[CommandTopic] = []
-        for side, node in self._streams.items():
-            snapshot = partial(control.snapshot, side)
-            goals, speeds, who = buffers[side].goals, buffers[side].speeds, control.hand_over
-            self._commands += [
-                JointCommandTopic(node, side, goals, snapshot, clock.now, who),
-                JointVelocityTopic(node, side, speeds, snapshot, clock.now, who),
-            ]
+        who = control.hand_over
+        self._joint_commands = {
+            side: JointCommandTopic(node, side, buffers[side].goals, partial(control.snapshot, side), clock.now, who)
+            for side, node in self._streams.items()
+        }
+        self._commands: list[CommandTopic] = [
+            *self._joint_commands.values(),
+            *(
+                JointVelocityTopic(node, side, buffers[side].speeds, partial(control.snapshot, side), clock.now, who)
+                for side, node in self._streams.items()
+            ),
+        ]
+        self._gripper_work = ThreadPoolExecutor(len(Side), "gripper-streams")
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
 
@@ -251,8 +263,24 @@ class RosDriver:
         """Have services and actions for commands, before :meth:`start`; the robot with what ROS knows of its arms."""
         robot = replace(robot, check_arms=self.check_arms, on_change=self.update_activity)
         CommandServices(self._node, robot)
+        JointStreamTopic(
+            self._stream,
+            self._joint_commands,
+            lambda closed: robot.follow_with_grippers(closed, self._have_done),
+            self._clock.now,
+            self._hand_over,
+        )
         self._actions.append(CommandActions(self._node, robot, self._base))
         return robot
+
+    def _have_done(self, work: Callable[[], None]) -> None:
+        """Have something done for a stream, which does not wait for it."""
+        self._gripper_work.submit(work).add_done_callback(self._log_failure)
+
+    def _log_failure(self, work: Future[None]) -> None:
+        error = work.exception()
+        if error is not None:
+            self._node.get_logger().error(str(message("gripper_follows_not_by_fault", error=repr(error))))
 
     def start(self) -> None:
         """Serve from now on."""
@@ -263,6 +291,7 @@ class RosDriver:
         """Serve no longer, and destroy the nodes."""
         for part in self._threads:
             part.stop()
+        self._gripper_work.shutdown()
         for actions in self._actions:
             actions.destroy()
         self._grippers.destroy()

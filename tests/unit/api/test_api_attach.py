@@ -28,6 +28,7 @@ from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.api.motion_registry import Motion, Way
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
+from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.loop_commands import ControllerCommand
 from yumi.control.loop_events import ControllerReport, SessionLost
@@ -38,12 +39,13 @@ from yumi.control.trajectory_commands import Outcome as TrajectoryOutcome
 from yumi.driver import endpoint_server, motion_commands
 from yumi.driver.endpoint import MAX_REQUEST, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
+from yumi.driver.gripper_follower import closed_of, goal_of
 from yumi.driver.reports import ArmMode
 from yumi.driver.robot_state import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.planning.planner import Plan
 from yumi.robot.gripper import Outcome
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, named_pose
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints, named_pose
 
 NOT_UNDERSTOOD = "request_not_understood"
 COLLISION = message("event_50204", number=50204, title="Motion supervision")
@@ -928,3 +930,63 @@ def test_each_collision_that_a_client_has_allowed_ends_although_one_cannot(
         poll_until(lambda: len(ended) > 1)
         assert other.state.is_connected
     assert sorted(ended) == ["table", "wall"]
+
+
+def test_stream_gives_both_arms_and_grippers_a_point_and_ends_with_its_client(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.rest
+    right, left = home(Side.RIGHT), home(Side.LEFT)
+    with attach() as client:
+        client.stream(right=right, left=left, velocities={"left": SPEEDS}, grippers={"right": 0.03}, delay=0.1)
+        goals = {side: driver.robot.goals[side].read() for side in Side}
+        assert [goal is not None and goal[1].delay for goal in goals.values()] == [0.1, 0.1]
+        assert goals[Side.LEFT] is not None
+        assert goals[Side.LEFT][1].velocity == SPEEDS
+        poll_until(lambda: driver.grippers[Side.RIGHT].goals == [goal_of(closed_of("right", 0.03), 10.0)])
+        driver.robot.control.commands.clear()
+    poll_until(lambda: {each.side for each in driver.robot.control.commands} == set(Side))
+
+
+def test_stream_that_ends_leaves_the_stream_of_another_client_alone(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.rest
+    right = home(Side.RIGHT)
+    with attach() as other:
+        with attach() as client:
+            client.stream(right=right)
+            with refused(CommandRefused, "arm_commanded_by_another", who="stream"):
+                other.stream(right=right)
+            driver.robot.clock.advance(1.1 * IDLE)
+            other.stream(right=right)
+            driver.robot.control.commands.clear()
+        poll_until(lambda: driver.server.client_count == 1)
+        other.stream(right=right)
+        assert driver.robot.control.commands == []
+
+
+def test_stream_that_begins_elsewhere_is_led_to_its_points_where_it_names_blend(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.rest
+    far = joints([value + 0.2 for value in home(Side.RIGHT)])
+    with attach() as client:
+        with refused(CommandRefused, "stream_begins_elsewhere", arm="right"):
+            client.stream(right=far, left=home(Side.LEFT))
+        assert [driver.robot.goals[side].read() for side in Side] == [None, None]
+        client.stream(right=far, left=home(Side.LEFT), blend=1.0)
+    newest = driver.robot.goals[Side.RIGHT].read()
+    assert newest is not None
+    assert newest[1].position == pytest.approx(home(Side.RIGHT))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        ({}, "stream_empty"),
+        ({"right": (0.0,) * 7, "delay": 2.0}, "stream_delay_out_of_range"),
+        ({"right": (0.0,) * 7, "blend": 11.0}, "blend_out_of_range"),
+        ({"grippers": {"right": 0.1}}, "stream_grippers_malformed"),
+        ({"velocities": {"right": (0.0,) * 6}}, "stream_velocity_malformed"),
+        ({"left": (0.0,) * 6}, "goal_joint_count_of_arm"),
+    ],
+)
+def test_impossible_point_of_a_stream_is_refused(driver: FakeDriver, arguments: dict[str, Any], code: str) -> None:
+    with attach() as client, refused(CommandRefused, code):
+        client.stream(**arguments)
+    assert [driver.robot.goals[side].read() for side in Side] == [None, None]

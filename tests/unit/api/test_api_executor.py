@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from math import inf, nan
+from math import inf, isnan, nan
 from threading import Event
 from typing import Any
 
@@ -14,9 +14,11 @@ from yumi.api import motion_executor
 from yumi.api.arm_access import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.motion_registry import MotionRegistry
 from yumi.catalogue import message
+from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
-from yumi.control.goals import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
+from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, Goal, MemoryBuffer, read_goal, stream_delay, write_speeds
+from yumi.control.hand_over import NEAR, Commander, asking
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
     ControllerFailed,
@@ -32,7 +34,7 @@ from yumi.driver.stops import Cause
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.planning.tool_path import ToolMotion
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
-from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names
+from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names, joints
 from yumi.robot.kinematics import IDENTITY
 
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
@@ -69,7 +71,7 @@ def test_joints_that_a_goal_leaves_out_stay_where_they_were_sent(robot: FakeRobo
     robot.end(robot.control.commands[0])
     robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(sent=expected)
     robot.control.on_command = robot.rest
-    robot.executor.stream(Side.RIGHT, {"j1": 0.1})
+    robot.executor.stream({Side.RIGHT: {"j1": 0.1}})
     newest = read_goal(robot.goals[Side.RIGHT], 1)
     assert newest is not None
     assert newest[1].position == expected
@@ -161,7 +163,7 @@ def test_executor_refuses_an_impossible_goal_and_asks_no_one(
 ) -> None:
     for ask in (
         lambda: robot.executor.move({Side.LEFT: LEFT, Side.RIGHT: goal}, None, None),  # type: ignore[dict-item]
-        lambda: robot.executor.stream(Side.RIGHT, goal),  # type: ignore[arg-type]
+        lambda: robot.executor.stream({Side.RIGHT: goal}),  # type: ignore[dict-item]
     ):
         with refused(CommandRefused, code, **values):
             ask()
@@ -172,7 +174,7 @@ def test_executor_refuses_an_impossible_goal_and_asks_no_one(
 @pytest.mark.parametrize("value", [nan, 0.0, -0.5, 1.01, inf, "fast"])
 def test_goal_with_an_impossible_scale_leaves_a_stream_under_way(robot: FakeRobot, name: str, value: Any) -> None:
     robot.control.on_command = robot.rest
-    robot.executor.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream({Side.RIGHT: RIGHT})
     switches, commands = list(robot.control.switches), list(robot.control.commands)
     scales: dict[str, Any] = {"speed_scale": None, "acceleration": None, name: value}
     code = "goal_scale_no_number" if value == "fast" else "goal_scale_out_of_range"
@@ -266,16 +268,165 @@ def test_fault_concerns_its_arms(robot: FakeRobot, event: object, sides: list[Si
 def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
     for _ in range(3):
-        robot.executor.stream(Side.RIGHT, RIGHT)
+        robot.executor.stream({Side.RIGHT: RIGHT})
     assert robot.control.switches == [Switch(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))]
-    assert read_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, pytest.approx(nan, nan_ok=True)))
+    assert read_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, robot.clock.now(), CONFIGURED_DELAY))
+
+
+def test_stream_gives_both_arms_the_point_for_the_same_time(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.end
+    speeds = (0.1,) * 7
+    robot.executor.stream({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, {Side.LEFT: speeds}, 99.9, 0.1)
+    goals = {side: read_goal(robot.goals[side], 1) for side in Side}
+    assert goals[Side.RIGHT] == (1, Goal(RIGHT, UNKNOWN, 99.9, 0.1))
+    assert goals[Side.LEFT] == (1, Goal(LEFT, speeds, 99.9, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        ({"velocities": {Side.LEFT: (0.0,) * 7}}, "stream_velocity_without_position"),
+        ({"velocities": {Side.RIGHT: (0.0,) * 6}}, "stream_velocity_malformed"),
+        ({"velocities": {Side.RIGHT: (nan,) * 7}}, "stream_velocity_malformed"),
+        ({"time": "now"}, "stream_time_malformed"),
+        ({"time": nan}, "stream_time_malformed"),
+        ({"time": 94.0}, "stream_time_far"),
+        ({"time": 101.5}, "stream_time_far"),
+    ],
+)
+def test_impossible_point_of_a_stream_moves_no_arm(robot: FakeRobot, arguments: dict[str, Any], code: str) -> None:
+    with refused(CommandRefused, code):
+        robot.executor.stream({Side.RIGHT: RIGHT}, **arguments)
+    assert robot.control.commands == robot.control.switches == []
+    assert read_goal(robot.goals[Side.RIGHT], 1) == (0, None)
+
+
+@pytest.mark.parametrize(
+    ("tracking", "delay", "code"),
+    [
+        ("closely", None, "stream_tracking_unknown"),
+        ("feed_forward", -0.1, "stream_delay_out_of_range"),
+        ("feed_forward", 1.1, "stream_delay_out_of_range"),
+        ("feed_forward", nan, "stream_delay_out_of_range"),
+        ("feed_forward", "late", "stream_delay_out_of_range"),
+        ("gains", 0.1, "stream_delay_out_of_range"),
+    ],
+)
+def test_impossible_tracking_of_a_stream_is_refused(tracking: str, delay: Any, code: str) -> None:
+    with refused(CommandRefused, code):
+        stream_delay(tracking, delay)
+
+
+def test_tracking_of_a_stream_says_its_delay() -> None:
+    assert (stream_delay(), stream_delay("feed_forward", 0), isnan(stream_delay("gains"))) == (
+        CONFIGURED_DELAY,
+        0.0,
+        True,
+    )
+
+
+def test_end_of_a_stream_brakes_the_arm_that_nothing_else_commands(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.end
+    robot.executor.stream({Side.RIGHT: RIGHT})
+    robot.control.commands.clear()
+    robot.executor.end_stream(Side.LEFT, None)
+    robot.executor.end_stream(Side.RIGHT, "another client")
+    with asking(Commander.STREAM, "another client"):
+        robot.clock.advance(1.1 * IDLE)  # nobody commands the arm now, but who takes it over with the same controller
+        robot.control.hand_over.take(Side.RIGHT, Commander.STREAM)
+        robot.executor.end_stream(Side.RIGHT, None)
+    assert robot.control.commands == []
+    robot.clock.advance(1.1 * IDLE)
+    robot.executor.end_stream(Side.RIGHT, None)
+    assert robot.control.hand_over.of(Side.RIGHT).who is Commander.NONE
+    assert [(each.side, type(each.message)) for each in robot.control.commands] == [(Side.RIGHT, StopMotion)]
+
+
+FAR = joints([value + 0.2 for value in LEFT])
+
+
+def points(robot: FakeRobot) -> dict[Side, Goal | None]:
+    """The newest of each arm."""
+    return {side: read_goal(robot.goals[side], 1)[1] for side in Side}
+
+
+def test_stream_that_begins_elsewhere_with_one_arm_moves_neither_and_says_how_far(robot: FakeRobot) -> None:
+    with refused(CommandRefused, "stream_begins_elsewhere", arm="left", distance=pytest.approx(0.2), most=NEAR):
+        robot.executor.stream({Side.RIGHT: RIGHT, Side.LEFT: FAR})
+    assert robot.control.commands == robot.control.switches == []
+    assert points(robot) == {Side.RIGHT: None, Side.LEFT: None}
+    assert robot.control.hand_over.of(Side.RIGHT).who is Commander.NONE
+
+
+@pytest.mark.parametrize("commanded", [Side.RIGHT, Side.LEFT])
+def test_point_for_an_arm_that_another_one_commands_is_taken_by_neither(robot: FakeRobot, commanded: Side) -> None:
+    robot.control.on_command = robot.end
+    both = {Side.RIGHT: RIGHT, Side.LEFT: LEFT}
+    robot.executor.stream(both, time=100.0)
+    with asking(Commander.HEADSET, "person"):
+        robot.control.hand_over.take(commanded, Commander.HEADSET)
+    with refused(CommandRefused, "arm_commanded_by_another", arm=commanded.word, who="headset"):
+        robot.executor.stream(both, time=100.1)
+    assert [goal is not None and goal.time for goal in points(robot).values()] == [100.0, 100.0]
+    with asking(client="person"):
+        robot.control.hand_over.let_go(commanded)
+    with refused(CommandRefused, "arm_reserved_for_person", arm=commanded.word):
+        robot.executor.stream(both, time=100.2)
+
+
+def test_stream_with_stamps_and_velocities_is_blended_by_its_stamps(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.end
+    speeds = joints([0.1] * 7)
+    for time in (100.0, 100.5, 101.0):
+        robot.executor.stream({Side.LEFT: FAR}, {Side.LEFT: speeds}, time, 0.2, blend=1.0)
+        goal = points(robot)[Side.LEFT]
+        assert goal is not None
+        assert (goal.time, goal.delay) == (time, 0.2)
+        share = time - 100.0
+        fades = 1.875 * 0.2 if share == 0.5 else 0.0  # [rad/s] of the way that is left, in the middle
+        way = (1.0 - share) * 0.2
+        assert goal.position == pytest.approx([value - way for value in FAR])
+        assert goal.velocity == pytest.approx([0.1 + fades] * 7)
+
+
+def test_blend_of_a_stream_for_the_future_begins_with_its_first_point(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.end
+    for time, left in ((100.5, 0.2), (100.7, 0.1), (100.9, 0.0)):
+        robot.executor.stream({Side.LEFT: FAR}, time=time, blend=0.4)
+        goal = points(robot)[Side.LEFT]
+        assert goal is not None
+        assert goal.position == pytest.approx([value - left for value in FAR])
+        robot.clock.advance(0.2)
+
+
+def test_point_that_comes_long_after_the_last_one_begins_a_stream(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.end
+    robot.executor.stream({Side.LEFT: LEFT})
+    robot.clock.advance(0.9 * IDLE)
+    robot.executor.stream({Side.LEFT: FAR})  # the same stream jumps
+    robot.clock.advance(1.1 * IDLE)
+    with refused(CommandRefused, "stream_begins_elsewhere"):
+        robot.executor.stream({Side.LEFT: FAR})
+    switches = len(robot.control.switches)
+    assert not robot.executor.stream({Side.LEFT: FAR}, blend=1.0)
+    assert len(robot.control.switches) == switches
+    goal = points(robot)[Side.LEFT]
+    assert goal is not None
+    assert goal.position == pytest.approx(LEFT)
+
+
+@pytest.mark.parametrize("blend", [0.0, -1.0, 10.1, nan, "slowly"])
+def test_impossible_blend_is_refused(robot: FakeRobot, blend: Any) -> None:
+    with refused(CommandRefused, "blend_out_of_range", longest=10.0):
+        robot.executor.stream({Side.LEFT: FAR}, blend=blend)
+    assert robot.control.switches == []
 
 
 def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
-    robot.executor.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream({Side.RIGHT: RIGHT})
     robot.executor.move({Side.RIGHT: RIGHT}, None, None)
-    robot.executor.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream({Side.RIGHT: RIGHT})
     assert [switch.activate for switch in robot.control.switches] == [
         (STREAM_CONTROLLER,),
         (GOAL_CONTROLLER,),
@@ -286,13 +437,13 @@ def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
 def test_stream_begins_when_the_motion_before_it_has_ended(robot: FakeRobot) -> None:
     robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.control.on_command = robot.end
-    robot.executor.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream({Side.RIGHT: RIGHT})
     assert isinstance(robot.control.commands[-1].message, StopMotion)
 
 
 def test_stop_ends_a_stream_and_is_a_motion_itself(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
-    robot.executor.stream(Side.LEFT, LEFT)
+    robot.executor.stream({Side.LEFT: LEFT})
     (motion,) = robot.executor.stop((Side.LEFT,))
     assert robot.control.commands[-1].message == StopMotion(motion.identity)
     assert robot.control.switches[-1].activate == (GOAL_CONTROLLER,)

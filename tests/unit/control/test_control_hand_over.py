@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, isnan
 from threading import Event as Flag
 from threading import Thread
 
+import numpy as np
 import pytest
 
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
 from yumi.clock import ManualClock
+from yumi.control.chunk_commands import FollowChunk
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import JointGoal, StopMotion
+from yumi.control.goals import UNKNOWN
 from yumi.control.hand_over import Blend, Commander, HandOver, asking
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ArmGivenBack, CommanderChanged, CommanderSilent, Event
 from yumi.errors import CommandRefused
-from yumi.robot.joints import ZERO, Side, home, joints
+from yumi.planning.chunk_plan import plan_chunk
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
 SOON = 0.1  # [s]
@@ -82,6 +86,12 @@ def test_stream_is_over_a_second_after_its_last_goal_and_a_motion_when_the_arm_s
     arms.clock.advance(IDLE)
     assert arms.of(RIGHT).who is Commander.STREAM
     arms.clock.advance(0.01)
+    assert arms.of(RIGHT).who is Commander.NONE
+    arms.moving.add(RIGHT)
+    arms.taken(Commander.STREAM, "stream")
+    arms.clock.advance(2.0 * IDLE)  # its last points are for later, and the arm is not there yet
+    assert arms.of(RIGHT).who is Commander.STREAM
+    arms.moving.clear()
     assert arms.of(RIGHT).who is Commander.NONE
     arms.moving.add(RIGHT)
     arms.taken(Commander.TRAJECTORY, "script", None)
@@ -202,7 +212,7 @@ def test_who_takes_an_arm_over_waits_until_a_goal_of_before_is_written(arms: Arm
         order.append("taken")
 
     other = Thread(target=take)
-    with arms.writing(RIGHT, Commander.STREAM):
+    with arms.writing((RIGHT,), Commander.STREAM):
         other.start()
         begins.wait()
         other.join(0.05)  # would be over by then
@@ -212,16 +222,78 @@ def test_who_takes_an_arm_over_waits_until_a_goal_of_before_is_written(arms: Arm
     assert order == ["written", "taken"]
 
 
+@pytest.mark.parametrize("taken", [RIGHT, LEFT])
+def test_both_arms_are_taken_or_none(arms: Arms, taken: Side) -> None:
+    arms.taken(Commander.DEVICE, "person", side=taken)
+    goals = [ControllerCommand(side, "c", JointGoal(home(side), 1, None, None)) for side in Side]
+    with asking(client="policy"):
+        with refused(CommandRefused, "arm_commanded_by_another", arm=taken.word):
+            arms.take_all((RIGHT, LEFT), Commander.STREAM)
+        with refused(CommandRefused, "arm_commanded_by_another"), arms.writing((LEFT, RIGHT), Commander.STREAM):
+            pass
+        with refused(CommandRefused, "arm_commanded_by_another"), arms.passing(Commands.send_commands, goals, {}):
+            pass
+    assert arms.of(taken.other).who is Commander.NONE
+    with asking(client="person"):
+        arms.let_go(taken)
+    arms.give_back((taken,))
+    with asking(client="policy"), arms.writing((LEFT, RIGHT), Commander.STREAM):
+        assert {arms.of(side).who for side in Side} == {Commander.STREAM}
+
+
+def test_those_who_write_for_both_arms_in_any_order_do_not_wait_for_each_other(arms: Arms) -> None:
+    def write(*sides: Side) -> None:
+        for _ in range(200):
+            with arms.writing(sides, Commander.STREAM):
+                pass
+
+    threads = [Thread(target=write, args=each, daemon=True) for each in ((RIGHT, LEFT), (LEFT, RIGHT), (LEFT,))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(5.0)
+        assert not thread.is_alive()
+
+
+def test_chunk_of_a_policy_takes_its_arm_and_no_chunk_passes_while_another_one_commands(arms: Arms) -> None:
+    spline = plan_chunk(RIGHT, [0.0, 0.1], np.array([home(RIGHT), home(RIGHT)]), YUMI_LIMITS)
+    chunk = ControllerCommand(RIGHT, "c", FollowChunk(1, 0.0, spline))
+    with asking(client="policy"), arms.passing(Commands.take_commands, (chunk,), {}):
+        pass
+    assert arms.of(RIGHT).who is Commander.POLICY
+    arms.taken(Commander.DEVICE, "person")
+    with (
+        asking(client="policy"),
+        refused(CommandRefused, "arm_commanded_by_another"),
+        arms.passing(Commands.take_commands, (chunk,), {}),
+    ):
+        pass
+
+
 def test_blend_begins_where_the_arm_is_sent_and_ends_on_the_stream() -> None:
     sent, first = rad((20, -90, -110, 10, 30, 60, 10)), rad((30, -80, -100, 20, 40, 50, 0))
     blend = Blend(sent, first, 2.0)
-    assert blend.at(first, 0.0) == pytest.approx(sent)
-    assert blend.at(first, 2.0) == first
+    assert blend.at(first, 0.0)[0] == blend.at(first, -1.0)[0] == pytest.approx(sent)
+    assert blend.at(first, 2.0) == (first, ZERO)
     half = joints([0.5 * (a + b) for a, b in zip(sent, first, strict=True)])
-    assert blend.at(first, 1.0) == pytest.approx(half)
+    assert blend.at(first, 1.0)[0] == pytest.approx(half)
     step = 1e-3
     for time in (0.0, 2.0 - 2.0 * step):  # neither speed nor acceleration steps where it begins and ends
-        a, b, c = (blend.at(first, time + number * step)[0] for number in range(3))
+        a, b, c = (blend.at(first, time + number * step)[0][0] for number in range(3))
         assert abs(b - a) / step < 1e-5
         assert abs(c - 2.0 * b + a) / step**2 < 2e-2
-    assert Blend(sent, first, 0.0).at(ZERO, 0.0) == ZERO
+    assert Blend(sent, first, 0.0).at(ZERO, 0.0) == (ZERO, ZERO)
+
+
+def test_velocity_of_a_blended_point_is_that_of_the_blended_positions() -> None:
+    sent, speed = rad((20, -90, -110, 10, 30, 60, 10)), joints([0.1 * number for number in range(7)])
+    blend, step = Blend(sent, ZERO, 2.0), 1e-4
+
+    def position(time: float) -> Joints:
+        return blend.at(joints([each * time for each in speed]), time)[0]
+
+    for time in (0.2, 1.0, 1.7):
+        _, velocity = blend.at(joints([each * time for each in speed]), time, speed)
+        rows = zip(position(time - step), position(time + step), strict=True)
+        assert velocity == pytest.approx([(after - before) / (2.0 * step) for before, after in rows], abs=1e-6)
+    assert all(map(isnan, blend.at(ZERO, 1.0, UNKNOWN)[1]))

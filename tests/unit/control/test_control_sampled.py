@@ -98,7 +98,7 @@ def test_formula_ends_with_the_controllers_activity() -> None:
 
 def test_goals_lie_in_shared_memory_as_the_core_reads_them() -> None:
     goals = SharedBuffer(SessionGoal)
-    goal = SessionGoal(2, 3.0, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7), (1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7))
+    goal = SessionGoal(2, 3.0, (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7), (1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7), 0.5)
     goals.write(goal)
     written = SHARED_GOAL.unpack(string_at(goals.address, SHARED_GOAL.size))
-    assert written == (1, 1, goal.session, goal.time, *goal.position, *goal.velocity)
+    assert written == (1, 1, goal.session, goal.time, goal.delay, *goal.position, *goal.velocity)

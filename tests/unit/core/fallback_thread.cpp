@@ -191,7 +191,7 @@ namespace {
 
 // A robot that stands at zero and sends in its cycle; what is prepared is a proportional formula.
 struct PreparedWire : Wire {
-    core::SharedGoal goals{};
+    core::SharedGoal goals{0, 0, 0, 0.0, std::nan(""), {}, {}};
     core::Sampled formula{1, &goals, 0, false, joint_1(0.002), {}};  // so near that it is no wonder that the robot stands
 
     PreparedWire() {
@@ -248,7 +248,7 @@ TEST(datagram_is_answered_by_the_formula_that_was_prepared) {
 }
 
 TEST(formula_that_was_prepared_takes_the_newest_goal_of_its_session) {
-    core::SharedGoal goals{2, 2, 7, 0.0, joint_1(0.2), {}};
+    core::SharedGoal goals{2, 2, 7, 0.0, std::nan(""), joint_1(0.2), {}};
     core::ArmState state = standing();
     core::Sampled formula{state.session, &goals, 1, true, joint_1(0.1), {}};
     CHECK(formula.command(state)->position == joint_1(0.1));  // a goal for another session

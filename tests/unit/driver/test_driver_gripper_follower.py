@@ -8,10 +8,11 @@ from typing import cast
 import pytest
 
 from fake_driver import FakeGripper
-from yumi.catalogue import message
+from refusals import refused
+from yumi.catalogue import Message, message
 from yumi.driver.gripper import Gripper
-from yumi.driver.gripper_follower import GripperFollower, goal_of
-from yumi.errors import RobotNotReady
+from yumi.driver.gripper_follower import GripperFollower, closed_of, goal_of
+from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.gripper import TRAVEL, Direction, go_to, grip
 from yumi.robot.joints import Side
 
@@ -92,3 +93,49 @@ def test_fault_of_ours_leaves_the_follower_usable(gripper: FakeGripper, follower
     with pytest.raises(ZeroDivisionError):
         give(follower, 1.0)
     assert follower.take(0.5) is not None
+
+
+def test_goal_of_a_stream_that_is_the_same_as_before_is_left_out_unless_it_was_refused(
+    gripper: FakeGripper, follower: GripperFollower
+) -> None:
+    reported: list[Message] = []
+
+    def follow(closed: float) -> bool:
+        work = follower.follow(closed, reported.append)
+        if work is not None:
+            work()
+        return work is not None
+
+    assert [follow(closed) for closed in (0.5, 0.505, 0.7)] == [True, False, True]
+    assert gripper.goals == [goal_of(0.5, 8.0), goal_of(0.7, 8.0)]
+    with gripper.alone():
+        assert [follow(closed) for closed in (0.2, 0.2)] == [True, True]
+    assert len(reported) == 1  # once for the same reason
+    assert follow(0.2)
+    assert gripper.goals[-1] == goal_of(0.2, 8.0)
+
+
+def test_goal_of_a_stream_is_given_again_after_another_one_has_moved_the_fingers(
+    gripper: FakeGripper, follower: GripperFollower
+) -> None:
+    def follow(closed: float) -> bool:
+        work = follower.follow(closed, lambda reason: None)
+        if work is not None:
+            work()
+        return work is not None
+
+    assert [follow(0.5), follow(0.5)] == [True, False]
+    gripper.begin(go_to(0.02), lambda: None)
+    assert [follow(0.5), follow(0.5)] == [True, False]
+    give(follower, 0.2)  # of a device
+    assert [follow(0.5), follow(0.5)] == [True, False]
+
+
+@pytest.mark.parametrize("width", [-0.001, 0.051, float("nan"), "wide", None])
+def test_impossible_width_is_refused(width: object) -> None:
+    with refused(CommandRefused, "stream_grippers_malformed", arm="right"):
+        closed_of("right", width)
+
+
+def test_width_of_zero_is_a_grip() -> None:
+    assert (closed_of("left", 0.0), closed_of("left", 0.05)) == (1.0, 0.0)

@@ -195,6 +195,30 @@ MOTION: Mapping[str, Text] = {
         "the tool is held by the wall {wall:quoted} of tool_limits",
         "lead it away from there, or move the wall in yumi.yaml",
     ),
+    # ---- a stream of joint positions
+    "stream_followed": Text("follows a stream of {rate:.0f} Hz {delay:.0ms} late"),
+    "stream_rate_out_of_range": Text(
+        "the stream has {rate:.2g} points a second; it is followed as documented from {lowest:g} to {highest:g} Hz",
+        "send goals more often, or as a trajectory, where they are too few",
+    ),
+    "stream_late": Text(
+        "points of the stream come up to {lateness:.0ms} later than they are needed at a delay of {delay:.0ms}, and "
+        "the motion is rougher than the stream",
+        "give a delay of {better:.3f} s, or send them in time",
+    ),
+    "stream_ended_in_motion": Text(
+        "the stream ended in motion: no point has come for {silence:.0ms}; the arm brakes and holds",
+        "end a stream with points that stand still",
+    ),
+    "stream_jumps": Text(
+        "the stream jumps by {way:.1°} at {joint} within {interval:.0ms}, faster than the joint may move; the arm goes "
+        "there within its limits",
+        "begin a stream where the arm is, and stamp points with the time they are for",
+    ),
+    "stream_beyond_limits": Text(
+        "{joint} is slower than the stream, within its limits and the speed scale; the arm comes later than the delay",
+        "send a slower stream, or raise the speed scale",
+    ),
     # ---- how a motion ended
     "goal_reached": Text("the goal is reached"),
     "goal_replaced": Text("another goal replaced this one"),
@@ -286,7 +310,7 @@ CONTROLLERS: Mapping[str, Text] = {
         "it may be {most:.1°} away",
         "begin the stream where the arm is, move there before, or give blend, in seconds",
     ),
-    "blend_out_of_range": Text("blend is {blend:g} s; its range is above 0 to {longest:g} s"),
+    "blend_out_of_range": Text("stream refused: blend is {given}; allowed is above 0 to {longest:g} s"),
     "controllers_were_ended": Text(
         "controller {controller:quoted} is inactive: what commanded the arm was ended",
         "{recover}, or activate {controller}",

@@ -13,6 +13,7 @@ _NEAREST = "or leave the configuration out: it takes the nearest posture then"
 SCRIPT: Mapping[str, Text] = {
     # ---- connect
     "fraction_out_of_range": Text("{parameter} is {value}; allowed is above 0 up to 1"),
+    "arm_name_unknown": Text("there is no arm {given}", "choose 'right' or 'left'"),
     "connect_arms_unknown": Text("arms is {given}", "name 'right', 'left' or both"),
     "connect_port_twice": Text("the port is given twice, in {address:quoted} and as rws_port={port}", "give it once"),
     "controllers_missing": Text("the controllers of the {arm} arm lack {missing:list}", "add them"),
@@ -62,6 +63,36 @@ SCRIPT: Mapping[str, Text] = {
         "jog refused: another program has switched the controllers of the {arm} arm", "press again to take it back"
     ),
     "jog_while_moving": Text("jog refused: another motion of the {arm} arm is under way", "stop it first"),
+    "stream_time_malformed": Text(
+        "stream refused: the time of the point is {given}",
+        "give seconds by time.monotonic() of the driver's machine, or none: then the moment of the call counts",
+    ),
+    "stream_time_far": Text(
+        "stream refused: the point is for {away:.3f} s from now, by time.monotonic() of the driver's machine; "
+        "allowed is {oldest:g} to {newest:g} s",
+        "give none where no such time is known: then the moment of the call counts",
+    ),
+    "stream_velocity_malformed": Text(
+        "stream refused: the velocities of the {arm} arm are not {count} finite numbers [rad/s] in chain order"
+    ),
+    "stream_tracking_unknown": Text("stream refused: tracking is {given:quoted}", "choose {known:or}"),
+    "stream_delay_out_of_range": Text(
+        "stream refused: delay is {given}; allowed is 0 to {longest:g} s, with tracking 'feed_forward'"
+    ),
+    "stream_counts_differ": Text(
+        "stream refused: it has {names} names and {positions} positions; velocities are as many, or none"
+    ),
+    "stream_joint_unknown": Text(
+        "stream refused: {joint:quoted} is neither a joint of an arm nor of a gripper", "name them as in joint_states"
+    ),
+    "stream_velocity_without_position": Text("stream refused: the {arm} arm has a velocity and no position"),
+    "stream_empty": Text("stream refused: neither an arm nor a gripper has a goal"),
+    "gripper_follows_not_by_fault": Text("a gripper does not follow the stream, by a fault of the driver: {error}"),
+    "gripper_follows_not": Text("the {arm} gripper does not follow the stream: {reason}", "{reason:remedy}"),
+    "stream_grippers_malformed": Text(
+        "stream refused: the goal of gripper {arm:quoted} is {given}",
+        "give 'right' or 'left' a width [m] from 0, closed, to {most:g}",
+    ),
     "cartesian_controller_missing": Text(
         "the {arm} arm has no {controller}, which moves its tool",
         "name it in controllers.yaml as the delivered file does",

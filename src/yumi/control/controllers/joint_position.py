@@ -8,25 +8,36 @@ With ``tracking.feed_forward`` it follows a stream of goals almost without lag. 
 where it will be when the robot gets there, ``tracking.delay`` from now, is predicted from the goals and their times,
 followed within the joints' limits (:mod:`yumi.control.motion.tracking_filter`), and sent to the robot together with its
 speed. The robot's own loop, whose lag the PID controller cannot remove, then has nothing left to close.
+
+A goal with a delay is a point of a stream, which is followed in the same way and so late that nothing has to be
+predicted: one period of the stream, in which its next point comes, and ``tracking.delay``. The arm is so far behind the
+stamps of the points, whenever these arrive, and about as smooth as the source. With less delay the rest is predicted.
 """
 
 from __future__ import annotations
 
-from math import inf
+from collections import deque
+from collections.abc import Sequence
+from math import copysign, inf, isnan
 
 from yumi.control.controller import IDLE, Controller
-from yumi.control.goals import Goal, GoalBuffer, GoalInbox, GoalKind
+from yumi.control.goals import CONFIGURED_DELAY, LONGEST_DELAY, Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.robot_response import DELAY
-from yumi.control.motion.setpoint import fixed
+from yumi.control.motion.setpoint import Setpoint, fixed
 from yumi.control.motion.speed_motion import speeds_without_noise
-from yumi.control.motion.target_predictor import TargetPredictor
+from yumi.control.motion.target_predictor import CONNECTED, TargetPredictor
 from yumi.control.motion.tracking_filter import TrackingFilter
 from yumi.control.sampled import Sampled
 from yumi.control.speed_scale import SpeedScale
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
+from yumi.control.stream_monitor import StreamMonitor
+from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 from yumi.settings import Parameter, Values, flag, number
 
 _NO_SPEED = 1e-6  # [rad/s] not worth feeding forward
+_SHORTEST_PERIOD = 2.0 * CYCLE  # [s] a faster stream is followed with the delay of one of this period
+_OTHER_PERIOD = 1.15  # a period that differs by less is still the same one
+_WARP = 0.05  # by so much the time of a stream is stretched while its delay changes
+_STANDS = 0.02  # [rad/s] a stream that is not faster when it ends has led to its last point
 
 _PID = (
     Parameter("p", 1.2, 0.0, 2.0, "", "Proportional gain; oscillation begins near 2."),
@@ -45,6 +56,14 @@ _TRACKING = (
     Parameter("tracking.memory", 0.030, 0.005, 0.5, "s", "How long a goal counts; more against noise."),
     Parameter("tracking.stiffness", 40.0, 5.0, 100.0, "1/s", "How closely it is followed; less against noise."),
     Parameter("tracking.silence", 0.030, 0.010, 0.5, "s", "Without a goal for so long, the stream has ended."),
+    Parameter(
+        "stream.delay",
+        CONFIGURED_DELAY,
+        CONFIGURED_DELAY,
+        LONGEST_DELAY,
+        "s",
+        "How late the arm follows the points of a stream; below 0: one period of the stream and tracking.delay.",
+    ),
 )
 
 
@@ -71,8 +90,11 @@ class JointPositionController(Controller):
         self._is_proportional = True
         self._integrals = [0.0] * JOINT_COUNT
         self._predictor, self._filter = TargetPredictor(limits), TrackingFilter(limits)
+        self._monitor, self._pending = StreamMonitor(limits), deque[Goal]()
         self._delay = DELAY
-        self._feeds_forward = self._is_tracking = False
+        self._stream_delay = self._asked_delay = CONFIGURED_DELAY
+        self._period = self._late = 0.0  # of the stream, and how late it is followed now
+        self._feeds_forward = self._is_tracking = self._is_stream = self._is_lost = False
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         self._joint_names = joint_names
@@ -95,6 +117,7 @@ class JointPositionController(Controller):
         self._predictor.memory = number(values, "tracking.memory")
         self._predictor.timeout = number(values, "tracking.silence")
         self._filter.stiffness = number(values, "tracking.stiffness")
+        self._stream_delay = number(values, "stream.delay")
 
     def _gains_of(self, values: Values, gain: str) -> Joints:
         """One gain of all joints; a joint with one of its own has that."""
@@ -109,19 +132,28 @@ class JointPositionController(Controller):
         self._goal, self._given_at = state.position, -inf
         self._inbox.forget()
         self._integrals = [0.0] * JOINT_COUNT
-        self._is_tracking = False
+        self._is_tracking = self._is_stream = False
 
     def update(self, state: ArmState) -> ArmCommand | None:
+        before = self._inbox.number
         goal = self._inbox.take(state.session, state.time)
         if goal is not None:
             self._goal, self._given_at = goal.position, state.time
+            is_stream = not isnan(goal.delay)
+            if is_stream is not self._is_stream:
+                self._is_stream, self._is_tracking = is_stream, self._is_tracking and self._feeds_forward
+                self._begin_stream()
+            self._asked_delay = self._stream_delay if goal.delay < 0.0 else goal.delay
         if self._goal is None:
             return None
+        if self._is_stream:
+            return self._follow(state, goal, self._inbox.number - before)
         return self._track(state, goal) if self._feeds_forward else self._control(state, self._goal)
 
     @property
     def sampled(self) -> Sampled | None:
-        is_simple = type(self) is JointPositionController and self._is_proportional and not self._feeds_forward
+        is_simple = type(self) is JointPositionController and self._is_proportional
+        is_simple = is_simple and not self._feeds_forward and not self._is_stream
         return self._inbox.sampled(self._goal, self._p) if is_simple and self._goal is not None else None
 
     def is_idle(self, now: float) -> bool:
@@ -130,6 +162,9 @@ class JointPositionController(Controller):
     @property
     def reference(self) -> Joints | None:
         return self._goal
+
+    def take_reports(self) -> Sequence[object]:
+        return self._monitor.take_reports()
 
     def _control(self, state: ArmState, goal: Joints) -> ArmCommand:
         """``p·e + ∫ i·e dt + d·de/dt``.
@@ -148,14 +183,72 @@ class JointPositionController(Controller):
         return ArmCommand(fixed([now + p * (to - now) + integral - d * v for now, to, v, p, integral, d in parts]))
 
     def _track(self, state: ArmState, goal: Goal | None) -> ArmCommand | None:
-        if not self._is_tracking:  # from where the robot is, with the speed it has, to the goal there is
+        self._begin_tracking(state)
+        if goal is not None:
+            self._predictor.add(*goal[:3])
+        if state.dt <= 0.0:
+            return None
+        return _sent(self._filter.step(self._predictor.at(state.time, self._delay), state.dt, self._speed.value))
+
+    def _begin_tracking(self, state: ArmState) -> None:
+        """From where the robot is, with the speed it has, to the goal there is; once."""
+        if not self._is_tracking:
             self._is_tracking = True
             self._filter.begin(state.position, speeds_without_noise(state.velocity))
             self._predictor.rest_at(self._goal or state.position)
-        if goal is not None:
-            self._predictor.add(*goal)
+
+    def _begin_stream(self) -> None:
+        self._pending.clear()
+        self._monitor.begin()
+        self._period, self._is_lost = 0.0, False
+
+    def _follow(self, state: ArmState, goal: Goal | None, points: int) -> ArmCommand | None:
+        """The command for a stream, of which ``goal`` is the next point, and ``points`` have come since the last one.
+
+        Its points wait until they are needed, which is one period before the arm has to be there.
+        """
+        monitor, now = self._monitor, state.time
+        self._begin_tracking(state)
+        before = monitor.newest
+        is_next = goal is not None and goal.time > before
+        if goal is not None and is_next:
+            monitor.note_point(goal.position, goal.time, points, self._joint_names, now)
+            self._pending.append(goal)
+        self._set_lateness(state.dt)
+        place = now + self._delay - self._late  # of the arm on the stream, by its stamps
+        if is_next:
+            # Who asks for less delay than a period has asked for a prediction beyond the newest point.
+            is_enough = self._late >= self._delay + self._period
+            is_connected = monitor.newest - before < CONNECTED
+            monitor.note_delay(self._late, place - before if is_enough and is_connected else 0.0, now)
+        soon = place + max(self._period, _SHORTEST_PERIOD)
+        while self._pending and self._pending[0].time <= soon:
+            self._predictor.add(*self._pending.popleft()[:3])
+            self._is_lost = False
         if state.dt <= 0.0:
             return None
-        target = self._predictor.at(state.time, self._delay)
-        position, velocity, _ = self._filter.step(target, state.dt, self._speed.value)
-        return ArmCommand(position, velocity if max(map(abs, velocity)) > _NO_SPEED else ZERO)
+        if self._period and self._predictor.is_over(place) and not self._is_lost and self._predictor.speed > _STANDS:
+            self._is_lost = True
+            monitor.note_end(now)
+        if self._is_lost:
+            return _sent(self._filter.brake(state.dt))
+        command = _sent(self._filter.step(self._predictor.at(place, 0.0), state.dt, self._speed.value))
+        slow = self._filter.chasing
+        monitor.note_limits(None if slow is None or not self._period else self._joint_names[slow], now)
+        return command
+
+    def _set_lateness(self, dt: float) -> None:
+        """How late the stream is followed: at once as asked for at its begin, later gradually."""
+        period, is_new = self._monitor.period, not self._period
+        if not self._period / _OTHER_PERIOD <= period <= self._period * _OTHER_PERIOD:
+            self._period = period
+        wanted = self._asked_delay
+        if wanted < 0.0:
+            wanted = self._delay + max(self._period, _SHORTEST_PERIOD)
+        change = wanted - self._late
+        self._late = wanted if is_new else self._late + copysign(min(abs(change), _WARP * dt), change)
+
+
+def _sent(motion: Setpoint) -> ArmCommand:
+    position, velocity, _ = motion
+    return ArmCommand(position, velocity if max(map(abs, velocity)) > _NO_SPEED else ZERO)

@@ -50,9 +50,6 @@ _FASTEST_WEAK = 0.3  # [rad/s] so much may lead through a singularity
 _LEAD = (0.002, 0.002, 0.002, 0.02, 0.02, 0.02, 0.05)  # [m], [rad] a velocity takes the target no further ahead
 _UNMOVED = 1e-5  # [rad/s]
 _SMALL = 1e-4  # [s] a step over which a rate is taken
-_SLOWEST_PERIOD = 0.25  # [s] poses that come less often are goals of their own
-_PERIODS = 2.2  # without a pose for so many of its periods a stream has ended
-_LEARNING = 0.2  # weight of one interval in the learned period
 QUIET = 1.0  # [s] after which a stream that rests has ended
 _MOST_LOCKED = 3
 SHARE_OF_SPEED = 0.8  # of the tool's limit on streams: joints that catch up with their target come to more for a moment
@@ -124,7 +121,7 @@ class ToolStream:
         self._twist: Joints = ZERO
         self._is_twist = self._is_at_rest = False
         self._given_at = -inf
-        self._period, self.silence = 0.0, 0.0
+        self.silence = 0.0
         self._was_behind = 0.0
         self.independence = 1.0
         self._weakest: tuple[float, ...] = (1.0,) * 6
@@ -153,11 +150,7 @@ class ToolStream:
             self._rates = joints([x, y, z, *rates, bend])
             self._filter.begin(self._target, self._rates)
             self.predictor.rest_at(self._target)
-        # A slow stream is one, too: its period says for how long it may be predicted.
-        interval = time - self._given_at
-        if interval < _SLOWEST_PERIOD:
-            self._period += (interval - self._period) * (_LEARNING if self._period else 1.0)
-        self.predictor.timeout = max(self.silence, _PERIODS * self._period)
+        self.predictor.timeout = self.silence
         angle = self.predictor.goal[6] if isnan(goal.angle) else goal.angle
         self.predictor.add(self._numbers(pose_of(goal.pose), angle), UNKNOWN, time)
         self._given_at = time

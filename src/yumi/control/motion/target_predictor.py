@@ -16,6 +16,9 @@ from typing import NamedTuple
 from yumi.control.motion.setpoint import Setpoint
 from yumi.robot.joints import ZERO, JointLimits, Joints, joints
 
+CONNECTED = 0.25
+"""Goals that are further apart than this are goals of their own, no stream [s]."""
+
 _RESOLUTION = 2e-4
 """A goal this far from where it was expected is where it was expected [rad]."""
 
@@ -28,6 +31,7 @@ _SHORTEST = 0.0005
 _HARDER = 1.5  # a goal may be asked to accelerate somewhat more than the joint can follow
 _LEARNING = 0.1  # weight of one interval in the learned period
 _MISSED = 3.0  # goals missing in a row mean that the stream has ended
+_LONGEST_PATIENCE = 0.25  # [s] with a slow one; by then it has led the arm far enough into the unknown
 
 
 class _Gains(NamedTuple):
@@ -157,8 +161,9 @@ class TargetPredictor:
             time: when it was sent or, if nothing better is known, when it arrived [s].
         """
         interval = time - self._time
-        if interval < self._patience:
-            self._period += _LEARNING * (interval - self._period)
+        if interval < CONNECTED:  # a slow stream is one, too
+            self._period += (interval - self._period) * (_LEARNING if self._period else 1.0)
+        if interval < max(CONNECTED, self._patience):
             gains = _fading_gains(max(interval, _SHORTEST), self.memory)
         else:  # another stream: only what this goal itself says counts
             self.rest_at(goal)
@@ -172,7 +177,7 @@ class TargetPredictor:
 
     def at(self, now: float, ahead: float) -> Setpoint:
         """Where the goals will be ``ahead`` [s] after ``now`` [s]; where the last one was when no more come."""
-        if now - self._time > self._patience:
+        if self.is_over(now):
             return Setpoint(self.goal)
         after = now - self._time + ahead
         return Setpoint(
@@ -181,6 +186,15 @@ class TargetPredictor:
             joints([t.acceleration for t in self._tracks]),
         )
 
+    def is_over(self, now: float) -> bool:
+        """Whether the stream has ended at ``now`` [s]: no goal has come for too long."""
+        return now - self._time > self._patience
+
+    @property
+    def speed(self) -> float:
+        """Of the fastest joint's goal [rad/s]."""
+        return max([abs(track.velocity) for track in self._tracks])
+
     @property
     def _patience(self) -> float:
-        return max(self.timeout, _MISSED * self._period)
+        return max(self.timeout, min(_MISSED * self._period, _LONGEST_PATIENCE))

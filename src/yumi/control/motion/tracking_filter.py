@@ -16,6 +16,7 @@ from yumi.control.motion.speed_motion import SHARE_OF_LIMITS
 from yumi.robot.joints import JOINT_COUNT, ZERO, JointLimits, Joints, joints
 
 _FOLLOWABLE = 0.9  # a target nearly as fast or as strong as the joint cannot be caught up with
+_ALL = (True,) * JOINT_COUNT
 _NEAR = 3e-4  # a chase ends when the filter would go no further than this past the target [rad]
 
 
@@ -38,6 +39,17 @@ class TrackingFilter:
         """Begin again, at ``position`` [rad] with ``velocity`` [rad/s], (7,)."""
         self._now = Setpoint(position, velocity)
         self._is_chasing = [False] * JOINT_COUNT
+
+    @property
+    def chasing(self) -> int | None:
+        """The first joint whose limits let it not follow the target; None where all follow."""
+        return self._is_chasing.index(True) if any(self._is_chasing) else None
+
+    def brake(self, dt: float) -> Setpoint:
+        """Go on for ``dt`` [s] > 0, braking to standstill as hard as the joints may; where they are then."""
+        self._now = step_to_rest(self._now, self._limits, dt, _ALL)
+        self._is_chasing = [False] * JOINT_COUNT
+        return self._now
 
     def rebase(self, change: Callable[[Setpoint], Setpoint], mixed: range) -> None:
         """Count positions from elsewhere; ``change`` says what a motion is there, ``mixed`` which joints it mixes."""
