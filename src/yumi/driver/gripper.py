@@ -107,7 +107,7 @@ class Gripper:
         side: which arm carries it.
         modules: what it is made of.
         last_position: where its fingers were when they were last read [m].
-        goal: what they were told last; None after a jog, or where that is not known.
+        goal: what they were sent to last; None after a jog, or where that is not known.
         busy: held while a command has the fingers move, see :meth:`alone`; a stop needs it not.
     """
 
