@@ -353,7 +353,7 @@ def test_stream_begins_when_the_motion_before_it_has_ended(robot: FakeRobot) -> 
 
 def test_stop_ends_a_stream_and_is_a_motion_itself(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
-    robot.executor.stream(Side.LEFT, LEFT)
+    robot.executor.stream({Side.LEFT: LEFT})
     (motion,) = robot.executor.stop((Side.LEFT,))
     assert robot.control.commands[-1].message == StopMotion(motion.identity)
     assert robot.control.switches[-1].activate == (GOAL_CONTROLLER,)
