@@ -129,6 +129,7 @@ class FakeRobot:
         }
         self.speed_scale = 1.0
         self.clock = ManualClock(100.0)
+        self.control.hand_over = HandOver(self.clock.now)
         self.executor = MotionExecutor(
             self.control, self.motions, arms, YUMI_LIMITS, self.clock, lambda: self.speed_scale
         )
