@@ -30,6 +30,7 @@ from yumi.api.motion_registry import Motion, Way
 from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
+from yumi.control.hand_over import HandOver
 from yumi.control.loop_commands import ControllerCommand
 from yumi.control.loop_events import ControllerReport, SessionLost
 from yumi.control.motion.spline import TrajectoryPoint
@@ -947,6 +948,7 @@ def test_stream_gives_both_arms_and_grippers_a_point_and_ends_with_its_client(dr
 
 
 def test_stream_that_ends_leaves_the_stream_of_another_client_alone(driver: FakeDriver) -> None:
+    driver.robot.control.hand_over = HandOver(driver.robot.clock.now)
     driver.robot.control.on_command = driver.robot.rest
     right = home(Side.RIGHT)
     with attach() as other:

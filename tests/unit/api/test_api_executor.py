@@ -18,7 +18,7 @@ from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
 from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, Goal, MemoryBuffer, read_goal, stream_delay, write_speeds
-from yumi.control.hand_over import NEAR, Commander, asking
+from yumi.control.hand_over import NEAR, Commander, HandOver, asking
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
     ControllerFailed,
@@ -45,7 +45,9 @@ LOST = SessionLost(Side.RIGHT, 0.08, (GOAL_CONTROLLER,))
 
 @pytest.fixture
 def robot() -> FakeRobot:
-    return FakeRobot()
+    robot = FakeRobot()
+    robot.control.hand_over = HandOver(robot.clock.now)
+    return robot
 
 
 def test_executor_orders_both_arms_at_once(robot: FakeRobot) -> None:
