@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import cos, pi, radians, sin
@@ -193,6 +194,55 @@ def test_hand_in_a_headset_leads_the_arm_and_each_press_goes_on_from_where_it_is
         assert followed == 4
         assert "headset" in commanders <= {"headset", "none"}
         assert within(left, sent(driver, Side.LEFT), (1e-6, 1e-6))
+
+
+def test_person_who_looks_down_in_a_headset_sees_the_whole_robot_before_them(
+    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with (
+        recorded_driver(tmp_path, tmp_path / "r.mcap"),
+        page_of(chromium, tmp_path, emulated_headset) as page,
+    ):
+        for place in ("0", "180"):  # behind the robot, opposite it
+            page.select_option("#stands", place)
+            person = Headset(page)
+            assert drawn(page) is None
+            person.look(radians(-25.0))
+            person.put((0.25, -3.0, 0.0))  # the hands are not in the picture
+            person.put((-0.25, -3.0, 0.0), Side.LEFT)
+            wait(page, lambda: drawn(page) is not None)
+            seen = drawn(page)
+            assert seen is not None
+            left, top, right, bottom = seen
+            width, height = SMALL["width"], SMALL["height"]
+            assert 0 < left < 0.4 * width < 0.6 * width < right < width - 1, seen
+            assert 0 < top < 0.4 * height < 0.6 * height < bottom < height - 1, seen
+            person.look(radians(-25.0), pi)
+            wait(page, lambda: drawn(page) is None)
+
+
+BOUNDS = """async (png) => {
+  const picture = await createImageBitmap(new Blob([Uint8Array.from(atob(png), (each) => each.charCodeAt(0))]));
+  const { width, height } = picture;
+  const context = new OffscreenCanvas(width, height).getContext("2d");
+  context.drawImage(picture, 0, 0);
+  const { data } = context.getImageData(0, 0, width, height);
+  let [left, top, right, bottom] = [width, height, -1, -1];
+  for (let index = 0; index < width * height; index += 1) {
+    if (data[4 * index + 1] >= 190) continue; // the background and the grid are lighter
+    const [x, y] = [index % width, Math.floor(index / width)];
+    [left, top, right, bottom] = [Math.min(left, x), Math.min(top, y), Math.max(right, x), Math.max(bottom, y)];
+  }
+  return right < 0 ? null : [left, top, right, bottom];
+}"""
+"""Where a picture is dark: left, top, right, bottom [pixels]; null where it is nowhere."""
+
+
+def drawn(page: Any) -> list[int] | None:
+    """Where the eye sees something apart from the background and the grid: left, top, right, bottom [pixels]."""
+    bounds = page.evaluate(BOUNDS, b64encode(page.screenshot()).decode())
+    return None if bounds is None else list(bounds)
 
 
 def within(one: Pose, other: Pose, limits: tuple[float, float]) -> bool:
