@@ -129,6 +129,8 @@ class FakeRobot:
         }
         self.speed_scale = 1.0
         self.clock = ManualClock(100.0)
+        begun = monotonic()  # clients wait in real time, and a test may hurry the robot's clock on
+        self.control.hand_over = HandOver(lambda: self.clock.now() + monotonic() - begun)
         self.executor = MotionExecutor(
             self.control, self.motions, arms, YUMI_LIMITS, self.clock, lambda: self.speed_scale
         )

@@ -219,7 +219,9 @@ def test_factors_that_multiply_are_a_table_with_the_defaults_of_connect() -> Non
 def test_page_about_streams_has_python_and_slow_streams() -> None:
     text = _text("docs/how-to/follow-a-stream.md")
     parts = dict(re.findall(r"^## (.*)\n((?:(?!^## ).*\n?)*)", text, re.MULTILINE))
-    assert "robot.right.stream(" in text
+    assert next(iter(parts)) == "How late, and how smoothly"
+    assert "robot.stream(" in text.partition("## ")[0]  # Python first
+    assert "30 Hz" in parts["How late, and how smoothly"]
     named = set(re.findall(r"`(positions_upsampling\.\w+)`", parts["Send what is known in advance as chunks"]))
     parameters = {each.name for each in trajectory_parameters(joint_names(Side.RIGHT))}
     assert named

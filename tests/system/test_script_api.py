@@ -148,6 +148,38 @@ def test_robot_that_has_collided_is_opened_only_with_a_persons_confirmation(virt
     robot.open(confirm=refusal.value.stop).close()
 
 
+def test_both_arms_follow_a_stream_of_30_hz_by_its_stamps(virtual: VirtualRobot, tmp_path: Path) -> None:
+    """Within 20 ms of what it is in virtual time; the recording says where the arms were when."""
+    with yumi.connect(**virtual.options) as robot:
+        rate, late = 30.0, 1.0 / 30.0 + DELAY
+        robot.move_to(right=RIGHT, left=LEFT)
+
+        def way(moment: ArrayLike) -> NDArray[np.float64]:
+            return np.asarray(0.15 * (1.0 - np.cos(2.0 * np.clip(moment, 0.0, 2.0 * pi))))
+
+        with robot.record(tmp_path / "stream.mcap"):
+            begin = monotonic()
+            for number in range(round(5.0 * rate)):
+                due = begin + number / rate
+                sleep(max(0.0, due - monotonic()))  # the stream's own rate
+                turn = float(way(number / rate))
+                widths = {"right": 0.02 if number < 60 else 0.04, "left": 0.03}
+                robot.stream(
+                    right=(*RIGHT[:6], RIGHT[6] + turn), left=(*LEFT[:6], LEFT[6] - turn), grippers=widths, time=due
+                )
+        frames = read_recording(tmp_path / "stream.mcap", before=inf, after=inf).frames
+        for side, start, sign in ((Side.RIGHT, RIGHT, 1.0), (Side.LEFT, LEFT, -1.0)):
+            times = np.array([frame.time for frame in frames[side]]) - begin
+            turned = sign * np.array([frame.position[6] - start[6] for frame in frames[side]])
+            chosen = (times > 1.0) & (times < 4.8)
+            lags = np.arange(0.0, 0.2, 0.001)
+            errors = [float(((turned - way(times - lag))[chosen] ** 2).sum()) for lag in lags]
+            assert lags[int(np.argmin(errors))] == pytest.approx(late, abs=0.02)
+        deadline = monotonic() + TIMEOUT
+        while abs(robot.right.gripper.width - 0.04) > 1e-3 or abs(robot.left.gripper.width - 0.03) > 1e-3:
+            assert monotonic() < deadline
+
+
 def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(virtual: VirtualRobot) -> None:
     async def script() -> None:
         async with yumi.connect_async(**virtual.options) as robot:
@@ -238,37 +270,6 @@ def test_arm_follows_a_stream_until_it_gets_a_goal(robot: Robot) -> None:
         robot.right.stream((*RIGHT[:6], RIGHT[6] + 0.005 * step))
     robot.right.move_to(RIGHT, timeout=TIMEOUT)
     assert robot.right.position == pytest.approx(RIGHT, abs=CLOSE)
-
-
-def test_both_arms_follow_a_stream_of_30_hz_by_its_stamps(robot: Robot, tmp_path: Path) -> None:
-    """Within 20 ms of what it is in virtual time; the recording says where the arms were when."""
-    rate, late = 30.0, 1.0 / 30.0 + DELAY
-    robot.move_to(right=RIGHT, left=LEFT)
-
-    def way(moment: ArrayLike) -> NDArray[np.float64]:
-        return np.asarray(0.15 * (1.0 - np.cos(2.0 * np.clip(moment, 0.0, 2.0 * pi))))
-
-    with robot.record(tmp_path / "stream.mcap"):
-        begin = monotonic()
-        for number in range(round(5.0 * rate)):
-            due = begin + number / rate
-            sleep(max(0.0, due - monotonic()))  # the stream's own rate
-            turn = float(way(number / rate))
-            widths = {"right": 0.02 if number < 60 else 0.04, "left": 0.03}
-            robot.stream(
-                right=(*RIGHT[:6], RIGHT[6] + turn), left=(*LEFT[:6], LEFT[6] - turn), grippers=widths, time=due
-            )
-    frames = read_recording(tmp_path / "stream.mcap", before=inf, after=inf).frames
-    for side, start, sign in ((Side.RIGHT, RIGHT, 1.0), (Side.LEFT, LEFT, -1.0)):
-        times = np.array([frame.time for frame in frames[side]]) - begin
-        turned = sign * np.array([frame.position[6] - start[6] for frame in frames[side]])
-        chosen = (times > 1.0) & (times < 4.8)
-        lags = np.arange(0.0, 0.2, 0.001)
-        errors = [float(((turned - way(times - lag))[chosen] ** 2).sum()) for lag in lags]
-        assert lags[int(np.argmin(errors))] == pytest.approx(late, abs=0.02)
-    deadline = monotonic() + TIMEOUT
-    while abs(robot.right.gripper.width - 0.04) > 1e-3 or abs(robot.left.gripper.width - 0.03) > 1e-3:
-        assert monotonic() < deadline
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from yumi.robot.joints import Pose, Side
 from yumi.robot.kinematics import distance_between, tool0_to_body
 from yumi.web.page_build import run_script
 
-pytestmark = [pytest.mark.real_time, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(240)]
 SOON = 20.0  # [s]
 HAND = (0.25, 1.2, -0.4)  # of the right hand, in the headset's frame [m]
 EXACT = (1e-4, radians(0.1))  # 0.1 mm, 0.1 degrees
@@ -86,6 +86,11 @@ def sent(driver: RunningDriver, side: Side = Side.RIGHT) -> Pose:
     position = driver.state.arms[side.word].sent
     assert position is not None
     return tool0_to_body(side, position, FINGERTIPS)
+
+
+def commander(driver: RunningDriver, side: Side = Side.RIGHT) -> str:
+    """Who commands an arm, as the driver's state names them."""
+    return driver.state.arms[side.word].command.who
 
 
 def at_rest(page: Any, driver: RunningDriver, side: Side = Side.RIGHT) -> Pose:
@@ -161,6 +166,7 @@ def test_hand_in_a_headset_leads_the_arm_and_each_press_goes_on_from_where_it_is
             person.put(HAND)  # without the clutch nothing moves
             person.engage()
             assert within(begin, at_rest(page, driver), EXACT)
+            assert commander(driver) == "headset"
             x, y, z = (a + b for a, b in zip(begin.position, step, strict=True))
             goal = Pose((x, y, z), begin.orientation)
             person.put(moved(*step))
@@ -216,6 +222,11 @@ def test_nothing_moves_by_a_headset_that_does_not_see_the_hand_or_is_in_its_menu
         assert within(held, sent(driver), (1e-6, 1e-6))
 
 
+def is_away(begin: Pose, driver: RunningDriver) -> bool:
+    """Whether the tool has left the place where it stood."""
+    return distance_between(begin, sent(driver))[0] > 1e-3
+
+
 @pytest.mark.parametrize("steps", [short(8), long(40, 300.0)])
 def test_motion_of_a_hand_in_a_headset_is_in_a_datagram_within_thirty_milliseconds(
     chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
@@ -225,17 +236,48 @@ def test_motion_of_a_hand_in_a_headset_is_in_a_datagram_within_thirty_millisecon
     record, moved_at = tmp_path / "steps.mcap", []
     with recorded_driver(tmp_path, record) as driver, page_of(chromium, tmp_path, emulated_headset) as page:
         person = Headset(page)
-        for step in range(steps):
+        for attempt in range(2 * steps):
             person.engage()
-            at_rest(page, driver)
-            page.wait_for_timeout(500 + 3.7 * step)  # the arm stands, and the robot's cycle is anywhere
-            there = person.evaluate(f"person.move('right', {list(moved(z=0.0 if step % 2 else 0.01))})")
-            moved_at.append(there + person.to_browser_clock())
+            begin = at_rest(page, driver)
+            page.wait_for_timeout(500 + 3.7 * attempt)  # the arm stands, and the robot's cycle is anywhere
+            there = person.evaluate(f"person.move('right', {list(moved(z=0.0 if attempt % 2 else 0.01))})")
+            if there is None:  # the machine had no time for a frame: the grip is pressed again
+                continue
+            at = there + person.to_browser_clock()
+            wait(page, lambda begin=begin: is_away(begin, driver) or clutch(page) == "inert")
+            if is_away(begin, driver):
+                moved_at.append(at)
+            if len(moved_at) == steps:
+                break
+        assert len(moved_at) == steps, f"The clutch was lost in {2 * steps - len(moved_at)} of {2 * steps} motions."
     cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
     delays = [first_motion(cycles, at) for at in moved_at]
     p95 = quantiles(delays, n=20, method="inclusive")[-1]
     tell(f"From a headset's frame to the datagram: median {1e3 * median(delays):.1f} ms, p95 {1e3 * p95:.1f} ms.")
     assert p95 < 0.030
+
+
+LIFT_UNTIL_LOST = """() => new Promise((end) => {
+  let height = 1.2, moves = 0, sent = person.frames.length, cutAt = 0, shown = "";
+  const step = () => {
+    if (cutAt || person.frames.length > sent) {
+      height = Math.min(1.28, height + 0.0025);
+      moves += 1;
+    }
+    sent = person.frames.length;
+    person.put("right", [0.25, height, -0.4]);
+    if (!cutAt && moves === 20) {
+      person.cut(true);
+      cutAt = performance.now();
+      shown = document.querySelector("#teleop-arms-list li").dataset.clutch;
+    }
+    if (!cutAt || performance.now() < cutAt + 850) setTimeout(step, 5);
+    else end([person.frames.at(-1).sentAt, shown]);
+  };
+  step();
+})"""
+"""Lifts the hand with each frame that the page sends, cuts the link after twenty, and lifts it on; when the last frame
+was sent [s], and what the page showed of the clutch then."""
 
 
 def test_arm_stands_soon_after_the_link_to_a_headset_is_lost_and_holds_when_it_is_back(
@@ -245,22 +287,13 @@ def test_arm_stands_soon_after_the_link_to_a_headset_is_lost_and_holds_when_it_i
     record, lost_at = tmp_path / "losses.mcap", []
     with recorded_driver(tmp_path, record) as driver, page_of(chromium, tmp_path, emulated_headset) as page:
         person = Headset(page)
-        for _ in range(2):
+        for _ in range(10):
             person.engage()
-            # The hand goes on while the link is cut.
-            sent_at = person.evaluate(
-                """() => new Promise((end) => {
-                  const begin = performance.now();
-                  const step = () => {
-                    const elapsed = (performance.now() - begin) / 1000;
-                    person.put("right", [0.25, 1.2 + Math.min(0.08, 0.15 * elapsed), -0.4]);
-                    if (elapsed > 0.35) person.cut(true);
-                    if (elapsed < 1.2) setTimeout(step, 5);
-                    else end(person.frames.at(-1).sentAt);
-                  };
-                  step();
-                })"""
-            )
+            sent_at, shown = person.evaluate(LIFT_UNTIL_LOST)
+            if shown not in {"engaged", "limited"}:  # the machine had no time for a frame: the grip is pressed again
+                person.put(HAND)
+                person.evaluate("person.cut(false)")
+                continue
             lost_at.append(sent_at + person.to_browser_clock())
             held = at_rest(page, driver)
             person.evaluate("person.cut(false)")
@@ -268,7 +301,11 @@ def test_arm_stands_soon_after_the_link_to_a_headset_is_lost_and_holds_when_it_i
             person.put(HAND)
             assert within(held, at_rest(page, driver), (1e-6, 1e-6))
             person.release()
+            driver.give_back()
             driver.move_to(right=ROOM)
+            if len(lost_at) == 2:
+                break
+        assert len(lost_at) == 2, "The clutch was lost before the link was cut, in eight of ten motions."
     cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
     stops = [standstill(cycles, lost) for lost in lost_at]
     tell(f"From a headset's last frame to standstill: at most {1e3 * max(stops):.0f} ms.")
@@ -348,6 +385,7 @@ def test_gamepad_moves_the_arm_of_the_bumper_that_is_held_and_vibrates_at_a_limi
         assert within(held, sent(driver), (1e-6, 1e-6))
         bumper()
         until_moved(page, driver, 0, -0.01, bumper)
+        assert commander(driver) == "device"
         page.evaluate("pad.axes[0] = -1")  # to the left, too, where the body is
 
         def is_felt() -> bool:

@@ -24,6 +24,7 @@ from yumi.rapid.parser import parse_module
 from yumi.rapid.states import Execution, SystemEvent
 from yumi.rapid.types import RapidSyntaxError
 from yumi.robot.joints import CYCLE, Side
+from yumi.rws.operations import modules as operations
 from yumi.virtual.background import Background
 from yumi.virtual.pace import LONGEST_LAG, TIME_TO_ANSWER, Pace
 from yumi.virtual.rws import modules
@@ -84,7 +85,7 @@ def test_work_that_was_cancelled_is_not_begun_and_others_are(background: Backgro
 def test_text_of_a_module_is_quoted_once_for_all_who_read_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a long one that takes longer than a cycle, in which the world stands still."""
     texts: list[str] = []
-    monkeypatch.setattr(rws_rapid, "quote", lambda text, **how: texts.append(text) or quote(text, **how))
+    monkeypatch.setattr(operations, "quote", lambda text, **how: texts.append(text) or quote(text, **how))
     rws_rapid.quoted.cache_clear()
     controller = World().controller
     options = (("resource", "module-text"), ("task", "T_ROB_L"))

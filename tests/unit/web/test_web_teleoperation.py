@@ -155,10 +155,10 @@ def test_newest_frame_wins_while_the_driver_takes_one(driver: FakeDriver, monkey
             teleoperation = driver.server._robot.teleoperation  # what the driver does with a frame
             take, may_go_on = teleoperation.take, threading.Event()
 
-            def slowly(frame: Any, operator: object, elsewhere: Any) -> Any:
+            def slowly(frame: Any, *asked: Any) -> Any:
                 taken.append(frame.time)
                 assert may_go_on.wait(SOON)
-                return take(frame, operator, elsewhere)
+                return take(frame, *asked)
 
             monkeypatch.setattr(teleoperation, "take", slowly)
             first = driver.robot.clock.now()

@@ -52,13 +52,18 @@ WebSocket.prototype.send = function (data): void {
   send.call(this, data);
 };
 
-/** Move a hand that holds the clutch; the time of the first frame that the page sends of this [s]. */
-function move(side: Side, position: number[]): Promise<number> {
-  const pose = (frame: Frame | undefined) => String(frame?.[side]?.pose);
-  const before = pose(frames.at(-1)?.frame);
+/** Move a hand that holds the clutch; the time of the first frame of this that the page sends [s], null where it does
+ * not let the clutch count. */
+function move(side: Side, position: number[]): Promise<number | null> {
+  const before = String(frames.at(-1)?.frame[side]?.pose);
   put(side, position);
-  return new Promise((resolve) => {
-    onFrame = (frame) => pose(frame) !== before && resolve(frame.time);
+  return new Promise((resolve, reject) => {
+    setTimeout(() => reject(new Error("The page has sent no frame of the hand for 5 s.")), 5000);
+    onFrame = ({ time, [side]: hand }) => {
+      if (hand?.pose && String(hand.pose) === before) return;
+      onFrame = () => undefined;
+      resolve(hand?.pose ? time : null);
+    };
   });
 }
 
