@@ -129,7 +129,7 @@ def test_policy_takes_no_arm_from_another_one_and_keeps_those_that_it_moves(
     def stream() -> None:
         driver.mover.stream({Side.RIGHT: driver.snapshot(Side.RIGHT).sent})
 
-    chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
+    chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT, size=0.5)))
     driver.wait(0.5)
     assert driver.hand_over.of(Side.RIGHT).who is Commander.POLICY
     with asking(client="another program"), refused(CommandRefused, "arm_commanded_by_another", who="policy"):
