@@ -48,6 +48,7 @@ LEFT_OUT = {
     r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
     r"yumi (state|controllers|mode|start|stop|recover|calibrate|grip|move|switch|speed-scale)\b": IN_TEST_COMMANDS,
     r"yumi teleop": "needs a driver and a device; tests/unit/cli/test_cli_teleop.py runs it",
+    r"yumi give-back": "as in docs/how-to/who-commands-an-arm.md",
     r"yumi retreat": "needs a driver; tests/unit/cli/test_cli_robot.py runs it",
     r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
     r"yumi view": "a page for a person; tests/system/test_view_page.py opens it",

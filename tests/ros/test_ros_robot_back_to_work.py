@@ -102,7 +102,7 @@ def test_state_of_the_robot_is_on_its_topic_and_in_diagnostics(manager: RobotMan
     assert told == "ready"
 
 
-def test_signals_and_variables_are_read_and_written(manager: RobotManagerClient) -> None:
+def test_signals_and_variables_are_read_and_written(manager: RobotManagerClient, idle: Client) -> None:
     assert manager.read_variable("T_ROB_L", "TRobMain", "current_state") == "0"
     manager.write_signal("RUN_SG_ROUTINE", "0")
     assert manager.read_signal("RUN_SG_ROUTINE") == "0"

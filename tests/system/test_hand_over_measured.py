@@ -109,6 +109,7 @@ async def jog_at_the_page() -> None:
         await link.close()
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("times", [short(4, pytest.mark.real_time, pytest.mark.timeout(90)), long(20, 300.0)])
 def test_no_take_over_of_both_arms_steps_and_none_resumes_by_itself(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int

@@ -19,7 +19,7 @@ from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
 from yumi.testing.virtual_yumi import ControllerProcess
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 _CFG = """SYS:CFG_1.0:6:0::
 CAB_TASKS:
 

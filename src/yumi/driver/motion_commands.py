@@ -287,13 +287,17 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
 
 
 def _is_taken_from_program(robot: CommandedRobot, caller: Caller, side: Side) -> bool:
-    """Have a person command an arm that a program's move commands, which ends; whether ``robot.moving`` is held now."""
+    """Have a person command an arm that a program's move commands, which ends; whether ``robot.moving`` is held now.
+
+    A program that commands no arm at this moment is about to, or has just done so: it is waited for.
+    """
     hand_over = robot.control.hand_over
     commander = hand_over.of(side).who
-    if caller.commander is None or commander is Commander.NONE or commander.is_person:
+    if caller.commander is None or commander.is_person:
         return False
-    hand_over.take(side, caller.commander)
-    wait_for_futures([motion.future for motion in robot.mover.stop((side,))], LAST_STOP)
+    if commander is not Commander.NONE:
+        hand_over.take(side, caller.commander)
+        wait_for_futures([motion.future for motion in robot.mover.stop((side,))], LAST_STOP)
     return robot.moving.acquire(timeout=LAST_STOP)
 
 
