@@ -18,7 +18,7 @@ help:
 	@echo 'make check         the same without the tests'
 	@echo 'make test-real-time  the rest of the tests: ROS, processes, sockets, the pages; wants a quiet machine for some ten minutes'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
-	@echo 'make wheels        wheels in dist/: one for every Python, one for this Python with the message packages built'
+	@echo 'make wheels        wheels in dist/: of each package, and of yumi-ros2 one for this Python with the message packages built'
 	@echo 'make release VERSION=0.1.0  wheels, sources and notes in dist/, each tried in an empty environment'
 	@echo 'make docs          the documentation as a site, in build/site'
 	@echo 'make lock          uv.lock again from pyproject.toml; ARGS=--upgrade takes newer packages'
@@ -43,7 +43,7 @@ check:
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
-	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/uv.py setup/installation.py setup/wheel_hook.py setup/release.py setup/check_changes.py interfaces/build.py
+	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/uv.py setup/installation.py setup/release.py setup/check_changes.py interfaces/build.py packages/yumi-ros2/wheel_hook.py
 	.venv/bin/python -m yumi.web.page_build check
 	.venv/bin/lint-imports
 	.venv/bin/codespell
@@ -76,13 +76,13 @@ soak: parts-of-tests
 # Both are for this platform and need no compiler; the second one is for this Python and contains the message packages.
 wheels:
 	@$(SETUP) page
-	@.venv/bin/python -m hatchling build -t wheel -d dist
-	@YUMI_WHEEL_INTERFACES=1 .venv/bin/python -m hatchling build -t wheel -d dist
-	@$(UV) $(EXPORT) --output-file dist/requirements.txt
-	@$(UV) $(EXPORT) --extra ros --extra record --output-file dist/requirements-ros.txt
+	@for package in packages/*; do (cd $$package && $(CURDIR)/.venv/bin/python -m hatchling build -t wheel -d $(CURDIR)/dist) || exit 1; done
+	@cd packages/yumi-ros2 && YUMI_WHEEL_INTERFACES=1 $(CURDIR)/.venv/bin/python -m hatchling build -t wheel -d $(CURDIR)/dist
+	@$(UV) $(EXPORT) --only-group products --output-file dist/requirements.txt
+	@$(UV) $(EXPORT) --only-group products --only-group ros --only-group record --output-file dist/requirements-ros.txt
 
 # Of empy, which only builds message packages, PyPI has no wheel.
-EXPORT = export --quiet --frozen --no-default-groups --no-emit-project --no-emit-package empy --no-header --no-annotate
+EXPORT = export --quiet --frozen --no-emit-workspace --no-emit-package empy --no-header --no-annotate
 
 release:
 	@$(SETUP) release page

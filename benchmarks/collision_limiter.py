@@ -20,8 +20,8 @@ sys.path[:0] = [str(_TESTS), str(_TESTS / "unit" / "control")]
 
 from test_control_collisions import BEFORE_MEETING, FORWARD, MEETING  # noqa: E402
 
+from abb_protocols.robot.joints import Side, home, named_pose  # noqa: E402
 from apart_arms import ApartArms, Drive, at_speed, renew_drive, to  # noqa: E402
-from yumi.robot.joints import Side, home, named_pose  # noqa: E402
 
 HOME = {side: home(side) for side in Side}
 READY = {side: named_pose(side, "ready") for side in Side}

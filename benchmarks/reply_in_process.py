@@ -20,6 +20,9 @@ from random import Random
 
 import numpy as np
 
+from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
+from abb_protocols.robot.joints import CYCLE, Joints, Side, home, joints, named_pose
+from abb_runtime.udp import UdpClient, free_port
 from yumi.control.goals import write_goal
 from yumi.control.loop import ArmLoop
 from yumi.control.stage_times import AFTER_REPLY, BEGIN, DECODE, ENCODE, LIMIT, RECEIVE, SEND, UPDATE
@@ -27,9 +30,6 @@ from yumi.driver.control_process import ArmBuffers
 from yumi.driver.egm_arm import FallbackThread
 from yumi.driver.settings import Settings, read_controllers, read_settings
 from yumi.driver.wiring import build_arms, plan_egm
-from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
-from yumi.egm.udp import UdpClient, free_port
-from yumi.robot.joints import CYCLE, Joints, Side, home, joints, named_pose
 
 STAGES = {
     "receive": RECEIVE, "decode": DECODE, "controller": UPDATE, "limit": LIMIT, "encode": ENCODE, "send": SEND,

@@ -22,12 +22,12 @@ from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
 
-from yumi.clock import SystemClock
+from abb_protocols.robot.joints import Joints, Side
+from abb_runtime.clock import SystemClock
+from abb_runtime.rws.client import RwsClient
 from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.joint_codec import JointCodec
-from yumi.robot.joints import Joints, Side
-from yumi.rws.client import RwsClient
 from yumi.testing.virtual_yumi import ControllerProcess
 
 SO_TIMESTAMPNS = 35  # Linux; Python has no name for it

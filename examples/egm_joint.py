@@ -7,8 +7,8 @@ import sys
 from math import cos, pi, radians
 from signal import SIGINT, signal
 
+from abb_protocols.errors import YumiError
 from yumi import EgmServer
-from yumi.errors import YumiError
 
 AMPLITUDE = radians(5.0)
 PERIOD = 4.0  # [s]

@@ -8,8 +8,8 @@ from dataclasses import replace
 from math import cos, pi, sin
 from signal import SIGINT, signal
 
+from abb_protocols.errors import RobotNotReady, YumiError
 from yumi import EgmServer
-from yumi.errors import RobotNotReady, YumiError
 
 RADIUS = 0.02  # [m]
 PERIOD = 4.0  # [s]

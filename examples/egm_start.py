@@ -6,12 +6,12 @@ Start `yumi controller` and the other example, with the right arm's port, in ter
 
 import sys
 
-from yumi.clock import SystemClock
+from abb_protocols.errors import YumiError
+from abb_protocols.robot.joints import Side
+from abb_runtime.clock import SystemClock
+from abb_runtime.rws.client import RwsClient
 from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.errors import YumiError
-from yumi.robot.joints import Side
-from yumi.rws.client import RwsClient
 
 MODES = ("joint", "velocity", "stream")
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from math import degrees
 from signal import SIGINT, signal
 
+from abb_protocols.errors import YumiError
 from yumi import EgmServer
-from yumi.errors import YumiError
 
 INTERVAL = 0.5  # [s]
 

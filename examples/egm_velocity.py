@@ -7,8 +7,8 @@ import sys
 from math import pi, radians, sin
 from signal import SIGINT, signal
 
+from abb_protocols.errors import YumiError
 from yumi import EgmServer
-from yumi.errors import YumiError
 
 SPEED = radians(5.0)  # [rad/s]
 PERIOD = 4.0  # [s]

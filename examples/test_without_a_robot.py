@@ -3,8 +3,8 @@
 import pytest
 
 import yumi
+from abb_protocols.robot.joints import CYCLE, Side
 from yumi.egm.joint_codec import JointCodec
-from yumi.robot.joints import CYCLE, Side
 from yumi.testing.virtual_yumi import ControllerProcess, VirtualYumi
 
 GOAL = yumi.degrees(20, -110, -135, 30, 0, 40, 0)

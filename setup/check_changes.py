@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = "changelog.d"
 CHANGELOG = "CHANGELOG.md"
-NOTICED = ("src/", "config/", "launch/", "interfaces/")
+NOTICED = ("packages/", "config/", "launch/", "interfaces/")
 """A change of these is one that users can notice."""
 
 BASES = ("origin/main", "main")

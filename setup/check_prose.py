@@ -1,8 +1,8 @@
 """Finds code that takes a sentence for people apart, compares it, or replaces words in it.
 
 Between the parts of the program travel codes and values (decision 53 in docs/explanation/decisions); only
-``yumi.catalogue`` makes sentences of them. A text is a sentence here when it comes from ``str(error)`` of an error,
-from a function of the catalogue, or from an attribute that holds one. Run by ``make check``.
+``abb_protocols.catalogue`` makes sentences of them. A text is a sentence here when it comes from ``str(error)`` of an
+error, from a function of the catalogue, or from an attribute that holds one. Run by ``make check``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MODULES = {"re"}
 
 def main() -> int:
     """Print what was found; 1 where something was."""
-    files = [*sorted((ROOT / "src").rglob("*.py"))]
+    files = [*sorted((ROOT / "packages").rglob("*.py"))]
     found = [
         f"{file.relative_to(ROOT)}:{line}: {what}"
         for file in files

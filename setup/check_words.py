@@ -71,7 +71,7 @@ PAGE_WORDS = {
 }
 """The same for pages alone: in the code some are names still."""
 
-FOLDERS = ("src", "docs", "examples", "launch", "config", "*.md")
+FOLDERS = ("packages", "docs", "examples", "launch", "config", "*.md")
 ALLOWED = {"docs/reference/glossary.md"}
 """Files that name the words to explain them."""
 

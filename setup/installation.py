@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import hashlib
 import json
+import os
 import re
 import subprocess
 import sys
@@ -18,14 +19,17 @@ import uv
 from commands import InstallationFailed, finish, run, say, start
 from prerequisites import Machine
 
-TABLES = ("project.optional-dependencies", "dependency-groups")
-"""Of pyproject.toml: what is installed by name, beside what all need."""
+TABLE = "dependency-groups"
+"""Of pyproject.toml: the parts, which are installed by name."""
 
-ALWAYS = ("build", "record")
-"""The parts of every clone: without the second, a stop of the robot leaves no flight record."""
+ALWAYS = ("products", "build", "record")
+"""The parts of every clone: without the last one, a stop of the robot leaves no flight record."""
 
 WITHOUT_ROS = ("interfaces", "ros")
 """The parts where no ROS 2 is sourced."""
+
+_OF_THE_CORE = ("abb-protocols", "yumi-ros2")
+"""The packages that compile the core, before anything is installed."""
 
 COPIED = ("package.xml", "launch/*", "resource/*")
 """What an editable installation copies to the ament index instead of leading to it."""
@@ -88,10 +92,10 @@ def install(root: str, machine: Machine, parts: Sequence[str] = ()) -> None:
     Args:
         root: the clone.
         machine: where it is.
-        parts: the extras and groups of pyproject.toml that are wanted beside those that .venv has.
+        parts: the groups of pyproject.toml that are wanted beside those that .venv has.
     """
     clone = Clone(Path(root))
-    known = {part for table in TABLES for part in parts_of(clone.root / "pyproject.toml", table)}
+    known = set(parts_of(clone.root / "pyproject.toml"))
     for part in parts:
         if part not in known:
             raise InstallationFailed(f"there is no part '{part}'; there are: {', '.join(sorted(known))}")
@@ -155,11 +159,12 @@ def _packages_fingerprint(clone: Clone, parts: Sequence[str]) -> str:
     wanted, lines = False, []
     for line in (clone.root / "pyproject.toml").read_text().splitlines():
         if line.startswith("["):
-            wanted = line.startswith(("[build-system]", "[project", "[dependency-groups]", "[tool.hatch", "[tool.uv"))
+            wanted = line.startswith((f"[{TABLE}]", "[tool.uv"))
         if wanted:
             lines.append(line)
     copied = [file for name in COPIED for file in sorted(clone.root.glob(name)) if file.is_file()]
-    files = _digest([clone.root / "uv.lock", *copied])
+    packages = sorted(clone.root.glob("packages/*/pyproject.toml"))
+    files = _digest([clone.root / "uv.lock", *packages, *copied])
     return hashlib.sha256("\n".join([*lines, files, *parts]).encode()).hexdigest()
 
 
@@ -198,16 +203,15 @@ def _make_venv(clone: Clone, machine: Machine) -> None:
 def _install(clone: Clone, machine: Machine, parts: Sequence[str]) -> None:
     """Install what uv.lock pins for these parts: nothing is resolved, and uv refuses a file with another hash."""
     say(f"installing the packages ({', '.join(parts)})")
-    extras = parts_of(clone.root / "pyproject.toml", TABLES[0])
-    selected = [f"--{'extra' if part in extras else 'group'}={part}" for part in parts]
+    selected = [f"--only-group={part}" for part in parts]
     # A sourced ROS 2 is built against the NumPy of its own machine.
     left_out = ["--no-install-package=numpy"] if machine.sourced else []
     # What a person has installed beside stays.
-    command = ["sync", "--frozen", "--inexact", "--project", str(clone.root), "--no-default-groups", *selected]
+    command = ["sync", "--frozen", "--inexact", "--project", str(clone.root), *selected]
     _uv(clone, clone.venv / "bin" / "uv", [*command, *left_out], "packages", "uv could not install the packages")
 
 
-def parts_of(file: Path, table: str) -> list[str]:
+def parts_of(file: Path, table: str = TABLE) -> list[str]:
     """The names in a table of pyproject.toml, which Python before 3.11 cannot read."""
     _, _, text = file.read_text().partition(f"\n[{table}]\n")
     return re.findall(r"^([\w-]+) = ", text.partition("\n[")[0], re.MULTILINE)
@@ -224,7 +228,11 @@ def _compiling(clone: Clone, python: Path, *units: str) -> Iterator[None]:
     """
     log = clone.logs / "core.log"
     command = [str(python), "-m", "yumi.core.library", *units]
-    process = start(command, log, {"PYTHONPATH": str(clone.root / "src")})
+    process = start(
+        command,
+        log,
+        {"PYTHONPATH": os.pathsep.join(str(clone.root / "packages" / name / "src") for name in _OF_THE_CORE)},
+    )
     try:
         yield
         try:

@@ -16,8 +16,8 @@ NEWEST_PYTHON = (3, 14)
 OLDEST_GLIBC = (2, 28)  # the wheels are manylinux_2_28
 OUR_INTERFACES = "yumi_interfaces"
 WITHOUT_ROS = (
-    "source a ROS 2 of your own first, or do without: all but src/yumi/ros (EGM, RWS, RAPID, the virtual controller) "
-    "runs after pip install yumi-ros2"
+    "source a ROS 2 of your own first, or do without: all but yumi.ros (EGM, RWS, RAPID, the virtual controller) runs "
+    "after pip install yumi-ros2[virtual]"
 )
 
 

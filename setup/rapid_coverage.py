@@ -17,9 +17,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from yumi.rapid import ROBOTWARE_NAMES
-from yumi.rapid.library import Library, Support
-from yumi.virtual.world import World
+from virtual_irc5.rapid import ROBOTWARE_NAMES
+from virtual_irc5.rapid.library import Library, Support
+from virtual_irc5.world import World
 
 ROOT = Path(__file__).resolve().parent.parent
 EFFECTS = ROOT / "tests" / "unit" / "rapid" / "effects.txt"

@@ -20,12 +20,23 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCE = "src/yumi/__init__.py"
-"""Where the version is; everything else is derived from this file."""
+SOURCE = "packages/yumi-ros2/src/yumi/__init__.py"
+"""Where the version is."""
 
 _VERSION = re.compile(r'^__version__ = "(.+)"$', re.MULTILINE)
+_OF_MODULE = re.compile(r'(?<=^__version__ = ").+(?="$)', re.MULTILINE)
 _NUMBERS = re.compile(r"(\d+)\.(\d+)\.(\d+)")
+PACKAGES = ("abb-protocols", "abb-runtime", "virtual-irc5", "yumi-ros2", "yumi-evaluation")
+"""The distributions: what each needs comes before it."""
+
+_NEEDED = re.compile(r"(?<=~=)[\d.]+")
 COPIES = {
+    **{
+        f"packages/{name}/src/{name.replace('-', '_')}/__init__.py": _OF_MODULE
+        for name in PACKAGES
+        if name != "yumi-ros2"
+    },
+    **{f"packages/{name}/pyproject.toml": _NEEDED for name in PACKAGES[1:]},  # of each other
     "package.xml": re.compile(r"(?<=<version>)[^<]+(?=</version>)"),
     "interfaces/yumi_interfaces/package.xml": re.compile(r"(?<=<version>)[^<]+(?=</version>)"),
     "CITATION.cff": re.compile(r"(?<=^version: ).+$", re.MULTILINE),
@@ -45,6 +56,20 @@ with ControllerProcess(Path("controller.log"), {"calibrated": True}) as controll
         goal = yumi.degrees(20, -110, -135, 30, 0, 40, 0)
         robot.right.move_to(goal)
         assert max(abs(a - b) for a, b in zip(goal, robot.right.position)) < 0.002
+"""
+
+
+CHECKS_RAPID = """
+import sys, virtual_irc5
+from pathlib import Path
+from virtual_irc5.commands.check import check_program
+assert virtual_irc5.__version__ == sys.argv[1], virtual_irc5.__version__
+file = Path("main.mod")
+move = "MoveAbsJ [[20,10,-10,15,40,25],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;"
+file.write_text(f"MODULE Main\\nPROC main()\\n{move}\\nENDPROC\\nENDMODULE\\n")
+assert check_program([file], robot="irb120") == []
+file.write_text(file.read_text().replace("fine", "unknown_zone"))
+assert len(check_program([file], robot="irb120")) == 1
 """
 
 
@@ -121,26 +146,30 @@ def make(new: str, root: Path = ROOT) -> Path:
 
 
 def build(dist: Path, root: Path = ROOT) -> None:
-    """The sources, and what `make wheels` makes."""
-    _run("sources", [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(dist)], root)
+    """The sources of each package, and what `make wheels` makes."""
+    for name in PACKAGES:
+        build_sources = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(dist)]
+        _run(f"sources of {name}", build_sources, root / "packages" / name)
     _run("make wheels", ["make", "wheels"], root)
 
 
 def checks(new: str, dist: Path) -> Iterator[tuple[str, Callable[[], None]]]:
     """What is tried in empty environments, each with its name."""
-    (sources,) = dist.glob("*.tar.gz")
-    (plain,) = dist.glob("*-py3-none-*.whl")
-    (built,) = dist.glob("*-cp3*-cp3*.whl")
+    (sources,) = dist.glob("yumi_ros2-*.tar.gz")
+    (plain,) = dist.glob("yumi_ros2-*-py3-none-*.whl")
+    (built,) = dist.glob("yumi_ros2-*-cp3*-cp3*.whl")
+    (virtual,) = dist.glob("virtual_irc5-*.whl")
     pythons = other_pythons()
     if len(pythons) < 2:
         print(f"release: there is no other Python ({', '.join(PYTHONS)}): one is checked.", flush=True)
-    moves = ["python", "-c", MOVES_AN_ARM, new]
+    moves, rapid = ["python", "-c", MOVES_AN_ARM, new], ["python", "-c", CHECKS_RAPID, new]
     for python in pythons:
-        yield f"{plain.name} on {python} moves an arm", lambda python=python: try_out(python, plain, moves)  # type: ignore[misc]
-    yield f"{sources.name} moves an arm", lambda: try_out(sys.executable, sources, moves)
+        yield f"{virtual.name} on {python} checks RAPID", lambda python=python: try_out(python, virtual, "", rapid)  # type: ignore[misc]
+        yield f"{plain.name} on {python} moves an arm", lambda python=python: try_out(python, plain, "[virtual]", moves)  # type: ignore[misc]
+    yield f"{sources.name} moves an arm", lambda: try_out(sys.executable, sources, "[virtual]", moves)
     yield (
         f"{built.name} runs the demonstration",
-        lambda: try_out(sys.executable, Path(f"{built}[ros,record]"), ["yumi", "demo"]),
+        lambda: try_out(sys.executable, built, "[virtual,ros,record]", ["yumi", "demo"]),
     )
 
 
@@ -151,8 +180,8 @@ def other_pythons() -> list[str]:
     return [sys.executable, *others[-1:]]
 
 
-def try_out(python: str, package: Path, command: list[str]) -> None:
-    """Install a package in an empty environment, away from the clone, and run a command there.
+def try_out(python: str, package: Path, extras: str, command: list[str]) -> None:
+    """Install a package of dist/ in an empty environment, away from the clone, and run a command there.
 
     Raises:
         ReleaseFailed: one of them fails; the message ends with what was printed.
@@ -163,7 +192,8 @@ def try_out(python: str, package: Path, command: list[str]) -> None:
     environment = folder / "venv"
     variables = {"PATH": f"{environment / 'bin'}:{os.environ['PATH']}", "PYTHONPATH": ""}
     _run("an empty environment", [python, "-m", "venv", str(environment)], folder)
-    _run("its installation", ["pip", "install", "--quiet", str(package)], folder, **variables)
+    own = ["--find-links", str(package.parent)]  # the other packages of this release
+    _run("its installation", ["pip", "install", "--quiet", *own, f"{package}{extras}"], folder, **variables)
     _run(" ".join(command[:2]), command, folder, **variables)
 
 
@@ -199,7 +229,7 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 def _replace(file: Path, place: re.Pattern[str], text: str) -> None:
     before = file.read_text(encoding="utf-8")
-    after, count = place.subn(lambda _: text, before, count=1)
+    after, count = place.subn(lambda _: text, before)
     if not count:
         raise ReleaseFailed(f"{file.name} has no place for the version.")
     file.write_text(after, encoding="utf-8")

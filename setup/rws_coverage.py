@@ -12,10 +12,10 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 
-from yumi.rws.operations.operation import Operation, Values
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.rws.version_2 import RwsService2
-from yumi.virtual.world import World
+from abb_protocols.rws.operations.operation import Operation, Values
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.version_2 import RwsService2
+from virtual_irc5.world import World
 
 _OR = "\\|"  # in a cell of a table
 

@@ -13,23 +13,23 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = "src/yumi"
+SOURCES = "packages"
 PAGE = ROOT / "docs" / "explanation" / "files.md"
 LONG = 700
 """A file with more lines needs a reason."""
 
 REASONS = {
-    "cli/up.py": "not split yet: up, view and record",
-    "driver/gripper.py": "not split yet: the gripper and its two interfaces",
-    "ros/controller_manager.py": "one callback a service of ros2_control",
-    "ros/messages.py": "one function a message",
-    "virtual/controller/irc5.py": "not split yet: modes, execution and arms",
-    "web/controller.py": "one method a request of the page",
+    "yumi/cli/up.py": "not split yet: up, view and record",
+    "yumi/driver/gripper.py": "not split yet: the gripper and its two interfaces",
+    "yumi/ros/controller_manager.py": "one callback a service of ros2_control",
+    "yumi/ros/messages.py": "one function a message",
+    "virtual_irc5/controller/irc5.py": "not split yet: modes, execution and arms",
+    "yumi/web/controller.py": "one method a request of the page",
 }
 """Why a file is above 700 lines."""
 
-GENERATED = {"egm/egm_pb2.py"}
-_TESTS = "web/page/tests/"
+GENERATED = {"abb_protocols/egm/egm_pb2.py"}
+_TESTS = "yumi/web/page/tests/"
 _SUFFIXES = (".py", ".hpp", ".cpp", ".ts")
 _NEAR = 50
 _SENTENCE = re.compile(r"(.*?)(?:\.(?=\s|$)|$)", re.DOTALL)
@@ -46,11 +46,15 @@ How the packages work together: [architecture](architecture.md).
 
 
 def files() -> dict[str, Path]:
-    """The source files by their names below the package, those without content left out."""
+    """The source files by their names below ``src`` of their package, without empty ones and the evaluation."""
     listed = subprocess.run(
         ["git", "ls-files", "--", SOURCES], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout
-    paths = {name.removeprefix(f"{SOURCES}/"): ROOT / name for name in listed.splitlines()}
+    paths = {
+        name.partition("/src/")[2]: ROOT / name
+        for name in listed.splitlines()
+        if "/src/" in name and "/yumi_evaluation/" not in name
+    }
     return {
         name: path
         for name, path in sorted(paths.items(), key=lambda each: (str(Path(each[0]).parent), each[0]))
@@ -82,8 +86,7 @@ def page(before: str) -> str:
     for name, path in files().items():
         if (parent := str(Path(name).parent)) != folder:
             folder = parent
-            title = "yumi" if folder == "." else f"{folder}/"
-            text += f"\n## `{title}`\n\n| file | noun | lines |\n|---|---|---|\n"
+            text += f"\n## `{folder}/`\n\n| file | noun | lines |\n|---|---|---|\n"
         lines = lines_of(path)
         if abs(lines - written.get(name, -LONG)) > _NEAR or (lines > LONG) != (written[name] > LONG):
             written[name] = lines
@@ -100,9 +103,9 @@ def lines_of(path: Path) -> int:
 def faults() -> list[str]:
     """What is wrong with the files, a line each."""
     lines = {name: lines_of(path) for name, path in files().items()}
-    found = [f"{SOURCES}/{name}: the first line names no noun" for name, path in files().items() if not noun_of(path)]
+    found = [f"{name}: the first line names no noun" for name, path in files().items() if not noun_of(path)]
     found += [
-        f"{SOURCES}/{name}: {count} lines, more than {LONG}; split it, or give a reason in setup/source_files.py"
+        f"{name}: {count} lines, more than {LONG}; split it, or give a reason in setup/source_files.py"
         for name, count in lines.items()
         if count > LONG and name not in REASONS
     ]

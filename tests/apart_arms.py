@@ -10,16 +10,27 @@ from time import process_time
 
 import numpy as np
 
+from abb_protocols.robot.description import SERVO_GRIPPERS
+from abb_protocols.robot.joints import (
+    CYCLE,
+    YUMI_LIMITS,
+    ZERO,
+    ArmCommand,
+    ArmState,
+    Joints,
+    Pose,
+    Side,
+    change_rate,
+    joints,
+)
 from reported_limiter import ReportedLimiter
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_motion import EgmSettings
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import largest_difference
-from yumi.robot.collision import CollisionModel, Obstacle
-from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Pose, Side, change_rate, joints
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.core.collision import CollisionModel, Obstacle
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 TABLE = Obstacle("table", Pose((0.40, 0.0, -0.13), UPRIGHT), (0.60, 1.20, 0.05))

@@ -8,6 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from abb_protocols.robot.inverse_kinematics import arm_angle
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Quaternion, Side, joints
+from abb_protocols.robot.kinematics import multiply, rotation_vector, tool0_to_body
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
@@ -16,9 +19,6 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_goal import ToolGoal
 from yumi.control.tool_limits import ToolLimits
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, TrajectoryEnded
-from yumi.robot.inverse_kinematics import arm_angle
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Quaternion, Side, joints
-from yumi.robot.kinematics import multiply, rotation_vector, tool0_to_body
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME = "cartesian_controller"

@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from yumi.catalogue import FrontEnd, speak_as
-from yumi.clock import ManualClock
-from yumi.robot.joints import Joints, joints
+from abb_protocols.catalogue import FrontEnd, speak_as
+from abb_protocols.robot.joints import Joints, joints
+from abb_runtime.clock import ManualClock
 
 _RUNTIME = pytest.StashKey[str]()
 

@@ -8,17 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from reported_limiter import ReportedLimiter
-from yumi.control.controller import Controller, Sampled
-from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
-from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.controllers.joint_velocity import JointVelocityController
-from yumi.control.counters import WireCounters
-from yumi.control.cycle import Cycle, run_cycle
-from yumi.control.goals import Buffer, MemoryBuffer, write_goal, write_speeds
-from yumi.control.manager.controller_manager import ControllerManager
-from yumi.control.stage_times import StageClock
-from yumi.robot.joints import (
+from abb_protocols.robot.joints import (
     CYCLE,
     YUMI_LIMITS,
     ZERO,
@@ -31,7 +21,17 @@ from yumi.robot.joints import (
     joint_names,
     joints,
 )
-from yumi.settings import Values
+from abb_runtime.settings import Values
+from reported_limiter import ReportedLimiter
+from yumi.control.controller import Controller, Sampled
+from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.counters import WireCounters
+from yumi.control.cycle import Cycle, run_cycle
+from yumi.control.goals import Buffer, MemoryBuffer, write_goal, write_speeds
+from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.stage_times import StageClock
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME = "controller"

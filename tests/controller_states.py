@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TypeVar
 
+from abb_protocols.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names, joints
+from abb_runtime.settings import Value
 from yumi.control.controller import Controller
-from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names, joints
-from yumi.settings import Value
 
 AnyController = TypeVar("AnyController", bound=Controller)
 

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from abb_protocols.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, Joints, Side, joints
+from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.session import SILENCE
-from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, Joints, Side, joints
-from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd, VirtualArmRig, Wire
 
 __all__ = ["CONTROLLER", "CYCLE", "FULL_SPEED", "SUPERVISED", "EgmLoop", "OpenLimiter", "VirtualArmEnd", "Wire"]

@@ -6,6 +6,10 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from abb_protocols.errors import CommandRefused, RobotNotReady, StopNotConfirmed
+from abb_protocols.robot.gripper import GripperGoal, GripperState, Outcome, ServoState
+from abb_protocols.robot.joints import Pose, Side, home
+from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
 from fake_robot import FakeRobot
 from yumi.control.shared_state import JointStates
 from yumi.driver.command import CommandedRobot
@@ -14,10 +18,6 @@ from yumi.driver.gripper import Gripper
 from yumi.driver.robot_state import Mode, RobotState
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.surroundings import BoxReport, Surroundings
-from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
-from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState
-from yumi.robot.joints import Pose, Side, home
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 ROBOT = "192.168.125.1:80"
 WAIT = 10.0

@@ -7,6 +7,10 @@ from time import monotonic
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, home
+from abb_runtime.clock import ManualClock
 from yumi.api.arm_access import (
     CARTESIAN_CONTROLLER,
     GOAL_CONTROLLER,
@@ -16,8 +20,6 @@ from yumi.api.arm_access import (
 )
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
-from yumi.catalogue import message
-from yumi.clock import ManualClock
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, ParameterInfo
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoalController, StopMotion
@@ -27,8 +29,6 @@ from yumi.control.hand_over import HandOver
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControllerReport
 from yumi.control.shared_state import Snapshot
-from yumi.errors import CommandRefused
-from yumi.robot.joints import YUMI_LIMITS, Side, home
 
 NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, JOG_CONTROLLER, CARTESIAN_CONTROLLER)
 

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from math import sin
 from pathlib import Path
 
+from abb_protocols.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
 from yumi.control.loop_events import SessionLost
 from yumi.control.stage_times import AFTER_REPLY, SEND, StageClock
 from yumi.recording.message_types import RecordedEvent
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 
 CYCLE = 0.004
 LOST = SessionLost(Side.RIGHT, 0.052, ("joint_position_controller",))

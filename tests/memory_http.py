@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from yumi.clock import Clock
-from yumi.errors import NoConnection
-from yumi.rws.transport import ConnectionLost
+from abb_protocols.errors import NoConnection
+from abb_runtime.clock import Clock
+from abb_runtime.rws.transport import ConnectionLost
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.subscriptions import Upgrade
 from yumi.testing.virtual_yumi import MemoryChannel, MemoryRws, MemorySocket
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.subscriptions import Upgrade
 
 __all__ = ["PASSWORD", "MemoryChannel", "MemoryHttp", "MemorySocket"]
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import yumi.robot
+import yumi
+from abb_protocols.robot.joints import Joints, Side, joint_names
+from abb_protocols.robot.kinematics import matrix
+from abb_protocols.robot.urdf import robot_description
+from yumi.core.collision import Obstacle
 from yumi.planning.scene_description import disabled_pairs
-from yumi.robot.collision import Obstacle
-from yumi.robot.joints import Joints, Side, joint_names
-from yumi.robot.kinematics import matrix
-from yumi.robot.urdf import robot_description
 
 
 class MeshJudge:
@@ -31,7 +31,7 @@ class MeshJudge:
     def __init__(self, obstacles: Sequence[Obstacle] = ()) -> None:
         self._pin = pin = pytest.importorskip("pinocchio", reason="pip install yumi-ros2[planning]")
         coal = pytest.importorskip("coal")
-        meshes = Path(next(iter(yumi.robot.__path__))) / "meshes"
+        meshes = Path(next(iter(yumi.__path__))) / "meshes"
         urdf = robot_description(meshes=f"file://{meshes}")
         self._model = pin.buildModelFromXML(urdf)
         shapes = pin.buildGeomFromUrdfString(self._model, urdf, pin.GeometryType.VISUAL)

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import pytest
 
-from yumi.catalogue import Message
-from yumi.errors import YumiError
+from abb_protocols.catalogue import Message
+from abb_protocols.errors import YumiError
 
 E = TypeVar("E", bound=YumiError)
 

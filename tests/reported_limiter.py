@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from math import degrees, inf, radians
 
+from abb_protocols.egm import egm_pb2 as pb
+from abb_protocols.robot.joints import CYCLE, ArmCommand, ArmState, Joints, joints
+from abb_runtime.udp import memory_links
 from yumi.control.limiter import Limiter
 from yumi.control.limiter_state import LimiterEvent
 from yumi.core.library import load
 from yumi.driver.egm_arm import EgmArm
-from yumi.egm import egm_pb2 as pb
 from yumi.egm.session import Session
-from yumi.egm.udp import memory_links
-from yumi.robot.joints import CYCLE, ArmCommand, ArmState, Joints, joints
 
 _EVER = 1e9  # [s] no session ends for its silence
 

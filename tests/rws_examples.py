@@ -7,15 +7,15 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from math import degrees
 
+from abb_protocols.robot.inverse_kinematics import arm_angle
+from abb_protocols.robot.kinematics import tool0_to_body
+from abb_protocols.rws.documents import FORM_TYPE, decode_form
+from abb_protocols.rws.operations.operation import Operation
+from abb_protocols.rws.types import GRANTS, Grant, OperatingMode
 from digest_client import authorization
-from yumi.robot.inverse_kinematics import arm_angle
-from yumi.robot.kinematics import tool0_to_body
-from yumi.rws.documents import FORM_TYPE, decode_form
-from yumi.rws.operations.operation import Operation
-from yumi.rws.types import GRANTS, Grant, OperatingMode
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.world import World
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.world import World
 
 USER, PASSWORD = "Default User", "robotics"
 TASK = "/rw/rapid/tasks/T_ROB_L"

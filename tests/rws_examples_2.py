@@ -6,8 +6,8 @@ from base64 import b64encode
 from collections.abc import Mapping
 
 from rws_examples import _JOINTS, _OLD, _TOOL, DATUM, PASSWORD, SIGNALS, TASK, UNIT, USER, Session, example
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.version_2 import FORM, HAL, XHTML, RwsService2
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.version_2 import FORM, HAL, XHTML, RwsService2
 
 MODULE = f"{TASK}/modules/TRobMain"
 SYMBOL = f"/rw/rapid/symbol/{DATUM}"

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, Joints, Side, joint_names, joints
 from yumi.control.motion.robot_response import SERVO_CYCLES
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import ArmPlan
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Joints, Side, joint_names, joints
 
 DUAL_ARM_FILE = Path(__file__).parent / "fixtures" / "dual_arm_trajectory.json"
 REST = (0.0,) * JOINT_COUNT

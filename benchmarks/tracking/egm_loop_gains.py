@@ -17,10 +17,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from yumi.robot.joints import CYCLE
-from yumi.virtual.mechanics.arm_motion import MODELS, ArmModel, unlimited
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.servo import follow_references
+from abb_protocols.robot.joints import CYCLE
+from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel, unlimited
+from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.servo import follow_references
 
 GAINS = (5.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0)
 """PosCorrGain times 5, which ABB allows up to 20, and beyond [1/s]."""

@@ -12,8 +12,8 @@ from math import radians
 
 from tracking_runs import follow_sine
 
+from abb_runtime.settings import Values
 from yumi.control.motion.robot_response import DELAY
-from yumi.settings import Values
 from yumi_evaluation.virtual_time import PlannedSine
 
 CASES: tuple[tuple[str, Values], ...] = (

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import yumi_evaluation.virtual_time
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import ExternalMotionData
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_motion import ExternalMotionData
 from yumi_evaluation.experiments import (
     TAIL,
     Experiment,

@@ -12,9 +12,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side
+from abb_runtime.settings import Values
 from yumi.control.limiter import Limiter
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side
-from yumi.settings import Values
 from yumi_evaluation.experiments import AXIS_6, Mode, Sine, Step
 from yumi_evaluation.metrics import minimum
 from yumi_evaluation.virtual_time import PlannedSine, StreamedArm, follow_planned

@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import CYCLE, joint_names
 from yumi.control.flight_recorder import Frame
 from yumi.control.motion.robot_response import EGM_GAIN
-from yumi.errors import CommandRefused
 from yumi.recording.reader import read_recording
-from yumi.robot.joints import CYCLE, joint_names
 from yumi_evaluation.metrics import minimum
 
 LONGEST = 0.150

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from yumi.robot.joints import CYCLE
+from abb_protocols.robot.joints import CYCLE
 from yumi_evaluation.chunks import ChunkRun, Inference, follow_chunks, follow_upstream
 
 HERE = Path(__file__).parent

@@ -16,19 +16,29 @@ from make_robot import Link, Solid, links_of, render
 from numpy.typing import NDArray
 from PIL import Image
 
+from abb_protocols.robot.description import FINGERTIPS
+from abb_protocols.robot.joints import (
+    CYCLE,
+    YUMI_LIMITS,
+    Joints,
+    Pose,
+    Side,
+    finger_names,
+    joint_names,
+    joints,
+    named_pose,
+)
+from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
+from abb_protocols.robot.urdf import robot_description
 from yumi.api.tool import boxes_from, posture_for
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
 from yumi.control.tool_goal import ToolGoal, twist_goal
 from yumi.control.trajectory_commands import FollowTrajectory, TrajectoryEnded
+from yumi.core.collision import Obstacle
 from yumi.planning.planner import Plan, Planner
 from yumi.planning.tool_path import Waypoint, plan_path
-from yumi.robot.collision import Obstacle
-from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, finger_names, joint_names, joints, named_pose
-from yumi.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
-from yumi.robot.urdf import robot_description
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 HERE = Path(__file__).parent

@@ -21,8 +21,8 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from abb_runtime.process.command import Command
 from yumi.api.attach import attach
-from yumi.process.command import Command
 from yumi.web.page_build import run_script
 
 CONFIG = """

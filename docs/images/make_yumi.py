@@ -25,12 +25,12 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 import yumi
+from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.joints import POSES, ZERO, Joints, Side, joints
+from abb_runtime.process.command import Command
 from yumi.control.flight_recorder import Frame
 from yumi.control.stage_times import StageTimes
-from yumi.process.command import Command
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.gripper import GripperState, ServoState
-from yumi.robot.joints import POSES, ZERO, Joints, Side, joints
 
 SIZE = (800, 600)  # of the page [pixels]
 SHOWN = (520, 390)

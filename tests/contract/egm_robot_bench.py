@@ -8,13 +8,13 @@ from math import degrees, radians
 
 from state_machine_bench import Bench
 
-from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import RobotMessage, SensorCodec
-from yumi.robot.joints import Joints, Side, abb_from_chain, home
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_client import EgmClient, EgmOptions
-from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData
+from abb_protocols.egm import egm_pb2 as pb
+from abb_protocols.egm.codec import RobotMessage, SensorCodec
+from abb_protocols.robot.joints import Joints, Side, abb_from_chain, home
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_client import EgmClient, EgmOptions
+from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

@@ -7,31 +7,31 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
-import yumi.virtual.controller
-from yumi.clock import ManualClock
-from yumi.rapid.devices import FlexPendant, MessageQueues
-from yumi.rapid.library import Library
-from yumi.rapid.pauses import StepKind
-from yumi.rapid.states import Execution
-from yumi.rapid.task import ModuleInfo
-from yumi.rapid.types import RapidValueError, UnknownSymbol
-from yumi.rws.types import CollisionState, ControllerState, OperatingMode, SignalType
-from yumi.virtual.controller.file_store import FileStore
-from yumi.virtual.controller.identity import Identity, OwnSettings
-from yumi.virtual.controller.jobs import Jobs
-from yumi.virtual.controller.signals import Signal, Signals
-from yumi.virtual.controller.task_settings import TaskSettings
-from yumi.virtual.controller.tasks import InstalledTask
-from yumi.virtual.controller_log import EventLog, Refusal, Refused
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.mechanics.units import YUMI_UNITS, MotionSystemState
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.system_parameters import Configuration, Instance
+import virtual_irc5.controller
+from abb_protocols.rws.types import CollisionState, ControllerState, OperatingMode, SignalType
+from abb_runtime.clock import ManualClock
+from virtual_irc5.controller.file_store import FileStore
+from virtual_irc5.controller.identity import Identity, OwnSettings
+from virtual_irc5.controller.jobs import Jobs
+from virtual_irc5.controller.signals import Signal, Signals
+from virtual_irc5.controller.task_settings import TaskSettings
+from virtual_irc5.controller.tasks import InstalledTask
+from virtual_irc5.controller_log import EventLog, Refusal, Refused
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.mechanics.units import YUMI_UNITS, MotionSystemState
+from virtual_irc5.rapid.devices import FlexPendant, MessageQueues
+from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.pauses import StepKind
+from virtual_irc5.rapid.states import Execution
+from virtual_irc5.rapid.task import ModuleInfo
+from virtual_irc5.rapid.types import RapidValueError, UnknownSymbol
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.subscriptions import Upgrade
+from virtual_irc5.system_parameters import Configuration, Instance
 
 USER, PASSWORD = "Default User", "robotics"
-CFG = Path(yumi.virtual.controller.__file__).parent / "stock"
+CFG = Path(virtual_irc5.controller.__file__).parent / "stock"
 MIDNIGHT = 1_783_555_200.0  # 2026-07-09 00:00:00 UTC
 
 Symbol = tuple[str, str, str]

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from yumi.egm.codec import RobotMessage, SensorCodec, SensorMessage
-from yumi.robot.joints import CYCLE, Joints, Side
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.egm.codec import RobotMessage, SensorCodec, SensorMessage
+from abb_protocols.robot.joints import CYCLE, Joints, Side
+from virtual_irc5.world import World, WorldSettings
 
 ARMS = (Side.RIGHT, Side.LEFT)
 

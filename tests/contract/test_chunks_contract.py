@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from trajectory_arms import NAME, SIDE, TrajectoryArm, perfect_arm, virtual_arm
 
+from abb_protocols.errors import TrajectoryRefused
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, home
 from cartesian_bench import shares
 from refusals import refused
 from trajectories import REST, moved, planned
@@ -17,9 +19,7 @@ from yumi.control.cycle import Cycle
 from yumi.control.loop_events import ControllerReport
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import CancelTrajectory, Outcome, ScaleSpeed
-from yumi.errors import TrajectoryRefused
 from yumi.planning.chunk_plan import plan_chunk
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, home
 
 HOME = home(SIDE)
 RATE = 20.0

@@ -8,8 +8,8 @@ from math import radians
 
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from controller_arms import CASES, ArmUnderTest, Case, PerfectArmUnderTest, VirtualArmUnderTest
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 
 MakeArm = Callable[[Case], ArmUnderTest]
 

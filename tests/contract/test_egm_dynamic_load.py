@@ -13,14 +13,14 @@ from math import pi, radians, sin
 import pytest
 from state_machine_bench import ARMS, Bench
 
+from abb_protocols.egm.codec import MciState, MotorState
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, home
+from abb_protocols.rws.types import ControllerState
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, SUPERVISED, EgmLoop, OpenLimiter
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_client import EgmOutcome
+from virtual_irc5.world import WorldSettings
 from yumi.control.loop_events import RobotStoppedFollowing
-from yumi.egm.codec import MciState, MotorState
-from yumi.robot.joints import YUMI_LIMITS, Joints, Side, home
-from yumi.rws.types import ControllerState
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_client import EgmOutcome
-from yumi.virtual.world import WorldSettings
 
 HOME = home(Side.LEFT)
 SLOW = replace(FULL_SPEED, max_speed_deviation=10.0)

@@ -11,14 +11,14 @@ import pytest
 from egm_robot_bench import FULL_SPEED, HOME, KEEP_ALIVE, RAW, RobotBench, always, call_by_name, order, speed, turned
 from state_machine_bench import ARMS, Bench
 
-from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import MciState, MotorState, RapidState
-from yumi.egm.udp import UdpClient
-from yumi.robot.joints import CYCLE, Side, abb_from_chain, chain_from_abb
-from yumi.robot.kinematics import euler_zyx, tool0_to_body
-from yumi.virtual.mechanics.egm_client import VIRTUAL_CYCLE, EgmOptions, EgmOutcome, RobotWare
-from yumi.virtual.mechanics.egm_motion import EgmActivation, ExternalMotionData, StopMode
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.egm import egm_pb2 as pb
+from abb_protocols.egm.codec import MciState, MotorState, RapidState
+from abb_protocols.robot.joints import CYCLE, Side, abb_from_chain, chain_from_abb
+from abb_protocols.robot.kinematics import euler_zyx, tool0_to_body
+from abb_runtime.udp import UdpClient
+from virtual_irc5.mechanics.egm_client import VIRTUAL_CYCLE, EgmOptions, EgmOutcome, RobotWare
+from virtual_irc5.mechanics.egm_motion import EgmActivation, ExternalMotionData, StopMode
+from virtual_irc5.world import World, WorldSettings
 
 
 @pytest.fixture

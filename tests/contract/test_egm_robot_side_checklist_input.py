@@ -20,13 +20,13 @@ from egm_robot_bench import (
 )
 from state_machine_bench import Bench
 
-from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import MciState, MotorState, RobotCodec
-from yumi.robot.joints import CYCLE, Side
-from yumi.robot.kinematics import quaternion_from_euler_zyx
-from yumi.rws.types import ControllerState
-from yumi.virtual.mechanics.egm_client import EgmOptions, EgmOutcome, InvalidReference
-from yumi.virtual.mechanics.egm_motion import EgmActivation, ExternalMotionData
+from abb_protocols.egm import egm_pb2 as pb
+from abb_protocols.egm.codec import MciState, MotorState, RobotCodec
+from abb_protocols.robot.joints import CYCLE, Side
+from abb_protocols.robot.kinematics import quaternion_from_euler_zyx
+from abb_protocols.rws.types import ControllerState
+from virtual_irc5.mechanics.egm_client import EgmOptions, EgmOutcome, InvalidReference
+from virtual_irc5.mechanics.egm_motion import EgmActivation, ExternalMotionData
 
 
 @pytest.fixture

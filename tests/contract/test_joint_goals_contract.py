@@ -11,18 +11,18 @@ from math import radians
 import numpy as np
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Side, joint_names, joints
 from controller_arms import LimitedArm, PerfectArm
 from egm_loop import CONTROLLER, EgmLoop
 from reported_limiter import ReportedLimiter
 from trajectories import sent_beside_speeds
-from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.stage_times import StageClock
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Side, joint_names, joints
 
 NAME = "joint_goal_controller"
 STEPS = (20.0, 10.0, 15.0, 5.0, 30.0, -20.0, 40.0)

@@ -16,11 +16,11 @@ from typing import Any
 import pytest
 from rws_bench import PASSWORD, USER
 
-from yumi.robot.joints import Side
-from yumi.virtual.controller.installed_system import System
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.robot.joints import Side
+from virtual_irc5.controller.installed_system import System
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.world import World, WorldSettings
 
 mpx = pytest.importorskip(
     "abb_motion_program_exec.abb_motion_program_exec_client", reason="needs abb-motion-program-exec"

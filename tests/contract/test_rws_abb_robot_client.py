@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 from rws_bench import PASSWORD, USER
 
-from yumi.rws.types import OperatingMode
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.world import World
+from abb_protocols.rws.types import OperatingMode
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.world import World
 
 rws = pytest.importorskip("abb_robot_client.rws", reason="needs abb-robot-client")
 

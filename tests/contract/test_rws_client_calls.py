@@ -8,15 +8,23 @@ from math import degrees
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, ControllerRefused
+from abb_protocols.rws.documents import Event, Signal
+from abb_protocols.rws.operations.modules import ModuleInfo
+from abb_protocols.rws.operations.rapid import TaskInfo
+from abb_protocols.rws.types import (
+    ControllerState,
+    EventType,
+    ExecutionState,
+    OperatingMode,
+    SignalType,
+    TaskExecution,
+    encode,
+)
+from abb_runtime.rws.client import RwsClient
 from contract.rws_bench import PlainController, serving
 from refusals import refused
-from yumi.catalogue import message
-from yumi.errors import CommandRefused, ControllerRefused
-from yumi.rws.client import RwsClient
-from yumi.rws.documents import Event, Signal
-from yumi.rws.operations.modules import ModuleInfo
-from yumi.rws.operations.rapid import TaskInfo
-from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution, encode
 
 
 @pytest.fixture

@@ -9,17 +9,17 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError, YumiError
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.rws.transport import AnswerTimeout
 from contract.rws_bench import PASSWORD, PlainController, serving
 from refusals import assert_says, refused
-from yumi.catalogue import Message, message
-from yumi.clock import ManualClock
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.http import HttpReply
+from virtual_irc5.rws.service import RwsService
 from yumi.driver.settings import RobotSettings
-from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError, YumiError
-from yumi.rws.client import RwsClient
-from yumi.rws.transport import AnswerTimeout
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.service import RwsService
 
 HTML = (("Content-Type", "text/html"),)
 BASIC = ("WWW-Authenticate", 'Basic realm="validusers@robapi.abb"')

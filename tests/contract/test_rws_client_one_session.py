@@ -9,15 +9,15 @@ from random import Random
 import httpx
 import pytest
 
+from abb_protocols.errors import ControllerRefused, NoConnection
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.client import EXECUTION, SPEED_RATIO, Change, Interruption, RwsClient
+from abb_runtime.rws.transport import AnswerTimeout, ConnectionLost
 from contract.rws_bench import PlainController
 from memory_http import MemoryHttp
 from soak import long, short
-from yumi.clock import ManualClock
-from yumi.errors import ControllerRefused, NoConnection
-from yumi.rws.client import EXECUTION, SPEED_RATIO, Change, Interruption, RwsClient
-from yumi.rws.transport import AnswerTimeout, ConnectionLost
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.subscriptions import Upgrade
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.subscriptions import Upgrade
 
 SHARE = 0.2
 """Of the requests, something happens to so many."""

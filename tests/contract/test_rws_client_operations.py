@@ -7,29 +7,29 @@ from datetime import datetime
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
+from abb_protocols.robot.joints import Joints, Pose, Side, home
+from abb_protocols.robot.kinematics import tool0_to_body
+from abb_protocols.rws.documents import Pairs, RobTarget
+from abb_protocols.rws.operations import motion
+from abb_protocols.rws.operations.motion import Coordinates, Increment, JogMode, Supervision
+from abb_protocols.rws.operations.operation import Operation
+from abb_protocols.rws.operations.rapid import Range, RunCycle
+from abb_protocols.rws.types import Code, OperatingMode, SignalType
+from abb_runtime.clock import ManualClock
+from abb_runtime.faults import DISPLAY_PATH
+from abb_runtime.rws.client import OPERATING_MODE, RwsClient
+from abb_runtime.rws.services.io import SignalChange
+from abb_runtime.rws.services.panel import RestartMode
+from abb_runtime.rws.services.queues import QueueMessage
+from abb_runtime.rws.services.rapid import Step, StopMode
+from abb_runtime.rws.services.symbols import SymbolKind
+from abb_runtime.rws.services.users import Privilege, RmmpStatus
 from memory_http import MemoryHttp
 from refusals import refused
-from yumi.catalogue import message
-from yumi.clock import ManualClock
-from yumi.errors import CommandRefused, ControllerRefused, NoConnection
-from yumi.robot.joints import Joints, Pose, Side, home
-from yumi.robot.kinematics import tool0_to_body
-from yumi.rws.client import OPERATING_MODE, RwsClient
-from yumi.rws.documents import Pairs, RobTarget
-from yumi.rws.operations import motion
-from yumi.rws.operations.motion import Coordinates, Increment, JogMode, Supervision
-from yumi.rws.operations.operation import Operation
-from yumi.rws.operations.rapid import Range, RunCycle
-from yumi.rws.services.io import SignalChange
-from yumi.rws.services.panel import RestartMode
-from yumi.rws.services.queues import QueueMessage
-from yumi.rws.services.rapid import Step, StopMode
-from yumi.rws.services.symbols import SymbolKind
-from yumi.rws.services.users import Privilege, RmmpStatus
-from yumi.rws.types import Code, OperatingMode, SignalType
-from yumi.virtual.faults import DISPLAY_PATH
-from yumi.virtual.rws.router import Route
-from yumi.virtual.world import World
+from virtual_irc5.rws.router import Route
+from virtual_irc5.world import World
 
 TASK = "T_ROB_L"
 SMALL = "MODULE Small\n  VAR num count := 1;\n  PROC small()\n    count := 2;\n  ENDPROC\nENDMODULE\n"

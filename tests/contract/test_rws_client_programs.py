@@ -7,18 +7,18 @@ from threading import Event, Thread
 import httpx
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
+from abb_protocols.robot.joints import CYCLE
+from abb_protocols.rws.documents import FileInfo
+from abb_protocols.rws.types import Code, ControllerState, ExecutionState
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.rws.session import RwsRequest
 from memory_http import MemoryHttp
 from refusals import refused
-from yumi.catalogue import message
-from yumi.clock import ManualClock
-from yumi.errors import CommandRefused, ControllerRefused, NoConnection
-from yumi.robot.joints import CYCLE
-from yumi.rws.client import RwsClient
-from yumi.rws.documents import FileInfo
-from yumi.rws.session import RwsRequest
-from yumi.rws.types import Code, ControllerState, ExecutionState
-from yumi.virtual.controller.irc5 import RESTART_TIME
-from yumi.virtual.world import World
+from virtual_irc5.controller.irc5 import RESTART_TIME
+from virtual_irc5.world import World
 
 GREETER = """MODULE Greeter
     PERS num greetings:=0;

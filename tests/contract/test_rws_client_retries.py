@@ -5,12 +5,12 @@ from __future__ import annotations
 import httpx
 import pytest
 
+from abb_protocols.errors import LoginRefused, NoConnection
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.session import BURST, RwsRequest, RwsSession
+from abb_runtime.rws.transport import INTERVAL, ConnectionLost
 from refusals import refused
-from yumi.clock import ManualClock
-from yumi.errors import LoginRefused, NoConnection
-from yumi.rws.session import BURST, RwsRequest, RwsSession
-from yumi.rws.transport import INTERVAL, ConnectionLost
-from yumi.virtual.rws import http
+from virtual_irc5.rws import http
 
 TIMEOUT = 4.0
 READ = RwsRequest("GET", "/rw/rapid/execution")

@@ -8,19 +8,19 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
+from abb_protocols.rws.types import OperatingMode, Priority, Resource
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws import client as rws
+from abb_runtime.rws.client import Change, RwsClient
 from contract.rws_bench import PlainController
 from memory_http import MemoryHttp
 from refusals import refused
-from yumi.catalogue import message
-from yumi.clock import ManualClock
-from yumi.errors import CommandRefused, ControllerRefused, NoConnection
-from yumi.rws import client as rws
-from yumi.rws.client import Change, RwsClient
-from yumi.rws.types import OperatingMode, Priority, Resource
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.rws.subscriptions import POLL_PERIOD, Upgrade
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.subscriptions import POLL_PERIOD, Upgrade
 
 SIGNAL = rws.signal_state("EGM_START_JOINT")
 PERSISTENT = rws.variable_value("T_ROB_R", "TRobSystem", "routine_name_input")

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 import pytest
 from click.testing import CliRunner
 
-from yumi.catalogue import message
+from abb_protocols.catalogue import message
+from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.world import World
 from yumi.cli.main import main
-from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.world import World
 
 PROGRAM = r"""MODULE Ask
 PERS num key:=0;

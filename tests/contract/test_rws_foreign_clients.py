@@ -13,14 +13,14 @@ from xml.etree import ElementTree
 
 import pytest
 
+from abb_protocols.rws.types import EventType, OperatingMode
 from digest_client import authorization
 from rws_examples import PASSWORD, USER, Session
 from rws_examples_2 import Session2
-from yumi.rws.types import EventType, OperatingMode
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.subscriptions import Upgrade
+from virtual_irc5.rws.version_2 import HAL, XHTML
 from yumi.testing.virtual_yumi import MemoryChannel
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.rws.version_2 import HAL, XHTML
 
 UNIT = "/rw/motionsystem/mechunits/ROB_L"
 SIGNAL = "/rw/iosystem/signals/DeviceNet/D652_10/custom_DO_0"

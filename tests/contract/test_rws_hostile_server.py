@@ -10,12 +10,12 @@ from time import monotonic
 
 import pytest
 
+from abb_protocols.errors import NoConnection, ProtocolError, YumiError
+from abb_runtime.rws.client import SPEED_RATIO, RwsClient
 from contract.rws_bench import PlainController, serving
 from hostile_server import ATTACKS, HostileServer, dripping, hostile_before
 from refusals import assert_says, refused
 from stalls import waited_for_a_processor
-from yumi.errors import NoConnection, ProtocolError, YumiError
-from yumi.rws.client import SPEED_RATIO, RwsClient
 
 pytestmark = pytest.mark.real_time
 

@@ -14,17 +14,17 @@ import httpx
 import pytest
 from websockets.sync.client import connect
 
+from abb_protocols.errors import CommandRefused, MissingPrerequisite, NoConnection
+from abb_runtime.faults import inject_fault
+from abb_runtime.process.certificate import self_signed_context
 from rws_examples_2 import BASIC, PASSWORD, SYMBOL, USER
-from yumi.errors import CommandRefused, MissingPrerequisite, NoConnection
-from yumi.process.certificate import self_signed_context
-from yumi.virtual.faults import inject_fault
 
 pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.subscriptions import Channel, Upgrade
-from yumi.virtual.rws.version_2 import FORM, HAL, XHTML, RwsService2
-from yumi.virtual.world import World
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.subscriptions import Channel, Upgrade
+from virtual_irc5.rws.version_2 import FORM, HAL, XHTML, RwsService2
+from virtual_irc5.world import World
 
 PANEL = "/rw/panel/ctrl-state"
 

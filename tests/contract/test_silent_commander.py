@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, Joints, Side, joints
 from cartesian_bench import shares
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.controller import Controller
@@ -17,7 +18,6 @@ from yumi.control.goals import MemoryBuffer, write_goal, write_speeds
 from yumi.control.loop_events import CommanderSilent
 from yumi.control.shared_state import Deadline
 from yumi.control.tool_goal import twist_goal
-from yumi.robot.joints import CYCLE, Joints, Side, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 START = rad((-20, -90, 110, 10, -30, 60, -10))  # of the left arm

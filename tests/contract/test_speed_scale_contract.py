@@ -8,8 +8,9 @@ from math import dist, radians
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from trajectories import moved, planned, swing
-from yumi.catalogue import message
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.controllers.joint_position import JointPositionController
@@ -23,7 +24,6 @@ from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 SIDE = Side.LEFT

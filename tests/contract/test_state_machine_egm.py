@@ -3,8 +3,8 @@
 import pytest
 from state_machine_bench import ARMS, Bench
 
-from yumi.egm.codec import MciState, MotorState, RapidState
-from yumi.robot.joints import Joints, Side, home
+from abb_protocols.egm.codec import MciState, MotorState, RapidState
+from abb_protocols.robot.joints import Joints, Side, home
 
 
 @pytest.fixture

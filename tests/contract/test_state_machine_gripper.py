@@ -3,10 +3,10 @@
 import pytest
 from state_machine_bench import ARMS, Bench
 
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Side
-from yumi.virtual.mechanics.virtual_gripper import Workpiece
-from yumi.virtual.world import WorldSettings
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import Side
+from virtual_irc5.mechanics.virtual_gripper import Workpiece
+from virtual_irc5.world import WorldSettings
 
 CALIBRATE, MOVE_TO, GRIP_IN, VACUUM_ON_1 = 2, 3, 4, 10
 

@@ -3,9 +3,9 @@
 import pytest
 from state_machine_bench import ARMS, Bench
 
-from yumi.robot.joints import Side, home
-from yumi.rws.types import ControllerState
-from yumi.virtual.controller_log import Refusal, Refused
+from abb_protocols.robot.joints import Side, home
+from abb_protocols.rws.types import ControllerState
+from virtual_irc5.controller_log import Refusal, Refused
 
 EDGES = ("EGM_START_JOINT", "EGM_START_POSE", "EGM_START_STREAM", "EGM_STOP", "EGM_STOP_STREAM")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from state_machine_bench import ARMS, Bench
 
-from yumi.robot.joints import CYCLE, Joints, Side, home
-from yumi.rws.types import ControllerState
+from abb_protocols.robot.joints import CYCLE, Joints, Side, home
+from abb_protocols.rws.types import ControllerState
 
 WATCHDOG = "HOME:/yumi/TRobWatchdog.mod"
 RAMP = 0.2

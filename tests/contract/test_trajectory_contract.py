@@ -10,6 +10,8 @@ from sys import getrefcount
 import pytest
 from trajectory_arms import NAME, SIDE, TrajectoryArm, perfect_arm, virtual_arm
 
+from abb_protocols.errors import CommandRefused, TrajectoryRefused
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names, joints
 from refusals import assert_says, refused
 from trajectories import REST, dual_arm_trajectory, moved, planned, swing
 from yumi.control.cycle import Cycle
@@ -24,9 +26,7 @@ from yumi.control.trajectory_commands import (
     ScaleSpeed,
     Tolerances,
 )
-from yumi.errors import CommandRefused, TrajectoryRefused
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names, joints
 
 HOME = home(SIDE)
 HALF_A_DEGREE = joints([radians(0.5)] * 7)

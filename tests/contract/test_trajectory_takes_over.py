@@ -8,11 +8,13 @@ from itertools import pairwise
 import pytest
 from trajectory_arms import NAME, SIDE, Loop
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, home, joint_names, joints
+from abb_runtime.clock import ManualClock
 from controller_arms import LimitedArm, PerfectArm
 from refusals import refused
 from reported_limiter import ReportedLimiter
 from trajectories import moved, swing
-from yumi.clock import ManualClock
 from yumi.control.controller import State
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
@@ -23,8 +25,6 @@ from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControllerReport, Event
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
-from yumi.errors import CommandRefused
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, home, joint_names, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 OTHER = "joint_position_controller"

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
+from abb_runtime.clock import ManualClock
+from abb_runtime.settings import Values
 from controller_arms import LimitedArm, PerfectArm
 from reported_limiter import ReportedLimiter
-from yumi.clock import ManualClock
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.cycle import Cycle
 from yumi.control.goals import MemoryBuffer
@@ -16,8 +18,6 @@ from yumi.control.loop_events import ControllerReport, Event
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Tolerances, TrajectoryEnded
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
-from yumi.settings import Values
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME = "joint_trajectory_controller"

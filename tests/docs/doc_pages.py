@@ -139,10 +139,10 @@ def pages() -> list[str]:
 
 def help_examples() -> Iterator[str]:
     """All commands under "Example" in the help of ``yumi`` and its commands."""
-    commands = [main, *main.commands.values()]
-    commands += [
-        each for group in main.commands.values() if isinstance(group, click.Group) for each in group.commands.values()
-    ]
+    context = click.Context(main)
+    own = [main.get_command(context, name) for name in (*main.commands, "controller", "rapid")]
+    commands = [main, *(each for each in own if each is not None)]
+    commands += [each for group in commands[1:] if isinstance(group, click.Group) for each in group.commands.values()]
     for command in commands:
         _, found, examples = (command.help or "").partition("Example")
         for line in examples.splitlines()[1:] if found else ():
@@ -153,7 +153,11 @@ def help_examples() -> Iterator[str]:
 
 def other_pages() -> list[str]:
     """The other pages: what is fenced in them is not run, and says why."""
-    files = (*(ROOT / "docs").rglob("*.md"), ROOT / "CONTRIBUTING.md", ROOT / "src/yumi/controller_files/README.md")
+    files = (
+        *(ROOT / "docs").rglob("*.md"),
+        ROOT / "CONTRIBUTING.md",
+        ROOT / "packages/abb-protocols/src/abb_protocols/controller_files/README.md",
+    )
     return sorted({str(file.relative_to(ROOT)) for file in files} - set(pages()))
 
 

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from doc_pages import ROOT, Fence, read
 
+from abb_runtime.process.command import CONTROLLER_READY, DRIVER_READY
+from abb_runtime.udp import free_port
 from free_ports import free_tcp_port
-from yumi.egm.udp import free_port
-from yumi.process.command import CONTROLLER_READY, DRIVER_READY
 
 SERVER = re.compile(r"^(\.venv/bin/)?yumi (controller|up)\b")
 PREAMBLE = ("source ", "cd ", "export ")
@@ -48,7 +48,7 @@ class Clone:
         tcp = {port: str(free_tcp_port()) for port in ("8080", "8090", "8000")}
         self.ports = {**tcp, **{port: str(free_port()) for port in ("6510", "6511", "6512")}}
         usual = re.compile(rf"\b({'|'.join(self.ports)})\b")
-        for part in ("src", "config", "examples", "docs", "README.md"):
+        for part in ("packages", "config", "examples", "docs", "README.md"):
             files = [self.root / part] if (self.root / part).is_file() else (self.root / part).rglob("*")
             for file in files:
                 if file.suffix in {".py", ".md", ".yaml", ".cfg", ".mod", ".sys"}:
@@ -56,7 +56,7 @@ class Clone:
         self.environment = {
             **os.environ,
             "PATH": f"{self.root / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}",
-            "PYTHONPATH": str(self.root / "src"),
+            "PYTHONPATH": os.pathsep.join(map(str, sorted(self.root.glob("packages/*/src")))),
             "PYTHONUNBUFFERED": "1",
             "ROS_DOMAIN_ID": str(1 + (os.getpid() + 50) % 100),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",

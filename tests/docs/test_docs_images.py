@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from doc_pages import ROOT
 
+from abb_protocols.robot.description import FINGERTIPS
+from abb_protocols.robot.joints import Side, home, joint_names, joints
+from abb_protocols.robot.kinematics import tool0_to_body
+from abb_protocols.robot.urdf import robot_description
 from mesh_judge import MeshJudge
-from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import Side, home, joint_names, joints
-from yumi.robot.kinematics import tool0_to_body
-from yumi.robot.urdf import robot_description
 
 sys.path.append(str(ROOT / "docs" / "images"))
 

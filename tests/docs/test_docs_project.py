@@ -40,7 +40,9 @@ def test_job_of_a_workflow_is_bounded_and_may_only_read(file: Path) -> None:
 
 def test_commands_of_the_readme_run_on_every_supported_python() -> None:
     (job,) = parsed(ROOT / ".github/workflows/test.yml")["jobs"].values()
-    first, last = re.search(r'requires-python = ">=3\.(\d+),<3\.(\d+)"', (ROOT / "pyproject.toml").read_text()).groups()  # type: ignore[union-attr]
+    first, last = re.search(
+        r'requires-python = ">=3\.(\d+),<3\.(\d+)"', (ROOT / "packages/yumi-ros2/pyproject.toml").read_text()
+    ).groups()  # type: ignore[union-attr]
     assert job["strategy"]["matrix"]["python"] == [f"3.{minor}" for minor in range(int(first), int(last))]
     (fence,) = re.findall(r"```bash\n(make demo.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     shown = re.findall(r"^make [\w-]+", fence, re.MULTILINE)

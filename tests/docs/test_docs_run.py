@@ -12,12 +12,12 @@ import yaml
 from doc_pages import LEFT_OUT, ROOT, BadPage, Fence, fences_of, help_examples, pages, read
 from terminals import SERVER, Pages, Terminals, has_lines
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import SettingsError
+from abb_protocols.robot.joints import Side
 from refusals import assert_says
-from yumi.catalogue import Message, message
 from yumi.driver.settings import config_folder, read_controllers, read_settings
 from yumi.driver.wiring import check_controllers
-from yumi.errors import SettingsError
-from yumi.robot.joints import Side
 
 in_real_time = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(300)]
 

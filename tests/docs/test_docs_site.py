@@ -8,6 +8,7 @@ from importlib import import_module
 from inspect import signature
 from pathlib import Path
 
+import click
 import pytest
 import yaml
 from doc_pages import ROOT, inventory, other_pages, pages, read
@@ -17,13 +18,13 @@ sys.path.append(str(ROOT / "setup"))
 import docs_site
 
 import yumi
+from abb_protocols.robot.joints import Side, joint_names
 from yumi.cli.main import main
 from yumi.control.controllers.trajectory_parameters import trajectory_parameters
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.launch_checks import REQUIRED_OPTIONS
 from yumi.driver.settings import Settings
 from yumi.driver.state_machine import FIRST_SPEED_SCALE
-from yumi.robot.joints import Side, joint_names
 
 DOCS = ROOT / "docs"
 REAL_ROBOT = "docs/how-to/real-robot.md"
@@ -129,11 +130,18 @@ def test_picture_of_a_page_is_described() -> None:
 
 def test_link_out_of_the_pages_becomes_the_name_of_the_file() -> None:
     page = DOCS / "reference" / "egm.md"
-    assert docs_site.rewritten("see [`egm.proto`](../../src/yumi/egm/egm.proto).", page) == "see `egm.proto`."
-    named = docs_site.rewritten("see [the schema](../../src/yumi/egm/egm.proto)", page)
-    assert named == "see the schema `src/yumi/egm/egm.proto`"
-    shown = docs_site.rewritten('[`EGMReset`](../../src/yumi/egm/egm.proto "Reset"), [`Stop`](../../LICENSE)', page)
-    assert shown == '`EGMReset`{ title="src/yumi/egm/egm.proto: Reset" }, `Stop`{ title="LICENSE" }'
+    assert (
+        docs_site.rewritten("see [`egm.proto`](../../packages/abb-protocols/src/abb_protocols/egm/egm.proto).", page)
+        == "see `egm.proto`."
+    )
+    named = docs_site.rewritten("see [the schema](../../packages/abb-protocols/src/abb_protocols/egm/egm.proto)", page)
+    assert named == "see the schema `packages/abb-protocols/src/abb_protocols/egm/egm.proto`"
+    shown = docs_site.rewritten(
+        '[`EGMReset`](../../packages/abb-protocols/src/abb_protocols/egm/egm.proto "Reset"), [`Stop`](../../LICENSE)',
+        page,
+    )
+    file = "packages/abb-protocols/src/abb_protocols/egm/egm.proto"
+    assert shown == f'`EGMReset`{{ title="{file}: Reset" }}, `Stop`{{ title="LICENSE" }}'
     for kept in ("[x](egm.md#a)", "[x](https://example.org/a)"):
         assert docs_site.rewritten(kept, page) == kept
 
@@ -202,7 +210,9 @@ def test_command_with_many_options_has_them_as_a_list_and_each_is_one_of_its_own
     (row,) = re.findall(rf"^\| `yumi {name}` \|.*$", text, re.MULTILINE)
     assert row.count("--") == 0
     (listed,) = re.findall(rf"^Options of `yumi {name}`.*:\n\n((?:(?:- |  ).*\n)+)", text, re.MULTILINE)
-    own = {option for each in main.commands[name].params for option in (*each.opts, *each.secondary_opts)}
+    command = main.get_command(click.Context(main), name)
+    assert command is not None
+    own = {option for each in command.params for option in (*each.opts, *each.secondary_opts)}
     assert listed.count("\n- ") > 1
     assert set(re.findall(r"`(--[\w-]+)", listed)) - own <= {"--ros-args"}  # which ROS takes
 

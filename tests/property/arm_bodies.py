@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
-from yumi.robot.description import FLANGE_ORIGIN, JOINT_ORIGINS, TOOL0_ORIGIN, Mass, Origin, joint_1_origin, link_mass
-from yumi.robot.joints import Joints, Pose, Side, Vector, rotate
-from yumi.robot.kinematics import compose, quaternion_from_euler_zyx
-from yumi.virtual.mechanics.dynamics import DRIVE_INERTIA, GRAVITY
+from abb_protocols.robot.description import (
+    FLANGE_ORIGIN,
+    JOINT_ORIGINS,
+    TOOL0_ORIGIN,
+    Mass,
+    Origin,
+    joint_1_origin,
+    link_mass,
+)
+from abb_protocols.robot.joints import Joints, Pose, Side, Vector, rotate
+from abb_protocols.robot.kinematics import compose, quaternion_from_euler_zyx
+from virtual_irc5.mechanics.dynamics import DRIVE_INERTIA, GRAVITY
 
 H = 1e-5  # step of the numerical derivatives [rad]
 Z = (0.0, 0.0, 1.0)

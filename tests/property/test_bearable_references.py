@@ -8,10 +8,10 @@ from math import radians
 
 import pytest
 
-from yumi.robot.joints import YUMI_LIMITS, Joints, Side
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmSettings
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_motion import EgmSettings
 
 CYCLE = 0.004032
 START = tuple((low + high) / 2.0 for low, high in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True))

@@ -10,15 +10,15 @@ from math import ceil
 import numpy as np
 import pytest
 
+from abb_protocols.errors import TrajectoryRefused
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side, joint_names, joints, named_pose
 from cartesian_bench import shares
 from soak import MINUTES, long, short, tell
 from yumi.control.chunk_commands import FollowChunk
 from yumi.control.motion.chunk_motion import LONGEST_LEAD, ChunkMotion, join
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import Setpoint
-from yumi.errors import TrajectoryRefused
 from yumi.planning.chunk_plan import plan_chunk
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side, joint_names, joints, named_pose
 from yumi_evaluation.chunks import ChunkRun, Inference, Policy, follow_chunks, steps_of
 
 SIDE = Side.RIGHT

@@ -8,6 +8,9 @@ from random import Random
 
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, joints
+from abb_runtime.settings import Values
 from egm_loop import EgmLoop
 from soak import long, short
 from trajectories import planned
@@ -20,9 +23,6 @@ from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import Buffer, MemoryBuffer, write_goal, write_speeds
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import FollowTrajectory
-from yumi.errors import CommandRefused
-from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joints
-from yumi.settings import Values
 
 SWITCHES = 300
 """Ten times as many with ``make soak``."""

@@ -7,10 +7,10 @@ from arm_bodies import ArmBodies, H, moved
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from yumi.robot.description import HAND, Mass
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.dynamics import ArmDynamics
+from abb_protocols.robot.description import HAND, Mass
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.dynamics import ArmDynamics
 
 MOST_PAYLOAD = Mass(0.5, HAND.centre, tuple(2.2 * value for value in HAND.inertia))
 MIRROR = (-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0)  # of the joints, left to right

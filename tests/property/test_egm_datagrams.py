@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.egm.codec import (
+from abb_protocols.egm.codec import (
     LARGEST_DATAGRAM,
     MciState,
     MotorState,
@@ -26,10 +26,10 @@ from yumi.egm.codec import (
     RobotMessage,
     SensorCodec,
 )
+from abb_protocols.errors import ProtocolError
+from abb_protocols.robot.joints import Joints
 from yumi.egm.joint_codec import JointCodec, JointReport
 from yumi.egm.session import SensorSession
-from yumi.errors import ProtocolError
-from yumi.robot.joints import Joints
 
 LONG_SILENCE = 1.0  # [s] after which a datagram begins a session whatever the clock of its robot is
 COUNT = int(os.environ.get("YUMI_EGM_DATAGRAMS", "20000"))

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import Side, finger_names, joint_names, set_prefix
+from abb_protocols.robot.kinematics import tool0_to_body
+from abb_protocols.robot.urdf import read_frames, robot_description
 from urdf_kinematics import links_to_root, matrix
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Side, finger_names, joint_names, set_prefix
-from yumi.robot.kinematics import tool0_to_body
-from yumi.robot.urdf import read_frames, robot_description
 
 angles = st.floats(-3.0, 3.0)
 MODULES = {Side.RIGHT: GripperModules.VISION_VACUUM, Side.LEFT: GripperModules.TWO_VACUUMS}

@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from abb_protocols.errors import CommandRefused, YumiError
+from abb_protocols.robot.joints import Joints, Side, joints
 from cartesian_bench import shares
 from refusals import refused
 from soak import long, short, tell
@@ -36,8 +38,6 @@ from yumi.control.hand_over import Commander, asking
 from yumi.control.loop_events import CommanderChanged, Event
 from yumi.driver.device_frame import DeviceHand, DeviceSettings
 from yumi.driver.teleoperated_arm import LINK_LOST
-from yumi.errors import CommandRefused, YumiError
-from yumi.robot.joints import Joints, Side, joints
 
 LEFT = Side.LEFT
 HOLDS = 1e-3  # [rad] a stop of an arm that stands has it hold where it is measured, not where it was sent

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.robot.joints import YUMI_LIMITS, Side, joint_names, rotate
-from yumi.robot.kinematics import tool0_to_body
-from yumi.robot.urdf import robot_description
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, joint_names, rotate
+from abb_protocols.robot.kinematics import tool0_to_body
+from abb_protocols.robot.urdf import robot_description
 
 positions = st.tuples(*(st.floats(*limits) for limits in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)))
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Quaternion, Side, rotate
-from yumi.robot.kinematics import (
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Quaternion, Side, rotate
+from abb_protocols.robot.kinematics import (
     compose,
     euler_zyx,
     inverse,

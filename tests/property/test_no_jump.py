@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints
 from egm_loop import FULL_SPEED, EgmLoop
 from yumi.control.controller import State
 from yumi.control.cycle import Cycle
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints
 
 Action = Callable[[EgmLoop], None]
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Joints, Side, home, joints
 from yumi.control.motion.point_motion import PointMotion, stop, travel
 from yumi.control.motion.setpoint import Setpoint, slower
-from yumi.errors import CommandRefused
-from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Side, home, joints
 
 STEP = 0.004
 LOOSE = 1.0 + 1e-6

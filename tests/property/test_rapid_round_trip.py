@@ -7,8 +7,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.rapid.literals import format_value, parse_value
-from yumi.rapid.types import BOOL, NUM, STRING, ArrayType, RecordType, Type, single
+from virtual_irc5.rapid.literals import format_value, parse_value
+from virtual_irc5.rapid.types import BOOL, NUM, STRING, ArrayType, RecordType, Type, single
 
 LATIN = st.characters(min_codepoint=1, max_codepoint=255)
 TEXTS = st.text(LATIN, max_size=80)

@@ -19,11 +19,15 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from abb_protocols.catalogue import message
+from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmState, Joints, Side, joints
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop, Wire
 from refusals import assert_says, refused
 from reported_limiter import ReportedLimiter
 from soak import RECEIVE_EXAMPLES
-from yumi.catalogue import message
+from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.control.controller import State
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer, write_speeds
@@ -32,11 +36,7 @@ from yumi.control.loop_events import ImplausibleFeedback, ProblemOver, Reference
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.shared_state import Problem
 from yumi.driver.settings import EgmSettings
-from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.egm.session import SILENCE
-from yumi.errors import CommandRefused
-from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmState, Joints, Side, joints
-from yumi.virtual.mechanics.arm_motion import ArmModel
 
 VELOCITY_CONTROLLER = "joint_velocity_controller"
 OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)

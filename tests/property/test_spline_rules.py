@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abb_protocols.robot.joints import ZERO
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import SplineSampler, TrajectoryPoint, spline_through
 from yumi.control.motion.spline_limits import derivative, excess, value_at
-from yumi.robot.joints import ZERO
 
 angles = st.floats(-1.5, 1.5)
 sevens = st.tuples(*[angles] * 7)

@@ -7,11 +7,11 @@ from random import Random
 
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side, joints
 from egm_loop import EgmLoop, Wire
 from soak import MINUTES, long, short, tell
+from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.control.limiter import Limiter
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side, joints
-from yumi.virtual.mechanics.arm_motion import ArmModel
 
 ROUNDING = 1.001
 SPELL = 250  # cycles of each way in which datagrams come

@@ -12,22 +12,22 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-import yumi.controller_files
+import abb_protocols.controller_files
+from abb_protocols.errors import RapidError, RobotNotReady
+from abb_protocols.rws.documents import FORM_TYPE
+from abb_protocols.rws.operations.operation import get
 from digest_client import authorization
 from soak import FUZZ_PROGRAMS, FUZZ_REQUESTS
-from yumi.errors import RapidError, RobotNotReady
-from yumi.rapid.states import Execution
-from yumi.rws.documents import FORM_TYPE
-from yumi.rws.operations.operation import get
-from yumi.virtual.rws import service as rws_service
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.router import Route, Router
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.world import World
+from virtual_irc5.rapid.states import Execution
+from virtual_irc5.rws import service as rws_service
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.router import Route, Router
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.world import World
 
 # Programs
 
-FOLDER = Path(next(iter(yumi.controller_files.__path__)))
+FOLDER = Path(next(iter(abb_protocols.controller_files.__path__)))
 MODULES = {path.stem: path.read_text(encoding="ascii") for path in sorted(FOLDER.glob("TRob*.*"))}
 TESTS = Path(__file__).parents[1]
 FOREIGN = {

@@ -9,8 +9,15 @@ from __future__ import annotations
 import random
 from string import Formatter, ascii_lowercase
 
-from yumi import catalogue
-from yumi.catalogue.text import Text
+import abb_runtime
+import virtual_irc5
+import yumi
+import yumi_evaluation
+from abb_protocols import catalogue
+from abb_protocols.catalogue.text import Text
+
+PACKAGES = (abb_runtime, virtual_irc5, yumi, yumi_evaluation)
+"""Each gives the catalogue its texts when it is imported."""
 
 
 def _random_words(template: str, chance: random.Random) -> str:

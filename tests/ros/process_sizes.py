@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from yumi.clock import SystemClock
+from abb_runtime.clock import SystemClock
 
 PATIENCE = 10.0  # [s]
 GLANCE = 0.25  # [s]
@@ -45,7 +45,7 @@ def sizes(session: int) -> Sizes:
     """Those of the processes that live now.
 
     Args:
-        session: number of the process that began it, as ``yumi.process.command`` starts each.
+        session: number of the process that began it, as ``abb_runtime.process.command`` starts each.
     """
     all_of_them = [Sizes(0, 0, 0, 0)]
     for folder in Path("/proc").glob("[0-9]*"):

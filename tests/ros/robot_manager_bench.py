@@ -13,17 +13,17 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from ros_bench import Client, rclpy
 
-from yumi.clock import SystemClock, wait_until
+from abb_protocols.errors import CommandRefused, RobotNotReady
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_runtime.clock import SystemClock, wait_until
 from yumi.control.hand_over import HandOver
 from yumi.driver.command import CommandedRobot
 from yumi.driver.robot_state import Mode, Report, RobotState
 from yumi.driver.state_machine import MachineState, SpeedSetting
-from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.joints import Side
 from yumi.ros.command_services import CommandActions, CommandServices, SpeedScaleInterface
 from yumi.ros.nodes import TimerThread
 from yumi.ros.state_topics import RobotStateTopic, SignalsTopic
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 THREADS = 6
 

@@ -18,9 +18,9 @@ from rcl_interfaces.msg import Log
 from rclpy.executors import Executor, SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
+from abb_runtime.process.command import Command
+from abb_runtime.udp import free_port
 from free_ports import free_tcp_port
-from yumi.egm.udp import free_port
-from yumi.process.command import Command
 
 ASKED_AGAIN = 2.0
 TIMEOUT = 30.0

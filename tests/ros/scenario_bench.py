@@ -20,14 +20,14 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from yumi_interfaces.msg import RobotState
 
+from abb_protocols.errors import RobotNotReady
+from abb_protocols.robot.joints import CYCLE, Joints, Side, joints
+from abb_runtime.clock import SystemClock
+from abb_runtime.faults import Fault
+from abb_runtime.process.command import Command
+from abb_runtime.rws.client import RwsClient
 from yumi.cli.fault import fault as fault_command
-from yumi.clock import SystemClock
 from yumi.control.flight_recorder import Frame
-from yumi.errors import RobotNotReady
-from yumi.process.command import Command
-from yumi.robot.joints import CYCLE, Joints, Side, joints
-from yumi.rws.client import RwsClient
-from yumi.virtual.faults import Fault
 
 FAR, NEAR, MOVING, THERE = radians(60.0), radians(3.0), radians(1.0), radians(0.5)
 STANDING = 1e-4  # [rad] between two looks

@@ -28,10 +28,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client
 from std_msgs.msg import String
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import RobotNotReady
+from abb_protocols.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
+from abb_protocols.robot.urdf import robot_description
+from abb_runtime.clock import SystemClock
+from abb_runtime.settings import Entry, Parameter, Values
 from controller_arms import LimitedArm, PerfectArm
 from reported_limiter import ReportedLimiter
-from yumi.catalogue import Message, message
-from yumi.clock import SystemClock
 from yumi.control.controller import Controller, State
 from yumi.control.controller_info import ControllerInfo
 from yumi.control.goals import MemoryBuffer
@@ -52,13 +56,9 @@ from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.shared_state import Problem
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
-from yumi.errors import RobotNotReady
-from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
-from yumi.robot.urdf import robot_description
 from yumi.ros import nodes
 from yumi.ros.controller_manager import ArmManager, ControllerNodes, DescriptionWait
 from yumi.ros.nodes import TimerThread
-from yumi.settings import Entry, Parameter, Values
 
 pytestmark = pytest.mark.ros
 

@@ -20,9 +20,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from yumi_interfaces.action import MoveBothLinear, MoveLinear
 from yumi_interfaces.srv import InverseKinematics, Jacobian
 
-from yumi.robot.joints import Pose, Side, joint_names, joints
-from yumi.robot.kinematics import IDENTITY, tool0_to_body
-from yumi.rws.client import RwsClient
+from abb_protocols.robot.joints import Pose, Side, joint_names, joints
+from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
+from abb_runtime.rws.client import RwsClient
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]

@@ -12,14 +12,14 @@ from ros_bench import Client
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, home, joint_names
+from abb_runtime.clock import SystemClock
 from refusals import refused
-from yumi.clock import SystemClock
 from yumi.control.chunk_commands import ChunkTaken, FollowChunk
 from yumi.control.loop_commands import Commands, ControllerCommand, Taken
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.errors import CommandRefused
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
-from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.chunk_topic import ChunkTopic, plans_of
 
 pytestmark = pytest.mark.ros

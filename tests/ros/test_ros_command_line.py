@@ -13,8 +13,8 @@ import pytest
 from click.testing import CliRunner
 from ros_bench import Robot
 
+from abb_runtime.process.command import Command
 from yumi.cli.main import main
-from yumi.process.command import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 YUMI = [sys.executable, "-m", "yumi"]

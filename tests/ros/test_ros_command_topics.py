@@ -12,14 +12,14 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from yumi.catalogue import Message, message
-from yumi.clock import ManualClock
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO, Joints, Side, joint_names
+from abb_runtime.clock import ManualClock
 from yumi.control.counters import WireCounters
 from yumi.control.goals import CONFIGURED_DELAY, GoalKind, MemoryBuffer, SessionGoal, read_goal
 from yumi.control.hand_over import Commander, HandOver, asking
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
-from yumi.errors import CommandRefused
-from yumi.robot.joints import ZERO, Joints, Side, joint_names
 from yumi.ros.command_topics import (
     CommandTopic,
     ForwardTopic,

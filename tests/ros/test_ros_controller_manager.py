@@ -28,8 +28,8 @@ from ros_bench import Client, begin_egm
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from yumi.catalogue import FrontEnd, message, sentence
-from yumi.robot.joints import Side, joint_names
+from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.robot.joints import Side, joint_names
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

@@ -15,19 +15,19 @@ import pytest
 from rich.console import Console
 from ros_bench import Robot
 
+from abb_protocols.errors import RobotNotReady, StopNotConfirmed
+from abb_protocols.robot.description import SERVO_GRIPPERS
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Side, change_rate, home, joints
 from reported_limiter import ReportedLimiter
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_motion import EgmSettings
 from yumi.cli import demo
 from yumi.cli.demo import DemoScreen, motions_ahead, read_positions
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.driver.settings import CollisionSettings, RobotSettings, override, read_settings
-from yumi.errors import RobotNotReady, StopNotConfirmed
-from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Side, change_rate, home, joints
 from yumi.ros.move_and_grab import CLOSE_ENOUGH, GOALS, MEETING, MoveAndGrab
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 

@@ -19,9 +19,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from yumi.catalogue import FrontEnd, clause, message, sentence
-from yumi.process.command import Command
-from yumi.robot.joints import CYCLE, Side, finger_names, home, joint_names
+from abb_protocols.catalogue import FrontEnd, clause, message, sentence
+from abb_protocols.robot.joints import CYCLE, Side, finger_names, home, joint_names
+from abb_runtime.process.command import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 
 import pytest
 
-from yumi.errors import RobotNotReady
+from abb_protocols.errors import RobotNotReady
 from yumi_evaluation import networked
 from yumi_evaluation.experiments import Experiment, Trace, proportional, step
 from yumi_evaluation.metrics import series

@@ -11,8 +11,8 @@ import pytest
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 
+from abb_protocols.errors import MissingPrerequisite
 from refusals import refused
-from yumi.errors import MissingPrerequisite
 from yumi.ros.nodes import Executors
 
 pytestmark = pytest.mark.ros

@@ -9,12 +9,12 @@ import pytest
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO, Joints, Pose, Side, home
+from abb_protocols.robot.kinematics import IDENTITY, compose, rotation_vector, tool0_to_body
+from abb_protocols.robot.urdf import robot_description
 from refusals import refused
 from yumi.control.shared_state import JointStates
-from yumi.errors import CommandRefused
-from yumi.robot.joints import ZERO, Joints, Pose, Side, home
-from yumi.robot.kinematics import IDENTITY, compose, rotation_vector, tool0_to_body
-from yumi.robot.urdf import robot_description
 from yumi.ros.frames import RobotFrames
 
 pytestmark = pytest.mark.ros

@@ -21,12 +21,9 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
-from system.virtual_time_bench import System
-from yumi.catalogue import Message, message
-from yumi.clock import SystemClock
-from yumi.driver.settings import GripperSettings
-from yumi.errors import CommandRefused, GoalNotReached
-from yumi.robot.gripper import (
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import CommandRefused, GoalNotReached
+from abb_protocols.robot.gripper import (
     LOWEST_SPEED,
     MAX_FORCE,
     TOP_SPEED,
@@ -35,11 +32,14 @@ from yumi.robot.gripper import (
     GripperState,
     read_gripper,
 )
-from yumi.robot.joints import CYCLE, Side, finger_names
+from abb_protocols.robot.joints import CYCLE, Side, finger_names
+from abb_runtime.clock import SystemClock
+from abb_runtime.faults import Fault
+from system.virtual_time_bench import System
+from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
+from yumi.driver.settings import GripperSettings
 from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.nodes import TimerThread
-from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 

@@ -14,8 +14,10 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from yumi_interfaces.action import MoveLinear
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO, Joints, Side, home, joints
 from refusals import assert_says, refused
-from yumi.catalogue import message
 from yumi.control.counters import WireCounters
 from yumi.control.goals import GoalKind, MemoryBuffer
 from yumi.control.hand_over import HandOver
@@ -32,9 +34,7 @@ from yumi.control.trajectory_commands import (
     TrajectoryEnded,
 )
 from yumi.driver.control_process import ENDED
-from yumi.errors import CommandRefused
 from yumi.planning.smoothing import smooth_spline_through
-from yumi.robot.joints import ZERO, Joints, Side, home, joints
 from yumi.ros import line_actions
 from yumi.ros.line_actions import MoveLinearAction
 from yumi.ros.tool_topics import LineGoal, TargetPoseTopic

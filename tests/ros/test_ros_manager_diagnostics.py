@@ -9,13 +9,13 @@ import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from yumi.catalogue import clause, message
+from abb_protocols.catalogue import clause, message
+from abb_protocols.robot.joints import Side
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, Statistics
 from yumi.control.counters import LimiterCounters
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.robot_state import RobotState
-from yumi.robot.joints import Side
 from yumi.ros import messages
 from yumi.ros.gripper import gripper_status
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from yumi.clock import ManualClock
+from abb_protocols.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
+from abb_runtime.clock import ManualClock
 from yumi.control.goals import MemoryBuffer
 from yumi.control.shared_state import JointStates
-from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
 from yumi.ros.nodes import TimerThread
 from yumi.ros.state_topics import STALE, MergedJointStates
 

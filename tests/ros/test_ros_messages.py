@@ -17,15 +17,15 @@ from rclpy.qos import qos_profile_services_default
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from abb_protocols.errors import CommandRefused, TrajectoryRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
+from abb_runtime.clock import ManualClock
 from refusals import refused
-from yumi.clock import ManualClock
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.trajectory_commands import Tolerances
-from yumi.errors import CommandRefused, TrajectoryRefused
 from yumi.planning.trajectory_request import MOST_POINTS, plan_trajectory
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 from yumi.ros import messages
 from yumi.ros.messages import tolerances_of, trajectory_of
 

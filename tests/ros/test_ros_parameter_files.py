@@ -15,10 +15,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client
 from std_msgs.msg import String
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side, home, joint_names
+from abb_protocols.robot.urdf import robot_description
+from abb_runtime.clock import SystemClock
 from controller_arms import LimitedArm, PerfectArm
 from reported_limiter import ReportedLimiter
-from yumi.catalogue import Message, message
-from yumi.clock import SystemClock
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import Commands, serve
@@ -26,8 +28,6 @@ from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.wiring import CONTROLLER_KINDS, Place
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side, home, joint_names
-from yumi.robot.urdf import robot_description
 from yumi.ros.controller_manager import ArmManager
 from yumi.ros.nodes import TimerThread
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from yumi.clock import SystemClock
+from abb_protocols.robot.joints import ZERO, Side
+from abb_runtime.clock import SystemClock
 from yumi.control.shared_state import JointStates
 from yumi.driver.control_process import ArmBuffers
-from yumi.robot.joints import ZERO, Side
 
 pytestmark = pytest.mark.ros
 topics = pytest.importorskip("yumi.ros.state_topics")

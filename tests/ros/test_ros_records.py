@@ -11,10 +11,10 @@ import pytest
 from ros_bench import TIMEOUT, Client, Robot
 from std_srvs.srv import Trigger
 
-from yumi.process.command import Command
+from abb_protocols.robot.joints import Side
+from abb_runtime.process.command import Command
 from yumi.recording.reader import Recording, read_recording
 from yumi.recording.tables import rows
-from yumi.robot.joints import Side
 from yumi_evaluation.experiments import AXIS_6, proportional, step, step_figures_of
 from yumi_evaluation.networked import (
     NetworkedPlan,

@@ -20,14 +20,14 @@ from ros_clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.srv import RunRoutine
 
+from abb_protocols.errors import CommandRefused, RobotNotReady, StopNotConfirmed
+from abb_protocols.robot.joints import Joints, Side, joint_names, joints
+from abb_runtime.faults import Fault
+from abb_runtime.process.command import Command
+from abb_runtime.rws.client import RwsClient
 from yumi.cli.fault import fault as fault_command
 from yumi.driver.robot_state import Mode
-from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
-from yumi.process.command import Command
-from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.move_and_grab import GOALS, MoveAndGrab
-from yumi.rws.client import RwsClient
-from yumi.virtual.faults import Fault
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

@@ -32,12 +32,12 @@ from yumi_interfaces.srv import (
     WriteVariable,
 )
 
-from yumi.catalogue import message
+from abb_protocols.catalogue import message
+from abb_protocols.robot.description import Mass
+from abb_protocols.robot.joints import Pose, Side
+from abb_protocols.rws.documents import Event
+from abb_protocols.rws.types import ControllerState, EventType
 from yumi.driver.robot_state import Mode
-from yumi.robot.description import Mass
-from yumi.robot.joints import Pose, Side
-from yumi.rws.documents import Event
-from yumi.rws.types import ControllerState, EventType
 
 pytestmark = pytest.mark.ros
 

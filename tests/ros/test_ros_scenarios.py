@@ -18,14 +18,14 @@ import pytest
 from ros_clients import RobotManagerClient
 from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 
+from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
+from abb_protocols.robot.gripper import TRAVEL, Outcome
+from abb_protocols.robot.joints import Side
+from abb_runtime.faults import Fault
 from system.recovery_bench import largest_jump
-from yumi.catalogue import FrontEnd, message, sentence
 from yumi.control.flight_recorder import Frame
-from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.recording.reader import read_recording
-from yumi.robot.gripper import TRAVEL, Outcome
-from yumi.robot.joints import Side
-from yumi.virtual.faults import Fault
 
 # Both arms are in motion: a machine that stands still for 100 ms stops them by itself, with another cause.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]

@@ -19,11 +19,11 @@ from std_srvs.srv import Trigger
 from yumi_interfaces.action import Recover
 from yumi_interfaces.msg import RobotState
 
+from abb_protocols.robot.joints import Side, joints
+from abb_protocols.rws.types import ControllerState, ExecutionState
+from abb_runtime.process.command import Command
+from abb_runtime.rws.client import RwsClient
 from hostile_server import HostileServer, dripping, hostile_before
-from yumi.process.command import Command
-from yumi.robot.joints import Side, joints
-from yumi.rws.client import RwsClient
-from yumi.rws.types import ControllerState, ExecutionState
 
 # A machine that stands still for a second makes the end of a driver late by as much.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(120)]

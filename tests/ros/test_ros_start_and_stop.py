@@ -7,9 +7,9 @@ from process_sizes import PATIENCE, settled_sizes, sizes
 from ros_bench import Client
 from std_srvs.srv import Trigger
 
+from abb_runtime.clock import SystemClock
+from abb_runtime.process.command import Command
 from soak import CYCLES, long, short, tell
-from yumi.clock import SystemClock
-from yumi.process.command import Command
 
 LEAST = 5
 """After so many starts everything that is made once is there."""

@@ -7,7 +7,7 @@ from time import perf_counter
 
 import pytest
 
-from yumi.clock import ManualClock, SystemClock
+from abb_runtime.clock import ManualClock, SystemClock
 from yumi.ros.nodes import TimerThread
 
 PERIOD = 0.25

@@ -10,17 +10,17 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from test_ros_command_topics import Node, commanded
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side
+from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
+from abb_protocols.robot.urdf import robot_description
 from unit.robot.test_robot_kinematics import rad
-from yumi.catalogue import message
 from yumi.control.controller_info import ParameterInfo
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.goals import GoalKind, MemoryBuffer
 from yumi.control.hand_over import HandOver
 from yumi.control.loop_commands import Commands, ControllerCommand
-from yumi.errors import CommandRefused
-from yumi.robot.joints import YUMI_LIMITS, Pose, Side
-from yumi.robot.kinematics import IDENTITY, tool0_to_body
-from yumi.robot.urdf import robot_description
 from yumi.ros.frames import RobotFrames
 from yumi.ros.tool_topics import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
 

@@ -21,9 +21,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from abb_protocols.robot.joints import Side, joint_names
 from trajectories import dual_arm_message
 from yumi.control.motion.robot_response import STANDING
-from yumi.robot.joints import Side, joint_names
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]

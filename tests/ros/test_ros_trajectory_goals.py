@@ -15,8 +15,10 @@ from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from ros_bench import Client, rclpy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from yumi.catalogue import message
-from yumi.clock import SystemClock
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, home, joint_names
+from abb_runtime.clock import SystemClock
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo
 from yumi.control.goals import MemoryBuffer
@@ -24,8 +26,6 @@ from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded
 from yumi.driver.stops import Cause
-from yumi.errors import CommandRefused
-from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.nodes import TimerThread
 from yumi.ros.trajectory_action import TrajectoryAction
 

@@ -30,9 +30,9 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from abb_protocols.robot.joints import CHAIN_AXES, Side, home
+from abb_runtime.process.command import Command
 from urdf_kinematics import links_to_root, matrix
-from yumi.process.command import Command
-from yumi.robot.joints import CHAIN_AXES, Side, home
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 

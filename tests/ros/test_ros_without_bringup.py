@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from yumi.egm.udp import free_port
-from yumi.process.command import Command
-from yumi.robot.joints import Side
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.robot.joints import Side
+from abb_runtime.process.command import Command
+from abb_runtime.udp import free_port
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.subscriptions import Upgrade
+from virtual_irc5.world import World, WorldSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 TIMEOUT = 60.0

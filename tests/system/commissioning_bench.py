@@ -6,17 +6,17 @@ from pathlib import Path
 
 import httpx
 
+from abb_protocols.robot.joints import Side
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.rws.transport import ConnectionLost
 from memory_http import MemoryHttp
-from yumi.clock import ManualClock
+from virtual_irc5.controller.installed_system import factory_system
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.world import World, WorldSettings
 from yumi.driver.commissioning.installation import Installation, Plan
 from yumi.driver.commissioning.installation_record import Record
 from yumi.driver.launch_checks import EgmAddress
-from yumi.robot.joints import Side
-from yumi.rws.client import RwsClient
-from yumi.rws.transport import ConnectionLost
-from yumi.virtual.controller.installed_system import factory_system
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("192.168.125.99", 6511), Side.RIGHT: EgmAddress("192.168.125.99", 6512)}
 DOMAINS = ("EIO", "MOC", "SIO", "SYS")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import radians
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
 from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
@@ -13,7 +14,6 @@ from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import FollowTrajectory, Tolerances, TrajectoryEnded
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME = "dual_arm_trajectory_controller"

@@ -7,7 +7,7 @@ import socket
 import time
 from threading import Event
 
-from yumi.egm.codec import SensorCodec, SensorMessage
+from abb_protocols.egm.codec import SensorCodec, SensorMessage
 
 
 class HeldArm:

@@ -17,14 +17,24 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
+from abb_protocols.catalogue import FrontEnd, Message, said_by, sentence
+from abb_protocols.errors import YumiError
+from abb_protocols.robot.description import HAND
+from abb_protocols.robot.gripper import TRAVEL, Direction, GripperGoal, go_to, grip
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
+from abb_protocols.rws.types import ControllerState
+from abb_runtime.clock import ManualClock
+from abb_runtime.faults import Fault, Way
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.udp import free_port
 from memory_http import MemoryHttp
 from system.virtual_time_bench import System
+from virtual_irc5.controller.installed_system import ROBOTS, factory_system
+from virtual_irc5.world import World, WorldSettings
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
-from yumi.catalogue import FrontEnd, Message, said_by, sentence
 from yumi.cli.up import _only_under_name
-from yumi.clock import ManualClock
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
@@ -43,17 +53,7 @@ from yumi.control.loop_events import (
 from yumi.driver.endpoint import find_driver
 from yumi.driver.launch_checks import LaunchChecks
 from yumi.driver.stops import Cause
-from yumi.egm.udp import free_port
-from yumi.errors import YumiError
 from yumi.planning.planner import Planner
-from yumi.robot.description import HAND
-from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, go_to, grip
-from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
-from yumi.rws.client import RwsClient
-from yumi.rws.types import ControllerState
-from yumi.virtual.controller.installed_system import ROBOTS, factory_system
-from yumi.virtual.faults import Fault, Way
-from yumi.virtual.world import World, WorldSettings
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
 GRIPPERS = ("gripper", "object")

@@ -10,9 +10,9 @@ from threading import Event
 
 import click
 
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Side
-from yumi.virtual.server import VirtualController, world_settings
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import Side
+from virtual_irc5.server import VirtualController, world_settings
 
 CONNECTIONS = 10
 """Of each task."""

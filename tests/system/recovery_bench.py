@@ -6,14 +6,14 @@ from math import inf, radians
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import StopNotConfirmed
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
+from abb_runtime.faults import Fault
+from abb_runtime.rws.transport import INTERVAL
 from system.virtual_time_bench import System
-from yumi.catalogue import message
 from yumi.control.flight_recorder import Frame
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.errors import StopNotConfirmed
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
-from yumi.rws.transport import INTERVAL
-from yumi.virtual.faults import Fault
 
 GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (20.0, -118.4, -110.0, 40.0, -30.0, 42.5, 20.0)]),

@@ -8,14 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws import types as rapid_values
+from abb_runtime.faults import Fault
+from abb_runtime.process.command import Command
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.udp import free_port
 from yumi.cli.fault import fault as fault_command
 from yumi.driver.state_machine import MAIN, MachineState
-from yumi.egm.udp import free_port
-from yumi.process.command import Command
-from yumi.robot.joints import Side
-from yumi.rws import types as rapid_values
-from yumi.rws.client import RwsClient
-from yumi.virtual.faults import Fault
 
 TIMEOUT = 60.0
 

@@ -13,10 +13,10 @@ from struct import Struct
 from threading import Event as Flag
 from threading import Thread
 
-from yumi.clock import SystemClock
-from yumi.egm.udp import UdpClient, free_port
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Side
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import Side
+from abb_runtime.clock import SystemClock
+from abb_runtime.udp import UdpClient, free_port
 
 from wire_faults import Tapped  # isort: skip - the folder of this file is on the path, as for tests
 
@@ -111,7 +111,7 @@ def _file(folder: Path, port: int) -> Path:
 
 def main(folder: Path, left_port: int, right_port: int) -> None:
     """Serve until standard input ends."""
-    from yumi.virtual.server import VirtualController, world_settings
+    from virtual_irc5.server import VirtualController, world_settings
 
     def link(host: str, port: int) -> UdpClient:
         file = _file(folder, port)

@@ -9,14 +9,14 @@ from math import radians
 
 import pytest
 
+from abb_protocols.errors import YumiError
+from abb_protocols.robot.joints import Side, Vector
+from abb_protocols.robot.kinematics import quaternion_of
 from cartesian_bench import Shares
 from system.test_endpoint_in_virtual_time import Driver
 from unit.robot.test_robot_kinematics import rad
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperationReport
 from yumi.driver.teleoperation import Teleoperation
-from yumi.errors import YumiError
-from yumi.robot.joints import Side, Vector
-from yumi.robot.kinematics import quaternion_of
 
 RATE = 60.0  # [Hz] of the device
 RIGHT = Side.RIGHT

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.catalogue import clause, message
+from abb_protocols.rws.types import EventType
+from abb_runtime.faults import Fault
 from system.recovery_bench import MovingSystem
-from yumi.catalogue import clause, message
 from yumi.driver.recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings
 from yumi.driver.settings import read_settings
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.rws.types import EventType
-from yumi.virtual.faults import Fault
 
 
 class SelfRecovering(MovingSystem):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from yumi.errors import RobotNotReady
+from abb_protocols.errors import RobotNotReady
 from yumi_evaluation.bench.contenders import (
     ECHO,
     Case,
@@ -73,7 +73,7 @@ def check_replies(run: Run) -> None:
 
 WRONG_AT_TIMES = """
 import os, socket, sys
-from yumi.egm.egm_pb2 import EgmRobot
+from abb_protocols.egm.egm_pb2 import EgmRobot
 server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 server.bind(("127.0.0.1", int(sys.argv[1])))
 print("ready", os.getpid(), flush=True)

@@ -6,18 +6,18 @@ from dataclasses import replace
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import ControllerRefused, RobotNotReady, SettingsError
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws import types as rapid_values
+from abb_protocols.rws.types import GRANTS, ControllerState, ExecutionState, Grant, OperatingMode
 from refusals import refused
 from system.virtual_time_bench import System
-from yumi.catalogue import message
+from virtual_irc5.rapid.types import UnknownSymbol
 from yumi.driver.bringup import Bringup
 from yumi.driver.commissioning.controller_checks import NEEDED_GRANTS
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.state_machine import EGM, EgmMotionSettings, MachineState
-from yumi.errors import ControllerRefused, RobotNotReady, SettingsError
-from yumi.rapid.types import UnknownSymbol
-from yumi.robot.joints import Side
-from yumi.rws import types as rapid_values
-from yumi.rws.types import GRANTS, ControllerState, ExecutionState, Grant, OperatingMode
 
 
 @pytest.fixture

@@ -8,12 +8,16 @@ from math import degrees, hypot, pi, radians, sin
 import numpy as np
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.inverse_kinematics import Unreachable, arm_angle
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Pose, Side, Vector, joints
+from abb_protocols.robot.kinematics import multiply, quaternion_of, rotation_vector, tool0_to_body
 from cartesian_bench import NAME, CartesianBench, deviation, shares
 from refusals import assert_says, refused
 from soak import long, short, tell
 from trajectories import sent_beside_speeds
 from unit.robot.test_robot_kinematics import rad
-from yumi.catalogue import message
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
 from yumi.control.shared_state import Factor
@@ -21,11 +25,7 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_goal import ToolGoal, pose_goal, twist_goal
 from yumi.control.tool_limits import ToolLimits, Wall
 from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, Outcome
-from yumi.errors import CommandRefused
 from yumi.planning.tool_path import Waypoint, plan_path
-from yumi.robot.inverse_kinematics import Unreachable, arm_angle
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Pose, Side, Vector, joints
-from yumi.robot.kinematics import multiply, quaternion_of, rotation_vector, tool0_to_body
 
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
 LIMITS = YUMI_LIMITS.slowed_to(radians(180.0))  # as EGM's MaxSpeedDeviation leaves them

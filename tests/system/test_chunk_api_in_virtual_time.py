@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from teleoperation_bench import LEFT_START, START, WITHIN, driver_in_egm
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, joint_names
+from abb_runtime.clock import ManualClock
 from cartesian_bench import shares
 from refusals import refused
 from system.test_endpoint_in_virtual_time import Driver
 from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.api.chunks import Chunk, ChunkFollower, _GripperSchedule
-from yumi.clock import ManualClock
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.hand_over import Commander, asking
 from yumi.control.loop_commands import Commands
-from yumi.errors import CommandRefused
-from yumi.robot.joints import YUMI_LIMITS, Side, joint_names
 
 PERIOD = 0.05
 HOLD = 1.0 - np.cos(np.arange(40) * PERIOD)  # of a wave that begins at rest

@@ -7,6 +7,7 @@ from math import radians
 import numpy as np
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names, joints
 from cartesian_bench import shares
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
@@ -15,7 +16,6 @@ from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory, timed
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME, SIDE = "joint_trajectory_controller", Side.RIGHT

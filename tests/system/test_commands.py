@@ -18,15 +18,15 @@ from click.testing import CliRunner
 from script_bench import TIMEOUT, VirtualRobot
 
 import yumi
+from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.errors import RobotNotReady
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, named_pose
+from abb_runtime.faults import Fault
+from abb_runtime.process.command import Command
 from refusals import refused
-from yumi.catalogue import FrontEnd, message, sentence
 from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.main import main
 from yumi.cli.robot import DRIVER_COMMANDS
-from yumi.errors import RobotNotReady
-from yumi.process.command import Command
-from yumi.robot.joints import YUMI_LIMITS, Side, named_pose
-from yumi.virtual.faults import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 

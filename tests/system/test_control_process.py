@@ -13,8 +13,14 @@ from queue import Queue
 
 import pytest
 
+from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorMessage
+from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
+from abb_runtime.clock import SystemClock, wait_until
+from abb_runtime.process.child import ChildProcess, PipeEnd
+from abb_runtime.process.realtime import prefer_process
+from abb_runtime.udp import Poller, UdpClient, UdpServer, free_port
 from refusals import refused
-from yumi.clock import SystemClock, wait_until
 from yumi.control.controller import State
 from yumi.control.goals import write_goal
 from yumi.control.loop_commands import Commands, ControllerCommand
@@ -25,13 +31,7 @@ from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import CollisionSettings, read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
-from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorMessage
-from yumi.egm.udp import Poller, UdpClient, UdpServer, free_port
-from yumi.errors import CommandRefused, NoConnection, RobotNotReady
 from yumi.planning.trajectory_request import MOST_POINTS, JointTrajectory, plan_trajectory
-from yumi.process.child import ChildProcess, PipeEnd
-from yumi.process.realtime import prefer_process
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 
 pytestmark = pytest.mark.real_time
 

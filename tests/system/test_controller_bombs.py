@@ -19,11 +19,11 @@ from typing import NamedTuple
 
 import pytest
 
+from abb_protocols.egm.codec import SensorCodec, SensorMessage
+from abb_protocols.robot.joints import CYCLE, Side
+from abb_runtime.process.command import Command
+from abb_runtime.rws.client import RwsClient
 from stalls import waited_for_a_processor
-from yumi.egm.codec import SensorCodec, SensorMessage
-from yumi.process.command import Command
-from yumi.robot.joints import CYCLE, Side
-from yumi.rws.client import RwsClient
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 

@@ -11,13 +11,13 @@ from queue import Queue
 import pytest
 from click.testing import CliRunner
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import ControllerRefused, LoginRefused, NoConnection
+from abb_protocols.rws.types import Code, ControllerState
+from abb_runtime.process.command import CONTROLLER_READY, Command
+from abb_runtime.rws.client import CONTROLLER_STATE, Change, RwsClient
 from refusals import refused
-from yumi.catalogue import message
 from yumi.cli.main import main
-from yumi.errors import ControllerRefused, LoginRefused, NoConnection
-from yumi.process.command import CONTROLLER_READY, Command
-from yumi.rws.client import CONTROLLER_STATE, Change, RwsClient
-from yumi.rws.types import Code, ControllerState
 
 PATIENCE = 20.0  # [s]
 

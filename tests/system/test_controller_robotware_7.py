@@ -7,8 +7,8 @@ from pathlib import Path
 import httpx
 import pytest
 
+from virtual_irc5.rws.version_2 import FORM, HAL
 from yumi.testing.virtual_yumi import ControllerProcess
-from yumi.virtual.rws.version_2 import FORM, HAL
 
 pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
 

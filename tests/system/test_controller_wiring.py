@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.errors import SettingsError
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.settings import Values
 from controller_states import moved
 from refusals import refused
 from yumi.control.goals import GoalKind, write_goal
@@ -12,10 +16,6 @@ from yumi.driver import wiring
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.settings import override, read_controllers, read_settings
 from yumi.driver.wiring import CONTROLLER_KINDS, Place, make_parts
-from yumi.errors import SettingsError
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
-from yumi.rws.client import RwsClient
-from yumi.settings import Values
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 SIDE = Side.LEFT

@@ -8,11 +8,11 @@ from time import process_time
 
 import pytest
 
+from abb_protocols.egm.codec import SensorCodec, SensorMessage
+from abb_protocols.robot.joints import Side
 from soak import tell
-from yumi.egm.codec import SensorCodec, SensorMessage
-from yumi.robot.joints import Side
-from yumi.virtual.controller.installed_system import delivered_system, with_programs
-from yumi.virtual.world import World, WorldSettings
+from virtual_irc5.controller.installed_system import delivered_system, with_programs
+from virtual_irc5.world import World, WorldSettings
 
 PROGRAM = r"""MODULE Minute
     VAR egmident egm;

@@ -15,28 +15,28 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from abb_protocols.catalogue import Action, Message, clause, message, remedy_of
+from abb_protocols.errors import ControllerRefused
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import OperatingMode
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.udp import UdpServer, free_port
 from memory_http import MemoryHttp
 from refusals import assert_says
-from yumi.catalogue import Action, Message, clause, message, remedy_of
+from virtual_irc5.controller.installed_system import ROBOTS, factory_system
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.service import RwsService
+from virtual_irc5.world import World, WorldSettings
 from yumi.cli.main import main
-from yumi.clock import ManualClock
 from yumi.driver.commissioning.contents import essence
 from yumi.driver.commissioning.controller_checks import examine_controller
 from yumi.driver.commissioning.delivery import delivered_modules
 from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.machine_checks import Run, examine_machine
 from yumi.driver.launch_checks import EgmAddress
-from yumi.egm.udp import UdpServer, free_port
-from yumi.errors import ControllerRefused
-from yumi.robot.joints import Side
-from yumi.rws.client import RwsClient
-from yumi.rws.types import OperatingMode
-from yumi.virtual.controller.installed_system import ROBOTS, factory_system
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.service import RwsService
-from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
 NOON = datetime(2026, 7, 9, 12, 0, 0).timestamp()

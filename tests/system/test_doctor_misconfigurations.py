@@ -9,11 +9,21 @@ from typing import NamedTuple
 
 import pytest
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.operations.rapid import TaskInfo
+from abb_protocols.rws.types import CollisionState, ControllerState, Grant, OperatingMode
+from abb_runtime.clock import ManualClock
+from abb_runtime.faults import Fault, Way
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.udp import NetworkCard, UdpServer
 from memory_http import MemoryHttp
 from refusals import assert_says, refused
-from yumi.catalogue import Message, message
+from virtual_irc5.controller.installed_system import delivered_system
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.world import World, WorldSettings
 from yumi.cli.install import _examine_stream
-from yumi.clock import ManualClock
 from yumi.driver.commissioning.controller_checks import examine_controller
 from yumi.driver.commissioning.delivery import delivered_modules
 from yumi.driver.commissioning.findings import Finding, Verdict
@@ -21,17 +31,7 @@ from yumi.driver.commissioning.machine_checks import examine_machine
 from yumi.driver.commissioning.stream_checks import ArmStream, examine_stream, listen, obstacle_to_stream, streaming
 from yumi.driver.launch_checks import EgmAddress
 from yumi.egm.session import Arrivals, SessionCounters
-from yumi.egm.udp import NetworkCard, UdpServer
-from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
-from yumi.robot.joints import Side
-from yumi.rws.client import RwsClient
-from yumi.rws.operations.rapid import TaskInfo
-from yumi.rws.types import CollisionState, ControllerState, Grant, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
-from yumi.virtual.controller.installed_system import delivered_system
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.faults import Fault, Way
-from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
 NOON = datetime(2026, 7, 9, 12, 0, 0).timestamp()

@@ -8,13 +8,13 @@ from math import radians
 import pytest
 from dual_arms import NAME, DualArms
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import TrajectoryRefused
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side
 from refusals import assert_says, refused
 from trajectories import dual_arm_trajectory, swing
-from yumi.catalogue import message
 from yumi.control.shared_state import Factor
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode
-from yumi.errors import TrajectoryRefused
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side
 
 
 @pytest.fixture

@@ -17,13 +17,18 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from abb_protocols.catalogue import FrontEnd, from_wire, message, sentence
+from abb_protocols.errors import CommandRefused, YumiError
+from abb_protocols.robot.description import FINGERTIPS
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, named_pose
+from abb_protocols.robot.kinematics import compose, matrix, tool0_to_body
+from abb_runtime.faults import Fault
 from refusals import refused
 from system.virtual_time_bench import System
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.api.attach import attach
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
-from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.cli.main import main
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
@@ -35,11 +40,6 @@ from yumi.driver.command import CommandedRobot
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.motion_commands import JOG_HOLDS
-from yumi.errors import CommandRefused, YumiError
-from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import YUMI_LIMITS, Joints, Side, named_pose
-from yumi.robot.kinematics import compose, matrix, tool0_to_body
-from yumi.virtual.faults import Fault
 from yumi.web.page_messages import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from yumi.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.robot.joints import CYCLE
+from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.cli.main import main
-from yumi.robot.joints import CYCLE
-from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation import results as evaluation_results
 from yumi_evaluation.experiments import (
     PREDICTION,

@@ -12,9 +12,12 @@ from queue import Queue
 
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
+from abb_runtime.clock import ManualClock, SystemClock
+from abb_runtime.process.child import ChildProcess, PipeEnd
+from abb_runtime.udp import free_port
 from system.test_control_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
-from yumi.clock import ManualClock, SystemClock
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
 from yumi.control.goals import SessionGoal, write_goal
@@ -25,11 +28,8 @@ from yumi.control.stage_times import StageClock
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
-from yumi.egm.udp import free_port
-from yumi.process.child import ChildProcess, PipeEnd
 from yumi.recording.reader import Recording, read_recording
 from yumi.recording.recorder import Recorder
-from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
 
 pytestmark = pytest.mark.real_time
 

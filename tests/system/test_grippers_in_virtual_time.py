@@ -8,17 +8,9 @@ from typing import Any, cast
 
 import pytest
 
-from refusals import assert_says, numbers_in, refused
-from system.recovery_bench import recovered
-from system.virtual_time_bench import DriverArm, System
-from yumi.api.connection import Connection
-from yumi.api.motion_executor import MotionExecutor
-from yumi.catalogue import Action, Message, message
-from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
-from yumi.driver.robot_state import Mode
-from yumi.driver.settings import read_settings
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
-from yumi.robot.gripper import (
+from abb_protocols.catalogue import Action, Message, message
+from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
+from abb_protocols.robot.gripper import (
     ATMOSPHERE,
     MAX_FORCE,
     THINNEST,
@@ -31,10 +23,18 @@ from yumi.robot.gripper import (
     go_to,
     grip,
 )
-from yumi.robot.joints import CYCLE, Side, home
-from yumi.rws.types import ExecutionState
-from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
+from abb_protocols.robot.joints import CYCLE, Side, home
+from abb_protocols.rws.types import ExecutionState
+from abb_runtime.faults import Fault
+from refusals import assert_says, numbers_in, refused
+from system.recovery_bench import recovered
+from system.virtual_time_bench import DriverArm, System
+from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
+from yumi.api.connection import Connection
+from yumi.api.motion_executor import MotionExecutor
+from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
+from yumi.driver.robot_state import Mode
+from yumi.driver.settings import read_settings
 
 CLOSE = grip(Direction.INWARDS, 10.0)
 SPREAD = grip(Direction.OUTWARDS, 8.0)

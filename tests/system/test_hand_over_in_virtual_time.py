@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from abb_protocols.catalogue import FrontEnd
+from abb_protocols.errors import CommandRefused, GoalNotReached
+from abb_protocols.robot.joints import Joints, Side, joints
 from cartesian_bench import shares
 from refusals import refused
 from system.teleoperation_bench import LEFT_START, RIGHT, START, WITHIN, driver_in_egm
 from system.test_endpoint_in_virtual_time import Driver
-from yumi.catalogue import FrontEnd
 from yumi.control.hand_over import Commander
 from yumi.driver.command import Caller, Command
 from yumi.driver.commands import GiveBack, carry_out
 from yumi.driver.motion_commands import Jog, Move, Stream
-from yumi.errors import CommandRefused, GoalNotReached
-from yumi.robot.joints import Joints, Side, joints
 
 PAGE = Caller(client="page", front_end=FrontEnd.PAGE)
 SCRIPT = Caller(client="script")

@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 
 import yumi
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import CYCLE, Joints, joints
 from cartesian_bench import shares
 from soak import long, short, tell
 from system.test_teleoperation_measured import RATE, recorded_driver
@@ -24,10 +26,8 @@ from yumi.driver.command import Arm
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings
 from yumi.driver.motion_commands import Jog, Teleoperate
 from yumi.driver.reports import CommandingReport
-from yumi.errors import CommandRefused
 from yumi.recording.message_types import EVENTS
 from yumi.recording.reader import recorded_messages
-from yumi.robot.joints import CYCLE, Joints, joints
 from yumi.web.driver_link import DriverLink
 
 ARMS: tuple[Arm, ...] = ("right", "left")

@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.rws.types import OperatingMode
 from system.test_doctor import served
-from yumi.catalogue import FrontEnd, Message, message, sentence
+from virtual_irc5.controller.file_store import CAPACITY
+from virtual_irc5.controller.installed_system import ROBOTS, factory_system
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.world import World, WorldSettings
 from yumi.cli.main import main
 from yumi.driver.commissioning.contents import Contents
 from yumi.driver.commissioning.installation import Installation, Plan
-from yumi.rws.types import OperatingMode
-from yumi.virtual.controller.file_store import CAPACITY
-from yumi.virtual.controller.installed_system import ROBOTS, factory_system
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.world import World, WorldSettings
 
 
 @pytest.fixture

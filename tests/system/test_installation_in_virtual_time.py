@@ -10,9 +10,15 @@ import httpx
 import pytest
 from commissioning_bench import HERE, Interruption, Site
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import GRANTS, ControllerState, Grant, OperatingMode
+from abb_runtime.rws.client import RwsClient
 from refusals import assert_says, refused
 from soak import long, short
-from yumi.catalogue import Message, message
+from virtual_irc5.controller.installed_system import factory_system
+from virtual_irc5.world import WorldSettings
 from yumi.driver.commissioning.contents import Contents
 from yumi.driver.commissioning.delivery import delivered_modules
 from yumi.driver.commissioning.installation import _BACKUP_GRANT, _GRANTS, Installation, Plan
@@ -20,13 +26,7 @@ from yumi.driver.commissioning.installation_record import Record
 from yumi.driver.commissioning.stream_checks import listen, streaming
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
-from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
-from yumi.robot.joints import Side
-from yumi.rws.client import RwsClient
-from yumi.rws.types import GRANTS, ControllerState, Grant, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
-from yumi.virtual.controller.installed_system import factory_system
-from yumi.virtual.world import WorldSettings
 
 FOREIGN = "MODULE Production\n  PROC main()\n    WaitTime 1;\n  ENDPROC\nENDMODULE\n"
 

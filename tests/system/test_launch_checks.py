@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import pytest
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import ControllerRefused, RobotNotReady
+from abb_protocols.robot.joints import Joints, Side
+from abb_protocols.rws.documents import CfgInstance
+from abb_runtime.faults import Fault
 from refusals import assert_says, refused
 from system.virtual_time_bench import System
-from yumi.catalogue import Message, message
 from yumi.driver.launch_checks import EgmAddress, LaunchChecks
-from yumi.errors import ControllerRefused, RobotNotReady
-from yumi.robot.joints import Joints, Side
-from yumi.rws.documents import CfgInstance
-from yumi.virtual.faults import Fault
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
 

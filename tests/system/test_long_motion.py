@@ -11,10 +11,10 @@ from script_bench import VirtualRobot
 from wire_faults import center
 
 import yumi
+from abb_protocols.robot.joints import Joints, Side, joints
+from abb_runtime.clock import SystemClock
 from soak import MINUTES, long, short, tell
 from yumi.api.robot import Robot
-from yumi.clock import SystemClock
-from yumi.robot.joints import Joints, Side, joints
 from yumi_evaluation.bench.run import busy_loops
 
 TURN = radians(40.0)

@@ -11,16 +11,16 @@ from tapped_controller import TappedController
 from wire_faults import Tapped, center
 
 import yumi
+from abb_protocols.egm.codec import MotorState, SensorCodec
+from abb_protocols.errors import YumiError
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, change_rate, joints
+from abb_runtime.clock import SystemClock
+from abb_runtime.faults import Fault, Way
 from soak import tell
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
 from yumi.cli.fault import fault as fault_command
-from yumi.clock import SystemClock
 from yumi.control.motion.robot_response import EGM_GAIN
-from yumi.egm.codec import MotorState, SensorCodec
-from yumi.errors import YumiError
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, change_rate, joints
-from yumi.virtual.faults import Fault, Way
 
 pytestmark = pytest.mark.timeout(300)
 

@@ -9,8 +9,10 @@ from math import radians
 
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
 from controller_arms import CASES, Case
 from trajectories import planned
+from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.control.controller import Controller
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
@@ -21,8 +23,6 @@ from yumi.control.loop_events import ReferencesIgnored
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import FollowTrajectory
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
-from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmRig
 
 NAME = "controller"

@@ -18,11 +18,11 @@ import pytest
 from held_arm import HeldArm, answer_all
 from rws_load import Client, Load
 
+from abb_protocols.robot.joints import CYCLE, Side
+from abb_runtime.clock import SystemClock, wait_until
+from abb_runtime.rws.client import RwsClient
 from soak import tell
-from yumi.clock import SystemClock, wait_until
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
-from yumi.robot.joints import CYCLE, Side
-from yumi.rws.client import RwsClient
 from yumi.testing.virtual_yumi import ControllerProcess
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone]

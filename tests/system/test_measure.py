@@ -19,11 +19,11 @@ import pytest
 from script_bench import VirtualRobot, run_python
 
 import yumi
+from abb_protocols.robot.joints import CHAIN_AXES, CYCLE, Joints, Side
+from abb_runtime.faults import Fault
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.parameters import EgmParameters, read_egm_parameters, write_egm_parameters
 from yumi.recording.reader import read_recording
-from yumi.robot.joints import CHAIN_AXES, CYCLE, Joints, Side
-from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters, write_egm_parameters
 from yumi_evaluation.identification import Dynamics, answer
 from yumi_evaluation.logs import read_logs
 

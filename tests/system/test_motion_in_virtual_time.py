@@ -6,12 +6,12 @@ from math import radians
 
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from refusals import assert_says
 from system.virtual_time_bench import DriverArm, System
 from yumi.control.loop_events import RobotFollows, SessionLost, SessionResumed
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.shared_state import Snapshot
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 
 GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (42.1, -118.4, -92.1, 46.5, -143.6, 42.5, 36.1)]),

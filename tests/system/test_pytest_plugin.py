@@ -12,19 +12,19 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.errors import CommandRefused, RobotNotReady
+from abb_protocols.rws.types import ControllerState
+from abb_runtime.faults import Fault
+from abb_runtime.rws.client import RwsClient
 from soak import CONTROLLERS, long, short, tell
-from yumi.errors import CommandRefused, RobotNotReady
-from yumi.rws.client import RwsClient
-from yumi.rws.types import ControllerState
 from yumi.testing.virtual_yumi import ControllerProcess
-from yumi.virtual.faults import Fault
 
 pytestmark = pytest.mark.real_time
 
 THIRD_PARTY = """
 import pytest
-from yumi.rws.client import RwsClient
-from yumi.rws.types import ControllerState
+from abb_runtime.rws.client import RwsClient
+from abb_protocols.rws.types import ControllerState
 
 @pytest.mark.abb_controller(calibrated=True)
 def test_motors_go_on(abb_controller):

@@ -16,10 +16,10 @@ import pytest
 from held_arm import HeldArm
 from rapid_servers import CONNECTIONS
 
+from abb_protocols.robot.joints import CYCLE
+from abb_runtime.udp import free_port
 from free_ports import free_tcp_port
 from soak import long, short, tell
-from yumi.egm.udp import free_port
-from yumi.robot.joints import CYCLE
 
 pytestmark = pytest.mark.real_time
 SCRIPT = Path(__file__).with_name("rapid_servers.py")

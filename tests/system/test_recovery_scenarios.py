@@ -7,15 +7,15 @@ from typing import NoReturn
 import httpx
 import pytest
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import NoConnection, RobotNotReady
+from abb_protocols.robot.joints import CYCLE, Side
+from abb_protocols.rws.types import ControllerState
+from abb_runtime.faults import Fault
+from abb_runtime.rws.transport import AnswerTimeout
 from refusals import refused
 from system.recovery_bench import MovingSystem, recovered
-from yumi.catalogue import Message, message
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.errors import NoConnection, RobotNotReady
-from yumi.robot.joints import CYCLE, Side
-from yumi.rws.transport import AnswerTimeout
-from yumi.rws.types import ControllerState
-from yumi.virtual.faults import Fault
 
 NO_JUMP = 1.001
 LEFT_BEHIND = "end the EGM motion that runs (the arms come to rest)"

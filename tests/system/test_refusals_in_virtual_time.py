@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import pytest
 
+from abb_protocols.catalogue import Action, Message, message
+from abb_protocols.errors import YumiError
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import ControllerState
+from abb_runtime.faults import Fault
 from refusals import refused
 from system.virtual_time_bench import System
-from yumi.catalogue import Action, Message, message
 from yumi.driver.robot_state import Mode
-from yumi.errors import YumiError
-from yumi.robot.joints import Side
-from yumi.rws.types import ControllerState
-from yumi.virtual.faults import Fault
 
 MODULE = "MODULE Pick\nPROC pickOne()\nENDPROC\nENDMODULE\n"
 WRITE_VARIABLE = ("write_variable", "T_ROB_L", "TRobSG", "target_position_input", "1")

@@ -11,21 +11,21 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.catalogue import Message, clause, message
+from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
+from abb_protocols.robot.description import HAND, Mass
+from abb_protocols.robot.joints import CYCLE, Pose, Side, joints
+from abb_protocols.robot.load import Tool, principal_inertia
+from abb_protocols.rws import types as rapid_values
+from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_runtime.faults import Fault, Way
 from refusals import assert_says, refused
 from system.virtual_time_bench import DriverArm, System
-from yumi.catalogue import Message, clause, message
 from yumi.control.loop_events import AllowedCollisionsChanged
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver import rapid_routines
 from yumi.driver.robot_state import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
-from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
-from yumi.robot.description import HAND, Mass
-from yumi.robot.joints import CYCLE, Pose, Side, joints
-from yumi.robot.load import Tool, principal_inertia
-from yumi.rws import types as rapid_values
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
-from yumi.virtual.faults import Fault, Way
 
 
 @pytest.fixture

@@ -11,24 +11,24 @@ from threading import Event
 
 import pytest
 
+from abb_protocols.catalogue import Message, clause, message, remedy_of
+from abb_protocols.errors import ControllerRefused, RobotNotReady
+from abb_protocols.robot.gripper import TRAVEL, ServoCommand, ServoState
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, Resource
+from abb_runtime.clock import ManualClock
+from abb_runtime.faults import Fault
+from abb_runtime.rws.client import Change, OnChange, OnLost, Subscription
 from refusals import assert_says, numbers_in
 from system.recovery_bench import MovingSystem
-from yumi.catalogue import Message, clause, message, remedy_of
-from yumi.clock import ManualClock
 from yumi.control.loop_events import Event as ArmEvent
 from yumi.control.loop_events import is_fault
 from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
 from yumi.driver.robot_state import Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
 from yumi.driver.stops import Cause
-from yumi.errors import ControllerRefused, RobotNotReady
 from yumi.recording.reader import read_recording
 from yumi.recording.recorder import Recorder
-from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
-from yumi.robot.joints import Side
-from yumi.rws.client import Change, OnChange, OnLost, Subscription
-from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, Resource
-from yumi.virtual.faults import Fault
 
 NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
 

@@ -17,17 +17,17 @@ from numpy.typing import ArrayLike, NDArray
 from script_bench import TIMEOUT, VirtualRobot, output_of
 
 import yumi
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, SettingsError, StopNotConfirmed
+from abb_protocols.robot.gripper import Outcome
+from abb_protocols.robot.joints import Side, home
+from abb_runtime.faults import Fault
 from refusals import numbers_in, refused
 from yumi.api.robot import Robot
-from yumi.catalogue import message
 from yumi.control.motion.robot_response import DELAY
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.reports import ArmMode
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, SettingsError, StopNotConfirmed
 from yumi.recording.reader import read_recording
-from yumi.robot.gripper import Outcome
-from yumi.robot.joints import Side, home
-from yumi.virtual.faults import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)

@@ -12,8 +12,13 @@ from math import sin
 
 import pytest
 
+from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side, home, joints
+from abb_runtime.clock import SystemClock, wait_until
+from abb_runtime.process.child import ChildProcess, PipeEnd
+from abb_runtime.process.realtime import prefer_process, prefer_thread
+from abb_runtime.udp import Poller, UdpClient, free_port
 from soak import tell
-from yumi.clock import SystemClock, wait_until
 from yumi.control.controller import Controller
 from yumi.control.flight_recorder import Frame
 from yumi.control.loop_commands import Commands
@@ -21,11 +26,6 @@ from yumi.control.loop_events import ControllersLate, Event
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
-from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
-from yumi.egm.udp import Poller, UdpClient, free_port
-from yumi.process.child import ChildProcess, PipeEnd
-from yumi.process.realtime import prefer_process, prefer_thread
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side, home, joints
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 

@@ -83,7 +83,7 @@ class Machine:
             "PATH": f"{self.ros / 'bin'}:{kept['PATH']}",
             "AMENT_PREFIX_PATH": str(self.ros),
             "LD_LIBRARY_PATH": ":".join(map(str, (self.ros / "lib", *packages.glob("*.libs")))),
-            "PYTHONPATH": os.pathsep.join(map(str, (packages, ROOT / "src"))),
+            "PYTHONPATH": os.pathsep.join(map(str, (packages, *ROOT.glob("packages/*/src")))),
             "ROS_DISTRO": "jazzy",
             "ROS_VERSION": "2",
             "ROS_LOG_DIR": str(folder / "log"),

@@ -7,17 +7,17 @@ from math import radians
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
+from abb_protocols.robot.joints import Joints, Side, joints
+from abb_protocols.rws.types import ControllerState, EventType, ExecutionState
+from abb_runtime.faults import Fault
 from refusals import assert_says, numbers_in, refused
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
-from yumi.catalogue import message
 from yumi.driver.commissioning.stream_checks import streaming
 from yumi.driver.robot_state import Mode
 from yumi.driver.stops import HISTORY
-from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
-from yumi.robot.joints import Joints, Side, joints
-from yumi.rws.types import ControllerState, EventType, ExecutionState
-from yumi.virtual.faults import Fault
 
 NO_JUMP = 1.001
 NUMBERS = {Fault.COLLISION: 50204, Fault.EMERGENCY_STOP: 10013}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from abb_runtime.faults import Fault
 from system.provoked_stops import page, sections
-from yumi.virtual.faults import Fault
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "stops-and-refusals.md"
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from abb_protocols.robot.joints import Side
+from abb_protocols.robot.kinematics import quaternion_of
 from cartesian_bench import shares
 from soak import long, short, tell
 from system.teleoperation_bench import (
@@ -24,8 +26,6 @@ from system.teleoperation_bench import (
 from system.test_endpoint_in_virtual_time import Driver
 from yumi.driver.device_frame import DeviceHand, DeviceSettings
 from yumi.driver.teleoperated_arm import LINK_LOST
-from yumi.robot.joints import Side
-from yumi.robot.kinematics import quaternion_of
 
 STILL = 0.3  # [s] after which an arm that was let go stands
 

@@ -12,6 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.description import FINGERTIPS
+from abb_protocols.robot.gripper import TRAVEL
+from abb_protocols.robot.inverse_kinematics import arm_angle
+from abb_protocols.robot.joints import CYCLE, Pose, Side, joints
+from abb_protocols.robot.kinematics import compose, distance_between, multiply, quaternion_of, tool0_to_body
 from cartesian_bench import shares
 from refusals import refused
 from system.teleoperation_bench import (
@@ -35,12 +41,6 @@ from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, Te
 from yumi.driver.motion_commands import Teleoperate
 from yumi.driver.teleoperated_arm import BLENDING, LINK_LOST
 from yumi.driver.teleoperation import OPERATOR_HOLDS
-from yumi.errors import CommandRefused
-from yumi.robot.description import FINGERTIPS
-from yumi.robot.gripper import TRAVEL
-from yumi.robot.inverse_kinematics import arm_angle
-from yumi.robot.joints import CYCLE, Pose, Side, joints
-from yumi.robot.kinematics import compose, distance_between, multiply, quaternion_of, tool0_to_body
 
 
 @pytest.fixture

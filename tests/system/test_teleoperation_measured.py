@@ -12,17 +12,17 @@ from statistics import median, quantiles
 import pytest
 
 import yumi
+from abb_protocols.robot.joints import Side, joints
+from abb_protocols.robot.kinematics import tool0_to_body
+from abb_runtime.process.command import Command
+from abb_runtime.udp import free_port
 from soak import long, short, tell
 from yumi.api.attach import RunningDriver
 from yumi.control.flight_recorder import Frame
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperationReport
 from yumi.driver.motion_commands import Teleoperate
 from yumi.driver.teleoperated_arm import LINK_LOST
-from yumi.egm.udp import free_port
-from yumi.process.command import Command
 from yumi.recording.reader import recorded_messages
-from yumi.robot.joints import Side, joints
-from yumi.robot.kinematics import tool0_to_body
 
 RATE = 60.0
 ROOM = (1.344, -1.222, -1.518, 0.733, -0.471, 0.192, 0.297)

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.errors import LoginRefused, NoConnection
+from abb_runtime.process.command import Command
 from browser import browser
 from system.test_doctor import served, world
-from yumi.catalogue import FrontEnd, message, sentence
+from virtual_irc5.controller.installed_system import ROBOTS, factory_system
 from yumi.driver.settings import RobotSettings
-from yumi.errors import LoginRefused, NoConnection
-from yumi.process.command import Command
-from yumi.virtual.controller.installed_system import ROBOTS, factory_system
 from yumi.web.controller import open_controller
 
 SOON = 60_000  # [ms]

@@ -18,12 +18,12 @@ import aiohttp
 import pytest
 
 import yumi
+from abb_runtime.process.command import Command
+from abb_runtime.udp import free_port
 from browser import browser
 from soak import tell
 from yumi.api.attach import RunningDriver
 from yumi.control.flight_recorder import Frame
-from yumi.egm.udp import free_port
-from yumi.process.command import Command
 from yumi.recording.reader import recorded_messages
 from yumi.web.live import RATE
 from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR

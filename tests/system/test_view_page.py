@@ -12,17 +12,17 @@ from typing import Any
 import pytest
 
 import yumi
+from abb_protocols.catalogue import FrontEnd, Message, clause, message
+from abb_protocols.errors import StopNotConfirmed
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import Joints, Pose, Side, home, joints
+from abb_protocols.robot.kinematics import IDENTITY
+from abb_runtime.faults import inject_fault
+from abb_runtime.process.command import Command
 from browser import browser
 from flight import LOST, flown, write_flight_record
-from yumi.catalogue import FrontEnd, Message, clause, message
-from yumi.errors import StopNotConfirmed
-from yumi.process.command import Command
+from yumi.core.collision import CollisionModel, Obstacle
 from yumi.recording.message_types import recorded_event
-from yumi.robot.collision import CollisionModel, Obstacle
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Joints, Pose, Side, home, joints
-from yumi.robot.kinematics import IDENTITY
-from yumi.virtual.faults import inject_fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(180)]
 SOON = 20_000  # [ms]

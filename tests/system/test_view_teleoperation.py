@@ -13,16 +13,16 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.robot.description import FINGERTIPS
+from abb_protocols.robot.joints import Pose, Side
+from abb_protocols.robot.kinematics import distance_between, tool0_to_body
+from abb_runtime.process.command import Command
 from browser import browser
 from soak import long, short, tell
 from system.test_teleoperation_measured import ROOM, first_motion, recorded_driver, standstill
 from yumi.api.attach import RunningDriver
 from yumi.driver.teleoperated_arm import LINK_LOST
-from yumi.process.command import Command
 from yumi.recording.reader import recorded_messages
-from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import Pose, Side
-from yumi.robot.kinematics import distance_between, tool0_to_body
 from yumi.web.page_build import run_script
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(240)]

@@ -9,18 +9,18 @@ from typing import cast
 
 import pytest
 
+from abb_protocols.errors import ControllerRefused
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws import types as rapid_values
+from abb_protocols.rws.types import ControllerState, ExecutionState
+from abb_runtime.faults import Fault
+from abb_runtime.process import supervision
+from abb_runtime.rws.client import RwsClient
 from system.recovery_bench import MovingSystem, recovered
 from system.virtual_time_bench import System
+from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, START_JOINT, WATCHDOG, SgCommand
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
-from yumi.errors import ControllerRefused
-from yumi.process import supervision
-from yumi.robot.joints import Side
-from yumi.rws import types as rapid_values
-from yumi.rws.client import RwsClient
-from yumi.rws.types import ControllerState, ExecutionState
-from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.arm_motion import ArmModel
 
 TIMEOUT = 1.5
 RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 0.2 s

@@ -29,8 +29,10 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder `dist` of `make wheels`, for the Python of the tests."""
     folder = tmp_path_factory.mktemp("dist")
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    for variables in ({}, {"YUMI_WHEEL_INTERFACES": "1"}):
-        subprocess.run(command, cwd=ROOT, check=True, env={**os.environ, **variables})
+    for package in (ROOT / "packages").iterdir():
+        subprocess.run(command, cwd=package, check=True)
+    driver = ROOT / "packages" / "yumi-ros2"
+    subprocess.run(command, cwd=driver, check=True, env={**os.environ, "YUMI_WHEEL_INTERFACES": "1"})
     listed = subprocess.run(
         ["make", "--dry-run", "wheels"], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout
@@ -138,3 +140,53 @@ def test_without_ros_scripts_and_the_virtual_controller_run_and_what_is_missing_
         assert f"yumi-ros2[{extra}]" in image.run(["yumi", *command], check=False)
         assert computed() - begin < IMPORTS
     tell(f"without ROS: {image.installed_in:.0f} s, {image.size:.0f} MB")
+
+
+PROGRAM = """
+MODULE Main
+    PROC main()
+        MoveAbsJ [[20,10,-10,15,40,25],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;
+        TPWrite "arrived";
+    ENDPROC
+ENDMODULE
+"""
+LARGEST = 130.0
+"""Of the virtual controller without the page [MB]."""
+
+
+def test_virtual_controller_runs_a_program_of_six_axes_without_the_driver(wheels: Path, tmp_path: Path) -> None:
+    empty = tmp_path / "venv"
+    subprocess.run([f"{sys.prefix}/bin/uv", "venv", "--no-project", "--python", sys.executable, str(empty)], check=True)
+    install = [f"{sys.prefix}/bin/uv", "pip", "install", "--find-links", str(wheels), "virtual-irc5"]
+    subprocess.run(install, check=True, env={**os.environ, "VIRTUAL_ENV": str(empty)})
+    assert not list(empty.glob("lib/python*/site-packages/yumi*"))
+    files = (path for path in empty.rglob("*") if path.is_file() and not path.is_symlink())
+    size = sum(path.stat().st_size for path in files) / 1e6
+    (tmp_path / "main.mod").write_text(PROGRAM)
+    command = [
+        "run",
+        "--model",
+        "irb120",
+        "--program",
+        "T_ROB1=main.mod",
+        "--start",
+        "--once",
+        "--show",
+        "--rws-port",
+        "0",
+    ]
+    with subprocess.Popen(
+        [str(empty / "bin" / "virtual-irc5"), *command, "--until-stdin-closes"],
+        cwd=tmp_path,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as running:
+        assert running.stdin is not None
+        assert running.stdout is not None
+        printed = [running.stdout.readline() for _ in range(2)]
+        running.stdin.close()
+    assert printed[1] == "[T_ROB1] arrived\n"
+    assert running.returncode == 0
+    tell(f"virtual-irc5: {size:.0f} MB")
+    assert size < LARGEST

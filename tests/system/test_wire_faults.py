@@ -14,11 +14,11 @@ from tapped_controller import TappedController
 from wire_faults import LASTING, SINGLE, Attack, Swing, Tapped, check_limits, check_path, swing, swing_velocity
 
 import yumi
+from abb_protocols.robot.joints import CYCLE, ZERO, Joints, Side
+from abb_runtime.clock import SystemClock
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
 from yumi.cli.fault import fault as fault_command
-from yumi.clock import SystemClock
-from yumi.robot.joints import CYCLE, ZERO, Joints, Side
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(120)]
 

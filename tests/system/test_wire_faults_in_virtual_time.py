@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from wire_faults import LASTING, SINGLE, Attack, Link, Swing, Tapped, check_limits, check_path, is_at_rest, swing
 
+from abb_protocols.robot.joints import Side
 from system.virtual_time_bench import System
-from yumi.robot.joints import Side
 
 BEFORE, AFTER = 0.6, 0.6  # [s]
 

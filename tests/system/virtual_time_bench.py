@@ -5,8 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Concatenate, ParamSpec, TypeVar
 
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.udp import MemoryLink, memory_links
 from memory_http import MemoryHttp
-from yumi.clock import ManualClock
+from virtual_irc5.mechanics.virtual_gripper import Workpiece
+from virtual_irc5.world import FaultInjection, World, WorldSettings
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.goals import MemoryBuffer, write_goal
@@ -26,12 +32,6 @@ from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
 from yumi.egm.session import Session
-from yumi.egm.udp import MemoryLink, memory_links
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
-from yumi.rws.client import RwsClient
-from yumi.virtual.mechanics.virtual_gripper import Workpiece
-from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 CONTROLLER = "joint_position_controller"
 

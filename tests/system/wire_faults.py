@@ -8,9 +8,9 @@ from itertools import pairwise
 from math import cos, degrees, hypot, pi, radians, sin
 from typing import NamedTuple, Protocol
 
-from yumi.egm.codec import RobotCodec, RobotMessage, SensorCodec
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
-from yumi.virtual.faults import Fault, Way
+from abb_protocols.egm.codec import RobotCodec, RobotMessage, SensorCodec
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
+from abb_runtime.faults import Fault, Way
 
 AMPLITUDE, PERIOD = radians(8.0), 1.0
 """Of the swing of both arms: up to 50 degrees per second, which leads the robot by up to 10 degrees."""

@@ -4,10 +4,10 @@ import time
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, RobotNotReady
+from abb_runtime.clock import POLL_PERIOD, ManualClock, SystemClock, comes_true, wait_until
 from refusals import refused
-from yumi.catalogue import message
-from yumi.clock import POLL_PERIOD, ManualClock, SystemClock, comes_true, wait_until
-from yumi.errors import CommandRefused, RobotNotReady
 
 NEVER_CAME = message("gripper_does_not_stop", gripper="left")
 

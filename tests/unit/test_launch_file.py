@@ -53,7 +53,8 @@ def start(launch_file: dict[str, Any], **given: str) -> list[Any]:
 
 def parse(node: Any) -> dict[str, Any]:
     """What the command line makes of it; raises where that knows no such option."""
-    command = cli.main.commands[node.arguments[0]]
+    command = cli.main.get_command(click.Context(cli.main), node.arguments[0])
+    assert command is not None
     return command.make_context(node.arguments[0], list(node.arguments[1:]), parent=click.Context(cli.main)).params
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 from math import radians
 from threading import Event, Thread
 
-from yumi.egm.codec import MciState, MotorState, Pose, RapidState, RobotCodec, RobotMessage, SensorMessage
-from yumi.egm.udp import Poller, UdpClient
-from yumi.robot.joints import CYCLE, Side
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun
+from abb_protocols.egm.codec import MciState, MotorState, Pose, RapidState, RobotCodec, RobotMessage, SensorMessage
+from abb_protocols.robot.joints import CYCLE, Side
+from abb_runtime.udp import Poller, UdpClient
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.egm_client import EgmClient
+from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun
 
 SIX = (0.1, -0.2, 0.3, 0.0, 0.5, 0.0)
 MESSAGE = RobotMessage(

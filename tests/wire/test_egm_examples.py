@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 from egm_robots import ObedientRobot, VirtualArmRig, Wired
 
+from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_runtime.udp import free_port
+from virtual_irc5.mechanics.egm_motion import EgmRun
 from yumi import EgmServer
-from yumi.catalogue import FrontEnd, message, sentence
-from yumi.egm.udp import free_port
-from yumi.virtual.mechanics.egm_motion import EgmRun
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

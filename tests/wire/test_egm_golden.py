@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from yumi.egm.codec import (
+from abb_protocols.egm.codec import (
     Collision,
     MciState,
     MotorState,
@@ -22,8 +22,8 @@ from yumi.egm.codec import (
     SensorCodec,
     SensorMessage,
 )
+from abb_protocols.robot.joints import chain_from_abb, joints
 from yumi.egm.joint_codec import JointCodec
-from yumi.robot.joints import chain_from_abb, joints
 
 GOLDEN = Path(__file__).parent / "golden"
 INDEX: list[dict[str, Any]] = json.loads((GOLDEN / "index.json").read_text())

@@ -15,14 +15,14 @@ import pytest
 from egm_robots import MESSAGE, SIX
 
 import yumi
+from abb_protocols.catalogue import Message, message
+from abb_protocols.egm import egm_pb2 as pb
+from abb_protocols.egm.codec import MciState, PathCorrection, Pose, RapidData, RobotCodec, RobotMessage, SensorMessage
+from abb_protocols.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
+from abb_runtime.udp import Poller, UdpClient
 from refusals import refused
 from yumi import EgmServer
-from yumi.catalogue import Message, message
 from yumi.driver.egm_server import MOST_UNREADABLE
-from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import MciState, PathCorrection, Pose, RapidData, RobotCodec, RobotMessage, SensorMessage
-from yumi.egm.udp import Poller, UdpClient
-from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
 
 SEVEN = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.25)
 POSE = Pose((0.25, 0.5, 0.75), (0.0, 1.0, 0.0, 0.0))

@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 import httpx
 import pytest
 
+from abb_protocols.rws.types import Code, ControllerState, OperatingMode
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
-from yumi.rws.types import Code, ControllerState, OperatingMode
-from yumi.virtual.controller.file_store import CAPACITY
+from virtual_irc5.controller.file_store import CAPACITY
 
 FORM = {"Content-Type": "application/x-www-form-urlencoded"}
 SYMBOL = "/rw/rapid/symbol/data/RAPID/T_ROB_R"

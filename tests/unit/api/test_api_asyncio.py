@@ -8,6 +8,10 @@ from typing import cast
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, GoalNotReached
+from abb_protocols.robot.gripper import GripperGoal, Outcome
+from abb_protocols.robot.joints import Side, home
 from fake_robot import FakeRobot
 from refusals import refused
 from yumi.api.connect import AsyncArm, AsyncGripper, AsyncRobot
@@ -15,12 +19,8 @@ from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
 from yumi.api.robot_arm import Arm
 from yumi.api.tool import Gripper
-from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.driver import gripper as driver
-from yumi.errors import CommandRefused, GoalNotReached
-from yumi.robot.gripper import GripperGoal, Outcome
-from yumi.robot.joints import Side, home
 
 RIGHT = home(Side.RIGHT)
 

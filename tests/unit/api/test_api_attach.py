@@ -21,13 +21,16 @@ from typing import Any
 import pytest
 
 import yumi
+from abb_protocols.catalogue import FrontEnd, from_wire, message, sentence
+from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
+from abb_protocols.robot.gripper import Outcome
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints, named_pose
 from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.api.motion_registry import Motion, Way
-from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.hand_over import HandOver
@@ -43,10 +46,7 @@ from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
 from yumi.driver.gripper_follower import closed_of, goal_of
 from yumi.driver.reports import ArmMode
 from yumi.driver.robot_state import Mode
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.planning.planner import Plan
-from yumi.robot.gripper import Outcome
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints, named_pose
 
 NOT_UNDERSTOOD = "request_not_understood"
 COLLISION = message("event_50204", number=50204, title="Motion supervision")

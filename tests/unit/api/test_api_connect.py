@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 import yumi
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady, SettingsError
+from abb_protocols.robot.joints import Side
+from abb_runtime.udp import free_port
 from refusals import assert_says, refused
 from yumi.api.connect import AsyncRobot, controllers_for, settings_for
-from yumi.catalogue import message
-from yumi.egm.udp import free_port
-from yumi.errors import CommandRefused, NoConnection, RobotNotReady, SettingsError
-from yumi.robot.joints import Side
 
 NOBODY = "127.0.0.1:1"
 MISSING = ("joint_goal_controller", "joint_trajectory_controller")
@@ -85,7 +85,7 @@ def test_robot_that_is_not_reached_is_told_without_the_errors_of_other_libraries
         getattr(robot, begin)()
     lines = format_exception(error.value)
     assert not [line for line in lines if "ConnectionRefusedError" in line]
-    assert lines[-1] == "yumi.errors.NoConnection: Nothing listens there.\n"
+    assert lines[-1] == "abb_protocols.errors.NoConnection: Nothing listens there.\n"
     assert len(lines) <= 4  # a title, the caller, the method
 
 

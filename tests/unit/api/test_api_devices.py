@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 
 import fake_evdev
+from abb_protocols.errors import CommandRefused, MissingPrerequisite, RobotNotReady
+from abb_protocols.robot.joints import ZERO, Side
 from fake_evdev import DROPPED, FakeInputDevice, Range, axis, button, change
 from refusals import refused
 from yumi.api import devices, input_device
 from yumi.api.devices import Device, Gamepad, Leader, LeaderReading, SpaceMouse, teleoperate
 from yumi.api.input_device import find_devices, open_device
 from yumi.driver.device_frame import DeviceHand, DeviceSettings, TeleoperationReport
-from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady
-from yumi.robot.joints import ZERO, Side
 
 SETTINGS = DeviceSettings(speed=0.2, turning=1.0)
 

@@ -8,12 +8,15 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
+from abb_protocols.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names, joints
+from abb_protocols.robot.kinematics import IDENTITY
 from fake_robot import FakeRobot, Switch
 from refusals import assert_says, refused
 from yumi.api import motion_executor
 from yumi.api.arm_access import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.motion_registry import MotionRegistry
-from yumi.catalogue import message
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
@@ -31,11 +34,8 @@ from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded
 from yumi.driver.stops import Cause
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.planning.tool_path import ToolMotion
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
-from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names, joints
-from yumi.robot.kinematics import IDENTITY
 
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 BY_NAME = dict(zip(joint_names(Side.RIGHT), RIGHT, strict=True))

@@ -7,12 +7,12 @@ from typing import cast
 
 import pytest
 
+from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
+from abb_protocols.robot.gripper import Direction, GripperGoal, Outcome, VacuumState, go_to, grip
+from abb_protocols.robot.joints import Side
 from refusals import refused
 from yumi.api.tool import Grip, Gripper
 from yumi.driver import gripper as driver
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
-from yumi.robot.gripper import Direction, GripperGoal, Outcome, VacuumState, go_to, grip
-from yumi.robot.joints import Side
 
 
 class FakeGripper:

@@ -10,6 +10,13 @@ import pytest
 
 import fake_robot
 import yumi
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.confdata import configuration
+from abb_protocols.robot.description import FINGERTIPS
+from abb_protocols.robot.inverse_kinematics import Unreachable, arm_angle
+from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side, joints
+from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, inverse, tool0_to_body
 from fake_robot import FakeRobot
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
@@ -26,15 +33,8 @@ from yumi.api.tool import (
     posture_for,
     postures_of,
 )
-from yumi.catalogue import message
 from yumi.control.tool_limits import ToolLimits
-from yumi.errors import CommandRefused
 from yumi.planning.tool_path import SPEED, TURNING, ToolMotion, Waypoint, plan_tool_motions
-from yumi.robot.confdata import configuration
-from yumi.robot.description import FINGERTIPS
-from yumi.robot.inverse_kinematics import Unreachable, arm_angle
-from yumi.robot.joints import YUMI_LIMITS, Pose, Side, joints
-from yumi.robot.kinematics import IDENTITY, compose, euler_zyx, inverse, tool0_to_body
 
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
 HERE = tool0_to_body(Side.RIGHT, POSTURE)

@@ -4,6 +4,9 @@ from collections.abc import Callable
 
 import pytest
 
+from abb_protocols.errors import RobotNotReady
+from abb_protocols.robot.joints import ZERO, Side, home, joint_names
+from abb_protocols.robot.kinematics import tool0_to_body
 from fake_robot import FakeRobot
 from refusals import refused
 from yumi.api.robot_arm import Arm
@@ -12,9 +15,6 @@ from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.loop_events import SessionLost
 from yumi.control.shared_state import Snapshot
 from yumi.driver.reports import ArmMode
-from yumi.errors import RobotNotReady
-from yumi.robot.joints import ZERO, Side, home, joint_names
-from yumi.robot.kinematics import tool0_to_body
 
 RIGHT = home(Side.RIGHT)
 

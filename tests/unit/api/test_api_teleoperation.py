@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.gripper import Direction, grip
+from abb_protocols.robot.joints import Side
 from fake_driver import WAIT, FakeDriver
 from refusals import refused
 from yumi.api.arm_access import CARTESIAN_CONTROLLER
@@ -18,9 +21,6 @@ from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver import motion_commands
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, TeleoperatedArmReport
 from yumi.driver.motion_commands import Teleoperate
-from yumi.errors import CommandRefused
-from yumi.robot.gripper import Direction, grip
-from yumi.robot.joints import Side
 
 
 @pytest.fixture

@@ -5,14 +5,14 @@ from unittest.mock import patch
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import GoalNotReached
+from abb_protocols.robot.joints import Side, home
 from fake_robot import FakeRobot
 from refusals import refused
 from yumi.api import arm_access as waiting
 from yumi.api.arm_access import wait_for
-from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalOutcome, StopMotion
-from yumi.errors import GoalNotReached
-from yumi.robot.joints import Side, home
 
 BOTH = {side: home(side) for side in Side}
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import ast
 import pickle
+import runpy
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from yumi.catalogue import (
+from abb_protocols.catalogue import (
     Action,
     FrontEnd,
     Message,
@@ -24,10 +26,10 @@ from yumi.catalogue import (
     subjects,
     to_wire,
 )
-from yumi.catalogue.__main__ import page
-from yumi.catalogue.actions import ACTIONS
+from abb_protocols.catalogue.actions import ACTIONS
 
-SOURCES = Path(__file__).parents[3] / "src"
+SOURCES = Path(__file__).parents[3] / "packages"
+page = runpy.run_path(str(SOURCES.parent / "setup" / "messages.py"))["page"]  # with the texts of all packages
 STOP = message("event_10013", number=10013, title="Emergency stop", detail="")
 
 
@@ -49,6 +51,20 @@ def _called_with_a_code() -> Iterator[tuple[str, str, set[str] | None]]:
 
 
 CALLS = tuple(_called_with_a_code())
+
+
+BELOW = {"abb_protocols": (), "abb_runtime": ("abb_protocols",), "virtual_irc5": ("abb_protocols", "abb_runtime")}
+"""The packages on which others are built, each with those below it."""
+
+
+@pytest.mark.parametrize("package", BELOW)
+def test_package_has_the_texts_of_its_messages_without_those_above_it(package: str):
+    own = (
+        subjects for name in (package, *BELOW[package]) for subjects in import_module(f"{name}.texts").SUBJECTS.values()
+    )
+    known = {"text"}.union(*own)
+    lacking = [f"{where}: {code}" for where, code, _ in CALLS if f"/src/{package}/" in where and code not in known]
+    assert lacking == []
 
 
 def test_every_message_of_the_program_has_a_text_with_its_values():
@@ -132,7 +148,7 @@ def test_message_comes_back_from_the_wire_and_from_another_process():
 
 def test_page_of_the_documentation_is_written_from_the_texts():
     written = SOURCES.parent / "docs" / "reference" / "messages.md"
-    assert written.read_text() == page(), "run: python -m yumi.catalogue > docs/reference/messages.md"
+    assert written.read_text() == page(), "run: python setup/messages.py > docs/reference/messages.md"
 
 
 def test_message_of_another_version_is_not_known():

@@ -9,15 +9,16 @@ from importlib.metadata import EntryPoint
 import pytest
 from click.testing import CliRunner
 
-from yumi.catalogue import message
+from abb_protocols.catalogue import message
+from abb_protocols.errors import missing_extra
 from yumi.cli import main as cli
-from yumi.errors import missing_extra
 
 
 @pytest.fixture(autouse=True)
 def _an_extra_that_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     entry_point = EntryPoint("study", "no_such_package.cli:study", "yumi.commands")
-    monkeypatch.setattr(cli, "_entry_points", lambda: {"study": entry_point})
+    installed = cli._entry_points()
+    monkeypatch.setattr(cli, "_entry_points", lambda: {**installed, "study": entry_point})
     monkeypatch.setattr(cli.main, "commands", dict(cli.main.commands))
 
 
@@ -33,13 +34,13 @@ def test_help_lists_a_command_that_cannot_be_loaded() -> None:
 def test_command_that_cannot_be_loaded_says_what_to_install(arguments: tuple[str, ...]) -> None:
     result = CliRunner().invoke(cli.main, ["study", *arguments])
     lacks = message("command_installed_in_part", command="study", reason="No module named 'no_such_package'")
-    assert (result.exit_code, result.output) == (1, f"Error: {missing_extra(lacks, 'evaluation')}\n")
+    assert (result.exit_code, result.output) == (1, f"Error: {missing_extra(lacks, 'virtual')}\n")
 
 
 def test_command_line_needs_neither_ros_nor_the_evaluation() -> None:
     code = (
         "import sys\n"
-        "for name in ('rclpy', 'control_msgs', 'yumi_evaluation', 'matplotlib', 'jinja2'):\n"
+        "for name in ('rclpy', 'control_msgs', 'yumi_evaluation', 'virtual_irc5', 'matplotlib', 'jinja2'):\n"
         "    sys.modules[name] = None\n"
         "from yumi.cli.main import main\n"
         "main(['--help'])\n"

@@ -13,10 +13,10 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from abb_protocols.errors import SettingsError
+from abb_runtime.options import JsonOutput, json_option, with_json_targets
 from refusals import refused
 from yumi.cli.main import SECTIONS, main
-from yumi.cli.options import JsonOutput, json_option, with_json_targets
-from yumi.errors import SettingsError
 
 NO_REPORT = {
     "completion": "prints a program for the shell",

@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from abb_protocols.robot.joints import Side
+from abb_runtime.clock import ManualClock
+from abb_runtime.faults import Fault, Way
 from memory_http import MemoryHttp
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.http import HttpReply
+from virtual_irc5.world import FaultInjection, World, WorldSettings
 from yumi.cli.main import main
-from yumi.clock import ManualClock
-from yumi.robot.joints import Side
-from yumi.virtual.faults import Fault, Way
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +118,7 @@ class NoController:
 def test_controller_shows_what_programs_write_and_runs_them_once(
     monkeypatch: pytest.MonkeyPatch, options: list[str], output: str, runs_once: bool
 ) -> None:
-    monkeypatch.setattr("yumi.virtual.server.VirtualController", NoController)
+    monkeypatch.setattr("virtual_irc5.server.VirtualController", NoController)
     result = CliRunner().invoke(main, ["controller", *options])
     assert (result.exit_code, result.output, NoController.options["runs_once"]) == (0, output, runs_once)
 

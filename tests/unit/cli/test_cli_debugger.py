@@ -10,21 +10,21 @@ from contextlib import nullcontext
 import pytest
 from click.testing import CliRunner
 
+from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import CYCLE
+from abb_protocols.rws.documents import Pairs
+from abb_protocols.rws.operations.rapid import RunCycle
+from abb_protocols.rws.types import Code
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.client import RwsClient
 from memory_http import MemoryHttp
 from refusals import refused
-from yumi.catalogue import FrontEnd, Message, message, sentence
-from yumi.cli.debugger import Debugger
+from virtual_irc5.commands.debugger import Debugger
+from virtual_irc5.rws.call import Failure
+from virtual_irc5.rws.router import Route
+from virtual_irc5.world import World
 from yumi.cli.main import main
-from yumi.clock import ManualClock
-from yumi.errors import CommandRefused
-from yumi.robot.joints import CYCLE
-from yumi.rws.client import RwsClient
-from yumi.rws.documents import Pairs
-from yumi.rws.operations.rapid import RunCycle
-from yumi.rws.types import Code
-from yumi.virtual.rws.call import Failure
-from yumi.virtual.rws.router import Route
-from yumi.virtual.world import World
 
 PROGRAM = """MODULE Program
     PERS num count:=0;
@@ -328,7 +328,7 @@ def test_commands_from_a_pipe_start_with_yes_only(
     session: Session, monkeypatch: pytest.MonkeyPatch, options: list[str], line: str
 ) -> None:
     monkeypatch.setattr("yumi.cli.rws.RwsClient", lambda *_, **__: nullcontext(session.client))
-    monkeypatch.setattr("yumi.cli.debugger.SystemClock", lambda: session)
+    monkeypatch.setattr("virtual_irc5.commands.debugger.SystemClock", lambda: session)
     result = CliRunner().invoke(main, ["rapid", "debug", "T_ROB_R", *options], input="main\nstep\nwhere\n")
     assert result.output.splitlines()[-1] == f"#0 Program/{line}"
     assert (sentence(message("start_not_confirmed", tasks=("T_ROB_R",)), FrontEnd.SHELL) in result.output) is (

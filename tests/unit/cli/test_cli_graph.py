@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.errors import SettingsError
+from abb_protocols.robot.joints import Side, joint_names
 from refusals import refused
 from yumi.cli.graph import fill_message, message_values, parameter_line
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.goals import MemoryBuffer
-from yumi.errors import SettingsError
-from yumi.robot.joints import Side, joint_names
 
 trajectory_msgs = pytest.importorskip("trajectory_msgs.msg")
 sensor_msgs = pytest.importorskip("sensor_msgs.msg")

@@ -9,11 +9,11 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from yumi.catalogue import message, sentence
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 from yumi.cli.main import main
 from yumi.cli.moveit import moveit_files
 from yumi.planning.scene_description import GROUPS
-from yumi.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 
 FILES = moveit_files()
 URDF = ET.fromstring(FILES["config/yumi.urdf"])

@@ -11,15 +11,15 @@ from unittest.mock import MagicMock
 import pytest
 from click.testing import CliRunner
 
+from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.robot.joints import Side
 from yumi.api.motion_registry import MotionRegistry
-from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli import demo
 from yumi.cli.driver_options import limit_discovery
 from yumi.cli.main import main
 from yumi.cli.up import _commanded_robot
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.settings import override, read_settings
-from yumi.robot.joints import Side
 
 VARIABLES = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
 

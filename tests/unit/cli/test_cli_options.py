@@ -13,8 +13,11 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.errors import LoginRefused, NoConnection
+from abb_protocols.robot.joints import Side
+from abb_runtime.udp import resolve
 from refusals import refused
-from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.driver_options import settings_of
 from yumi.cli.main import main
 from yumi.cli.up import DEFAULT_WAIT, run_driver, wait_for_controller
@@ -22,9 +25,6 @@ from yumi.control.loop_events import SessionLost
 from yumi.driver.settings import RobotSettings, Settings, override, read_settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
-from yumi.egm.udp import resolve
-from yumi.errors import LoginRefused, NoConnection
-from yumi.robot.joints import Side
 
 
 def run(*arguments: str) -> Result:
@@ -90,7 +90,7 @@ def test_what_the_machine_does_not_give_is_said_in_one_sentence(
     def refuse(*_: object, **__: object) -> NoReturn:
         raise error
 
-    monkeypatch.setattr("yumi.virtual.server.VirtualController.run", refuse)
+    monkeypatch.setattr("virtual_irc5.server.VirtualController.run", refuse)
     result = run("controller", "--rws-port", "0")
     assert result.exit_code == 1
     said = message("machine_gives_too_little", reason=reason)

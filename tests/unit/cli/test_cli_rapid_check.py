@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-import yumi.controller_files
-from yumi.cli.check import check_program
+import abb_protocols.controller_files
+from virtual_irc5.commands.check import check_program
 from yumi.cli.main import main
 
 PROGRAM = """MODULE Faulty
@@ -92,7 +92,7 @@ def test_modules_are_one_program_and_signals_come_from_a_cfg(tmp_path: Path) -> 
 
 
 def test_our_own_program_has_no_faults() -> None:
-    folder = Path(next(iter(yumi.controller_files.__path__)))
+    folder = Path(next(iter(abb_protocols.controller_files.__path__)))
     assert check_program(sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])) == []
 
 

@@ -18,11 +18,13 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from abb_protocols.catalogue import Action, FrontEnd, clause, message, sentence
+from abb_protocols.errors import SettingsError
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, chain_from_abb, home, joint_names, named_pose
 from fake_driver import ROBOT, FakeDriver
 from refusals import refused
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.attach import attach
-from yumi.catalogue import Action, FrontEnd, clause, message, sentence
 from yumi.cli import robot as commands
 from yumi.cli import shell
 from yumi.cli.main import main
@@ -30,8 +32,6 @@ from yumi.control.controllers.joint_goal import JointGoal
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS
 from yumi.driver.robot_state import Mode
-from yumi.errors import SettingsError
-from yumi.robot.joints import YUMI_LIMITS, Side, chain_from_abb, home, joint_names, named_pose
 
 COLLISION = message("event_50204", number=50204, title="Motion supervision")
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from abb_protocols.catalogue import FrontEnd, Message, message, sentence
 from contract.rws_bench import PlainController, serving
-from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 
 

@@ -9,12 +9,12 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import SettingsError
+from abb_runtime.options import password_options
 from refusals import refused
-from yumi.catalogue import Message, message
 from yumi.cli.main import main
-from yumi.cli.options import password_options
 from yumi.driver.settings import RobotSettings, Settings, override, read_settings
-from yumi.errors import SettingsError
 
 SECRET = "pass-4711"
 

@@ -13,15 +13,15 @@ import pytest
 from click.testing import CliRunner, Result
 
 import fake_evdev
+from abb_protocols.catalogue import FrontEnd, all_texts, message, sentence
+from abb_protocols.robot.gripper import Direction, grip
+from abb_protocols.robot.joints import Joints, Side, home
 from fake_driver import FakeDriver
 from fake_evdev import Event, FakeInputDevice, axis, button
 from yumi.api import input_device
-from yumi.catalogue import FrontEnd, all_texts, message, sentence
 from yumi.cli.main import main
 from yumi.control.tool_goal import ToolGoal
 from yumi.driver import motion_commands
-from yumi.robot.gripper import Direction, grip
-from yumi.robot.joints import Joints, Side, home
 
 PRESSED = [button("BTN_TR", 1)]
 RELEASED = [button("BTN_TR", 0)]
@@ -122,7 +122,7 @@ def test_clutch_that_is_held_when_it_begins_moves_nothing(driver: FakeDriver, mo
 LEADER = """
 from the_robot import clock, goals
 from yumi.api.devices import LeaderReading
-from yumi.robot.joints import Side, home
+from abb_protocols.robot.joints import Side, home
 
 class Pressed:
     '''Its clutch is pressed from the third reading on; once the arm follows, it leads by a tenth of a radian.'''

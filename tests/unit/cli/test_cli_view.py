@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_runtime.process.command import Command
 from fake_driver import ROBOT, FakeDriver
-from yumi.catalogue import FrontEnd, message, sentence
 from yumi.cli.main import main
-from yumi.process.command import Command
 
 
 def test_settings_are_refused_where_a_driver_of_the_robot_runs_with_its_own(

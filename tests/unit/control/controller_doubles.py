@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO, ArmCommand, ArmState, Joints
+from abb_runtime.settings import Parameter, Values
 from yumi.control.controller import Controller
-from yumi.errors import CommandRefused
-from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints
-from yumi.settings import Parameter, Values
 
 RUNNING = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=True)
 STOPPED = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=False)

@@ -1,6 +1,6 @@
 """An independent judge of how near the arms are: the meshes of the robot's covers, compared by FCL.
 
-It shares neither shapes nor distance computation with :mod:`yumi.robot.collision`, only the kinematics of the robot's
+It shares neither shapes nor distance computation with :mod:`yumi.core.collision`, only the kinematics of the robot's
 description, which other tests check against other libraries.
 """
 
@@ -13,13 +13,13 @@ from typing import Any
 import fcl
 import numpy as np
 
-import yumi.robot
-from yumi.robot.collision import Obstacle
-from yumi.robot.description import FINGER_ORIGINS, JOINT_ORIGINS, joint_1_origin
-from yumi.robot.joints import Joints, Pose, Side
-from yumi.robot.kinematics import matrix, quaternion_from_euler_zyx, tool0_to_body
+import yumi
+from abb_protocols.robot.description import FINGER_ORIGINS, JOINT_ORIGINS, joint_1_origin
+from abb_protocols.robot.joints import Joints, Pose, Side
+from abb_protocols.robot.kinematics import matrix, quaternion_from_euler_zyx, tool0_to_body
+from yumi.core.collision import Obstacle
 
-_MESHES = Path(yumi.robot.__file__).parent / "meshes"
+_MESHES = Path(str(yumi.__file__)).parent / "meshes"
 _LINKS = 7
 
 

@@ -7,9 +7,12 @@ from typing import cast
 
 import pytest
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.description import SERVO_GRIPPERS
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
+from abb_runtime.clock import ManualClock
 from refusals import assert_says, refused
-from yumi.catalogue import Message, message
-from yumi.clock import ManualClock
 from yumi.control.allowed_collisions import CONTACT_SPEED_SCALE, AllowedCollisions
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
@@ -21,10 +24,7 @@ from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
-from yumi.errors import CommandRefused
-from yumi.robot.collision import CollisionModel
-from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
+from yumi.core.collision import CollisionModel
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 RIGHT, LEFT, TABLE = "right gripper", "left gripper", "table"

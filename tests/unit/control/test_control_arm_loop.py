@@ -2,11 +2,12 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 from controller_arms import LimitedArm
 from egm_loop import EgmLoop
 from refusals import assert_says
 from reported_limiter import ReportedLimiter
-from yumi.catalogue import message
 from yumi.control.controller import Controller
 from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.control.goals import MemoryBuffer
@@ -25,7 +26,6 @@ from yumi.control.loop_events import (
 )
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.shared_state import Limited, Snapshot, read_snapshot
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 
 
 class ScriptedArm:

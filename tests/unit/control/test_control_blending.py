@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abb_protocols.errors import TrajectoryRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from refusals import refused
 from trajectories import REST, moved, planned, swing
 from yumi.control.motion.blending import START_TOLERANCE, blend
@@ -14,8 +16,6 @@ from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import Spline, SplineSampler, TrajectoryPoint
 from yumi.control.motion.spline_limits import check_motion
 from yumi.control.trajectory_commands import ResultCode
-from yumi.errors import TrajectoryRefused
-from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 
 HOME = home(Side.LEFT)
 AT_HOME = Setpoint(HOME)

@@ -17,26 +17,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from apart_arms import NEAR, TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
-from contract.trajectory_arms import NAME, TrajectoryArm
-from reported_limiter import ReportedLimiter
-from trajectories import planned
-from yumi.catalogue import message
-from yumi.control.collisions import BODY_MARGIN, MARGIN, CollisionLimiter
-from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.controllers.joint_trajectory import JointTrajectoryController
-from yumi.control.goals import MemoryBuffer, write_goal
-from yumi.control.limiter import Limiter
-from yumi.control.loop_events import KeptApart
-from yumi.control.motion.point_motion import stop, travel
-from yumi.control.motion.robot_response import EGM_GAIN, SERVO_CYCLES, plan_gain
-from yumi.control.motion.setpoint import Setpoint, slower
-from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.trajectory_commands import Outcome, Tolerances
-from yumi.core.library import FLAGS, FOLDER, MOTION, STANDARD, _compiler
-from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
-from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import (
+from abb_protocols.catalogue import message
+from abb_protocols.robot.description import SERVO_GRIPPERS
+from abb_protocols.robot.joints import (
     CYCLE,
     YUMI_LIMITS,
     ZERO,
@@ -49,10 +32,27 @@ from yumi.robot.joints import (
     joints,
     named_pose,
 )
-from yumi.robot.kinematics import tool0_to_body
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmSettings
+from abb_protocols.robot.kinematics import tool0_to_body
+from apart_arms import NEAR, TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
+from contract.trajectory_arms import NAME, TrajectoryArm
+from reported_limiter import ReportedLimiter
+from trajectories import planned
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_motion import EgmSettings
+from yumi.control.collisions import BODY_MARGIN, MARGIN, CollisionLimiter
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController
+from yumi.control.goals import MemoryBuffer, write_goal
+from yumi.control.limiter import Limiter
+from yumi.control.loop_events import KeptApart
+from yumi.control.motion.point_motion import stop, travel
+from yumi.control.motion.robot_response import EGM_GAIN, SERVO_CYCLES, plan_gain
+from yumi.control.motion.setpoint import Setpoint, slower
+from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.trajectory_commands import Outcome, Tolerances
+from yumi.core.collision import PADDING, Array, CollisionModel, Distance, Obstacle
+from yumi.core.library import FLAGS, FOLDER, MOTION, STANDARD, _compiler
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 READY = {side: named_pose(side, "ready") for side in Side}

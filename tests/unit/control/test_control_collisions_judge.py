@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from abb_protocols.robot.joints import Joints, Side, home, named_pose
 from apart_arms import POST, TABLE, ApartArms, renew_drive
 from soak import COLLISION_CYCLES, tell
 from yumi.control.collisions import BODY_MARGIN, MARGIN
-from yumi.robot.joints import Joints, Side, home, named_pose
 
 pytest.importorskip("fcl", reason="python-fcl is not installed")
 from cover_judge import CoverJudge

@@ -4,13 +4,13 @@ import itertools
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO, ArmCommand, ArmState, Joints, Side, joint_names
+from abb_runtime.settings import Parameter, Values
 from refusals import assert_says, refused
-from yumi.catalogue import message
 from yumi.control.controller import TRANSITIONS, Controller, State, Transition
 from yumi.control.manager.controller_manager import ControllerManager
-from yumi.errors import CommandRefused
-from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, Side, joint_names
-from yumi.settings import Parameter, Values
 
 RUNNING = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=True)
 STOPPED = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=False)

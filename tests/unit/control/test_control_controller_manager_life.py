@@ -2,14 +2,14 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import Side, joint_names
 from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, Double, Watcher
-from yumi.catalogue import message
 from yumi.control.controller import Controller, State
 from yumi.control.controller_info import ControllerInfo
 from yumi.control.manager.controller_manager import ControllerManager
-from yumi.errors import CommandRefused
-from yumi.robot.joints import Side, joint_names
 
 NAMES = joint_names(Side.RIGHT)
 

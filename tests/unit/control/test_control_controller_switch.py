@@ -2,14 +2,14 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.catalogue import Message, in_words, message
+from abb_protocols.errors import CommandRefused, SwitchFailed
+from abb_protocols.robot.joints import Side, joint_names
 from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, Double, Watcher
-from yumi.catalogue import Message, in_words, message
 from yumi.control.controller import State
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.manager.controller_switch import Strictness
-from yumi.errors import CommandRefused, SwitchFailed
-from yumi.robot.joints import Side, joint_names
 
 STRICT, BEST_EFFORT = Strictness.STRICT, Strictness.BEST_EFFORT
 LENIENT = [BEST_EFFORT, Strictness.AUTO, Strictness.FORCE_AUTO]

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO, ArmCommand, Joints
 from controller_states import JOINTS, configured, moved, state
 from refusals import refused
 from yumi.control.controllers.forward_command import (
@@ -11,8 +13,6 @@ from yumi.control.controllers.forward_command import (
     JointGroupVelocityController,
 )
 from yumi.control.goals import GoalKind, MemoryBuffer, write_goal, write_speeds
-from yumi.errors import CommandRefused
-from yumi.robot.joints import ZERO, ArmCommand, Joints
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ from math import nan, radians
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, home, joints
 from refusals import assert_says, refused
-from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.goals import MemoryBuffer, write_goal
-from yumi.errors import CommandRefused
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, home, joints
 
 HOME = home(Side.RIGHT)
 REACHED = GoalEnded(1, GoalOutcome.REACHED, message("goal_reached"))

@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, ZERO, Joints
 from controller_states import JOINTS, configured, moved, state
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.control.goals import MemoryBuffer, write_goal
-from yumi.robot.joints import CYCLE, ZERO, Joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 

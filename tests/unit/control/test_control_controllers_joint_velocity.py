@@ -5,10 +5,10 @@ from math import nan
 
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints
 from controller_states import configured, moved, state
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer, write_speeds
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints
 
 
 @pytest.fixture

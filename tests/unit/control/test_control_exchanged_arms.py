@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmState, Joints, Side
 from reported_limiter import ReportedLimiter
-from yumi.catalogue import message
 from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ImplausibleFeedback
 from yumi.control.shared_state import Problem, Snapshot, read_snapshot
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmState, Joints, Side
 
 LEFT: Joints = (0.5, -1.0, 0.5, 0.0, 0.0, 0.0, 0.0)
 

@@ -10,12 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from reported_limiter import ReportedLimiter
-from yumi.control.controller import Controller
-from yumi.control.limiter import Limiter
-from yumi.control.motion.robot_response import EGM_GAIN
-from yumi.driver.state_machine import EgmMotionSettings
-from yumi.robot.joints import (
+from abb_protocols.robot.joints import (
     CYCLE,
     YUMI_LIMITS,
     ZERO,
@@ -27,9 +22,14 @@ from yumi.robot.joints import (
     home,
     joints,
 )
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmMotion, EgmSettings
-from yumi.virtual.mechanics.servo import Servo
+from reported_limiter import ReportedLimiter
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_motion import EgmMotion, EgmSettings
+from virtual_irc5.mechanics.servo import Servo
+from yumi.control.controller import Controller
+from yumi.control.limiter import Limiter
+from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.driver.state_machine import EgmMotionSettings
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmRig
 
 FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)

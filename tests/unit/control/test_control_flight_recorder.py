@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abb_protocols.robot.joints import ArmCommand, ArmState, Joints, joints
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, flight_memory
 from yumi.control.stage_times import RECEIVE, StageClock
-from yumi.robot.joints import ArmCommand, ArmState, Joints, joints
 
 STATIONS = StageClock()
 

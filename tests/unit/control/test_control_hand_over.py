@@ -9,9 +9,11 @@ from threading import Thread
 import numpy as np
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints
+from abb_runtime.clock import ManualClock
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
-from yumi.clock import ManualClock
 from yumi.control.chunk_commands import FollowChunk
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import JointGoal, StopMotion
@@ -19,9 +21,7 @@ from yumi.control.goals import UNKNOWN
 from yumi.control.hand_over import Blend, Commander, HandOver, asking
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ArmGivenBack, CommanderChanged, CommanderSilent, Event
-from yumi.errors import CommandRefused
 from yumi.planning.chunk_plan import plan_chunk
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
 SOON = 0.1  # [s]

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import Side, joint_names
 from refusals import refused
 from unit.control.controller_doubles import RUNNING, Double, Watcher
 from yumi.control.controller import State
@@ -9,8 +11,6 @@ from yumi.control.controller_info import InterfaceInfo, Statistics
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.manager.hardware_component import STATISTICS_WINDOW
 from yumi.control.stage_times import MARK_COUNT
-from yumi.errors import CommandRefused
-from yumi.robot.joints import Side, joint_names
 
 NAMES = joint_names(Side.RIGHT)
 

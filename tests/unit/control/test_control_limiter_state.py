@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, joints
 from reported_limiter import ReportedLimiter, reportable
 from yumi.control.limiter_state import (
     MEANINGS,
@@ -14,7 +15,6 @@ from yumi.control.limiter_state import (
     LimiterEvent,
     LimiterState,
 )
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, joints
 
 SESSIONS = {event for event in LimiterEvent if event.name.startswith("SESSION")}
 

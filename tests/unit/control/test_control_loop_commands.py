@@ -5,10 +5,12 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.catalogue import Message, in_words, message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 from controller_arms import LimitedArm, PerfectArm
 from reported_limiter import ReportedLimiter
 from unit.control.controller_doubles import RUNNING, Double
-from yumi.catalogue import Message, in_words, message
 from yumi.control.controller import State
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop import ArmLoop
@@ -17,8 +19,6 @@ from yumi.control.loop_events import ControllerReport
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.manager.controller_switch import Strictness
 from yumi.control.shared_state import Snapshot, read_snapshot
-from yumi.errors import CommandRefused
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NOBODY = message("controller_unknown", controller="nobody", loaded=("double",))

@@ -2,12 +2,12 @@ from __future__ import annotations
 
 import itertools
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO, ArmCommand, Joints, Side, joint_names
 from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, THERE, Double
-from yumi.catalogue import message
 from yumi.control.manager.controller_manager import ControllerManager
-from yumi.errors import CommandRefused
-from yumi.robot.joints import ZERO, ArmCommand, Joints, Side, joint_names
 
 FAST: Joints = (0.5,) * 7
 ELSEWHERE: Joints = (0.7,) * 7

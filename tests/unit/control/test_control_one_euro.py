@@ -7,9 +7,9 @@ from math import exp, hypot, pi, sin, tau
 import numpy as np
 import pytest
 
+from abb_protocols.robot.joints import Pose
+from abb_protocols.robot.kinematics import IDENTITY, distance_between, multiply, quaternion_of, turn_between
 from yumi.control.motion.one_euro import OneEuroFilter, PoseFilter
-from yumi.robot.joints import Pose
-from yumi.robot.kinematics import IDENTITY, distance_between, multiply, quaternion_of, turn_between
 
 DT = 1.0 / 90.0
 

@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abb_protocols.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
+from abb_runtime.settings import Values
 from yumi.control.controller import Controller, Sampled
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_position import JointPositionController
@@ -16,8 +18,6 @@ from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.shared_memory import SharedBuffer
 from yumi.core.library import SHARED_GOAL
-from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
-from yumi.settings import Values
 
 STATE = ArmState(1.0, CYCLE, 2, ZERO, ZERO, ZERO, is_running=True)
 POSITIONS = st.tuples(*[st.floats(-0.5, 0.5)] * 7)

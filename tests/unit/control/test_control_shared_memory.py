@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import pytest
 
+from abb_protocols.robot.joints import ZERO, Joints
+from abb_runtime.process.child import ChildProcess, PipeClosed, PipeEnd
 from yumi.control.goals import GoalKind
 from yumi.control.shared_memory import SharedBuffer, SharedBytes, SharedHistory
 from yumi.control.shared_state import Factor, JointStates, Problem, Snapshot
-from yumi.process.child import ChildProcess, PipeClosed, PipeEnd
-from yumi.robot.joints import ZERO, Joints
 
 ROUNDS = 1000  # different values that the reader has to see
 SEVEN: Joints = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)

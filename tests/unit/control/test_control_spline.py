@@ -8,6 +8,7 @@ from math import inf, isnan, nan
 
 import pytest
 
+from abb_protocols.robot.joints import Side, home
 from trajectories import moved
 from yumi.control.motion.spline import (
     Segment,
@@ -19,7 +20,6 @@ from yumi.control.motion.spline import (
     spline_through,
 )
 from yumi.control.motion.spline_limits import excess
-from yumi.robot.joints import Side, home
 
 HOME = home(Side.LEFT)
 POINTS = [TrajectoryPoint(0.1 * number, moved(HOME, 0.01 * (number % 3))) for number in range(3200)]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.clock import ManualClock
+from abb_runtime.clock import ManualClock
 from yumi.control.controller_info import Statistics
 from yumi.control.stage_times import (
     AFTER_REPLY,

@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.goals import CONFIGURED_DELAY, MemoryBuffer, SessionGoal, write_goal
 from yumi.control.loop_events import ControllerReport
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.stream_monitor import StreamReport
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME = "joint_position_controller"

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, joints
 from controller_states import moved
 from yumi.control.goals import UNKNOWN
 from yumi.control.motion.target_predictor import TargetPredictor
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, joints
 
 PERIOD = 0.004
 AHEAD = 0.030

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints
 from controller_states import moved
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.tracking_filter import TrackingFilter
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints
 
 Path = Callable[[float], tuple[float, float, float]]
 

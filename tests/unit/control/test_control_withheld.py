@@ -8,6 +8,8 @@ from math import inf, nan
 
 import pytest
 
+from abb_protocols.robot.description import SERVO_GRIPPERS
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Side, home, joints
 from controller_states import configured, state
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller
@@ -25,10 +27,8 @@ from yumi.control.motion.standstill import AT_GOAL
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.tool_goal import ToolGoal, twist_goal
 from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.core.collision import CollisionModel
 from yumi.planning.smoothing import smooth_spline_through
-from yumi.robot.collision import CollisionModel
-from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Side, home, joints
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 UPWARDS = (0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0)  # [m/s]; from home, the wrist meets the body

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-import yumi.controller_files
-from yumi.rapid.ast import Module, RoutineKind, Storage
-from yumi.rapid.parser import parse_module
-from yumi.virtual.system_parameters import Configuration
+import abb_protocols.controller_files
+from virtual_irc5.rapid.ast import Module, RoutineKind, Storage
+from virtual_irc5.rapid.parser import parse_module
+from virtual_irc5.system_parameters import Configuration
 
-FOLDER = Path(next(iter(yumi.controller_files.__path__)))
+FOLDER = Path(next(iter(abb_protocols.controller_files.__path__)))
 MODULES = sorted([*FOLDER.glob("*.mod"), *FOLDER.glob("*.sys")])
 CONFIGURATIONS = sorted(FOLDER.glob("*.cfg"))
 LONGEST_IDENTIFIER = 32

@@ -10,19 +10,20 @@ from shutil import copy, copytree, ignore_patterns
 
 import pytest
 
-CORE = Path(__file__).resolve().parents[3] / "src" / "yumi" / "core"
+PACKAGES = Path(__file__).resolve().parents[3] / "packages"
 
 
 @pytest.fixture
 def installed(tmp_path: Path) -> Path:
     """The package as it is installed without the library, as far as it is compiled."""
-    folder = tmp_path / "site-packages" / "yumi"
-    folder.mkdir(parents=True)
-    for file in (CORE.parent / "__init__.py", CORE.parent / "errors.py"):
-        copy(file, folder)
-    for name in ("catalogue", "core"):
-        copytree(CORE.parent / name, folder / name, ignore=ignore_patterns("__pycache__"))
-    return folder.parent
+    folder = tmp_path / "site-packages"
+    unused = ignore_patterns("__pycache__", "libcore.so")
+    copytree(PACKAGES / "abb-protocols" / "src", folder, ignore=unused)
+    driver = PACKAGES / "yumi-ros2" / "src" / "yumi"
+    for name in ("core", "texts"):
+        copytree(driver / name, folder / "yumi" / name, ignore=unused)
+    copy(driver / "__init__.py", folder / "yumi")
+    return folder
 
 
 def start(installed: Path, cache: Path, code: str, **variables: str) -> subprocess.Popen[str]:

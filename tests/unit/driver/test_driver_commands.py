@@ -8,7 +8,8 @@ import click
 import msgspec
 import pytest
 
-from yumi.catalogue import FrontEnd
+from abb_protocols.catalogue import FrontEnd
+from abb_protocols.robot.gripper import Outcome
 from yumi.cli.from_table import command_from
 from yumi.cli.main import SECTIONS
 from yumi.cli.robot import DRIVER_COMMANDS
@@ -16,7 +17,6 @@ from yumi.driver.command import Command, Lane
 from yumi.driver.commands import COMMANDS, Calibrate, Grip, StartEgm, offered_to
 from yumi.driver.endpoint_server import decode_request
 from yumi.driver.reports import GripReport
-from yumi.robot.gripper import Outcome
 from yumi.web.page_messages import Ask
 
 ENDPOINT = offered_to(FrontEnd.SCRIPT, FrontEnd.SHELL, FrontEnd.PAGE)

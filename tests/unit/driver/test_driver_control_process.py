@@ -12,6 +12,9 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.errors import RobotNotReady
+from abb_protocols.robot.joints import Side
+from abb_runtime.process.child import PipeClosed
 from refusals import refused
 from yumi.control.counters import WireCounters
 from yumi.control.loop_commands import Commands
@@ -19,9 +22,6 @@ from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event
 from yumi.control.shared_state import Snapshot
 from yumi.driver import control_process
 from yumi.driver.control_process import HUNG, STALE, STARTING, ControlProcess
-from yumi.errors import RobotNotReady
-from yumi.process.child import PipeClosed
-from yumi.robot.joints import Side
 
 LONG = 5.0
 LEFT = Side.LEFT

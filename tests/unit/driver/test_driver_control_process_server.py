@@ -11,9 +11,11 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.catalogue import clause, message
+from abb_protocols.robot.joints import Side
+from abb_runtime.clock import ManualClock
+from abb_runtime.process.child import PipeClosed, PipeEnd
 from refusals import assert_says
-from yumi.catalogue import clause, message
-from yumi.clock import ManualClock
 from yumi.control.allowed_collisions import AllowedCollisions
 from yumi.control.loop_events import ControllerFailed, CycleFailed, ReportsDropped
 from yumi.control.shared_memory import shared_numbers
@@ -29,8 +31,6 @@ from yumi.driver.control_process import (
     WakeMode,
     run_control_process,
 )
-from yumi.process.child import PipeClosed, PipeEnd
-from yumi.robot.joints import Side
 
 
 class Source:

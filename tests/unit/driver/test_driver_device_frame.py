@@ -8,11 +8,11 @@ from typing import Any
 import msgspec
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO
 from refusals import refused
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings
 from yumi.driver.motion_commands import Teleoperate
-from yumi.errors import CommandRefused
-from yumi.robot.joints import ZERO
 
 POSE = (0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0)
 

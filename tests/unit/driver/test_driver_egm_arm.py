@@ -7,8 +7,11 @@ from itertools import count
 
 import pytest
 
-from yumi.catalogue import clause, message
-from yumi.clock import SystemClock
+from abb_protocols.catalogue import clause, message
+from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints, Side, joints
+from abb_runtime.clock import SystemClock
+from abb_runtime.udp import MemoryLink, UdpClient, UdpServer, memory_links
 from yumi.control.controller import Sampled
 from yumi.control.goals import SessionGoal
 from yumi.control.limiter import Limiter
@@ -17,10 +20,7 @@ from yumi.control.shared_state import Limited, Snapshot
 from yumi.control.stage_times import BEGIN, SEND, StageClock
 from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.reports import arm_report
-from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.egm.session import Session
-from yumi.egm.udp import MemoryLink, UdpClient, UdpServer, memory_links
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints, Side, joints
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
 MESSAGE = RobotMessage(

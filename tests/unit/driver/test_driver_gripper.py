@@ -8,16 +8,16 @@ from threading import Thread
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import ControllerRefused, GoalNotReached, RobotNotReady
+from abb_protocols.robot.gripper import TRAVEL, Direction, GripperGoal, GripperModules, Outcome, ServoState, go_to, grip
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.documents import Signal
+from abb_protocols.rws.types import SignalType
+from abb_runtime.clock import ManualClock
 from refusals import refused
-from yumi.catalogue import message
-from yumi.clock import ManualClock
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSetup, GripperSignals
 from yumi.driver.state_machine import SgCommand
-from yumi.errors import ControllerRefused, GoalNotReached, RobotNotReady
-from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, GripperModules, Outcome, ServoState, go_to, grip
-from yumi.robot.joints import Side
-from yumi.rws.documents import Signal
-from yumi.rws.types import SignalType
 
 
 class Robot:

@@ -7,14 +7,14 @@ from typing import cast
 
 import pytest
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import CommandRefused, RobotNotReady
+from abb_protocols.robot.gripper import TRAVEL, Direction, go_to, grip
+from abb_protocols.robot.joints import Side
 from fake_driver import FakeGripper
 from refusals import refused
-from yumi.catalogue import Message, message
 from yumi.driver.gripper import Gripper
 from yumi.driver.gripper_follower import GripperFollower, closed_of, goal_of
-from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.gripper import TRAVEL, Direction, go_to, grip
-from yumi.robot.joints import Side
 
 
 @pytest.fixture

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from abb_protocols.errors import ControllerRefused, NoConnection, ProtocolError
+from abb_protocols.robot.gripper import GripperModules, ServoState
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import Priority, Resource
+from abb_runtime.rws.client import Change
 from refusals import refused
 from yumi.driver.gripper import GripperSignals
-from yumi.errors import ControllerRefused, NoConnection, ProtocolError
-from yumi.robot.gripper import GripperModules, ServoState
-from yumi.robot.joints import Side
-from yumi.rws.client import Change
-from yumi.rws.types import Priority, Resource
 
 MODULES = {Side.RIGHT: GripperModules.SERVO, Side.LEFT: GripperModules.VISION_VACUUM}
 

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.catalogue import FrontEnd, Message, clause, message, remedy_of
+from abb_protocols.errors import RobotNotReady
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
 from refusals import refused
-from yumi.catalogue import FrontEnd, Message, clause, message, remedy_of
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver.readiness import (
     NEEDED,
@@ -22,9 +25,6 @@ from yumi.driver.readiness import (
 )
 from yumi.driver.robot_state import EGM_RUNNING, RobotState
 from yumi.driver.state_machine import MachineState
-from yumi.errors import RobotNotReady
-from yumi.robot.joints import Side
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 READY = RobotState(
     is_connected=True,

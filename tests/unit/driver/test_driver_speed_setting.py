@@ -7,16 +7,16 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.catalogue import Action
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import CYCLE, Side
 from refusals import assert_says, refused
-from yumi.catalogue import Action
 from yumi.control.goals import MemoryBuffer
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.settings import RobotSettings, Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
-from yumi.errors import CommandRefused
-from yumi.robot.joints import CYCLE, Side
 
 
 class Arms:

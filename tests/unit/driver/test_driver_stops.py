@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.catalogue import message
-from yumi.catalogue.texts.events import KNOWN_NUMBERS
+from abb_protocols.catalogue import message
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.documents import Event
+from abb_protocols.rws.types import EventType
 from yumi.control.loop_events import RobotStoppedFollowing, SessionLost
 from yumi.driver.stops import Cause, because, cause_among, explain, explained, is_without_person, needs_person
-from yumi.robot.joints import Side
-from yumi.rws.documents import Event
-from yumi.rws.types import EventType
+from yumi.texts.events import KNOWN_NUMBERS
 
 INFORMATION, ERROR = EventType.INFORMATION, EventType.ERROR
 

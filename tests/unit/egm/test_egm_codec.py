@@ -11,9 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from refusals import refused
-from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import (
+from abb_protocols.egm import egm_pb2 as pb
+from abb_protocols.egm.codec import (
     LARGEST_DATAGRAM,
     Collision,
     MciState,
@@ -27,9 +26,10 @@ from yumi.egm.codec import (
     SensorCodec,
     SensorMessage,
 )
+from abb_protocols.errors import ProtocolError
+from abb_protocols.robot.joints import Joints
+from refusals import refused
 from yumi.egm.joint_codec import JointCodec
-from yumi.errors import ProtocolError
-from yumi.robot.joints import Joints
 
 ANGLES = st.floats(-6.0, 6.0)
 JOINTS = st.tuples(*[ANGLES] * 7)

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from refusals import refused
-from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import (
+from abb_protocols.egm import egm_pb2 as pb
+from abb_protocols.egm.codec import (
     LARGEST_DATAGRAM,
     MciState,
     MotorState,
@@ -21,9 +20,10 @@ from yumi.egm.codec import (
     SensorCodec,
     SensorMessage,
 )
+from abb_protocols.errors import ProtocolError
+from abb_protocols.robot.joints import Joints
+from refusals import refused
 from yumi.egm.joint_codec import JointCodec
-from yumi.errors import ProtocolError
-from yumi.robot.joints import Joints
 
 JOINTS = st.tuples(*[st.floats(-6.0, 6.0)] * 7)
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)

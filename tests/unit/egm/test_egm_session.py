@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
+from abb_protocols.errors import ProtocolError
+from abb_protocols.robot.joints import Joints
 from refusals import refused
-from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
 from yumi.egm.joint_codec import JointCodec, JointReport
 from yumi.egm.session import SILENCE, SensorSession, SessionCounters
-from yumi.errors import ProtocolError
-from yumi.robot.joints import Joints
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
 MESSAGE = RobotMessage(

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.errors import NoConnection
+from abb_runtime.udp import Poller, UdpClient, UdpServer, address_towards, free_port, resolve
 from refusals import refused
-from yumi.egm.udp import Poller, UdpClient, UdpServer, address_towards, free_port, resolve
-from yumi.errors import NoConnection
 
 
 def receive(link: UdpServer | UdpClient) -> list[bytes]:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.errors import MissingPrerequisite, RobotNotReady
 from refusals import refused
-from yumi.errors import MissingPrerequisite, RobotNotReady
 from yumi_evaluation.bench.contenders import contenders, other_server
 from yumi_evaluation.bench.run import Server, Workshop
 

@@ -7,9 +7,9 @@ import importlib.util
 import pytest
 from click.testing import CliRunner
 
-from yumi.catalogue import FrontEnd, message, sentence
+from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.errors import missing_extra
 from yumi.cli.main import main
-from yumi.errors import missing_extra
 from yumi_evaluation import cli
 from yumi_evaluation.bench.contenders import WAKE_MODES, contenders
 

@@ -12,15 +12,15 @@ import pytest
 from click.testing import CliRunner, Result
 from virtual_logs import HOME, VirtualRobot, motions, times
 
-from yumi.catalogue import FrontEnd, clause, message
+from abb_protocols.catalogue import FrontEnd, clause, message
+from abb_protocols.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.parameters import read_egm_parameters
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import Frame
 from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.stage_times import StageTimes
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.parameters import read_egm_parameters
 from yumi_evaluation.cli import compare
 from yumi_evaluation.comparison import compare as compared
 from yumi_evaluation.comparison import document

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from virtual_logs import HOME, VirtualRobot, motions, random_robot, times
 
-from yumi.catalogue import message
-from yumi.robot.joints import CYCLE
-from yumi.virtual.mechanics.arm_motion import ArmModel
+from abb_protocols.catalogue import message
+from abb_protocols.robot.joints import CYCLE
+from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi_evaluation.identification import Dynamics, Identified, answer, identify, limited
 
 EXPECTED = Dynamics()

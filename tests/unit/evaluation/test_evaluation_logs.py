@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from virtual_logs import HOME
 
+from abb_protocols.errors import CommandRefused, YumiError
+from abb_protocols.robot.joints import CYCLE, Side, joint_names, joints
 from refusals import refused
 from yumi.control.flight_recorder import Frame
 from yumi.control.stage_times import StageTimes
-from yumi.errors import CommandRefused, YumiError
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.joints import CYCLE, Side, joint_names, joints
 from yumi_evaluation.logs import read_logs
 
 COUNT = 120

@@ -17,16 +17,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, joint_names, joints, named_pose
 from refusals import assert_says, refused
 from yumi.api.arm_access import TRAJECTORY_CONTROLLER
-from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 from yumi.control.motion.setpoint import slower
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.driver.settings import CalibrateWhen, Settings
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
-from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joint_names, joints, named_pose
 from yumi_evaluation import cli, measurement
 from yumi_evaluation.cli import measure
 from yumi_evaluation.measurement import LARGEST, MOTIONS, Examined, clear_directions, settings_for_measuring

@@ -6,14 +6,14 @@ from math import pi, radians, sin
 import pytest
 from transport_delay import transport_delay
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import CYCLE, joints
+from abb_runtime.settings import Values
+from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
 from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.stage_times import StageClock
-from yumi.errors import CommandRefused
-from yumi.robot.joints import CYCLE, joints
-from yumi.settings import Values
-from yumi.virtual.mechanics.arm_motion import ArmModel
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 

@@ -7,10 +7,10 @@ from math import inf, pi, radians
 
 import numpy as np
 
-from yumi.robot.joints import CYCLE, YUMI_LIMITS
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.servo import follow_references
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.servo import follow_references
 from yumi_evaluation.identification import Dynamics
 from yumi_evaluation.logs import Array, RobotLog
 

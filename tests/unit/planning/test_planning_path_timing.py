@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS
 from soak import long, short, tell
 from yumi.planning.path_timing import UNLIMITED, MotionLimits, accelerating_law, demand, fastest_along
 from yumi.planning.rounded_path import RoundedPath
-from yumi.robot.joints import CYCLE, YUMI_LIMITS
 
 Array = NDArray[np.float64]
 

@@ -16,23 +16,34 @@ from typing import Any
 import numpy as np
 import pytest
 
+from abb_protocols.catalogue import Message
+from abb_protocols.errors import CommandRefused, PlanNotFound, WhyNoPlan
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import (
+    CYCLE,
+    YUMI_LIMITS,
+    ArmCommand,
+    Joints,
+    Pose,
+    Side,
+    home,
+    joint_names,
+    joints,
+    named_pose,
+)
+from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
 from apart_arms import ApartArms
 from mesh_judge import MeshJudge
 from refusals import refused
 from soak import long, short, tell
 from trajectories import sent_beside_speeds
-from yumi.catalogue import Message
 from yumi.control.collisions import BODY_MARGIN
 from yumi.control.motion.robot_response import SERVO_CYCLES
 from yumi.control.motion.spline import SplineSampler
-from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan
+from yumi.core.collision import CollisionModel, Obstacle
 from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner
 from yumi.planning.scene_description import disabled_pairs, planning_description
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
-from yumi.robot.collision import CollisionModel, Obstacle
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joint_names, joints, named_pose
-from yumi.robot.kinematics import IDENTITY, tool0_to_body
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("roboplan") is None, reason="needs yumi-ros2[planning]")
 
@@ -429,7 +440,7 @@ import threading
 from yumi.planning.planner import Planner
 from yumi.control.motion.point_motion import travel
 from yumi.control.motion.setpoint import Setpoint
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, home
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Side, home
 from yumi.api.motion_registry import MotionRegistry, Way
 
 planner = Planner()

@@ -7,18 +7,18 @@ from math import nan
 import numpy as np
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.inverse_kinematics import Unreachable, arm_angle
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, joints
+from abb_protocols.robot.kinematics import multiply, quaternion_of, tool0_to_body
 from cartesian_bench import deviation, shares
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.motion.spline import SplineSampler, TrajectoryPoint
 from yumi.control.trajectory_commands import ArmPlan
-from yumi.errors import CommandRefused
 from yumi.planning.common_time import stretched
 from yumi.planning.smoothing import smooth_spline_through
 from yumi.planning.tool_path import ToolPath, Waypoint, plan_path
-from yumi.robot.inverse_kinematics import Unreachable, arm_angle
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, joints
-from yumi.robot.kinematics import multiply, quaternion_of, tool0_to_body
 
 START = rad((20, -90, -110, 10, 30, 60, 10))
 HERE = tool0_to_body(Side.RIGHT, START)

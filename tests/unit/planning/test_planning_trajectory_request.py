@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.errors import TrajectoryRefused
+from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, home, joint_names
 from refusals import refused
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import ResultCode
-from yumi.errors import TrajectoryRefused
 from yumi.planning.common_time import time_to_start
 from yumi.planning.trajectory_request import MOST_POINTS, JointTrajectory, plan_trajectory
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, home, joint_names
 
 RIGHT, LEFT = joint_names(Side.RIGHT), joint_names(Side.LEFT)
 HOME = home(Side.RIGHT)

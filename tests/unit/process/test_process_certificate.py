@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.errors import MissingPrerequisite, SettingsError
+from abb_runtime.process import certificate
+from abb_runtime.process.certificate import installation_certificate
 from refusals import refused
-from yumi.errors import MissingPrerequisite, SettingsError
-from yumi.process import certificate
-from yumi.process.certificate import installation_certificate
 
 pytest.importorskip("cryptography", reason="the part robotware7 is not installed")
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from yumi.errors import RobotNotReady
-from yumi.process import command
-from yumi.process.command import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
+from abb_protocols.errors import RobotNotReady
+from abb_runtime.process import command
+from abb_runtime.process.command import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
 
 
 class Child:

@@ -22,8 +22,19 @@ from typing import NoReturn, cast
 import httpx
 import pytest
 
+from abb_protocols.errors import MissingPrerequisite, NoConnection, SettingsError
+from abb_protocols.robot.joints import CYCLE, Joints, Side, home, joints
+from abb_runtime.clock import ManualClock, SystemClock
+from abb_runtime.process import command
+from abb_runtime.process.child import PROCESSES, ChildProcess, PipeEnd
+from abb_runtime.process.command import DRIVER_READY, Command
+from abb_runtime.rws.transport import Deadline, HttpTransport
+from abb_runtime.rws.web_socket import Listener
+from abb_runtime.udp import UdpClient, UdpServer, free_port
 from refusals import refused
-from yumi.clock import ManualClock, SystemClock
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.rws.subscriptions import Upgrade
 from yumi.control.goals import write_goal
 from yumi.control.loop_events import Event, is_fault
 from yumi.control.shared_memory import new_cycle_event, shared_numbers
@@ -31,17 +42,6 @@ from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.driver.control_process import ArmBuffers, ControlServer, Stop
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
-from yumi.egm.udp import UdpClient, UdpServer, free_port
-from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
-from yumi.process import command
-from yumi.process.child import PROCESSES, ChildProcess, PipeEnd
-from yumi.process.command import DRIVER_READY, Command
-from yumi.robot.joints import CYCLE, Joints, Side, home, joints
-from yumi.rws.transport import Deadline, HttpTransport
-from yumi.rws.web_socket import Listener
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.rws.subscriptions import Upgrade
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd
 
 LISTENER = Listener("rws", lambda text: None, lambda sentence: None)
@@ -268,8 +268,8 @@ NO_ROOM_FOR_A_STACK = """
 import resource
 from pathlib import Path
 from threading import Event
-from yumi.errors import MissingPrerequisite
-from yumi.process.supervision import SupervisedThread
+from abb_protocols.errors import MissingPrerequisite
+from abb_runtime.process.supervision import SupervisedThread
 
 used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (used + 4_000_000, resource.RLIM_INFINITY))

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from yumi.process.child import PipeClosed, PipeEnd
+from abb_runtime.process.child import PipeClosed, PipeEnd
 
 LONG = 3_000_000
 

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from yumi.process.realtime import paused_collector, prefer_thread, short_switch_interval
+from abb_runtime.process.realtime import paused_collector, prefer_thread, short_switch_interval
 
 
 def test_collector_pauses_while_something_is_measured_and_goes_on_after_it() -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import RobotNotReady
+from abb_runtime.process.single_instance import SingleInstance, lock_folder
 from refusals import refused
-from yumi.catalogue import Message, message
-from yumi.errors import RobotNotReady
-from yumi.process.single_instance import SingleInstance, lock_folder
 
 NAME = "yumi-test at 127.0.0.1:80/x"
 
@@ -38,7 +38,7 @@ def test_only_one_may_claim_a_name_and_the_other_learns_who_did() -> None:
 
 def test_name_is_free_again_when_its_process_was_killed(folder: Path) -> None:
     text = (
-        f"from yumi.process.single_instance import SingleInstance\nSingleInstance({NAME!r}, str).claim()\n"
+        f"from abb_runtime.process.single_instance import SingleInstance\nSingleInstance({NAME!r}, str).claim()\n"
         "print('claimed', flush=True)\ninput()"
     )
     child = subprocess.Popen([sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

@@ -9,11 +9,11 @@ from threading import Event
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import MissingPrerequisite
+from abb_runtime.process import supervision
+from abb_runtime.process.supervision import Failures, SupervisedThread
 from refusals import refused
-from yumi.catalogue import message
-from yumi.errors import MissingPrerequisite
-from yumi.process import supervision
-from yumi.process.supervision import Failures, SupervisedThread
 
 LONG = 5.0
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from yumi.rapid import InstructionSet, Task, TaskEvent
-from yumi.rapid.devices import Devices
-from yumi.rapid.states import Severity
-from yumi.virtual.controller.file_store import FileStore
-from yumi.virtual.controller.rapid_devices import RapidDisk
-from yumi.virtual.program_sockets import ProgramNetwork
+from virtual_irc5.controller.file_store import FileStore
+from virtual_irc5.controller.rapid_devices import RapidDisk
+from virtual_irc5.program_sockets import ProgramNetwork
+from virtual_irc5.rapid import InstructionSet, Task, TaskEvent
+from virtual_irc5.rapid.devices import Devices
+from virtual_irc5.rapid.states import Severity
 
 
 class RecordingHost:

@@ -10,7 +10,7 @@ import pytest
 from rapid_bench import Bench, started
 
 from free_ports import free_tcp_port
-from yumi.virtual.program_sockets import ProgramNetwork
+from virtual_irc5.program_sockets import ProgramNetwork
 
 SERVER = """
 VAR socketdev server; VAR socketdev client; VAR string text; VAR string address; VAR num port; VAR num count;

@@ -3,8 +3,8 @@
 import pytest
 from rapid_bench import error_of, evaluated, started
 
-from yumi.rapid.parser import parse_expression
-from yumi.rapid.types import RapidSyntaxError
+from virtual_irc5.rapid.parser import parse_expression
+from virtual_irc5.rapid.types import RapidSyntaxError
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import pytest
 from rapid_bench import Bench, error_of, started
 
-from yumi.rapid.states import Severity
+from virtual_irc5.rapid.states import Severity
 
 EXTRA = 'MODULE Extra\nPROC extra() TPWrite "extra"; ENDPROC\nENDMODULE'
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from rapid_bench import started
 
-from yumi.rapid import InstructionSet
-from yumi.virtual.world import World
+from virtual_irc5.rapid import InstructionSet
+from virtual_irc5.world import World
 
 SECTIONS = {
     section.partition("]")[0]: section.partition("]")[2].split()

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from rapid_bench import RecordingHost
 
-from yumi.rapid import InstructionSet, Task
+from virtual_irc5.rapid import InstructionSet, Task
 
 FOLDER = Path(__file__).parents[2] / "rapid_corpus"
 PROGRAMS = sorted(FOLDER.glob("*.mod"))

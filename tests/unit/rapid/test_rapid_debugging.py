@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from rapid_bench import Bench
 
-from yumi.rapid import EventKind, RapidReferenceError, RapidValueError, UnknownSymbol
+from virtual_irc5.rapid import EventKind, RapidReferenceError, RapidValueError, UnknownSymbol
 
 LOOP = "n := 0;\nWHILE TRUE DO\nn := n + 1;\nWaitTime 0.1;\nENDWHILE"
 CALLS = """VAR num n;

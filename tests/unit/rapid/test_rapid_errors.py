@@ -3,7 +3,7 @@
 import pytest
 from rapid_bench import Bench, error_of, started
 
-from yumi.rapid import EventKind, Execution, RapidReferenceError
+from virtual_irc5.rapid import EventKind, Execution, RapidReferenceError
 
 FAILING = "PROC fail() RAISE 7; ENDPROC"
 

@@ -3,7 +3,7 @@
 import pytest
 from rapid_bench import started
 
-from yumi.rapid import Call, InstructionSet, RapidReferenceError, RapidRuntimeError, RapidSyntaxError, Wait
+from virtual_irc5.rapid import Call, InstructionSet, RapidReferenceError, RapidRuntimeError, RapidSyntaxError, Wait
 
 
 class Identity:

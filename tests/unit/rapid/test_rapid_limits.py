@@ -12,15 +12,15 @@ from typing import Any
 import pytest
 from rapid_bench import Bench, error_of, evaluated, started
 
-from yumi.errors import RapidError
-from yumi.rapid import InstructionSet, compiler, loading, parser
-from yumi.rapid.ast import Expression
-from yumi.rapid.call import Call
-from yumi.rapid.expressions import Compiled, Expressions
-from yumi.rapid.parser import LONGEST_MODULE, parse_module
-from yumi.rapid.states import EventKind
-from yumi.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
-from yumi.rapid.types import (
+from abb_protocols.errors import RapidError
+from virtual_irc5.rapid import InstructionSet, compiler, loading, parser
+from virtual_irc5.rapid.ast import Expression
+from virtual_irc5.rapid.call import Call
+from virtual_irc5.rapid.expressions import Compiled, Expressions
+from virtual_irc5.rapid.parser import LONGEST_MODULE, parse_module
+from virtual_irc5.rapid.states import EventKind
+from virtual_irc5.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
+from virtual_irc5.rapid.types import (
     ModuleNameTaken,
     ProgramTooLarge,
     RapidReferenceError,

@@ -2,9 +2,9 @@
 
 import pytest
 
-from yumi.rapid import InstructionSet, RapidValueError
-from yumi.rapid.literals import format_number, format_value, parse_value
-from yumi.rapid.types import BOOL, DNUM, NUM, STRING, ArrayType, Type
+from virtual_irc5.rapid import InstructionSet, RapidValueError
+from virtual_irc5.rapid.literals import format_number, format_value, parse_value
+from virtual_irc5.rapid.types import BOOL, DNUM, NUM, STRING, ArrayType, Type
 
 
 def type_named(name: str) -> Type:

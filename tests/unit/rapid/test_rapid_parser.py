@@ -2,9 +2,9 @@
 
 import pytest
 
-from yumi.rapid import RapidSyntaxError, parse_module
-from yumi.rapid import ast as s
-from yumi.rapid.parser import parse_expression, parse_parameters, parse_reference
+from virtual_irc5.rapid import RapidSyntaxError, parse_module
+from virtual_irc5.rapid import ast as s
+from virtual_irc5.rapid.parser import parse_expression, parse_parameters, parse_reference
 
 
 def in_main(statements: str) -> tuple[s.Statement, ...]:

@@ -3,7 +3,7 @@
 import pytest
 from rapid_bench import Bench, started
 
-from yumi.rapid import Call, InstructionSet, Wait
+from virtual_irc5.rapid import Call, InstructionSet, Wait
 
 DECLARATIONS = """
 CONST num STATE_IDLE := 0;

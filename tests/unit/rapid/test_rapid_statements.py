@@ -3,7 +3,7 @@
 import pytest
 from rapid_bench import Bench, error_of, started
 
-from yumi.rapid import EventKind, RapidReferenceError
+from virtual_irc5.rapid import EventKind, RapidReferenceError
 
 
 def test_if_takes_the_first_true_branch() -> None:

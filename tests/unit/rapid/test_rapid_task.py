@@ -3,15 +3,8 @@
 import pytest
 from rapid_bench import Bench, started
 
-from yumi.errors import RobotNotReady
-from yumi.rapid import (
-    EventKind,
-    Execution,
-    ModuleInfo,
-    RapidReferenceError,
-    RapidValueError,
-    UnknownSymbol,
-)
+from abb_protocols.errors import RobotNotReady
+from virtual_irc5.rapid import EventKind, Execution, ModuleInfo, RapidReferenceError, RapidValueError, UnknownSymbol
 
 DATA = """
 LOCAL RECORD OwnSettings

@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, Side
 from flight import LOST, flown
 from yumi.driver.robot_state import RobotState
 from yumi.recording.message_types import recorded_event
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.gripper import GripperState, ServoState
-from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Side
 
 LAYOUT = json.loads((Path(__file__).parents[3] / "config" / "foxglove.json").read_text(encoding="utf-8"))
 PANELS: Mapping[str, Mapping[str, Any]] = LAYOUT["configById"]

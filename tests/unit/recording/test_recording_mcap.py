@@ -10,16 +10,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
+from abb_protocols.errors import ProtocolError
+from abb_protocols.robot.joints import Side
 from flight import CYCLE, LOST, flown, write_flight_record
 from refusals import refused
 from yumi.control.flight_recorder import Frame
 from yumi.control.loop_events import RobotFollows
 from yumi.control.stage_times import StageTimes
-from yumi.errors import ProtocolError
 from yumi.recording.message_types import CYCLE_SCHEMA, RecordedEvent, decode_cycle, frame_message, recorded_event
 from yumi.recording.reader import read_recording
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.joints import Side
 
 EPOCH = 1_800_000_000.0
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)

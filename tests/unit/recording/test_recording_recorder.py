@@ -7,9 +7,11 @@ from threading import Event as Flag
 
 import pytest
 
+from abb_protocols.errors import ProtocolError, SettingsError
+from abb_protocols.robot.joints import Side
+from abb_runtime.clock import ManualClock, SystemClock, comes_true
 from flight import CYCLE, LOST, flown, record_motion
 from refusals import refused
-from yumi.clock import ManualClock, SystemClock, comes_true
 from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
 from yumi.control.loop_events import (
     ControllerFailed,
@@ -21,12 +23,10 @@ from yumi.control.loop_events import (
     SessionLost,
     SessionStarted,
 )
-from yumi.errors import ProtocolError, SettingsError
 from yumi.recording.message_types import RecordedEvent
 from yumi.recording.reader import AFTER, read_recording
 from yumi.recording.recorder import FullRecorder, Recorder
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.joints import Side
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
 EPOCH = 1_800_000_000.0

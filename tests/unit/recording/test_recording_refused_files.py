@@ -15,15 +15,15 @@ from click.testing import CliRunner
 from lz4 import frame as lz4
 from mcap.writer import CompressionType, Writer
 
+from abb_protocols.catalogue import clause, message, remedy_of
+from abb_protocols.errors import ProtocolError
+from abb_protocols.robot.joints import Side
 from flight import LOST, flown, write_flight_record
 from refusals import codes_in, refused
-from yumi.catalogue import clause, message, remedy_of
 from yumi.cli.main import main
-from yumi.errors import ProtocolError
 from yumi.recording.message_types import frame_message, recorded_event
 from yumi.recording.reader import read_recording, recorded_messages
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.joints import Side
 
 CYCLE = frame_message(flown(1).frames()[0])
 EVENT = {"time": 1.0, "side": "r", "kind": "SessionLost", "message": "Lost.", "is_fault": True}

@@ -13,18 +13,18 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.joints import Pose, Side, finger_names, home, joint_names
+from abb_protocols.robot.kinematics import compose, tool0_to_body
+from abb_protocols.robot.urdf import read_frames, robot_description
+from abb_runtime.clock import ManualClock
 from flight import CYCLE, LOST, flown
-from yumi.clock import ManualClock
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.shared_state import JointStates
 from yumi.recording.message_types import recorded_event
 from yumi.recording.reader import read_recording
 from yumi.recording.recorder import FullRecorder, Sources
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.gripper import GripperState, ServoState
-from yumi.robot.joints import Pose, Side, finger_names, home, joint_names
-from yumi.robot.kinematics import compose, tool0_to_body
-from yumi.robot.urdf import read_frames, robot_description
 
 EPOCH = 1_800_000_000.0
 GRIPPER = GripperState(ServoState.KEEP_OBJECT, 0, True, 0.01, -0.02, 20.0)

@@ -6,15 +6,15 @@ import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import Side
 from flight import LOST, SENTENCE, flown, write_flight_record
 from refusals import refused
-from yumi.catalogue import message
 from yumi.cli.main import main
-from yumi.errors import CommandRefused
 from yumi.recording.message_types import recorded_event
 from yumi.recording.reader import Recording, read_recording
 from yumi.recording.tables import GAP, draw_recording, gaps_of, quantile
-from yumi.robot.joints import Side
 
 PNG = b"\x89PNG\r\n"
 

@@ -11,19 +11,19 @@ import pytest
 from click.testing import CliRunner
 
 import yumi
+from abb_protocols.errors import CommandRefused, MissingPrerequisite
+from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import OperatingMode
+from abb_runtime.clock import ManualClock
 from flight import LOST, flown
 from refusals import refused
 from yumi.cli.main import main
-from yumi.clock import ManualClock
 from yumi.driver.robot_state import RobotState
-from yumi.errors import CommandRefused, MissingPrerequisite
 from yumi.recording.message_types import recorded_event
 from yumi.recording.recorder import FullRecorder, Sources
 from yumi.recording.tables import export, rows
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.gripper import GripperState, ServoState
-from yumi.robot.joints import Side
-from yumi.rws.types import OperatingMode
 
 EPOCH = 1_800_000_000.0
 GRIPPER = GripperState(ServoState.KEEP_OBJECT, 0, True, 0.01, 0.0, 20.0)

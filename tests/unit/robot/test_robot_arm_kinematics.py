@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from yumi.robot.arm_kinematics import Arm, Lost
-from yumi.robot.confdata import Configuration
-from yumi.robot.inverse_kinematics import arm_angle
-from yumi.robot.irb120 import irb120
-from yumi.robot.joints import YUMI_LIMITS, Joints, Side
-from yumi.robot.kinematics import matrix, tool0_to_body
-from yumi.robot.rotations import rotation_vectors, rotations_about
-from yumi.robot.yumi_arms import irb14050, yumi_arm
+from abb_protocols.robot.arm_kinematics import Arm, Lost
+from abb_protocols.robot.confdata import Configuration
+from abb_protocols.robot.inverse_kinematics import arm_angle
+from abb_protocols.robot.irb120 import irb120
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side
+from abb_protocols.robot.kinematics import matrix, tool0_to_body
+from abb_protocols.robot.rotations import rotation_vectors, rotations_about
+from abb_protocols.robot.yumi_arms import irb14050, yumi_arm
 
 Array = NDArray[np.float64]
 

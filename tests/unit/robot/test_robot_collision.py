@@ -10,12 +10,9 @@ import mujoco
 import numpy as np
 import pytest
 
-import yumi.robot
-from refusals import refused
-from yumi.control.collisions import BODY_MARGIN
-from yumi.errors import CommandRefused
-from yumi.robot.collision import PADDING, Array, CollisionModel, Obstacle, Part, gripper_parts, link_parts
-from yumi.robot.description import (
+import yumi
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.description import (
     BODY_SHAPES,
     FINGER_ORIGINS,
     FINGER_SHAPES,
@@ -28,9 +25,12 @@ from yumi.robot.description import (
     Box,
     joint_1_origin,
 )
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
-from yumi.robot.kinematics import compose, inverse, matrix, quaternion_from_euler_zyx, tool0_to_body
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
+from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_from_euler_zyx, tool0_to_body
+from refusals import refused
+from yumi.control.collisions import BODY_MARGIN
+from yumi.core.collision import PADDING, Array, CollisionModel, Obstacle, Part, gripper_parts, link_parts
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 HOME = {side: home(side) for side in Side}
@@ -326,7 +326,7 @@ def outside(points: Array, boxes: tuple[Box, ...]) -> Array:
 
 def cover(name: str) -> Array:
     """Points of a mesh that is shown, between the corners of each triangle, too [m], (n, 3)."""
-    content = (Path(next(iter(yumi.robot.__path__))) / "meshes" / f"{name}.stl").read_bytes()[84:]
+    content = (Path(next(iter(yumi.__path__))) / "meshes" / f"{name}.stl").read_bytes()[84:]
     layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
     corners = np.frombuffer(content, dtype=layout)["corners"].astype(float)
     shares = [(i / 4.0, j / 4.0, (4 - i - j) / 4.0) for i in range(5) for j in range(5) if i + j <= 4]

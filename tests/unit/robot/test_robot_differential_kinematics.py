@@ -7,12 +7,18 @@ from math import degrees, hypot
 import numpy as np
 import pytest
 
+from abb_protocols.robot.differential_kinematics import (
+    DifferentialSolver,
+    posture_near,
+    target_error,
+    wrist_of,
+    wrist_target,
+)
+from abb_protocols.robot.inverse_kinematics import arm_angle, jacobian
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, home, joints
+from abb_protocols.robot.kinematics import foot_to_body, matrix, tool0_to_body
 from unit.robot.test_robot_inverse_kinematics import random_postures
 from unit.robot.test_robot_kinematics import rad
-from yumi.robot.differential_kinematics import DifferentialSolver, posture_near, target_error, wrist_of, wrist_target
-from yumi.robot.inverse_kinematics import arm_angle, jacobian
-from yumi.robot.joints import YUMI_LIMITS, Joints, Side, home, joints
-from yumi.robot.kinematics import foot_to_body, matrix, tool0_to_body
 
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
 

@@ -9,12 +9,9 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from refusals import assert_says, refused
-from soak import long, short, tell
-from unit.robot.test_robot_kinematics import ROBOTSTUDIO, rad
-from yumi.catalogue import message
-from yumi.robot.confdata import configuration
-from yumi.robot.inverse_kinematics import (
+from abb_protocols.catalogue import message
+from abb_protocols.robot.confdata import configuration
+from abb_protocols.robot.inverse_kinematics import (
     TO_WRIST,
     Unreachable,
     arm_angle,
@@ -25,8 +22,11 @@ from yumi.robot.inverse_kinematics import (
     postures_of_each,
     unreachable,
 )
-from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
-from yumi.robot.kinematics import matrix, tool0_to_body
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
+from abb_protocols.robot.kinematics import matrix, tool0_to_body
+from refusals import assert_says, refused
+from soak import long, short, tell
+from unit.robot.test_robot_kinematics import ROBOTSTUDIO, rad
 
 # Arm angles of RobotStudio's poses, counted from z and from y of the single arm's base (reference/yumi.md §1.4) [deg].
 ARM_ANGLES = [

@@ -6,8 +6,8 @@ from math import degrees, radians
 
 import pytest
 
-from yumi.robot.joints import Joints, Pose, Side, home, joints
-from yumi.robot.kinematics import (
+from abb_protocols.robot.joints import Joints, Pose, Side, home, joints
+from abb_protocols.robot.kinematics import (
     euler_zyx,
     foot_to_body,
     matrix,

@@ -5,11 +5,11 @@ from math import nan
 import numpy as np
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.description import HAND, Mass
+from abb_protocols.robot.joints import Pose, rotate
+from abb_protocols.robot.load import Tool, principal_inertia
 from refusals import refused
-from yumi.errors import CommandRefused
-from yumi.robot.description import HAND, Mass
-from yumi.robot.joints import Pose, rotate
-from yumi.robot.load import Tool, principal_inertia
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 NO_INERTIA = (0.0,) * 6

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from abb_protocols.robot.inverse_kinematics import arm_angle, jacobian, postures
+from abb_protocols.robot.joints import Joints, Pose, Side, joint_names
+from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
+from abb_protocols.robot.urdf import robot_description
 from soak import long, short
 from unit.robot.test_robot_inverse_kinematics import random_postures
-from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures
-from yumi.robot.joints import Joints, Pose, Side, joint_names
-from yumi.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
-from yumi.robot.urdf import robot_description
 
 pin = pytest.importorskip("pinocchio", reason="needs yumi-ros2[planning]")
 

@@ -9,10 +9,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from yumi.robot.description import GRIPPER_MASSES, joint_1_origin
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
-from yumi.robot.urdf import robot_description
+from abb_protocols.robot.description import GRIPPER_MASSES, joint_1_origin
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
+from abb_protocols.robot.urdf import robot_description
 
 CUP = 0.0075
 

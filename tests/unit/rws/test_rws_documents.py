@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from refusals import refused
-from yumi.errors import ProtocolError
-from yumi.rws.documents import (
+from abb_protocols.errors import ProtocolError
+from abb_protocols.rws.documents import (
     Argument,
     Form,
     Link,
@@ -22,7 +21,8 @@ from yumi.rws.documents import (
     read_page,
     read_status,
 )
-from yumi.virtual.rws.render import write_page, write_status
+from refusals import refused
+from virtual_irc5.rws.render import write_page, write_status
 
 LEGAL = st.characters(exclude_categories=("Cs", "Cc"), exclude_characters="￾￿")
 texts = st.text(LEGAL | st.sampled_from("\t\n\r\"'<>&;"), max_size=12)

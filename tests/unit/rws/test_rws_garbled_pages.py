@@ -14,23 +14,28 @@ from typing import Any
 import httpx
 import pytest
 
-import yumi.rws
-from yumi.clock import ManualClock
-from yumi.errors import ProtocolError, YumiError
-from yumi.robot.joints import ZERO, Pose
-from yumi.rws import client as client_module
-from yumi.rws.client import RwsClient
-from yumi.rws.documents import Page, RobTarget, State
-from yumi.rws.operations.motion import Increment, Supervision
-from yumi.rws.operations.rapid import Range, RunCycle
-from yumi.rws.services import service
-from yumi.rws.services.io import SignalChange
-from yumi.rws.services.users import Privilege
-from yumi.rws.session import Socket
-from yumi.rws.types import OperatingMode, Resource
-from yumi.rws.web_socket import Listener
+import abb_protocols.rws
+import abb_runtime.rws
+from abb_protocols.errors import ProtocolError, YumiError
+from abb_protocols.robot.joints import ZERO, Pose
+from abb_protocols.rws.documents import Page, RobTarget, State
+from abb_protocols.rws.operations.motion import Increment, Supervision
+from abb_protocols.rws.operations.rapid import Range, RunCycle
+from abb_protocols.rws.types import OperatingMode, Resource
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws import client as client_module
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.rws.services import service
+from abb_runtime.rws.services.io import SignalChange
+from abb_runtime.rws.services.users import Privilege
+from abb_runtime.rws.session import Socket
+from abb_runtime.rws.web_socket import Listener
 
-SOURCES = sorted(Path(str(yumi.rws.__file__)).parent.rglob("*.py"))
+SOURCES = sorted(
+    file
+    for package in (abb_protocols.rws, abb_runtime.rws)
+    for file in Path(str(package.__file__)).parent.rglob("*.py")
+)
 NAME = re.compile(r"[a-zA-Z]+([-_][a-zA-Z0-9]+)*")
 NOT_CALLS = {"close", "abandon", "subscribe", "holding", "call", "perform", "wait_for_restart"}
 """They end the client, wait, take any request, or are no single request."""

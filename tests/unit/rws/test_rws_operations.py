@@ -4,15 +4,15 @@ from math import degrees
 
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import ControllerRefused, ProtocolError
+from abb_protocols.rws import documents
+from abb_protocols.rws.documents import Event, Form, Page, Signal, State, Status, SystemInfo
+from abb_protocols.rws.operations import motion, panel, rapid
+from abb_protocols.rws.operations.rapid import TaskInfo
+from abb_protocols.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
 from refusals import assert_says, refused
-from yumi.catalogue import message
-from yumi.errors import ControllerRefused, ProtocolError
-from yumi.rws import documents
-from yumi.rws.documents import Event, Form, Page, Signal, State, Status, SystemInfo
-from yumi.rws.operations import motion, panel, rapid
-from yumi.rws.operations.rapid import TaskInfo
-from yumi.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
-from yumi.virtual.rws.render import write_status
+from virtual_irc5.rws.render import write_status
 
 JOINTS = {f"rax_{axis}": str(10 * axis) for axis in range(1, 7)}
 EXTERNAL = {"eax_a": "-135"} | {f"eax_{letter}": "8.999999e+009" for letter in "bcdef"}

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from abb_protocols.errors import CommandRefused, ProtocolError
+from abb_protocols.rws.types import RapidValue, decode, encode, split
 from refusals import refused
-from yumi.errors import CommandRefused, ProtocolError
-from yumi.rws.types import RapidValue, decode, encode, split
 
 atoms = st.one_of(st.booleans(), st.floats(allow_nan=False, allow_infinity=False), st.text())
 values = st.recursive(atoms, lambda inner: st.lists(inner, max_size=5).map(tuple), max_leaves=20)

@@ -4,9 +4,9 @@ from threading import Thread
 
 import pytest
 
-from yumi.clock import ManualClock
-from yumi.rws.session import BURST, RequestPace
-from yumi.rws.transport import INTERVAL
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.session import BURST, RequestPace
+from abb_runtime.rws.transport import INTERVAL
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from yumi.clock import ManualClock
-from yumi.rws.client import RwsClient
-from yumi.rws.session import RwsRequest, RwsSession
-from yumi.rws.types import ControllerState
+from abb_protocols.rws.types import ControllerState
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.rws.session import RwsRequest, RwsSession
 
 SET_COOKIES = [
     ("Set-Cookie", "-http-session-=16::http.session::5ed6; path=/; httponly"),

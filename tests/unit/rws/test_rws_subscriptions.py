@@ -6,9 +6,10 @@ import re
 
 import pytest
 
-from refusals import refused
-from yumi.errors import ProtocolError
-from yumi.rws.client import (
+from abb_protocols.errors import ProtocolError
+from abb_protocols.rws.documents import Link, State, decode_form
+from abb_protocols.rws.types import Priority, Resource
+from abb_runtime.rws.client import (
     Change,
     event_log,
     group_of,
@@ -18,10 +19,9 @@ from yumi.rws.client import (
     variable_value,
     write_resources,
 )
-from yumi.rws.documents import Link, State, decode_form
-from yumi.rws.types import Priority, Resource
-from yumi.virtual.rws import render as virtual_documents
-from yumi.virtual.rws.subscriptions import read_resources
+from refusals import refused
+from virtual_irc5.rws import render as virtual_documents
+from virtual_irc5.rws.subscriptions import read_resources
 
 RESOURCES = (Resource("/rw/panel/opmode"), signal_state("EGM_STOP"), variable_value("T_ROB_R", "M", "v", Priority.LOW))
 SIGNAL = "/rw/iosystem/signals/EGM_STOP;state"

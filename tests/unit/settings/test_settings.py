@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import SettingsError
+from abb_protocols.robot.description import SERVO_GRIPPERS
+from abb_protocols.robot.joints import Side
+from abb_runtime.settings import ParameterType, read_parameter_file
 from refusals import assert_says, refused
-from yumi.catalogue import Message, message
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.tool_limits import ToolLimits, Wall
 from yumi.driver.settings import Settings, config_folder, override, read_controllers, read_settings
-from yumi.errors import SettingsError
-from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import Side
-from yumi.settings import ParameterType, read_parameter_file
 
 
 @pytest.fixture

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import SettingsError
+from abb_protocols.robot.joints import Side
+from abb_runtime.settings import read_parameter_file
 from refusals import assert_says, refused
-from yumi.catalogue import Message, message
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.driver.settings import ControllerSettings, InitialState, read_controllers
 from yumi.driver.wiring import check_controllers
-from yumi.errors import SettingsError
-from yumi.robot.joints import Side
-from yumi.settings import read_parameter_file
 
 RIGHT = Side.RIGHT
 LISTED = """

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.errors import SettingsError
 from refusals import refused
 from yumi.driver.settings import RosSettings
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.errors import SettingsError
 
 TOOL = "[TRUE,[[0,10,114.2],[0,1,0,0]],[0.23,[8.2,11.7,52],[1,0,0,0],0.00021,0.00024,0.00009]]"
 

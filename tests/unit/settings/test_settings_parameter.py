@@ -4,10 +4,10 @@ from math import inf, nan
 
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_runtime import settings
+from abb_runtime.settings import Parameter, ParameterType, Value
 from refusals import refused
-from yumi import settings
-from yumi.errors import CommandRefused
-from yumi.settings import Parameter, ParameterType, Value
 
 GAIN = Parameter("p", 1.0, 0.0, 2.0, "1/s", "A gain.")
 COUNT = Parameter("count", 3, 1, 9)

@@ -6,4 +6,4 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path[:0] = [str(ROOT / "setup"), str(ROOT / "interfaces")]
+sys.path[:0] = [str(ROOT / name) for name in ("setup", "interfaces", "packages/yumi-ros2")]

@@ -17,7 +17,10 @@ class Repository:
     def __init__(self, root: Path) -> None:
         self.root = root
         self.git("init", "--quiet", "--initial-branch", "main")
-        self.commit("Begin", {"src/yumi/arm.py": "1", "pyproject.toml": (ROOT / "pyproject.toml").read_text()})
+        self.commit(
+            "Begin",
+            {"packages/yumi-ros2/src/yumi/arm.py": "1", "pyproject.toml": (ROOT / "pyproject.toml").read_text()},
+        )
         self.git("switch", "--quiet", "--create", "branch")
 
     def git(self, *arguments: str) -> None:
@@ -41,26 +44,34 @@ def repository(tmp_path: Path) -> Repository:
 
 
 def test_changed_package_without_a_fragment_is_refused(repository: Repository) -> None:
-    repository.commit("Move faster", {"src/yumi/arm.py": "2"})
+    repository.commit("Move faster", {"packages/yumi-ros2/src/yumi/arm.py": "2"})
     assert repository.missing().startswith(
-        "src/yumi/arm.py has changed since main, and changelog.d/ has no new fragment. Write "
+        "packages/yumi-ros2/src/yumi/arm.py has changed since main, and changelog.d/ has no new fragment. Write "
         "changelog.d/NUMBER.KIND.md (KIND is added, changed, removed, fixed or security), or put the line “Changelog: "
     )
 
 
 def test_removed_file_of_the_package_without_a_fragment_is_refused(repository: Repository) -> None:
-    (repository.root / "src/yumi/arm.py").unlink()
+    (repository.root / "packages/yumi-ros2/src/yumi/arm.py").unlink()
     repository.commit("Remove the arm", {})
-    assert repository.missing().startswith("src/yumi/arm.py has changed")
+    assert repository.missing().startswith("packages/yumi-ros2/src/yumi/arm.py has changed")
 
 
 @pytest.mark.parametrize(
     "commits",
     [
-        [("Move faster", {"src/yumi/arm.py": "2", "changelog.d/31.changed.md": "The arm moves faster."})],
-        [("Move faster", {"src/yumi/arm.py": "2"}), ("List it", {"changelog.d/31.changed.md": "Faster."})],
-        [("Release", {"src/yumi/__init__.py": "2", "CHANGELOG.md": "## 1.0.0"})],
-        [("Name the joint\n\nChangelog: none", {"src/yumi/arm.py": "2"})],
+        [
+            (
+                "Move faster",
+                {"packages/yumi-ros2/src/yumi/arm.py": "2", "changelog.d/31.changed.md": "The arm moves faster."},
+            )
+        ],
+        [
+            ("Move faster", {"packages/yumi-ros2/src/yumi/arm.py": "2"}),
+            ("List it", {"changelog.d/31.changed.md": "Faster."}),
+        ],
+        [("Release", {"packages/yumi-ros2/src/yumi/__init__.py": "2", "CHANGELOG.md": "## 1.0.0"})],
+        [("Name the joint\n\nChangelog: none", {"packages/yumi-ros2/src/yumi/arm.py": "2"})],
         [("Explain the arm", {"docs/index.md": "2", "tests/test_arm.py": "2"})],
         [],
     ],
@@ -75,7 +86,9 @@ def test_change_that_needs_no_other_fragment_passes(
 
 
 def test_page_about_fragments_is_none(repository: Repository) -> None:
-    repository.commit("Move faster", {"src/yumi/arm.py": "2", "changelog.d/README.md": "# Fragments"})
+    repository.commit(
+        "Move faster", {"packages/yumi-ros2/src/yumi/arm.py": "2", "changelog.d/README.md": "# Fragments"}
+    )
     assert "no new fragment" in repository.missing()
 
 
@@ -85,7 +98,7 @@ def test_removed_fragment_is_none(repository: Repository) -> None:
     repository.git("switch", "--quiet", "branch")
     repository.git("merge", "--quiet", "main")
     (repository.root / "changelog.d/30.added.md").unlink()
-    repository.commit("Move faster", {"src/yumi/arm.py": "2"})
+    repository.commit("Move faster", {"packages/yumi-ros2/src/yumi/arm.py": "2"})
     assert "no new fragment" in repository.missing()
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import click
 import pytest
+from wheel_hook import IN_AMENT_INDEX
 
 from yumi.cli.main import main
 
@@ -55,16 +56,15 @@ def test_every_instruction_is_one_of_a_containerfile() -> None:
 def test_every_source_that_is_copied_is_in_the_clone_and_not_ignored() -> None:
     ignored = (ROOT / ".dockerignore").read_text().split()
     sources = [source for stage in STAGES.values() for each in stage.all("COPY") for source in each.split()[:-1]]
-    assert {"src", "interfaces", "pyproject.toml", "uv.lock"} <= set(sources)
+    assert {"packages", "interfaces", "pyproject.toml", "uv.lock"} <= set(sources)
     assert [source for source in sources if not (ROOT / source).exists()] == []
     assert [source for source in sources if any(fnmatch(source, pattern) for pattern in ignored)] == []
 
 
 def test_everything_that_the_wheels_are_made_from_is_copied() -> None:
     copied = {source for each in STAGES["build"].all("COPY") for source in each.split()[:-1]}
-    read = re.findall(r'^"([\w/.]+)" = "(?:share|lib)/', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
-    assert len(read) == 5
-    assert {name.partition("/")[0] for name in read} <= copied
+    assert len(IN_AMENT_INDEX) == 4
+    assert {"packages", "config", *(name.partition("/")[0] for name in IN_AMENT_INDEX)} <= copied
 
 
 def test_stages_build_on_each_other_and_on_one_python() -> None:
@@ -91,11 +91,15 @@ def test_image_runs_a_command_that_exists_as_an_ordinary_user(image: Stage) -> N
     assert words.index("RUN") < words.index("USER") < words.index("ENTRYPOINT")
     (entry,), (name, *arguments) = json.loads(image.all("ENTRYPOINT")[0]), json.loads(image.all("CMD")[0])
     assert entry == "yumi"
-    main.commands[name].make_context(name, arguments, parent=click.Context(main))
+    command = main.get_command(click.Context(main), name)
+    assert command is not None
+    command.make_context(name, arguments, parent=click.Context(main))
 
 
 def test_ports_are_those_of_the_commands() -> None:
-    defaults = {option.name: option.default for option in main.commands["controller"].params}
+    controller = main.get_command(click.Context(main), "controller")
+    assert controller is not None
+    defaults = {option.name: option.default for option in controller.params}
     assert STAGES["controller"].all("EXPOSE") == [f"{defaults['rws_port']}/tcp"]
     arms = " ".join(f"{defaults[f'{side}_egm_port']}/udp" for side in ("left", "right"))
     assert STAGES["driver"].all("EXPOSE") == [arms]
@@ -105,8 +109,9 @@ def test_wheels_are_made_where_the_images_look_for_them() -> None:
     printed = subprocess.run(
         ["make", "--dry-run", "wheels"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout
-    assert printed.count("hatchling build -t wheel -d dist") == 2
+    assert printed.count(f"hatchling build -t wheel -d {ROOT}/dist") == 2
     exported = re.findall(r"export .*--no-annotate (.*)--output-file dist/(\S+)", printed)
-    assert exported == [("", "requirements.txt"), ("--extra ros --extra record ", "requirements-ros.txt")]
+    with_ros = "--only-group products --only-group ros --only-group record "
+    assert exported == [("--only-group products ", "requirements.txt"), (with_ros, "requirements-ros.txt")]
     assert all("source=/build/dist" in image.all("RUN")[0] for image in IMAGES)
     assert STAGES["build"].all("WORKDIR") == ["/build"]

@@ -18,14 +18,16 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).resolve().parents[3]
 
 
-SOURCE = ROOT / "src" / "yumi"
-OF_EXTRAS = ("ros/", "testing/pytest_plugin.py")
-"""Files that are imported by ROS's commands and by pytest alone."""
+OF_EXTRAS = ("yumi/ros/", "yumi/testing/", "yumi/cli/rapid.py")
+"""Files that are imported by ROS's commands, by tests and by the plug-in alone."""
+
+DRIVER = ROOT / "packages" / "yumi-ros2"
+PACKAGES = sorted((ROOT / "packages").iterdir())
 
 
-def declared() -> set[str]:
-    """The distributions that `pip install` brings without an extra."""
-    table = re.search(r"^dependencies = \[(.*?)^\]", (ROOT / "pyproject.toml").read_text(), re.MULTILINE | re.DOTALL)
+def declared(package: Path) -> set[str]:
+    """The distributions that `pip install` of a package brings without an extra, as its pyproject.toml lists them."""
+    table = re.search(r"^dependencies = \[(.*?)^\]", (package / "pyproject.toml").read_text(), re.MULTILINE | re.DOTALL)
     assert table is not None
     return {canonicalize_name(Requirement(each).name) for each in re.findall(r'^  "([^"]+)"', table[1], re.MULTILINE)}
 
@@ -39,36 +41,43 @@ def imported(file: Path) -> Iterator[str]:
             yield (node.module or "").partition(".")[0]
 
 
-def test_every_package_that_is_imported_at_once_is_a_dependency() -> None:
+PRODUCTS = [each for each in PACKAGES if each.name != "yumi-evaluation"]
+
+
+@pytest.mark.parametrize("package", PRODUCTS, ids=lambda package: package.name)
+def test_every_package_that_is_imported_at_once_is_a_dependency(package: Path) -> None:
     # Python 3.10 does not find out whose a namespace package is.
     distributions, missing = {"google": ["protobuf"], **packages_distributions()}, []
-    for file in sorted(SOURCE.rglob("*.py")):
-        path = str(file.relative_to(SOURCE))
-        if path.startswith(OF_EXTRAS):
+    distributions |= {each.name.replace("-", "_"): [each.name] for each in PACKAGES} | {"yumi": ["yumi-ros2"]}
+    source = package / "src"
+    for file in sorted(source.rglob("*.py")):
+        path = str(file.relative_to(source))
+        if path.startswith(OF_EXTRAS) or "/bench/sources/" in path:
             continue
-        for module in set(imported(file)) - set(sys.stdlib_module_names) - {"yumi"}:
+        for module in set(imported(file)) - set(sys.stdlib_module_names) - {path.partition("/")[0]}:
             names = {canonicalize_name(each) for each in distributions.get(module, [module])}
-            if not names & declared():
+            if not names & declared(package):
                 missing.append(f"{path} imports {module}")
     assert missing == []
 
 
 def test_every_extra_that_a_sentence_names_can_be_installed() -> None:
     named = set()
-    for file in sorted((ROOT / "src").rglob("*.py")):
+    for file in sorted((ROOT / "packages").rglob("*.py")):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "missing_extra":
                 (extra,) = (each.value for each in node.args[1:] if isinstance(each, ast.Constant))
                 named.add(extra)
     assert {"planning", "data", "plot", "record", "robotware7", "evaluation"} <= named
-    assert named <= set(installation.parts_of(ROOT / "pyproject.toml", "project.optional-dependencies"))
+    assert named <= set(installation.parts_of(DRIVER / "pyproject.toml", "project.optional-dependencies"))
+    assert named <= set(installation.parts_of(ROOT / "pyproject.toml"))
 
 
 @pytest.mark.parametrize("target", ["demo", "check", "test", "test-real-time", "soak", "docs", "wheels"])
 def test_every_part_that_make_installs_is_in_pyproject(target: str) -> None:
     printed = subprocess.run(["make", "--dry-run", target], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     parts = [part for line in re.findall(r"-E -S setup(.*)", printed) for part in line.split()]
-    known = {part for table in installation.TABLES for part in installation.parts_of(ROOT / "pyproject.toml", table)}
+    known = set(installation.parts_of(ROOT / "pyproject.toml"))
     assert "-E -S setup" in printed
     assert set(parts) <= known
 

@@ -31,7 +31,7 @@ class Ended:
         pass
 
 
-PACKAGES = "build interfaces record ros"
+PACKAGES = "build interfaces products record ros"
 """The parts of every clone where no ROS 2 is sourced."""
 
 
@@ -55,16 +55,13 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 PYPROJECT = """\
-[project]
-name = "x"
-
-[project.optional-dependencies]
+# a clone
+[dependency-groups]
+products = ["yumi-ros2"]
 planning = ["pin"]
 record = [
   "mcap>=1",
 ]
-
-[dependency-groups]
 test = ["pytest"]
 
 [tool.ruff]
@@ -95,11 +92,13 @@ def test_setup_does_nothing_the_second_time(clone: Path, machine: Machine, steps
         ("pyproject.toml", PYPROJECT.replace("pytest", "tox"), [PACKAGES]),
         ("pyproject.toml", PYPROJECT.replace("100", "120"), []),
         ("package.xml", "<package/>\n", [PACKAGES]),
+        ("packages/driver/pyproject.toml", PYPROJECT, [PACKAGES]),
     ],
 )
 def test_setup_repeats_only_what_changed(
     clone: Path, machine: Machine, steps: list[str], file: str, text: str, expected: list[str]
 ) -> None:
+    (clone / file).parent.mkdir(parents=True, exist_ok=True)
     (clone / file).write_text(text)
     installation.install(str(clone), machine)
     assert steps == expected
@@ -124,7 +123,7 @@ def test_parts_that_were_asked_for_stay(clone: Path, machine: Machine, steps: li
     installation.install(str(clone), machine, ["planning"])
     installation.install(str(clone), machine, ["test"])
     installation.install(str(clone), machine)
-    with_planning = "build interfaces planning record ros"
+    with_planning = "build interfaces planning products record ros"
     assert steps == [with_planning, f"{with_planning} test"]
 
 
@@ -132,7 +131,7 @@ def test_parts_stay_where_the_environment_is_made_anew(clone: Path, machine: Mac
     installation.install(str(clone), machine, ["planning"])
     steps.clear()
     installation.install(str(clone), machine._replace(python=(3, 13)))
-    assert steps == ["venv", "build interfaces planning record ros", "activation"]
+    assert steps == ["venv", "build interfaces planning products record ros", "activation"]
 
 
 def test_core_and_message_packages_are_asked_for_each_time(
@@ -148,7 +147,9 @@ def test_core_and_message_packages_are_asked_for_each_time(
 def test_part_that_does_not_exist_is_refused_before_anything_is_done(
     clone: Path, machine: Machine, steps: list[str]
 ) -> None:
-    with pytest.raises(commands.InstallationFailed, match=r"no part 'planing'; there are: planning, record, test$"):
+    with pytest.raises(
+        commands.InstallationFailed, match=r"no part 'planing'; there are: planning, products, record, test$"
+    ):
         installation.install(str(clone), machine, ["planing"])
     assert steps == []
 
@@ -157,21 +158,22 @@ def test_part_that_is_no_longer_in_pyproject_is_forgotten(clone: Path, machine: 
     installation.install(str(clone), machine, ["planning"])
     (clone / "pyproject.toml").write_text(PYPROJECT.replace("planning =", "plans ="))
     installation.install(str(clone), machine)
-    assert steps == ["build interfaces planning record ros", PACKAGES]
+    assert steps == ["build interfaces planning products record ros", PACKAGES]
 
 
 def test_sourced_ros_needs_none_from_the_index(clone: Path, machine: Machine, steps: list[str]) -> None:
     installation.install(str(clone), machine._replace(sourced="jazzy"))
-    assert steps == ["venv", "build record", "activation"]
+    assert steps == ["venv", "build products record", "activation"]
 
 
 def test_core_that_cannot_be_compiled_ends_set_up(
     clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = clone / "src" / "yumi"
-    shutil.copytree(ROOT / "src" / "yumi" / "core", source / "core", ignore=shutil.ignore_patterns("libcore.so"))
-    for name in ("__init__.py", "errors.py"):
-        shutil.copy(ROOT / "src" / "yumi" / name, source / name)
+    for name in ("abb-protocols/src", "yumi-ros2/src/yumi/core", "yumi-ros2/src/yumi/texts"):
+        shutil.copytree(
+            ROOT / "packages" / name, clone / "packages" / name, ignore=shutil.ignore_patterns("libcore.so")
+        )
+    shutil.copy(ROOT / "packages/yumi-ros2/src/yumi/__init__.py", clone / "packages/yumi-ros2/src/yumi")
     monkeypatch.setattr(installation, "start", commands.start)
     monkeypatch.setenv("CXX", "no-such-compiler")
     for _ in range(2):
@@ -274,7 +276,7 @@ def test_uv_installs_what_is_locked_and_leaves_numpy_to_a_sourced_ros(
     installation._install(installation.Clone(tmp_path), machine._replace(sourced=sourced), ["planning", "test"])
     (command,) = ran
     assert command[:2] == ["sync", "--frozen"]
-    assert {"--extra=planning", "--group=test"} < set(command)
+    assert {"--only-group=planning", "--only-group=test"} < set(command)
     assert ("--no-install-package=numpy" in command) == (sourced is not None)
 
 
@@ -289,14 +291,13 @@ def test_every_file_of_the_lock_has_a_hash() -> None:
 
 def test_lock_is_of_the_pyproject_that_is_here() -> None:
     """`make lock` writes both; what each names is compared, since uv may not be there."""
-    pyproject = ROOT / "pyproject.toml"
-    own = LOCK.partition('\nname = "yumi-ros2"\n')[2].partition("\n[[package]]\n")[0]
-    for table, kept in zip(
-        installation.TABLES, ("package.optional-dependencies", "package.dev-dependencies"), strict=True
-    ):
-        _, _, text = own.partition(f"[{kept}]\n")
-        names = re.findall(r"^([\w-]+) = \[$", text.partition("\n[")[0], re.MULTILINE)
-        assert sorted(names) == sorted(installation.parts_of(pyproject, table))
+    _, _, groups = LOCK.partition("\n[manifest.dependency-groups]\n")
+    names = re.findall(r"^([\w-]+) = \[", groups.partition("\n\n[")[0], re.MULTILINE)
+    assert sorted(names) == sorted(installation.parts_of(ROOT / "pyproject.toml"))
+    members = re.search(r"^members = \[(.*?)^\]", LOCK, re.MULTILINE | re.DOTALL)
+    assert members is not None
+    folders = sorted(each.name for each in (ROOT / "packages").iterdir())
+    assert sorted(re.findall(r'"(.*)"', members[1])) == folders
 
 
 def test_the_two_larks_are_not_installed_over_each_other() -> None:

@@ -38,7 +38,7 @@ def test_a_whole_machine_has_no_problem(whole_machine: Machine) -> None:
         ),
         ({"python": (3, 15)}, r"is Python 3\.15, but Python 3\.10 to 3\.14 is needed"),
         ({"system": "Darwin", "processor": "arm64"}, r"for Linux on x86-64, and this is Darwin on arm64; .*without"),
-        ({"processor": "aarch64"}, r"this is Linux on aarch64; .*pip install yumi-ros2$"),
+        ({"processor": "aarch64"}, r"this is Linux on aarch64; .*pip install yumi-ros2\[virtual\]$"),
         ({"glibc": (2, 17)}, r"for glibc 2\.28 or newer, and this machine has 2\.17"),
         ({"glibc": ()}, r"this machine has another C library"),
         ({"compiler": None}, r"^no C\+\+ compiler was found, .*apt install g\+\+"),

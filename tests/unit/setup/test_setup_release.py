@@ -46,8 +46,9 @@ def test_version_is_written_into_every_copy(clone: Path) -> None:
     release.write_version("1.20.3", clone)
     assert version(clone) == "1.20.3"
     assert all(place.search((clone / name).read_text())[0] == "1.20.3" for name, place in release.COPIES.items())  # type: ignore[index]
-    changed = git(clone, "diff", "--numstat").splitlines()
-    assert [line.split()[:2] for line in changed] == [["1", "1"]] * (1 + len(release.COPIES))
+    changed = [line.split() for line in git(clone, "diff", "--numstat").splitlines()]
+    assert {name for _, _, name in changed} == {release.SOURCE, *release.COPIES}
+    assert all(added == removed for added, removed, _ in changed)
 
 
 @pytest.mark.parametrize("new", ["", "1.0", "v1.0.0", "1.0.0rc1"])

@@ -14,7 +14,7 @@ import source_files
         ("a.py", '"""The cycle: one datagram in,\none reply out. Nothing else runs here.\n\nMore.\n"""\n', None),
         ("a.hpp", "// The cycle: one datagram in,\n// one reply out. Nothing else runs here.\n\n#pragma once\n", None),
         ("a.ts", "/**\n * The cycle: one datagram in,\n * one reply out. Nothing else runs here.\n */\n", None),
-        ("b.py", '"""See :mod:`yumi.rws`, or ``yumi up``."""\n', "See `yumi.rws`, or `yumi up`"),
+        ("b.py", '"""See :mod:`abb_runtime.rws`, or ``yumi up``."""\n', "See `abb_runtime.rws`, or `yumi up`"),
         ("c.py", "x = 1\n", ""),
         ("c.hpp", "#pragma once\n// not the first\n", ""),
     ],
@@ -37,9 +37,7 @@ def long_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_long_file_without_a_reason_is_refused(long_file: Path) -> None:
-    assert [fault.partition(";")[0] for fault in source_files.faults()] == [
-        "src/yumi/long.py: 701 lines, more than 700"
-    ]
+    assert [fault.partition(";")[0] for fault in source_files.faults()] == ["long.py: 701 lines, more than 700"]
 
 
 def test_reason_without_a_long_file_is_refused(long_file: Path) -> None:
@@ -51,7 +49,7 @@ def test_reason_without_a_long_file_is_refused(long_file: Path) -> None:
 
 def test_file_without_a_first_sentence_is_refused(long_file: Path) -> None:
     long_file.write_text("x = 1\n", encoding="utf-8")
-    assert source_files.faults() == ["src/yumi/long.py: the first line names no noun"]
+    assert source_files.faults() == ["long.py: the first line names no noun"]
 
 
 def test_number_of_lines_stays_while_it_is_nearly_right(long_file: Path) -> None:

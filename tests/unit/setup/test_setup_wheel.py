@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[3]
 NAME = f"yumi_ros2-{yumi.__version__}"
 
 READ_SETTINGS = (
-    "import yumi.driver.settings as s; from yumi.robot.joints import Side; "
+    "import yumi.driver.settings as s; from abb_protocols.robot.joints import Side; "
     "s.read_settings(); [s.read_controllers(side) for side in Side]; print(s.config_folder())"
 )
 
@@ -36,21 +36,27 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("source")
     for name in ("pyproject.toml", "setup.py", "setup.cfg", "README.md", "LICENSE", "package.xml"):
         copy(ROOT / name, folder)
-    for name in ("src", "config", "resource", "launch", "setup"):
-        copytree(ROOT / name, folder / name, ignore=ignore_patterns("__pycache__", "*.egg-info"))
+    for name in ("packages", "config", "resource", "launch"):
+        copytree(ROOT / name, folder / name, ignore=ignore_patterns("__pycache__", "*.egg-info", "node_modules"))
     return folder
 
 
 @pytest.fixture(scope="module")
 def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel for every Python."""
+    """The wheel of the driver for every Python."""
     return build_wheel(source, tmp_path_factory.mktemp("wheel"))
 
 
-def test_wheel_for_every_python_brings_the_compiled_library(wheel: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def others(source: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The wheels of the other packages."""
+    names = [each.name for each in (ROOT / "packages").iterdir() if each.name != "yumi-ros2"]
+    return [build_wheel(source, tmp_path_factory.mktemp("wheel"), name) for name in sorted(names)]
+
+
+def test_wheel_for_every_python_brings_the_compiled_library(wheel: Path, others: list[Path], tmp_path: Path) -> None:
     assert wheel.name.endswith(f"-py3-none-linux_{platform.machine()}.whl")
-    with ZipFile(wheel) as archive:
-        archive.extractall(tmp_path)
+    extract(tmp_path, wheel, *others)
     # Neither a compiler nor a folder to write to.
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from yumi.core import library as it; it.load()"
     loaded = run([sys.executable, "-c", f"{code}; print(it.PACKAGED)"], tmp_path, PATH="", XDG_CACHE_HOME="/proc")
@@ -58,32 +64,45 @@ def test_wheel_for_every_python_brings_the_compiled_library(wheel: Path, tmp_pat
 
 
 def test_sources_contain_what_is_compiled(source: Path, tmp_path: Path) -> None:
-    run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)], source)
+    package = source / "packages" / "yumi-ros2"
+    run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)], package)
     (archive,) = tmp_path.glob("*.tar.gz")
     with tarfile.open(archive) as files:
         names = files.getnames()
         for file in library.FOLDER.glob("*.[ch]pp"):
             assert f"{NAME}/src/yumi/core/{file.name}" in names
+        for name in ("config/yumi.yaml", "launch/yumi.launch.py", "resource/yumi", "package.xml"):
+            assert f"{NAME}/{name}" in names
 
 
 @pytest.fixture(params=["wheel", "colcon"], scope="module")
 def installed(
-    request: pytest.FixtureRequest, source: Path, wheel: Path, tmp_path_factory: pytest.TempPathFactory
+    request: pytest.FixtureRequest,
+    source: Path,
+    wheel: Path,
+    others: list[Path],
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
     """The folder where `yumi` would be found, as each of the two builders makes it."""
     folder = tmp_path_factory.mktemp("installed")
     if request.param == "wheel":
-        with ZipFile(wheel) as archive:
-            archive.extractall(folder)
+        extract(folder, wheel, *others)
     else:
         run([sys.executable, "setup.py", "-q", "build", "-b", f"{folder}-build", "--build-lib", str(folder)], source)
     return folder
 
 
-def build_wheel(source: Path, folder: Path, **variables: str) -> Path:
-    run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)], source, **variables)
+def build_wheel(source: Path, folder: Path, package: str = "yumi-ros2", **variables: str) -> Path:
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    run(command, source / "packages" / package, **variables)
     (wheel,) = folder.glob("*.whl")
     return wheel
+
+
+def extract(folder: Path, *wheels: Path) -> None:
+    for each in wheels:
+        with ZipFile(each) as archive:
+            archive.extractall(folder)
 
 
 def run(command: list[str], folder: Path, **variables: str) -> str:
@@ -94,27 +113,36 @@ def run(command: list[str], folder: Path, **variables: str) -> str:
     return done.stdout
 
 
-def test_installation_has_every_file_of_the_package(installed: Path, request: pytest.FixtureRequest) -> None:
-    package = ROOT / "src" / "yumi"
-    files = {path.relative_to(package) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"}
-    page = {path for path in files if path.is_relative_to("web/page")}
-    assert Path("web/page/src/main.ts") in page
+def files_of(package: str) -> set[Path]:
+    """The files of a package's source, below its `src`."""
+    source = ROOT / "packages" / package / "src"
+    files = (path for path in source.rglob("*") if path.is_file() and path.suffix != ".pyc")
+    return {path.relative_to(source) for path in files if "node_modules" not in path.parts}
+
+
+@pytest.mark.parametrize("package", sorted(each.name for each in (ROOT / "packages").iterdir()))
+def test_installation_has_every_file_of_the_package(
+    installed: Path, package: str, request: pytest.FixtureRequest
+) -> None:
+    files = files_of(package)
+    page = {path for path in files if path.is_relative_to("yumi/web/page")}
     if request.node.callspec.params["installed"] == "wheel":  # colcon's is built when it is first needed
-        built = {"index.html", "style.css", "app.js", "LICENSE-three"}
-        files = files - page | {Path("web/static") / name for name in built}
+        built = {"index.html", "style.css", "app.js", "LICENSE-three"} if page else set()
+        files = files - page | {Path("yumi/web/static") / name for name in built}
         assert not (installed / "yumi" / "web" / "page").exists()
-    assert {Path("rapid/grammar.lark"), Path("egm/egm.proto"), Path("virtual/controller/stock/EIO.cfg")} < files
-    assert {Path("controller_files/TRobSG.mod"), Path("controller_files/TRobSystem.sys")} < files
-    assert [str(path) for path in sorted(files) if not (installed / "yumi" / path).is_file()] == []
+    assert files
+    assert [str(path) for path in sorted(files) if not (installed / path).is_file()] == []
 
 
-def test_installation_has_the_programs_of_the_benchmark_and_the_template_of_the_report(installed: Path) -> None:
-    package = ROOT / "src" / "yumi_evaluation"
-    files = {path.relative_to(package) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"}
-    sources = Path("bench/sources")
-    assert {sources / "load_generator.c", sources / "echo.c", sources / "requirements.txt"} < files
-    assert {sources / "abb_robot_egm_loop.py", Path("report.html.jinja")} < files
-    assert [str(path) for path in sorted(files) if not (installed / "yumi_evaluation" / path).is_file()] == []
+def test_packages_have_files_that_are_no_modules() -> None:
+    assert Path("yumi/web/page/src/main.ts") in files_of("yumi-ros2")
+    virtual = {Path("virtual_irc5/rapid/grammar.lark"), Path("virtual_irc5/controller/stock/EIO.cfg")}
+    assert virtual < files_of("virtual-irc5")
+    modules = {Path("abb_protocols/controller_files") / name for name in ("TRobSG.mod", "TRobSystem.sys")}
+    assert modules | {Path("abb_protocols/egm/egm.proto")} < files_of("abb-protocols")
+    sources = Path("yumi_evaluation/bench/sources")
+    programs = {sources / name for name in ("load_generator.c", "echo.c", "requirements.txt", "abb_robot_egm_loop.py")}
+    assert programs | {Path("yumi_evaluation/report.html.jinja")} < files_of("yumi-evaluation")
 
 
 def test_installation_reads_its_own_settings(installed: Path) -> None:
@@ -134,7 +162,7 @@ IN_AMENT_INDEX = {
 def test_wheel_brings_what_the_tools_of_ros_look_for(wheel: Path) -> None:
     with ZipFile(wheel) as archive:
         data = {name.removeprefix(DATA): archive.getinfo(name) for name in archive.namelist() if name.startswith(DATA)}
-    meshes = {f"share/yumi_ros2/meshes/{file.name}" for file in (ROOT / "src/yumi/robot/meshes").iterdir()}
+    meshes = {f"share/yumi_ros2/meshes/{file.name}" for file in (ROOT / "packages/yumi-ros2/src/yumi/meshes").iterdir()}
     assert set(data) == IN_AMENT_INDEX | meshes
     assert data["lib/yumi_ros2/yumi"].external_attr >> 16 & 0o111  # pip keeps that it can be executed
 

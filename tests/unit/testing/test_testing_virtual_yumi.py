@@ -5,16 +5,16 @@ from __future__ import annotations
 import httpx
 import pytest
 
+from abb_protocols.catalogue import message
+from abb_protocols.errors import RobotNotReady
+from abb_protocols.robot.joints import CYCLE, Side
+from abb_protocols.rws.types import ControllerState
+from abb_runtime.faults import Fault
+from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from refusals import refused
-from yumi.catalogue import message
+from virtual_irc5.mechanics.virtual_gripper import Workpiece
 from yumi.egm.joint_codec import JointCodec
-from yumi.errors import RobotNotReady
-from yumi.robot.joints import CYCLE, Side
-from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
-from yumi.rws.types import ControllerState
 from yumi.testing.virtual_yumi import VirtualYumi
-from yumi.virtual.faults import Fault
-from yumi.virtual.mechanics.virtual_gripper import Workpiece
 
 
 def test_time_passes_in_whole_cycles_when_the_test_waits(virtual_yumi: VirtualYumi) -> None:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from yumi.clock import ManualClock
-from yumi.rws.types import EventType
-from yumi.virtual.controller_log import EventLog
+from abb_protocols.rws.types import EventType
+from abb_runtime.clock import ManualClock
+from virtual_irc5.controller_log import EventLog
 
 
 @pytest.fixture

@@ -7,16 +7,16 @@ from contextlib import suppress
 
 import pytest
 
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import CollisionState, ControllerState, OperatingMode
+from abb_runtime.clock import ManualClock
+from abb_runtime.faults import FAULTS_PATH, Fault, Way
 from memory_http import MemoryHttp
 from system.virtual_time_bench import System
-from yumi.clock import ManualClock
-from yumi.errors import CommandRefused
-from yumi.robot.joints import Side
-from yumi.rws.types import CollisionState, ControllerState, OperatingMode
-from yumi.virtual.faults import FAULTS_PATH, Fault, Way
-from yumi.virtual.mechanics.egm_client import EgmOutcome
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.world import FaultInjection, World
+from virtual_irc5.mechanics.egm_client import EgmOutcome
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.world import FaultInjection, World
 
 LOCAL = "127.0.0.1:4711"
 

@@ -13,14 +13,14 @@ from select import select
 import httpx
 import pytest
 
+from abb_protocols.errors import ControllerRefused, NoConnection, SettingsError
+from abb_runtime.clock import ManualClock
+from abb_runtime.rws.transport import ConnectionLost, Deadline, HttpTransport
+from abb_runtime.rws.web_socket import Listener
 from refusals import refused
-from yumi.clock import ManualClock
-from yumi.errors import ControllerRefused, NoConnection, SettingsError
-from yumi.rws.transport import ConnectionLost, Deadline, HttpTransport
-from yumi.rws.web_socket import Listener
-from yumi.virtual.http_server import HttpServer
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.subscriptions import Channel, Upgrade
+from virtual_irc5.http_server import HttpServer
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.subscriptions import Channel, Upgrade
 
 
 def heard(target: str, body: bytes = b"", method: str = "POST") -> HttpRequest:

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from yumi.robot.joints import Side
-from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.robot.joints import Side
+from virtual_irc5.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
+from virtual_irc5.world import World, WorldSettings
 
 Array = NDArray[np.float64]
 PROGRAMS = sorted((Path(__file__).parent / "motion_programs").glob("*.mod"))

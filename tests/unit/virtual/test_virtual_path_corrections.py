@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import MciState, PathCorrection, RobotMessage, SensorCodec, SensorMessage
-from yumi.robot.joints import Side, Vector
-from yumi.robot.kinematics import matrix
-from yumi.virtual.controller.installed_system import ROBOTS, factory_system, with_programs
-from yumi.virtual.mechanics.egm_client import EgmState
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.egm import egm_pb2 as pb
+from abb_protocols.egm.codec import MciState, PathCorrection, RobotMessage, SensorCodec, SensorMessage
+from abb_protocols.robot.joints import Side, Vector
+from abb_protocols.robot.kinematics import matrix
+from virtual_irc5.controller.installed_system import ROBOTS, factory_system, with_programs
+from virtual_irc5.mechanics.egm_client import EgmState
+from virtual_irc5.world import World, WorldSettings
 
 Array = NDArray[np.float64]
 Sensor = Callable[[RobotMessage], bytes | None]

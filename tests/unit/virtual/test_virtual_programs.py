@@ -22,8 +22,8 @@ from pathlib import Path
 import pytest
 
 from free_ports import free_tcp_port
-from yumi.virtual.program_sockets import ProgramNetwork
-from yumi.virtual.world import World
+from virtual_irc5.program_sockets import ProgramNetwork
+from virtual_irc5.world import World
 
 PROGRAMS = sorted(Path(__file__).with_name("programs").glob("*.mod"))
 LONGEST_WAIT = 1.0  # [s], for what a client must receive

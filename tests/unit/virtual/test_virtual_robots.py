@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from abb_protocols.egm.codec import SensorCodec, SensorMessage
+from abb_protocols.errors import YumiError
+from abb_protocols.robot.joints import Joints, Side
+from abb_runtime.clock import ManualClock
+from abb_runtime.faults import Fault
 from memory_http import MemoryHttp
-from yumi.clock import ManualClock
-from yumi.egm.codec import SensorCodec, SensorMessage
-from yumi.errors import YumiError
-from yumi.robot.joints import Joints, Side
-from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
-from yumi.virtual.faults import Fault
-from yumi.virtual.instructions.robot_data import robtarget
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.world import FaultInjection, World, WorldSettings
+from virtual_irc5.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
+from virtual_irc5.instructions.robot_data import robtarget
+from virtual_irc5.mechanics.egm_motion import EgmRun
+from virtual_irc5.world import FaultInjection, World, WorldSettings
 
 Array = NDArray[np.float64]
 

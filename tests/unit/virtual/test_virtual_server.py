@@ -15,26 +15,26 @@ from urllib.parse import quote
 import pytest
 from lark import UnexpectedInput
 
+from abb_protocols.robot.joints import CYCLE, Side
+from abb_protocols.rws.operations import modules as operations
+from abb_runtime.clock import ManualClock
 from digest_client import authorization
 from free_ports import free_tcp_port
 from rws_examples_2 import BASIC, PASSWORD, USER
-from yumi.clock import ManualClock
-from yumi.rapid import compiler, loading, parser
-from yumi.rapid.parser import parse_module
-from yumi.rapid.states import Execution, SystemEvent
-from yumi.rapid.types import RapidSyntaxError
-from yumi.robot.joints import CYCLE, Side
-from yumi.rws.operations import modules as operations
-from yumi.virtual.background import Background
-from yumi.virtual.pace import LONGEST_LAG, TIME_TO_ANSWER, Pace
-from yumi.virtual.rws import modules
-from yumi.virtual.rws import rapid as rws_rapid
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.router import Router
-from yumi.virtual.rws.version_2 import RwsService2
-from yumi.virtual.server import LONGEST_BEGINNING, VirtualController
-from yumi.virtual.world import World, WorldSettings
+from virtual_irc5.background import Background
+from virtual_irc5.pace import LONGEST_LAG, TIME_TO_ANSWER, Pace
+from virtual_irc5.rapid import compiler, loading, parser
+from virtual_irc5.rapid.parser import parse_module
+from virtual_irc5.rapid.states import Execution, SystemEvent
+from virtual_irc5.rapid.types import RapidSyntaxError
+from virtual_irc5.rws import modules
+from virtual_irc5.rws import rapid as rws_rapid
+from virtual_irc5.rws.call import Call
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.router import Router
+from virtual_irc5.rws.version_2 import RwsService2
+from virtual_irc5.server import LONGEST_BEGINNING, VirtualController
+from virtual_irc5.world import World, WorldSettings
 
 
 @pytest.fixture

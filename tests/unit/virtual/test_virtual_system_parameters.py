@@ -2,9 +2,9 @@
 
 import pytest
 
+from abb_protocols.errors import SettingsError
 from refusals import refused
-from yumi.errors import SettingsError
-from yumi.virtual.system_parameters import Configuration
+from virtual_irc5.system_parameters import Configuration
 
 TEXT = """EIO:CFG_1.0:6:1::
 # a comment

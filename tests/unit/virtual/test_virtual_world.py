@@ -2,10 +2,10 @@
 
 import pytest
 
-from yumi.errors import NoConnection
-from yumi.robot.joints import CYCLE, Joints, Side, home
-from yumi.virtual.mechanics.virtual_gripper import Workpiece
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.errors import NoConnection
+from abb_protocols.robot.joints import CYCLE, Joints, Side, home
+from virtual_irc5.mechanics.virtual_gripper import Workpiece
+from virtual_irc5.world import World, WorldSettings
 
 BENT: Joints = (0.0, -1.5, -2.0, 0.5, 0.0, 0.7, 0.1)
 

@@ -15,20 +15,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from abb_protocols.catalogue import Message
+from abb_protocols.catalogue import message as say
+from abb_protocols.errors import ControllerRefused
+from abb_protocols.robot.arm_kinematics import Arm
+from abb_protocols.robot.irb120 import irb120
+from abb_protocols.robot.joints import Joints, Side, home
+from abb_protocols.robot.kinematics import matrix
+from abb_protocols.robot.yumi_arms import irb14050
+from abb_runtime.clock import ManualClock
+from abb_runtime.faults import DISPLAY_PATH
+from abb_runtime.rws.client import RwsClient
 from memory_http import MemoryHttp
-from yumi.catalogue import Message
-from yumi.catalogue import message as say
-from yumi.clock import ManualClock
-from yumi.errors import ControllerRefused
-from yumi.robot.arm_kinematics import Arm
-from yumi.robot.irb120 import irb120
-from yumi.robot.joints import Joints, Side, home
-from yumi.robot.kinematics import matrix
-from yumi.robot.yumi_arms import irb14050
-from yumi.rws.client import RwsClient
-from yumi.virtual.controller.installed_system import ROBOTS, factory_system, with_programs
-from yumi.virtual.faults import DISPLAY_PATH
-from yumi.virtual.world import World, WorldSettings
+from virtual_irc5.controller.installed_system import ROBOTS, factory_system, with_programs
+from virtual_irc5.world import World, WorldSettings
 from yumi.web.controller import AROUND, ControllerReader, ControllerView, LogLine, PointerReport, Unit, chain_model
 from yumi.web.robot_model import controller_model
 from yumi.web.server import ViewServer, ViewSettings

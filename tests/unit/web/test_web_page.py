@@ -14,13 +14,13 @@ from typing import Any
 
 import pytest
 
+from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.joints import ZERO, Joints, Side, home, joints
+from abb_protocols.rws.types import ControllerState
 from browser import browser
 from fake_driver import FakeDriver
-from yumi.catalogue import FrontEnd, message, sentence
 from yumi.control.controllers.joint_goal import JointGoal
-from yumi.robot.gripper import GripperState, ServoState
-from yumi.robot.joints import ZERO, Joints, Side, home, joints
-from yumi.rws.types import ControllerState
 from yumi.web import page_operator, server
 from yumi.web.server import ViewServer, ViewSettings
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.catalogue.actions import ACTIONS
+from abb_protocols.errors import MissingPrerequisite
+from abb_runtime.faults import Fault
 from refusals import refused
-from yumi.catalogue.actions import ACTIONS
 from yumi.driver.commands import COMMANDS
-from yumi.errors import MissingPrerequisite
-from yumi.virtual.faults import Fault
 from yumi.web import page_build
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -38,7 +38,9 @@ def test_built_page_has_the_licence_of_what_is_in_it_and_no_address_of_another_m
 
 
 def test_repository_has_neither_foreign_nor_built_code_of_the_page() -> None:
-    listed = subprocess.run(["git", "ls-files", "src/yumi/web"], cwd=ROOT, capture_output=True, text=True, check=False)
+    listed = subprocess.run(
+        ["git", "ls-files", "packages/yumi-ros2/src/yumi/web"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
     if listed.returncode:
         pytest.skip("not a clone")
     suffixes = {Path(name).suffix for name in listed.stdout.split()}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from abb_protocols.errors import CommandRefused
 from refusals import refused
-from yumi.errors import CommandRefused
 from yumi.web.pairing import DIGITS, FIRST_PAUSE, LONGEST_PAUSE, WRONG_CODES, Pairing
 
 

@@ -7,11 +7,11 @@ import asyncio
 import msgspec
 import pytest
 
+from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side, home
+from abb_protocols.robot.kinematics import IDENTITY
 from yumi.driver.surroundings import BoxReport, Surroundings, ToolReport, limits_of, shapes_of
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
-from yumi.robot.joints import YUMI_LIMITS, Pose, Side, home
-from yumi.robot.kinematics import IDENTITY
 
 
 def test_motions_are_planned_for_the_speeds_that_the_driver_allows() -> None:

@@ -8,16 +8,16 @@ from time import localtime, strftime
 
 import pytest
 
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.errors import ProtocolError
+from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import OperatingMode
 from flight import CYCLE, LOST, SENTENCE, flown, write_flight_record
 from refusals import refused
-from yumi.catalogue import message, sentence
 from yumi.driver.robot_state import RobotState
-from yumi.errors import ProtocolError
 from yumi.recording.message_types import recorded_event
 from yumi.recording.writer import RecordingWriter
-from yumi.robot.gripper import GripperState, ServoState
-from yumi.robot.joints import Side
-from yumi.rws.types import OperatingMode
 from yumi.web import page_recording as recording_of_page
 from yumi.web.page_recording import page_recording
 

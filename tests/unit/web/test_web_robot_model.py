@@ -8,15 +8,15 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-import yumi.robot
-from yumi.catalogue import FrontEnd, message, sentence
-from yumi.errors import StopNotConfirmed
-from yumi.robot.joints import Side, joint_names, named_pose
-from yumi.robot.urdf import MESHES, robot_description
+import yumi
+from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.errors import StopNotConfirmed
+from abb_protocols.robot.joints import Side, joint_names, named_pose
+from abb_protocols.robot.urdf import MESHES, robot_description
 from yumi.web.page_words import failure_for_page, words_for_page
 from yumi.web.robot_model import robot_model
 
-FOLDER = Path(next(iter(yumi.robot.__path__))) / "meshes"
+FOLDER = Path(next(iter(yumi.__path__))) / "meshes"
 URDF = ET.fromstring(robot_description(meshes=MESHES))
 
 

@@ -15,28 +15,28 @@ import aiohttp
 import pytest
 from msgspec.structs import replace
 
+from abb_protocols.catalogue import FrontEnd, Message, sentence
+from abb_protocols.catalogue import message as say
+from abb_protocols.errors import SettingsError
+from abb_protocols.robot.description import FINGERTIPS
+from abb_protocols.robot.differential_kinematics import posture_near, wrist_of, wrist_target
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
+from abb_protocols.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, tool0_to_body
 from fake_driver import BOX, FakeDriver
 from refusals import refused
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
-from yumi.catalogue import FrontEnd, Message, sentence
-from yumi.catalogue import message as say
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import RobotFollows
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import Snapshot
 from yumi.control.trajectory_commands import FollowTrajectory
+from yumi.core.collision import Obstacle
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import find_driver
 from yumi.driver.surroundings import Surroundings
-from yumi.errors import SettingsError
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
-from yumi.robot.collision import Obstacle
-from yumi.robot.description import FINGERTIPS
-from yumi.robot.differential_kinematics import posture_near, wrist_of, wrist_target
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
-from yumi.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, tool0_to_body
 from yumi.web import distances, live, page_operator, server
 from yumi.web.distances import Distances
 from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog

@@ -12,6 +12,8 @@ from typing import Any
 import aiohttp
 import pytest
 
+from abb_protocols.robot.joints import Side
+from abb_runtime.process.certificate import installation_certificate
 from fake_driver import FakeDriver
 from unit.web.test_web_server import SOON, SPEEDS, Page, Site, eventually, on_page, run
 from yumi.api.arm_access import CARTESIAN_CONTROLLER
@@ -19,8 +21,6 @@ from yumi.control.loop_commands import ControllerCommand
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver import motion_commands
 from yumi.driver.teleoperation import OPERATOR_HOLDS
-from yumi.process.certificate import installation_certificate
-from yumi.robot.joints import Side
 from yumi.web import page_device, server
 from yumi.web.pairing import WRONG_CODES
 from yumi.web.server import ViewServer, ViewSettings

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 GOLDEN = Path(__file__).parent
-SCHEMA = GOLDEN.parents[2] / "src"
+SCHEMA = GOLDEN.parents[2] / "packages" / "abb-protocols" / "src"
 
 
 def make(text: Path) -> None:
@@ -20,7 +20,7 @@ def make(text: Path) -> None:
         "grpc_tools.protoc",
         f"-I{SCHEMA}",
         f"--encode=yumi.egm.{kind}",
-        "yumi/egm/egm.proto",
+        "abb_protocols/egm/egm.proto",
     ]
     encoded = subprocess.run(command, input=text.read_bytes(), stdout=subprocess.PIPE, check=True).stdout
     text.with_suffix(".bin").write_bytes(encoded)

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import pytest
 
-from yumi.egm.codec import RapidState
-from yumi.rapid.states import Execution
-from yumi.robot.joints import Side, home
-from yumi.rws.types import ControllerState, OperatingMode
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.controller_log import Refusal, Refused
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.egm.codec import RapidState
+from abb_protocols.robot.joints import Side, home
+from abb_protocols.rws.types import ControllerState, OperatingMode
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.rapid.states import Execution
+from virtual_irc5.world import World, WorldSettings
 
 Request = Callable[[Irc5], None]
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from yumi.virtual.controller.installed_system import delivered_system, with_programs
-from yumi.virtual.world import World, WorldSettings
+from virtual_irc5.controller.installed_system import delivered_system, with_programs
+from virtual_irc5.world import World, WorldSettings
 
 FOLDER = Path(__file__).parents[3] / "rapid_corpus"
 PROGRAMS = sorted(path for path in FOLDER.iterdir() if path.is_dir())

@@ -8,14 +8,14 @@ from math import inf, nan, radians
 
 import pytest
 
-from yumi.egm.codec import MciState, MotorState, RapidState, RobotMessage, SensorCodec, SensorMessage
-from yumi.egm.egm_pb2 import EgmSensor
-from yumi.errors import RobotNotReady
-from yumi.robot.joints import CYCLE, Joints, Pose, Side, abb_from_chain, home
-from yumi.robot.kinematics import tool0_to_body
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_client import EgmClient, EgmOptions, EgmOutcome, EgmState, InvalidReference, RobotWare
-from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData, StopMode, same_band
+from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotMessage, SensorCodec, SensorMessage
+from abb_protocols.egm.egm_pb2 import EgmSensor
+from abb_protocols.errors import RobotNotReady
+from abb_protocols.robot.joints import CYCLE, Joints, Pose, Side, abb_from_chain, home
+from abb_protocols.robot.kinematics import tool0_to_body
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.egm_client import EgmClient, EgmOptions, EgmOutcome, EgmState, InvalidReference, RobotWare
+from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData, StopMode, same_band
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

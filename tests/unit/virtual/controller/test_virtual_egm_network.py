@@ -7,14 +7,14 @@ from math import degrees
 
 import pytest
 
-from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import RobotMessage, SensorCodec, parse
-from yumi.robot.joints import CYCLE, Side
-from yumi.virtual.faults import Fault, Way
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.mechanics.egm_network import EgmNetwork, Outgoing, field_borders
+from abb_protocols.egm import egm_pb2 as pb
+from abb_protocols.egm.codec import RobotMessage, SensorCodec, parse
+from abb_protocols.robot.joints import CYCLE, Side
+from abb_runtime.faults import Fault, Way
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.egm_client import EgmClient
+from virtual_irc5.mechanics.egm_motion import EgmRun
+from virtual_irc5.mechanics.egm_network import EgmNetwork, Outgoing, field_borders
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.virtual.controller import file_store
-from yumi.virtual.controller.file_store import CAPACITY, LONGEST_PATH, MOST_FILES, FileStore
-from yumi.virtual.controller_log import Refusal, Refused
+from virtual_irc5.controller import file_store
+from virtual_irc5.controller.file_store import CAPACITY, LONGEST_PATH, MOST_FILES, FileStore
+from virtual_irc5.controller_log import Refusal, Refused
 
 
 @pytest.fixture

@@ -2,10 +2,10 @@
 
 import pytest
 
-from yumi.rws.types import SignalType
-from yumi.virtual.controller.signals import Signal, Signals
-from yumi.virtual.controller_log import Refusal, Refused
-from yumi.virtual.system_parameters import Configuration
+from abb_protocols.rws.types import SignalType
+from virtual_irc5.controller.signals import Signal, Signals
+from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.system_parameters import Configuration
 
 Edge = tuple[str, float, float]
 

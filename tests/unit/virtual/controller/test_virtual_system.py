@@ -6,14 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.errors import SettingsError
+from abb_protocols.robot.joints import Side, joints
+from abb_protocols.rws.types import ControllerState, EventType, OperatingMode
 from refusals import refused
-from yumi.errors import SettingsError
-from yumi.rapid.pauses import StepKind
-from yumi.rapid.states import Execution
-from yumi.robot.joints import Side, joints
-from yumi.rws.types import ControllerState, EventType, OperatingMode
-from yumi.virtual.controller.backup import write_backup
-from yumi.virtual.controller.installed_system import (
+from virtual_irc5.controller.backup import write_backup
+from virtual_irc5.controller.installed_system import (
     ROBOTS,
     System,
     delivered_system,
@@ -21,10 +19,12 @@ from yumi.virtual.controller.installed_system import (
     read_backup,
     with_programs,
 )
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.controller_log import Refusal, Refused
-from yumi.virtual.mechanics.units import UnitSupervision
-from yumi.virtual.world import World, WorldSettings
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.mechanics.units import UnitSupervision
+from virtual_irc5.rapid.pauses import StepKind
+from virtual_irc5.rapid.states import Execution
+from virtual_irc5.world import World, WorldSettings
 
 EIO = """EIO:CFG_1.0:6:1::
 #

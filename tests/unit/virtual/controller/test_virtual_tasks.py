@@ -10,17 +10,17 @@ from typing import Any
 
 import pytest
 
-from yumi.rapid.pauses import StepKind
-from yumi.rapid.states import Execution
-from yumi.robot.joints import Joints, Side
-from yumi.rws.types import ControllerState, EventType
-from yumi.virtual.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.controller_log import Refused
-from yumi.virtual.mechanics.egm_motion import EgmRun
-from yumi.virtual.rws.call import Call
-from yumi.virtual.rws.rapid import get_task
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.robot.joints import Joints, Side
+from abb_protocols.rws.types import ControllerState, EventType
+from virtual_irc5.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.controller_log import Refused
+from virtual_irc5.mechanics.egm_motion import EgmRun
+from virtual_irc5.rapid.pauses import StepKind
+from virtual_irc5.rapid.states import Execution
+from virtual_irc5.rws.call import Call
+from virtual_irc5.rws.rapid import get_task
+from virtual_irc5.world import World, WorldSettings
 
 TASKS = """
 CAB_TASKS:

@@ -8,7 +8,7 @@ import numpy as np
 from instruction_bench import InstructionBench
 from numpy.typing import NDArray
 
-from yumi.robot.joints import CYCLE, Joints, Side
+from abb_protocols.robot.joints import CYCLE, Joints, Side
 
 Array = NDArray[np.float64]
 

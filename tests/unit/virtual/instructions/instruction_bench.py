@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import yumi.controller_files
-from yumi.rapid.states import Execution
-from yumi.rapid.task import Task
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import CYCLE, Joints, Side
-from yumi.virtual.controller.signals import Signal, Signals
-from yumi.virtual.controller.tasks import TaskHost
-from yumi.virtual.controller_log import EventLog
-from yumi.virtual.instructions.robot_library import robot_library
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_client import EgmClient
-from yumi.virtual.mechanics.units import YUMI_UNITS, ArmUnit, SyncPoints
-from yumi.virtual.mechanics.virtual_gripper import VirtualGripper, Workpiece
-from yumi.virtual.system_parameters import Configuration, SystemParameters
+import abb_protocols.controller_files
+from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.joints import CYCLE, Joints, Side
+from virtual_irc5.controller.signals import Signal, Signals
+from virtual_irc5.controller.tasks import TaskHost
+from virtual_irc5.controller_log import EventLog
+from virtual_irc5.instructions.robot_library import robot_library
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.egm_client import EgmClient
+from virtual_irc5.mechanics.units import YUMI_UNITS, ArmUnit, SyncPoints
+from virtual_irc5.mechanics.virtual_gripper import VirtualGripper, Workpiece
+from virtual_irc5.rapid.states import Execution
+from virtual_irc5.rapid.task import Task
+from virtual_irc5.system_parameters import Configuration, SystemParameters
 
-FOLDER = Path(next(iter(yumi.controller_files.__path__)))
+FOLDER = Path(next(iter(abb_protocols.controller_files.__path__)))
 STOCK = FOLDER.parent / "virtual" / "controller" / "stock"
 
 MODULE = r"""MODULE Program

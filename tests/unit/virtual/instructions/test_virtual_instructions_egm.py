@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from instruction_bench import InstructionBench
 
-from yumi.egm.codec import MciState, SensorCodec, SensorMessage
-from yumi.robot.joints import Side, home
-from yumi.rws.types import SignalType
-from yumi.virtual.controller.signals import Signal
-from yumi.virtual.instructions.robot_data import jointtarget
-from yumi.virtual.mechanics.egm_client import EgmOutcome, EgmState
-from yumi.virtual.mechanics.egm_motion import EgmActivation
+from abb_protocols.egm.codec import MciState, SensorCodec, SensorMessage
+from abb_protocols.robot.joints import Side, home
+from abb_protocols.rws.types import SignalType
+from virtual_irc5.controller.signals import Signal
+from virtual_irc5.instructions.robot_data import jointtarget
+from virtual_irc5.mechanics.egm_client import EgmOutcome, EgmState
+from virtual_irc5.mechanics.egm_motion import EgmActivation
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
 SETUP = 'EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","ROB_R"\\Joint\\CommTimeout:=0.5; '

@@ -3,8 +3,8 @@
 import pytest
 from instruction_bench import InstructionBench
 
-from yumi.robot.gripper import MAX_FORCE, ServoState
-from yumi.virtual.mechanics.virtual_gripper import CupObject, Workpiece
+from abb_protocols.robot.gripper import MAX_FORCE, ServoState
+from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
 
 
 @pytest.fixture

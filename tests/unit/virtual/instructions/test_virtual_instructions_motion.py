@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from instruction_bench import InstructionBench
 
+from abb_protocols.robot.inverse_kinematics import arm_angle
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, home, joint_names
+from abb_protocols.robot.kinematics import matrix, quaternion_of, tool0_to_body
+from abb_protocols.robot.urdf import robot_description
+from abb_protocols.robot.yumi_arms import yumi_arm
 from unit.robot.test_robot_inverse_kinematics import random_postures
-from yumi.robot.inverse_kinematics import arm_angle
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, home, joint_names
-from yumi.robot.kinematics import matrix, quaternion_of, tool0_to_body
-from yumi.robot.urdf import robot_description
-from yumi.robot.yumi_arms import yumi_arm
-from yumi.virtual.instructions.robot_data import NOT_PRESENT, jointtarget, robtarget
+from virtual_irc5.instructions.robot_data import NOT_PRESENT, jointtarget, robtarget
 
 NEAR = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
 
@@ -52,7 +52,7 @@ def test_loop_of_moves_of_no_length_makes_one_in_a_cycle(bench: InstructionBench
 
 def test_move_of_no_length_is_not_planned(bench: InstructionBench, monkeypatch: pytest.MonkeyPatch) -> None:
     planned: list[object] = []
-    monkeypatch.setattr("yumi.virtual.mechanics.arm.tool0_to_body", planned.append)
+    monkeypatch.setattr("virtual_irc5.mechanics.arm.tool0_to_body", planned.append)
     bench.unit.arm.move_to(bench.unit.arm.planned)
     assert planned == []
 

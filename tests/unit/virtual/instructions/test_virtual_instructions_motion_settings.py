@@ -5,9 +5,9 @@ import pytest
 from drawn_path import Drawing, at, from_line
 from instruction_bench import InstructionBench
 
-from yumi.rapid.states import Execution
-from yumi.robot.joints import CYCLE
-from yumi.virtual.world import World
+from abb_protocols.robot.joints import CYCLE
+from virtual_irc5.rapid.states import Execution
+from virtual_irc5.world import World
 
 TO_START = r"ConfL\Off; ConfJ\Off; MoveAbsJ [[20,-100,20,0,60,0],[-110,9E9,9E9,9E9,9E9,9E9]],vmax,fine,tool0; "
 BEGIN = r"ConfL\Off; point:=CRobT(\Tool:=tool0\WObj:=wobj0); "

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from yumi.rapid.states import Execution
-from yumi.robot.joints import Side
-from yumi.rws.types import OperatingMode
-from yumi.virtual.controller.installed_system import delivered_system, with_programs
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.robot.joints import Side
+from abb_protocols.rws.types import OperatingMode
+from virtual_irc5.controller.installed_system import delivered_system, with_programs
+from virtual_irc5.rapid.states import Execution
+from virtual_irc5.world import World, WorldSettings
 
 IDLE = "MODULE Idle\nPROC main()\nWaitTime 1000;\nENDPROC\nENDMODULE\n"
 LIMIT_SPEED = (

@@ -3,8 +3,8 @@
 import pytest
 from instruction_bench import InstructionBench
 
-from yumi.robot.joints import Side
-from yumi.virtual.mechanics.units import SyncPoints
+from abb_protocols.robot.joints import Side
+from virtual_irc5.mechanics.units import SyncPoints
 
 MEET = "WaitSyncTask\\InPos,meeting,both\\TimeOut:=1; flag:=TRUE;"
 

@@ -5,9 +5,9 @@ import pytest
 from drawn_path import Array, Drawing, at, from_line
 from instruction_bench import InstructionBench
 
-from yumi.rapid.states import EventKind
-from yumi.rws.types import SignalType
-from yumi.virtual.controller.signals import Signal
+from abb_protocols.rws.types import SignalType
+from virtual_irc5.controller.signals import Signal
+from virtual_irc5.rapid.states import EventKind
 
 TO_START = r"ConfL\Off; ConfJ\Off; MoveAbsJ [[20,-100,20,0,60,0],[-110,9E9,9E9,9E9,9E9,9E9]],vmax,fine,tool0; "
 BEGIN = r"ConfL\Off; point:=CRobT(\Tool:=tool0\WObj:=wobj0); "

@@ -11,8 +11,8 @@ sys.path.append(str(Path(__file__).parents[2] / "rapid"))
 
 from test_rapid_library_effects import Effect, effects
 
-from yumi.rapid.states import Execution
-from yumi.virtual.world import World
+from virtual_irc5.rapid.states import Execution
+from virtual_irc5.world import World
 
 MODULE = "MODULE Program\n{declarations}\nPROC main()\n{body}\nENDPROC\nENDMODULE\n"
 MOST_CYCLES = 1000

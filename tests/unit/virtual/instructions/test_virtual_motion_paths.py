@@ -5,8 +5,8 @@ import pytest
 from drawn_path import Drawing, at, from_line
 from instruction_bench import InstructionBench
 
-from yumi.robot.joints import YUMI_LIMITS, Side
-from yumi.virtual.mechanics.path import PREFETCH, SMOOTHING
+from abb_protocols.robot.joints import YUMI_LIMITS, Side
+from virtual_irc5.mechanics.path import PREFETCH, SMOOTHING
 
 TO_START = r"ConfL\Off; ConfJ\Off; MoveAbsJ [[20,-100,20,0,60,0],[-110,9E9,9E9,9E9,9E9,9E9]],vmax,fine,tool0; "
 TOOL = (0.0, 0.0, 100.0)

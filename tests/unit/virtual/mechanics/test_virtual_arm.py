@@ -7,12 +7,12 @@ from math import dist, inf, nan
 
 import pytest
 
-from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.joints import ZERO, Joints, Side, home
-from yumi.robot.kinematics import tool0_to_body
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.egm_motion import EgmSettings
+from abb_protocols.errors import CommandRefused, RobotNotReady
+from abb_protocols.robot.joints import ZERO, Joints, Side, home
+from abb_protocols.robot.kinematics import tool0_to_body
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.egm_motion import EgmSettings
 
 CYCLE = 0.004032
 VELOCITY_MODE = EgmSettings(gain=0.0, bandwidth=0.0, max_speed=10.0)

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from yumi.robot.joints import ZERO, Joints, Side, home
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import ArmModel, MotionState
-from yumi.virtual.mechanics.dynamics import ArmDynamics
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.load_supervision import LoadSupervision, Overload
+from abb_protocols.robot.joints import ZERO, Joints, Side, home
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.arm_motion import ArmModel, MotionState
+from virtual_irc5.mechanics.dynamics import ArmDynamics
+from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.load_supervision import LoadSupervision, Overload
 
 HOME = home(Side.LEFT)
 MODEL = ArmModel(supervises_load=True)

@@ -8,10 +8,10 @@ from math import degrees, radians
 
 import pytest
 
-from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import ZERO, Joints, Side, abb_from_chain, home, joints
-from yumi.virtual.mechanics.contacts import ContactDetector
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.robot.description import SERVO_GRIPPERS
+from abb_protocols.robot.joints import ZERO, Joints, Side, abb_from_chain, home, joints
+from virtual_irc5.mechanics.contacts import ContactDetector
+from virtual_irc5.world import World, WorldSettings
 
 APART: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(each) for each in (75, -114, -83, 42, -155, 81, -54)]),

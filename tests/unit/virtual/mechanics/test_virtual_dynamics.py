@@ -6,9 +6,9 @@ import random
 
 import pytest
 
-from yumi.robot.description import JOINT_FRICTION, Mass
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
-from yumi.virtual.mechanics.dynamics import DRIVE_INERTIA, ArmDynamics
+from abb_protocols.robot.description import JOINT_FRICTION, Mass
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
+from virtual_irc5.mechanics.dynamics import DRIVE_INERTIA, ArmDynamics
 
 HALF_KILO = Mass(0.5, (0.0, 0.0, 0.05), (0.0,) * 6)
 

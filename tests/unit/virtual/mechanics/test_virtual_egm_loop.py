@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from egm_loop_gains import DELAYS, overshoot, overshoot_gain, predicted_gains, step_response, unstable_gain
 
-from yumi.virtual.mechanics.arm_motion import MODELS, ArmModel
+from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel
 
 
 @pytest.mark.parametrize("delay", DELAYS)

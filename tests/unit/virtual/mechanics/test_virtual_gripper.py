@@ -6,9 +6,9 @@ from math import nan
 
 import pytest
 
-from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.gripper import GripperModules, ServoCommand, ServoState
-from yumi.virtual.mechanics.virtual_gripper import VirtualGripper, Workpiece
+from abb_protocols.errors import CommandRefused, RobotNotReady
+from abb_protocols.robot.gripper import GripperModules, ServoCommand, ServoState
+from virtual_irc5.mechanics.virtual_gripper import VirtualGripper, Workpiece
 
 CUBE = Workpiece(0.020)
 RING = Workpiece(0.030, is_hollow=True)

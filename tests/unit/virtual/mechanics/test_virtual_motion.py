@@ -8,11 +8,11 @@ from math import exp, pi, radians
 
 import pytest
 
-from yumi.robot.joints import ZERO, Joints, Side
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.arm_motion import MODELS, ArmModel, unlimited
-from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmMotion, EgmRun, EgmSettings, ExternalMotionData
-from yumi.virtual.mechanics.servo import follow_references
+from abb_protocols.robot.joints import ZERO, Joints, Side
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel, unlimited
+from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmMotion, EgmRun, EgmSettings, ExternalMotionData
+from virtual_irc5.mechanics.servo import follow_references
 
 CYCLE = 0.004032
 FAST = 400.0

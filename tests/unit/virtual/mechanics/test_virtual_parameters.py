@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from yumi.catalogue import Message, message
-from yumi.errors import SettingsError
-from yumi.robot.joints import CHAIN_AXES, Side
-from yumi.virtual.mechanics.arm_motion import ArmModel
-from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters, write_egm_parameters
-from yumi.virtual.world import World, WorldSettings
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import SettingsError
+from abb_protocols.robot.joints import CHAIN_AXES, Side
+from virtual_irc5.mechanics.arm_motion import ArmModel
+from virtual_irc5.mechanics.parameters import EgmParameters, read_egm_parameters, write_egm_parameters
+from virtual_irc5.world import World, WorldSettings
 
 MEASURED = EgmParameters(6.0, 0.003, 0.017, 0.004, {7: radians(90.0)})
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.robot.joints import Joints, Side
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.path_geometry import STOP, Frames, Speed, joint_leg
+from abb_protocols.robot.joints import Joints, Side
+from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.path_geometry import STOP, Frames, Speed, joint_leg
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@
 
 import pytest
 
-from yumi.robot.gripper import ATMOSPHERE
-from yumi.virtual.mechanics.virtual_gripper import DEEPEST, OPEN, CupObject, VacuumCup
+from abb_protocols.robot.gripper import ATMOSPHERE
+from virtual_irc5.mechanics.virtual_gripper import DEEPEST, OPEN, CupObject, VacuumCup
 
 
 def sucking(under: CupObject | None, seconds: float = 2.0) -> VacuumCup:

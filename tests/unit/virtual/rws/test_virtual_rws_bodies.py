@@ -10,8 +10,8 @@ import json
 
 import pytest
 
+from abb_protocols.rws.documents import read_page
 from rws_examples import EXAMPLES, Example, Session
-from yumi.rws.documents import read_page
 
 FRAME = "x y z q1 q2 q3 q4"
 EXTERNAL = "eax_a eax_b eax_c eax_d eax_e eax_f"

@@ -10,10 +10,10 @@ from urllib.parse import urljoin, urlsplit
 
 import pytest
 
+from abb_protocols.rws.documents import Link, State, read_page, read_status
 from rws_examples import EXAMPLES, Example, Session, content_type, operation_of
-from yumi.rws.documents import Link, State, read_page, read_status
-from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.render import _JSON_FIELD_NAMES, _JSON_TYPES
+from virtual_irc5.rws.http import HttpReply
+from virtual_irc5.rws.render import _JSON_FIELD_NAMES, _JSON_TYPES
 
 
 @pytest.fixture(scope="module")

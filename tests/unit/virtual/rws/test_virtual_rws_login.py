@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
+from abb_protocols.errors import ProtocolError
 from digest_client import authorization
-from yumi.errors import ProtocolError
-from yumi.virtual.rws import http
+from virtual_irc5.rws import http
 
 NONCE = "MGY0Yjc2MGY2Y2QyZjAwNzp2YWxpZHVzZXJzQHJvYmFwaS5hYmI6MTkwMjg5NjRlNGE6MA=="
 USER, PASSWORD = "Default User", "robotics"

@@ -8,13 +8,13 @@ from itertools import islice
 
 import pytest
 
+from abb_protocols.rws.documents import encode_form, read_status
+from abb_protocols.rws.operations.operation import Operation
 from rws_examples import Session
 from rws_examples_2 import Session2
 from soak import long, short
-from yumi.rws.documents import encode_form, read_status
-from yumi.rws.operations.operation import Operation
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.version_2 import XHTML
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.version_2 import XHTML
 
 DOCUMENTED = {200, 201, 202, 204, 400, 401, 403, 404, 405, 409, 415, 500, 503, 507}
 NUMBERS = ("-1", "nan", "1e999", "9" * 400, "0x10", "1;DROP", "\u0661")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from abb_protocols.rws.documents import read_page
 from rws_examples import Session
-from yumi.rapid.devices import Message
-from yumi.rws.documents import read_page
-from yumi.virtual.rws.http import HttpReply
+from virtual_irc5.rapid.devices import Message
+from virtual_irc5.rws.http import HttpReply
 
 CREATE = "dipc-queue-name=mine&dipc-queue-size=1&dipc-max-msg-size=444"
 PROGRAM = """MODULE Sends

@@ -9,12 +9,12 @@ from math import degrees, radians
 import numpy as np
 import pytest
 
+from abb_protocols.robot.irb120 import irb120
+from abb_protocols.robot.joints import Side
 from rws_examples import _TOOL, EXAMPLES, Example, Session, content_type
 from rws_examples_2 import EXAMPLES_2, Session2
-from yumi.robot.irb120 import irb120
-from yumi.robot.joints import Side
-from yumi.virtual.controller.installed_system import ROBOTS, factory_system
-from yumi.virtual.world import World, WorldSettings
+from virtual_irc5.controller.installed_system import ROBOTS, factory_system
+from virtual_irc5.world import World, WorldSettings
 
 UNIT = "/rw/motionsystem/mechunits/ROB_1"
 OF_YUMI = re.compile(

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 
 import pytest
 
-from yumi.rws.operations.operation import Operation, get, post
-from yumi.virtual.controller.irc5 import Irc5
-from yumi.virtual.rws.call import Call, Failure
-from yumi.virtual.rws.router import Route, Router
-from yumi.virtual.rws.service import ROUTES
+from abb_protocols.rws.operations.operation import Operation, get, post
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.rws.call import Call, Failure
+from virtual_irc5.rws.router import Route, Router
+from virtual_irc5.rws.service import ROUTES
 
 
 def nothing(controller: Irc5, call: Call) -> None: ...

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.virtual.rws.http import IDLE_LIFE, MAX_SESSIONS, SessionTable, TooManySessions
+from virtual_irc5.rws.http import IDLE_LIFE, MAX_SESSIONS, SessionTable, TooManySessions
 
 
 @pytest.fixture

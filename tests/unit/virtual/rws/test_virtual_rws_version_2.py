@@ -11,14 +11,14 @@ from urllib.parse import urljoin
 
 import pytest
 
+from abb_protocols.rws.documents import read_page, read_status
+from abb_protocols.rws.types import GRANTS, Grant, OperatingMode
 from rws_examples import Example, content_type, operation_of
 from rws_examples_2 import BASIC, EXAMPLES_2, SIGNALS, SYMBOL, TASK, Session2
-from yumi.rws.documents import read_page, read_status
-from yumi.rws.types import GRANTS, Grant, OperatingMode
+from virtual_irc5.rws.http import HttpReply, HttpRequest
+from virtual_irc5.rws.subscriptions import Upgrade
+from virtual_irc5.rws.version_2 import FORM, HAL, XHTML
 from yumi.testing.virtual_yumi import MemoryChannel
-from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.rws.version_2 import FORM, HAL, XHTML
 
 PANEL = "/rw/panel/ctrl-state"
 _DRIFT = {"sys-options": "sys-option"}  # a type that has another name in HAL

@@ -1,0 +1,477 @@
+"""Values of Robot Web Services: states, grants and codes, what is subscribed, RAPID values, system parameters.
+
+States are spelled as on the wire (reference/rws.md §5-6), return codes as in ABB's table (§3.4-3.5). RAPID values are
+literals without blanks (§6.5):
+
+========== ==================== ==========================
+RAPID      Python               text
+========== ==================== ==========================
+num, dnum  float                ``0.5``  ``-1E-05``  ``9E+09``
+bool       bool                 ``TRUE``  ``FALSE``
+string     str                  ``"say ""hi"" to it"``
+record     tuple of values      ``[TRUE,1,[0,0,0]]``
+array      tuple of values      ``[1,2,3]``
+========== ==================== ==========================
+
+The system parameters of one domain are text in a cfg file. It begins with domain and version, such as
+``SIO:CFG_1.0:6:1::``; then come types (``COM_TRP:``), each with its instances, one a line, which a backslash continues.
+An attribute without a value is a flag that is set.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from math import isfinite
+
+from abb_protocols.catalogue import Message, clause, message, remedy_of
+from abb_protocols.errors import CommandRefused, ProtocolError, SettingsError
+
+# A login: the realm of the digest, and the cookies a session is kept by (reference/rws.md §2.1-2.2).
+REALM = "validusers@robapi.abb"
+SESSION_COOKIE = "-http-session-"
+CONNECTION_COOKIE = "ABBCX"
+
+PROTOCOL = "robapi2_subscription"
+"""Sub-protocol of a subscription's WebSocket."""
+
+
+class OperatingMode(Enum):
+    """The mode switch of the controller, ``/rw/panel/opmode``."""
+
+    INIT = "INIT"
+    AUTO_REQUESTED = "AUTO_CH"
+    MANUAL_FULL_REQUESTED = "MANF_CH"
+    MANUAL_REDUCED = "MANR"
+    MANUAL_FULL = "MANF"
+    AUTO = "AUTO"
+    UNDEFINED = "UNDEF"
+
+
+class ControllerState(Enum):
+    """Motors and stops, ``/rw/panel/ctrlstate``."""
+
+    INIT = "init"
+    MOTORS_OFF = "motoroff"
+    MOTORS_ON = "motoron"
+    GUARD_STOP = "guardstop"
+    EMERGENCY_STOP = "emergencystop"
+    EMERGENCY_STOP_RESET = "emergencystopreset"
+    SYSTEM_FAILURE = "sysfail"
+
+
+class CollisionState(Enum):
+    """State of the collision detection, ``/rw/panel/coldetstate``."""
+
+    INIT = "INIT"
+    TRIGGERED = "TRIGGERED"
+    CONFIRMED = "CONFIRMED"
+    TRIGGERED_ACKNOWLEDGED = "TRIGGERED_ACK"
+
+
+class ExecutionState(Enum):
+    """Whether RAPID runs, ``/rw/rapid/execution``."""
+
+    RUNNING = "running"
+    STOPPED = "stopped"
+
+
+class TaskExecution(Enum):
+    """Execution of one task, ``excstate`` of ``/rw/rapid/tasks``; four letters on the wire."""
+
+    READY = "read"
+    STOPPED = "stop"
+    STARTED = "star"
+    UNINITIALIZED = "unin"
+
+
+class SignalType(Enum):
+    """Digital, analog or group; input or output."""
+
+    DIGITAL_INPUT = "DI"
+    DIGITAL_OUTPUT = "DO"
+    ANALOG_INPUT = "AI"
+    ANALOG_OUTPUT = "AO"
+    GROUP_INPUT = "GI"
+    GROUP_OUTPUT = "GO"
+
+    @property
+    def is_output(self) -> bool:
+        return self.value.endswith("O")
+
+    @property
+    def is_digital(self) -> bool:
+        return self.value.startswith("D")
+
+
+class EventType(IntEnum):
+    """How serious a message of the event log is."""
+
+    INFORMATION = 1
+    WARNING = 2
+    ERROR = 3
+
+
+class Priority(IntEnum):
+    """How soon a change is sent."""
+
+    LOW = 0
+    MEDIUM = 1
+    HIGH = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Resource:
+    """One thing that can be subscribed; ``path`` as the controller spells it, e.g. ``/rw/panel/opmode``."""
+
+    path: str
+    priority: Priority = Priority.MEDIUM
+
+
+class Grant(Enum):
+    """What a user may do (ABB: User Authorization System); the value is the name in ``/users/grants``.
+
+    Reading needs no grant, except of files.
+    """
+
+    FULL_ACCESS = "UAS_FULL_ACCESS"
+    """All others."""
+
+    BACKUP = "UAS_BACKUP"
+    """Back up; save modules, programs and system parameters."""
+
+    CALIBRATE = "UAS_CALIBRATE"
+    CFG_WRITE = "UAS_CFG_WRITE"
+    CONTROLLER_PROPERTIES_WRITE = "UAS_CONTROLLER_PROPERTIES_WRITE"
+    """Set the controller's name and clock."""
+
+    EVENTLOG_CLEAR = "UAS_EVENTLOG_CLEAR"
+    FTP_READ = "UAS_FTP_READ"
+    FTP_WRITE = "UAS_FTP_WRITE"
+    """Write to the controller's disks."""
+
+    IO_WRITE = "UAS_IO_WRITE"
+    RAPID_CURRVALUE = "UAS_RAPID_CURRVALUE"
+    """Write data of programs."""
+
+    RAPID_DEBUG = "UAS_RAPID_DEBUG"
+    """Move the program pointer to a routine or line, select tasks, ask for write access (mastership)."""
+
+    RAPID_EDIT = "UAS_RAPID_EDIT"
+    RAPID_EXECUTE = "UAS_RAPID_EXECUTE"
+    """Start programs and move the program pointer to main; a stop needs no grant."""
+
+    RAPID_LOADPROGRAM = "UAS_RAPID_LOADPROGRAM"
+    RAPID_MODPOS = "UAS_RAPID_MODPOS"
+    REMOTE_LOGIN = "UAS_REMOTE_LOGIN"
+    REMOTE_WARMSTART = "UAS_REMOTE_WARMSTART"
+    RESTORE = "UAS_RESTORE"
+    REVOLUTION_COUNTER_UPDATE = "UAS_REVOLUTION_COUNTER_UPDATE"
+    SPEED_DECREASE = "UAS_SPEED_DECREASE"
+    """Reduce the speed from 100 % in automatic mode."""
+
+    SYSTEM_ADMINISTRATION = "UAS_SYSTEM_ADMINISTRATION"
+    """Install and select systems, and restart with another state than the present one."""
+
+
+GRANTS = tuple(each for each in Grant if each is not Grant.FULL_ACCESS)
+"""All, each by its own name."""
+
+
+class Code(IntEnum):
+    """Return codes of the controller that a client meets; names as in ABB's table."""
+
+    OUTOFMEMORY = -1073445887
+    NOTIMPL = -1073445886
+    SERVICE_NOT_SUPPORTED = -1073445885
+    NO_DATA = -1073445883
+    REJECT = -1073445881
+    RESOURCE_NOT_HELD = -1073445880
+    INVALIDARG = -1073445879
+    LOCAL_NOT_ALLOWED = -1073445875
+    NOT_LOGGED_ON = -1073445873
+    RESOURCE_ALREADY_HELD = -1073445872
+    MAX_LIMIT_REACHED = -1073445871
+    NO_SUCH_REQUEST = -1073445870
+    TIMEOUT = -1073445869
+    UAS_REJECT = -1073445867
+    UNRESOLVED_URL = -1073445866
+    BUFFER_OVERFLOW = -1073445865
+    UI_NOT_ACTIVE = -1073445864
+    DENIED = -1073445863
+    RESOURCE_HELD = -1073445862
+    MODE_REJECT = -1073445860
+    MASTER_REJECT = -1073445859
+    SYNC_STATE_REJECT = -1073445857
+    NOT_ACTIVE_REJECT = -1073445856
+    TASK_SELECTION_PANEL_DISABLED = -1073445852
+    NAMEEXIST = -1073445839
+    SYSFAIL_REJECT = -1073445851
+    NO_SUCH_SYMBOL = -1073442816
+    SOURCEPOS = -1073442815
+    MODULE_READ_PROTECTED = -1073442811
+    NOT_ON_PATH = -1073442807
+    EXEC_LEVEL = -1073442806
+    ILLEGAL_ENTRYPOINT = -1073442801
+    ILLEGAL_PCP_MOVE = -1073442800
+    EXEC_STATE_BGTSK = -1073442785
+    UI_INSTRUCTION_NOT_ACTIVE = -1073442784
+    GENERAL_FILE_ERROR = -1073438720
+    DEVICE_FULL = -1073438719
+    INVALID_PATH = -1073438716
+    NO_DEVICE = -1073438715
+    DIR_NOT_EXIST = -1073438713
+    DIR_EXIST = -1073438712
+    DIR_NOT_EMPTY = -1073438711
+    CREATE_FILE = -1073438709
+    UNIT_DISABLE_NOT_ALLOWED = -1073438208
+    UNIT_NOT_RUNNING = -1073438207
+    CROSS_RESULTANT = -1073438205
+    CFG_ATTRIBUTE_INVALID = -1073437694
+    CFG_OUT_OF_RANGE = -1073437693
+    CFG_NAME_EXIST = -1073437689
+    CFG_DATA_INCORRECT = -1073437688
+    TOOL_ERROR = -1073436672
+    WOBJ_ERROR = -1073436671
+    MECHUNIT_DEACTIVATED = -1073436670
+    NO_TCPROBOT_ACTIVE = -1073436666
+    POSE_OUTSIDE_REACH = -1073436654
+    OPTION = -1073435901
+    NOT_MANUAL_MODE = -1073435895
+    NOT_MOTORS_OFF = -1073435894
+    MODULE_NAME_TAKEN = -1073442813
+    MODULE_WRITE_PROTECTED = -1073442810
+    EXEC_STATE = -1073442809
+    TASK_STATE = -1073442808
+    SYNTAX = -1073442803
+    SEMANTIC = -1073442802
+    SYMBOL_NOT_PERSISTENT = -1073442786
+    NO_PP = -1073442783
+    FILE_NOT_FOUND = -1073438708
+    CFG_DOMAIN_INVALID = -1073437696
+    CFG_TYPE_INVALID = -1073437695
+    CFG_INSTANCE_INVALID = -1073437691
+    NO_SUCH_MECHUNIT = -1073436668
+    UNBLOCKED_INSIGNAL = -1073438206
+    INVALID_STATE = -1073435887
+    FAIL = -1073414146
+    UNEXPECTED = -1073414145
+
+
+_MEANINGS: Mapping[int | None, Message] = {
+    Code.REJECT: message("rws_reject"),
+    Code.UNEXPECTED: message("rws_reject"),
+    Code.INVALIDARG: message("rws_invalidarg"),
+    Code.UAS_REJECT: message("rws_uas_reject"),
+    Code.UNRESOLVED_URL: message("rws_unresolved_url"),
+    Code.DENIED: message("rws_denied"),
+    Code.RESOURCE_HELD: message("rws_resource_held"),
+    Code.MODE_REJECT: message("rws_mode_reject"),
+    Code.MASTER_REJECT: message("rws_master_reject"),
+    Code.SYSFAIL_REJECT: message("rws_sysfail_reject"),
+    Code.NO_SUCH_SYMBOL: message("rws_no_such_symbol"),
+    Code.EXEC_STATE: message("rws_exec_state"),
+    Code.TASK_STATE: message("rws_task_state"),
+    Code.SYNTAX: message("rws_syntax"),
+    Code.MODULE_NAME_TAKEN: message("rws_module_name_taken"),
+    Code.FILE_NOT_FOUND: message("rws_file_not_found"),
+    Code.MAX_LIMIT_REACHED: message("rws_max_limit_reached"),
+    Code.SYMBOL_NOT_PERSISTENT: message("rws_symbol_not_persistent"),
+    Code.SEMANTIC: message("rws_semantic"),
+    Code.NO_PP: message("rws_no_pp"),
+    Code.CFG_TYPE_INVALID: message("rws_cfg_type_invalid"),
+    Code.CFG_DOMAIN_INVALID: message("rws_cfg_domain_invalid"),
+    Code.NO_SUCH_MECHUNIT: message("rws_no_such_mechunit"),
+    Code.UNBLOCKED_INSIGNAL: message("rws_unblocked_insignal"),
+    Code.INVALID_STATE: message("rws_invalid_state"),
+}
+
+
+def name_of(code: int) -> str:
+    """ABB's name of ``code``, or "" for one we do not know."""
+    return next((known.name for known in Code if known == code), "")
+
+
+def meaning_of(code: int | None) -> Message | None:
+    """What ``code`` means and what to do about it, or None when we have no words of our own for it."""
+    return _MEANINGS.get(code)
+
+
+def sentence(code: int | None) -> str | None:
+    """The same as a text, as the virtual controller describes its return codes."""
+    meaning = meaning_of(code)
+    return None if meaning is None else "; ".join(filter(None, (clause(meaning), remedy_of(meaning))))
+
+
+RapidValue = float | bool | str | tuple["RapidValue", ...]
+
+_MAX_DEPTH = 64  # RAPID nests far less; a hostile text must not exhaust the stack
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_STRING = re.compile(r'"((?:[^"]|"")*)"')
+_ESCAPE = re.compile(r'"(")|\\(\\)|\\([0-9A-Fa-f]{2})')
+
+
+def encode(value: RapidValue) -> str:
+    """The literal of ``value``.
+
+    Raises:
+        CommandRefused: a number is not finite; RAPID has no such value.
+    """
+    if isinstance(value, bool):
+        return "TRUE" if value else "FALSE"
+    if isinstance(value, (int, float)):
+        return _encode_number(float(value))
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '""') + '"'
+    return f"[{','.join(map(encode, value))}]"
+
+
+def decode(text: str) -> RapidValue:
+    """The value of a literal; blanks around its parts are allowed.
+
+    Raises:
+        ProtocolError: it is not a literal.
+    """
+    return _decode(text, 0)
+
+
+def split(text: str) -> tuple[str, ...]:
+    """The parts of a record or array: split at the commas of depth 0 that are not in a string.
+
+    Raises:
+        ProtocolError: the brackets or quotes do not close.
+    """
+    inner = text.strip()
+    if not (inner.startswith("[") and inner.endswith("]")):
+        raise ProtocolError(message("rapid_value_without_brackets", text=text))
+    parts, depth, start, in_string = [], 0, 1, False
+    for index, character in enumerate(inner[:-1]):
+        if character == '"':
+            in_string = not in_string
+        elif not in_string:
+            depth += (character == "[") - (character == "]")
+            if character == "," and depth == 1:
+                parts.append(inner[start:index].strip())
+                start = index + 1
+    if depth != 1 or in_string:
+        raise ProtocolError(message("rapid_value_not_closed", text=text))
+    last = inner[start:-1].strip()
+    return (*parts, last) if parts or last else ()
+
+
+def _encode_number(value: float) -> str:
+    """The number as the controller prints it: 9000000000 is 9E+09."""
+    if not isfinite(value):
+        raise CommandRefused(message("rapid_number_not_finite", value=str(value)))
+    mantissa, _, exponent = repr(value).upper().partition("E")
+    digits = mantissa.removesuffix(".0")
+    if exponent:
+        return f"{digits}E{exponent}"
+    significant = digits.lstrip("-").rstrip("0")
+    places = len(digits.lstrip("-")) - 1
+    if "." in digits or places < 7 or len(significant) != 1:
+        return digits
+    return f"{'-' if digits.startswith('-') else ''}{significant}E+{places:02d}"
+
+
+def _decode(text: str, depth: int) -> RapidValue:
+    if depth > _MAX_DEPTH:
+        raise ProtocolError(message("rapid_value_nested_too_deeply"))
+    word = text.strip()
+    if word.startswith("["):
+        return tuple(_decode(part, depth + 1) for part in split(word))
+    if match := _STRING.fullmatch(word):
+        # A doubled quote or backslash, or the character of a two-digit code.
+        return _ESCAPE.sub(lambda escape: escape[1] or escape[2] or chr(int(escape[3], 16)), match[1])
+    if word.upper() in ("TRUE", "FALSE"):
+        return word.upper() == "TRUE"
+    if _NUMBER.fullmatch(word):
+        return float(word)
+    raise ProtocolError(message("rapid_value_unreadable", text=text))
+
+
+FLAG = "TRUE"
+"""Value of an attribute of a cfg file that stands without one."""
+
+# A flag has no value: what follows it is the next attribute, unless it is a negative number.
+_ATTRIBUTE = re.compile(r'-(\w+)(?:\s+("[^"]*"|-[\d.]\S*|[^\s"-]\S*))?')
+_LONGEST_LINE = 100
+_UNSET = {"", "false", "no"}
+_SET = {"true", "yes"}
+
+
+@dataclass(frozen=True, slots=True)
+class CfgFile:
+    """The content of a cfg file.
+
+    Attributes:
+        header: its first line.
+        instances: type and attributes of each, in their order; the values are text.
+    """
+
+    header: str
+    instances: tuple[tuple[str, Mapping[str, str]], ...]
+
+    @property
+    def domain(self) -> str:
+        """Such as ``EIO``."""
+        return self.header.partition(":CFG_")[0]
+
+
+def stated(attributes: Mapping[str, str]) -> dict[str, str]:
+    """What a file has to state of an instance: without flags that are not set and attributes that are empty.
+
+    Args:
+        attributes: as Robot Web Services list them: all that its type has, those with their default values, too.
+    """
+    return {
+        name: FLAG if value.strip().lower() in _SET else value
+        for name, value in attributes.items()
+        if value.strip().lower() not in _UNSET
+    }
+
+
+def read_cfg(text: str) -> CfgFile:
+    """The instances in a cfg file.
+
+    Raises:
+        SettingsError: the text is not a cfg file.
+    """
+    # Lines that are not empty or comments; those that end in a backslash are joined with the next.
+    joined = (line.strip() for line in re.sub(r"\\\s*\n", " ", text).splitlines())
+    lines = [line for line in joined if line and not line.startswith("#")]
+    header = lines[0] if lines else ""
+    if ":CFG_" not in header:
+        raise SettingsError(message("cfg_file_without_domain", header=header))
+    type_name, instances = "", []
+    for line in lines[1:]:
+        if line.endswith(":") and not line.startswith("-"):
+            type_name = line[:-1]
+        else:
+            found = _ATTRIBUTE.findall(line)
+            instances.append((type_name, {name: value.strip('"') if value else FLAG for name, value in found}))
+    return CfgFile(header, tuple(instances))
+
+
+def write_cfg(header: str, instances: Iterable[tuple[str, Mapping[str, str]]]) -> str:
+    """A cfg file; instances of one type come together, in the order of their types' first."""
+    by_type: dict[str, list[Mapping[str, str]]] = {}
+    for type_name, attributes in instances:
+        by_type.setdefault(type_name, []).append(attributes)
+    lines = [header]
+    for type_name, entries in by_type.items():
+        lines += ["#", f"{type_name}:"]
+        for attributes in entries:
+            line = "     "
+            lines.append("")
+            for name, value in attributes.items():
+                plain = value if _NUMBER.fullmatch(value) else f'"{value}"'
+                word = f"-{name}" if value == FLAG else f"-{name} {plain}"
+                if len(line) + len(word) > _LONGEST_LINE:
+                    lines.append(f"{line} \\")
+                    line = "     "
+                line += f" {word}"
+            lines.append(line)
+    return "\n".join(lines) + "\n"

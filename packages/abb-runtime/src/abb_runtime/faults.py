@@ -1,0 +1,218 @@
+"""The faults that a virtual controller takes while it runs: what there is, and how another program injects one.
+
+A fault is posted to the controller's port, at :data:`FAULTS_PATH`: :func:`inject_fault`. Who does no more than that
+loads no virtual robot with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
+
+from abb_protocols.errors import CommandRefused, NoConnection
+from abb_runtime.udp import is_loopback
+
+DISPLAY_PATH = "/virtual/display"
+"""Where a virtual controller shows what its programs wrote to the FlexPendant, in a session; no ABB controller does."""
+
+FAULTS_PATH = "/virtual/faults"
+"""Where a virtual controller takes them; no ABB controller has it."""
+
+_ANSWER_TIMEOUT = 4.0  # [s]
+
+
+class Way(Enum):
+    """Direction of the datagrams that a fault changes."""
+
+    TO_ROBOT = "to-robot"
+    FROM_ROBOT = "from-robot"
+    BOTH = "both"
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """The range of a fault's strength.
+
+    Attributes:
+        unit: of the number.
+        default: None is random.
+        lowest: smallest number.
+        highest: largest number.
+        is_whole: whether the number has no fraction.
+    """
+
+    unit: str
+    default: float | None
+    lowest: float
+    highest: float
+    is_whole: bool = False
+
+    @property
+    def range(self) -> str:
+        """For a sentence, e.g. ``0 to 100 %``."""
+        return f"{self.lowest:g} to {self.highest:g} {self.unit}"
+
+
+@dataclass(frozen=True, slots=True)
+class FaultKind:
+    """What a fault is.
+
+    Attributes:
+        name: in commands.
+        meaning: what happens.
+        has_side: whether it can be limited to one arm.
+        has_duration: whether its duration can be chosen.
+        default_duration: how long it lasts by default [s]; None is for ever.
+        amount: its strength; None where there is nothing to choose.
+        has_way: whether it can be limited to one direction.
+    """
+
+    name: str
+    meaning: str
+    has_side: bool = False
+    has_duration: bool = False
+    default_duration: float | None = None
+    amount: Amount | None = None
+    has_way: bool = False
+
+
+def _of_arm(name: str, meaning: str, amount: Amount | None = None) -> FaultKind:
+    return FaultKind(name, meaning, has_side=True, amount=amount)
+
+
+def _lasting(
+    name: str, meaning: str, amount: Amount | None = None, duration: float | None = None, *, has_way: bool = False
+) -> FaultKind:
+    return FaultKind(
+        name, meaning, has_side=True, has_duration=True, default_duration=duration, amount=amount, has_way=has_way
+    )
+
+
+_DEGREES = Amount("degrees", 5.0, -360.0, 360.0)
+
+
+class Fault(Enum):
+    """The faults that can be injected into a running virtual controller."""
+
+    EGM_SILENCE = _lasting("egm-silence", "the EGM datagrams of an arm are lost, both ways")
+    EGM_REPAIR = _of_arm("egm-repair", "all EGM faults of an arm end")
+    EGM_LOSS = _lasting(
+        "egm-loss",
+        "EGM datagrams are lost; with --way to-robot the robot does not receive the driver",
+        Amount("%", 100.0, 0.0, 100.0),
+        has_way=True,
+    )
+    EGM_DELAY = _lasting("egm-delay", "EGM datagrams arrive later", Amount("ms", 50.0, 0.0, 5000.0), has_way=True)
+    EGM_DUPLICATE = _lasting(
+        "egm-duplicate",
+        "EGM datagrams arrive more than once",
+        Amount("copies", 1.0, 1.0, 10.0, is_whole=True),
+        has_way=True,
+    )
+    EGM_REORDER = _lasting(
+        "egm-reorder",
+        "EGM datagrams overtake each other, by this many cycles at most",
+        Amount("cycles", 3.0, 1.0, 100.0, is_whole=True),
+        has_way=True,
+    )
+    EGM_STALE = _of_arm(
+        "egm-stale",
+        "an old EGM datagram, this many before the last, comes a second time",
+        Amount("datagrams", 30.0, 1.0, 999.0, is_whole=True),
+    )
+    EGM_TRUNCATE = _lasting(
+        "egm-truncate",
+        "every second EGM datagram of the robot is truncated to this many bytes",
+        Amount("bytes", None, 1.0, 1000.0, is_whole=True),
+        1.0,
+    )
+    EGM_FORGE = _of_arm("egm-forge", "one forged EGM datagram with the next number, all joints shifted", _DEGREES)
+    EGM_FORGE_OLD = _of_arm(
+        "egm-forge-old", "one forged EGM datagram with a number that is 100 lower, all joints shifted", _DEGREES
+    )
+    EGM_FORGE_AHEAD = _of_arm(
+        "egm-forge-ahead", "one forged EGM datagram with a number that is 1000 higher, all joints shifted", _DEGREES
+    )
+    EGM_OFFSET = _lasting(
+        "egm-offset", "the positions of all joints in the robot's EGM datagrams are shifted", _DEGREES, 0.5
+    )
+    EGM_SWAP_ARMS = FaultKind(
+        "egm-swap-arms",
+        "the EGM datagrams of each arm go to the port of the other",
+        has_duration=True,
+        default_duration=1.0,
+    )
+    EGM_FOREIGN_PORT = _lasting(
+        "egm-foreign-port",
+        "each EGM datagram of the robot comes from another port too, and first from there",
+        duration=1.0,
+    )
+    COMM_TIMEOUT = _of_arm("comm-timeout", "the robot receives no datagrams for its CommTimeout")
+    EGM_CONVERGENCE = _of_arm("egm-convergence", "an EGM motion ends as if it had converged")
+    DYNAMIC_LOAD = _of_arm("dynamic-load", "an EGM motion overloads a drive: motors off")
+    MOTORS_OFF = FaultKind("motors-off", "Motors Off is pressed")
+    EMERGENCY_STOP = FaultKind("emergency-stop", "the emergency stop is pressed")
+    EMERGENCY_STOP_RESET = FaultKind("emergency-stop-reset", "the emergency stop is released and acknowledged")
+    MANUAL_MODE = FaultKind("manual-mode", "the key is turned to manual reduced speed")
+    AUTO_MODE = FaultKind("auto-mode", "the key is turned to AUTO and confirmed")
+    COLLISION = _of_arm("collision", "an arm collides: motion supervision stops the program")
+    ARM_PUSHED = _of_arm(
+        "arm-pushed",
+        "someone pushes an arm's elbow aside and lets go",
+        Amount("degrees", 5.0, -20.0, 20.0),
+    )
+    PROGRAM_STOP = FaultKind("program-stop", "Stop is pressed on the FlexPendant")
+    WRONG_PROGRAM = FaultKind("wrong-program", "another RAPID program is loaded into both tasks")
+    RIGHT_PROGRAM = FaultKind("right-program", "the RAPID program of the configuration is loaded again")
+    WARM_RESTART = FaultKind(
+        "warm-restart", "the controller restarts: nothing answers meanwhile", has_duration=True, default_duration=20.0
+    )
+    RWS_RESET = FaultKind("rws-reset", "every TCP connection of Robot Web Services breaks")
+    RWS_BUSY = FaultKind(
+        "rws-busy", "Robot Web Services answer 503 to everything", has_duration=True, default_duration=5.0
+    )
+    RWS_SESSIONS_EXPIRED = FaultKind("rws-sessions-expired", "all sessions and subscriptions are forgotten")
+    WEB_SOCKET_DROP = FaultKind("web-socket-drop", "every WebSocket breaks; the subscriptions stay")
+    GRIPPER_NOT_CALIBRATED = _of_arm("gripper-not-calibrated", "a gripper loses its power and calibration")
+    GRIPPER_ERROR = _of_arm("gripper-error", "a gripper reports an internal error")
+    OBJECT_PLACED = _of_arm("object-placed", "a part is put between a gripper's fingers", Amount("mm", 20.0, 1.0, 50.0))
+    OBJECT_UNDER_CUPS = _of_arm(
+        "object-under-cups",
+        "an object is put under a gripper's cups; a leak of 1 is as if none",
+        Amount("leak", 0.0, 0.0, 1.0),
+    )
+    OBJECT_LOST = _of_arm("object-lost", "the object at a gripper's fingers or cups is removed")
+
+
+def fault_named(name: str) -> Fault | None:
+    """The fault of a name."""
+    return next((fault for fault in Fault if fault.value.name == name), None)
+
+
+def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
+    """Inject a fault into the virtual controller at ``address``.
+
+    Raises:
+        NoConnection: nothing answers there.
+        CommandRefused: the fault is unknown or refused, or it is not a virtual controller.
+    """
+    import httpx  # noqa: PLC0415 - for this alone, of what the virtual robot imports
+
+    # The certificate that a virtual controller makes itself is trusted on this machine alone.
+    is_far = not is_loopback(httpx.URL(f"http://{address}").host)
+    post = partial(httpx.post, data=form, timeout=_ANSWER_TIMEOUT, trust_env=False, verify=is_far)
+    try:
+        try:
+            reply = post(f"http://{address}{FAULTS_PATH}/{name}")
+        except (httpx.RemoteProtocolError, httpx.ReadError):  # it speaks TLS, with a certificate of its own
+            reply = post(f"https://{address}{FAULTS_PATH}/{name}")
+    except httpx.HTTPError as error:
+        raise NoConnection(
+            f"Nothing answers at {address} ({error}). A virtual controller is started with `yumi controller`."
+        ) from error
+    if not reply.is_success:
+        is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
+        sentence = reply.text if is_virtual else ""
+        raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")

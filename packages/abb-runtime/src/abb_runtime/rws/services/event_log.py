@@ -1,0 +1,70 @@
+"""The controller's event log: its messages, and its domains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from abb_protocols.rws import documents
+from abb_protocols.rws.documents import Event, whole_number
+from abb_protocols.rws.operations import event_log as table
+from abb_runtime.rws.services.service import Service
+from abb_runtime.rws.session import file_path
+
+_EVENTS_PER_PAGE = 50
+
+
+@dataclass(frozen=True, slots=True)
+class EventDomain:
+    """A part of the event log: how many messages it has, and can have."""
+
+    number: int
+    name: str
+    messages: int
+    capacity: int
+
+
+class EventLog(Service):
+    """``/rw/elog``."""
+
+    def events(self, domain: int = 0, count: int = _EVENTS_PER_PAGE) -> tuple[Event, ...]:
+        """The newest ``count`` messages of the event log, newest first; domain 0 holds all domains."""
+        size = min(count, _EVENTS_PER_PAGE)
+        found: tuple[Event, ...] = ()
+        while len(found) < count:
+            what, number = f"reading the event log {domain}", len(found) // size + 1
+            asked = self._shown(what, table.EVENTS, str(domain), lang="en", order="lifo", start=number, limit=size)
+            page = documents.read_events(asked)
+            found += page
+            if len(page) < size:
+                break
+        return found[:count]
+
+    def clear_events(self, domain: int = 0) -> None:
+        """Empty an event log; domain 0 empties all."""
+        self._call(f"clearing the event log {domain}", table.CLEAR, str(domain))
+
+    def event_domains(self) -> tuple[EventDomain, ...]:
+        """The domains of the event log; 0 holds all."""
+        states = self._listed("reading the event log", table.LOGS, lang="en", resource="count")
+        return tuple(
+            EventDomain(
+                whole_number("domain", state.title),
+                state.text("domain-name"),
+                state.whole("numevts"),
+                state.whole("buffsize"),
+            )
+            for state in states
+        )
+
+    def event(self, number: int, domain: int = 0) -> Event:
+        """One message, by its number."""
+        page = self._shown(f"reading event {number}", table.EVENT, str(domain), str(number), lang="en")
+        return documents.read_event(page.one(*documents.EVENT_STATES))
+
+    def clear_all_events(self) -> None:
+        """Empty all event logs."""
+        self._call("clearing the event logs", table.CLEAR_ALL)
+
+    def save_events(self, path: str) -> None:
+        """Write the event log to a file of the controller."""
+        self._call("saving the event log", table.SAVE_EVENTS, path=file_path(path))

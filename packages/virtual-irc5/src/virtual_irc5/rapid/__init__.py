@@ -1,0 +1,99 @@
+"""RAPID, the language of ABB's IRC5: parser and interpreter, without any robot.
+
+A host registers the robot's instructions in an `InstructionSet`, on top of those that RAPID provides here, and lets a
+`Task` load modules and advance.
+"""
+
+from importlib.resources import files
+
+from virtual_irc5.rapid.ast import Module
+from virtual_irc5.rapid.builtins.absent_options import OPTIONS
+from virtual_irc5.rapid.builtins.clocks_and_stops import SYSTEM
+from virtual_irc5.rapid.builtins.data import CONSTANTS, DATA
+from virtual_irc5.rapid.builtins.data_by_name import SYMBOLS
+from virtual_irc5.rapid.builtins.disk_files import FILES
+from virtual_irc5.rapid.builtins.execution import EXECUTION
+from virtual_irc5.rapid.builtins.flexpendant import DIALOGS
+from virtual_irc5.rapid.builtins.information import INFORMATION
+from virtual_irc5.rapid.builtins.interrupt_orders import INTERRUPTS
+from virtual_irc5.rapid.builtins.io_signals import SIGNALS
+from virtual_irc5.rapid.builtins.maths import MATHS, MATRICES
+from virtual_irc5.rapid.builtins.message_queues import QUEUES
+from virtual_irc5.rapid.builtins.module_loading import MODULES
+from virtual_irc5.rapid.builtins.rawbytes import RAWBYTES
+from virtual_irc5.rapid.builtins.sockets import SOCKETS
+from virtual_irc5.rapid.builtins.strings import STRINGS
+from virtual_irc5.rapid.call import Call, Wait
+from virtual_irc5.rapid.devices import Host
+from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.parser import parse_module
+from virtual_irc5.rapid.states import EventKind, Execution, TaskEvent
+from virtual_irc5.rapid.task import ModuleInfo, Task
+from virtual_irc5.rapid.types import (
+    RapidReferenceError,
+    RapidRuntimeError,
+    RapidSyntaxError,
+    RapidValueError,
+    Signal,
+    UnknownSymbol,
+)
+
+__all__ = [
+    "ROBOTWARE_NAMES",
+    "STANDARD",
+    "Call",
+    "EventKind",
+    "Execution",
+    "Host",
+    "InstructionSet",
+    "Library",
+    "Module",
+    "ModuleInfo",
+    "RapidReferenceError",
+    "RapidRuntimeError",
+    "RapidSyntaxError",
+    "RapidValueError",
+    "Signal",
+    "Task",
+    "TaskEvent",
+    "UnknownSymbol",
+    "Wait",
+    "parse_module",
+]
+
+STANDARD = Library(DATA)
+"""All instructions, functions, types and data that RAPID provides here."""
+for _part in (
+    CONSTANTS,
+    MATHS,
+    STRINGS,
+    SIGNALS,
+    SYSTEM,
+    RAWBYTES,
+    SOCKETS,
+    FILES,
+    DIALOGS,
+    INFORMATION,
+    SYMBOLS,
+    QUEUES,
+    EXECUTION,
+    INTERRUPTS,
+    MODULES,
+    MATRICES,
+    OPTIONS,
+):
+    STANDARD.include(_part)
+
+ROBOTWARE_NAMES: dict[str, tuple[str, ...]] = {}
+"""The names that RobotWare 6 base has, provided or not, by the sections of `names.txt`."""
+for _section in files("virtual_irc5.rapid.builtins").joinpath("names.txt").read_text(encoding="ascii").split("\n[")[1:]:
+    _title, _, _names = _section.partition("]")
+    ROBOTWARE_NAMES[_title] = tuple(_names.split())
+    STANDARD.missing(*ROBOTWARE_NAMES[_title])  # except those that are provided
+
+
+class InstructionSet(Library):
+    """The names every module of a task sees: RAPID's own, and what the host registers on top of them."""
+
+    def __init__(self, base: Library = STANDARD) -> None:
+        super().__init__(base)

@@ -1,0 +1,220 @@
+"""RAPID's instructions about execution: conditions that are followed, cycles, retries, where the program is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.call import Call
+from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.pauses import StackEntry
+from virtual_irc5.rapid.states import EventKind
+from virtual_irc5.rapid.task import CyclicBool, Task, frame_of, task_of, tasks_of
+from virtual_irc5.rapid.types import ABSENT, RapidRuntimeError, Reference, Variable
+
+EXECUTION = Library(CONSTANTS)
+
+
+# Flags that follow conditions -------------------------------------------------------------------------------------
+
+MOST_CYCLIC_BOOLS = 60
+CYCLE_OF_BOOLS = 0.012  # [s]
+
+
+def _cyclic_flag(call: Call) -> tuple[str, Reference]:
+    reference = call.reference("Flag")
+    if not isinstance(reference, Variable):
+        raise RapidRuntimeError("ERR_ARGNOTPER", f"{call.name} takes a whole persistent, not a part of one.")
+    return reference.name.lower(), reference
+
+
+@EXECUTION.instruction("SetupCyclicBool", "PERS bool Flag, bool Cond")
+def follow_condition(call: Call) -> Callable[[Callable[[], bool]], None]:
+    """Let a persistent have the value of a condition from now on, which the compiler passes to what is returned."""
+    task, (name, flag) = task_of(call), _cyclic_flag(call)
+    if name not in task.cyclic_bools and len(task.cyclic_bools) >= MOST_CYCLIC_BOOLS:
+        raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_CYCLIC_BOOLS} conditions are computed cyclically already.")
+
+    def setup(condition: Callable[[], bool]) -> None:
+        if not task.has_flag_timer:
+            task.later(0.0, lambda: _update_flags(task))
+            task.has_flag_timer = True
+        task.cyclic_bools[name] = CyclicBool(flag, condition)
+
+    return setup
+
+
+def _update_flags(task: Task) -> None:
+    """Compute all flags now and, as long as there are any, every 12 ms.
+
+    A condition that fails stops the task once, not in each cycle, and keeps no other flag from following its own.
+    """
+    task.has_flag_timer = bool(task.cyclic_bools)
+    if task.has_flag_timer:
+        task.later(CYCLE_OF_BOOLS, lambda: _update_flags(task))
+    new: list[Exception] = []
+    for each in list(task.cyclic_bools.values()):
+        try:
+            value = each.condition()
+        except Exception as error:  # what the task makes of it, its timers say
+            if not each.has_failed:
+                new.append(error)
+            each.has_failed = True
+            continue
+        each.has_failed = False
+        if value != each.flag.value:
+            each.flag.value = value
+    if new:
+        raise new[0]
+
+
+@EXECUTION.instruction("RemoveCyclicBool", "PERS bool Flag")
+def leave_condition(call: Call) -> None:
+    task_of(call).cyclic_bools.pop(_cyclic_flag(call)[0], None)
+
+
+@EXECUTION.instruction("RemoveAllCyclicBool", r"\switch AllTasks")
+def leave_conditions(call: Call) -> None:
+    tasks = tasks_of(call).values() if call.present("AllTasks") else (task_of(call),)
+    for task in tasks:
+        task.cyclic_bools.clear()
+
+
+@EXECUTION.function("IsCyclicBool", "PERS bool Flag", "bool")
+def follows_condition(call: Call) -> bool:
+    return _cyclic_flag(call)[0] in task_of(call).cyclic_bools
+
+
+@EXECUTION.function("GetNextCyclicBool", "INOUT num ListNumber, INOUT string Name", "bool")
+def next_flag(call: Call) -> bool:
+    """The name of the flag at the list number, which begins with 0 and moves on; FALSE behind the last one."""
+    index, flags = int(call["ListNumber"]), list(task_of(call).cyclic_bools.values())
+    if not 0 <= index < len(flags):
+        return False
+    call["ListNumber"], call["Name"] = index + 1, flags[index].flag.name
+    return True
+
+
+EXECUTION.function("GetNumberOfCyclicBool", "", "num")(lambda call: len(task_of(call).cyclic_bools))
+EXECUTION.formula("GetMaxNumberOfCyclicBool", "", "num", lambda: MOST_CYCLIC_BOOLS)
+
+
+# Where execution is -----------------------------------------------------------------------------------------------
+
+
+@EXECUTION.instruction("ExitCycle")
+def exit_cycle(call: Call) -> None:
+    """The program goes on with main, in run mode "once" when it is started again."""
+    task = task_of(call)
+    task.machine.unwind(0, task.finished)
+
+
+@EXECUTION.function("RemainingRetries", "", "num")
+def remaining_retries(call: Call) -> float:
+    return frame_of(call).remaining_retries
+
+
+@EXECUTION.instruction("ResetRetryCount")
+def reset_retries(call: Call) -> None:
+    frame_of(call).reset_retries()
+
+
+@EXECUTION.function("ExecHandler", "", "handler_type")
+def executing_handler(call: Call) -> float:
+    return _constant(f"HANDLER_{frame_of(call).clause}")
+
+
+@EXECUTION.function("ExecLevel", "", "exec_level")
+def execution_level(call: Call) -> float:
+    level = "LEVEL_SERVICE" if call.task.event else "LEVEL_TRAP" if task_of(call).machine.in_trap else "LEVEL_NORMAL"
+    return _constant(level)
+
+
+@EXECUTION.function("EventType", "", "event_type")
+def event_type(call: Call) -> float:
+    """The system event whose event routine is being executed."""
+    event = call.task.event
+    return _constant("EVENT_NONE") if event is None else event.value
+
+
+def _constant(name: str) -> float:
+    datum = CONSTANTS.datum(name)
+    assert datum is not None
+    value: float = datum.value
+    return value
+
+
+@EXECUTION.function("ArgName", r"INOUT anytype Parameter, \VAR errnum ErrorNumber", "string")
+def argument_name(call: Call) -> str:
+    """The name of the datum that the caller has passed for a parameter, at whatever depth."""
+    reference = call.reference("Parameter")
+    if reference is ABSENT:
+        raise RapidRuntimeError("ERR_ARGNAME", "ArgName is given a parameter that is not present.")
+    return reference.name
+
+
+@EXECUTION.instruction("Break")
+def break_execution(call: Call) -> None:
+    """Stop the program at once, for debugging; it goes on with the next instruction."""
+    call.task.stopped_by_program(EventKind.STOP)
+
+
+@EXECUTION.function("IsStopStateEvent", r"\switch PPMoved | \switch PPToMain", "bool")
+def was_pointer_moved(call: Call) -> bool:
+    """Whether the program pointer was moved before the program was started the last time."""
+    where = task_of(call).stop_event
+    return where == "main" if call.present("PPToMain") else bool(where)
+
+
+@EXECUTION.function("PPMovedInManMode", "", "bool")
+def was_pointer_moved_by_hand(call: Call) -> bool:
+    """Whether the program pointer was moved in manual mode since ResetPPMoved."""
+    return task_of(call).pp_moved_in_manual
+
+
+@EXECUTION.instruction("ResetPPMoved")
+def forget_moved_pointer(call: Call) -> None:
+    task_of(call).pp_moved_in_manual = False
+
+
+MOST_RECORDED = 10_000  # instructions
+
+
+@EXECUTION.instruction("SpyStart", "string File")
+def record_execution(call: Call) -> None:
+    """Record each instruction of the task with the time it begins and ends [ms], for SpyStop to write."""
+    task, start, lines = task_of(call), call.task.now, ["TASK INSTR IN CODE OUT"]
+    begun: list[tuple[str, int]] = []
+    path = call["File"]
+
+    def now_ms() -> int:
+        return round((task.now - start) * 1e3)
+
+    def finish() -> None:
+        if begun and len(lines) <= MOST_RECORDED:
+            text, at = begun.pop()
+            lines.append(f"{task.name}: {text} {at} READY {now_ms()}")
+
+    def watch(entry: StackEntry) -> None:
+        finish()
+        text = task.program.modules[entry.module.lower()].syntax.text.splitlines()
+        begun[:] = [(text[entry.line - 1].strip() if entry.line <= len(text) else "", now_ms())]
+
+    def write() -> None:
+        finish()
+        try:
+            task.host.devices.disk.write(path, "\n".join([*lines, ""]).encode("latin-1", "replace"))
+        except OSError as error:
+            raise RapidRuntimeError("ERR_FILEOPEN", f"SpyStop: '{path}' cannot be written: {error}") from error
+
+    task.pauses.spy, task.pauses.end_of_spy = watch, write
+    task.pauses.watch()
+
+
+@EXECUTION.instruction("SpyStop")
+def end_recording(call: Call) -> None:
+    task = task_of(call)
+    if task.pauses.spy is not None:
+        task.pauses.spy = None
+        task.pauses.watch()
+        task.pauses.end_of_spy()

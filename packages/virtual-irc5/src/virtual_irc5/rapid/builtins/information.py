@@ -1,0 +1,450 @@
+"""RAPID's questions to the system: time, names, tasks, events, text tables, configuration."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+
+from virtual_irc5.rapid.ast import Storage
+from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.call import Call, Wait, whole_argument
+from virtual_irc5.rapid.devices import Configuration, LoggedEvent
+from virtual_irc5.rapid.frame import Propagated
+from virtual_irc5.rapid.interrupts import ChangeOrder
+from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.states import Execution, Severity
+from virtual_irc5.rapid.task import Task, task_of, tasks_of
+from virtual_irc5.rapid.types import (
+    BOOL,
+    LONGEST_STRING,
+    Part,
+    RapidRuntimeError,
+    Reference,
+    Variable,
+    is_numeric,
+    resolved,
+)
+
+INFORMATION = Library(CONSTANTS)
+
+# Time -------------------------------------------------------------------------------------------------------------
+
+
+def _clock(call: Call) -> datetime:
+    """The controller's date and time, of this machine's time zone."""
+    return datetime.fromtimestamp(call.task.host.devices.time())
+
+
+@INFORMATION.function("CTime", "", "string")
+def time_text(call: Call) -> str:
+    return _clock(call).strftime("%H:%M:%S")
+
+
+@INFORMATION.function("CDate", "", "string")
+def date_text(call: Call) -> str:
+    return _clock(call).strftime("%Y-%m-%d")
+
+
+_TIMES = {"WDay": "isoweekday", "Year": "year", "Month": "month", "MDay": "day", "Hour": "hour", "Min": "minute"}
+
+
+@INFORMATION.function(
+    "GetTime",
+    r"\switch WDay | \switch Year | \switch Month | \switch MDay | \switch Hour | \switch Min | \switch Sec",
+    "num",
+)
+def part_of_time(call: Call) -> float:
+    now = _clock(call)
+    if call.present("WDay"):
+        return float(now.isoweekday())
+    name = next((field for switch, field in _TIMES.items() if call.present(switch)), "second")
+    return float(getattr(now, name))
+
+
+# Names and versions -----------------------------------------------------------------------------------------------
+
+FACTS = ("SerialNo", "SWVersion", "SWVersionName", "RobotType", "CtrlId", "LanIp", "CtrlLang", "SystemName")
+
+
+@INFORMATION.function("GetSysInfo", " | ".join(rf"\switch {fact}" for fact in FACTS), "string")
+def system_information(call: Call) -> str:
+    facts = call.task.host.devices.facts
+    return next((facts.get(name, "") for name in FACTS if call.present(name)), "")
+
+
+@INFORMATION.function("IsSysId", "string SystemId", "bool")
+def is_system(call: Call) -> bool:
+    return bool(call["SystemId"] == call.task.host.devices.facts.get("SystemId"))
+
+
+@INFORMATION.function("GetUASUserName", "", "string")
+def user_name(call: Call) -> str:
+    return call.task.host.devices.facts.get("UserName", "Default User")
+
+
+@INFORMATION.function("ProgMemFree", "", "num")
+def free_memory(call: Call) -> float:
+    """Bytes for modules: what they may have together without what they have."""
+    return float(2_000_000 - sum(len(module.text) for module in task_of(call).modules))
+
+
+@INFORMATION.function("RunMode", r"\switch Main", "symnum")
+def run_mode(call: Call) -> float:
+    return 1.0  # RUN_CONT_CYCLE: a controller in automatic mode knows no other
+
+
+@INFORMATION.function("NonMotionMode", r"\switch Main", "bool")
+def is_without_motion(call: Call) -> bool:
+    return False
+
+
+# Tasks ------------------------------------------------------------------------------------------------------------
+
+OF_TASK = r"\taskid TaskRef | \string TaskName"
+
+
+def task_named(call: Call, name: str) -> Task:
+    """A task of the controller by its name; raises ERR_TASKNAME."""
+    tasks = tasks_of(call)
+    found = next((task for key, task in tasks.items() if key.lower() == name.lower()), None)
+    if found is None:
+        sentence = f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}."
+        raise RapidRuntimeError("ERR_TASKNAME", sentence)
+    return found
+
+
+def task_meant(call: Call) -> Task:
+    r"""The task that \TaskRef or \TaskName names, the caller's without them; raises ERR_TASKNAME."""
+    name = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", call.task.name)
+    return task_of(call) if name.lower() == call.task.name.lower() else task_named(call, name)
+
+
+for _name in ("TaskIsActive", "TaskIsExecuting"):
+
+    @INFORMATION.function(_name, "string TaskName", "bool")
+    def is_task_running(call: Call) -> bool:
+        task = task_named(call, call["TaskName"])
+        return call.name == "TaskIsActive" or task.execution is Execution.STARTED
+
+
+@INFORMATION.function("ModTime", r"string Object, \num StrDig", "num")
+@INFORMATION.function("ModTimeDnum", "string Object", "dnum")
+def module_time(call: Call) -> float:
+    """When the file of a module was written, seconds since 1970."""
+    module = task_of(call).program.modules.get(call["Object"].lower())
+    if module is None:
+        raise RapidRuntimeError("ERR_MOD_NOTLOADED", f"{call.name}: there is no module '{call['Object']}'.")
+    try:
+        return float(int(call.task.host.devices.disk.entry(module.syntax.filename).changed))
+    except OSError as error:
+        raise RapidRuntimeError("ERR_FILNOTFND", f"{call.name}: {error}") from error
+
+
+for _name in ("PFRestart", "IsBrakeCheckActive"):
+
+    @INFORMATION.function(_name, r"\switch Base | \switch Irpt" if _name == "PFRestart" else "", "bool")
+    def is_never(call: Call) -> bool:
+        """What never happens here: a power failure, a brake check."""
+        return False
+
+
+# Data -------------------------------------------------------------------------------------------------------------
+
+
+def _storage(reference: Reference) -> Storage | None:
+    while isinstance(reference, Part):
+        reference = reference.whole
+    return reference.storage if isinstance(reference, Variable) else None
+
+
+@INFORMATION.function("IsPers", "INOUT anytype DatObj", "bool")
+def is_persistent(call: Call) -> bool:
+    return _storage(call.reference("DatObj")) is Storage.PERS
+
+
+@INFORMATION.function("IsVar", "INOUT anytype DatObj", "bool")
+def is_variable(call: Call) -> bool:
+    return _storage(call.reference("DatObj")) is Storage.VAR
+
+
+@INFORMATION.function("Type", r"anytype Data, \switch BaseName", "string")
+def type_name(call: Call) -> str:
+    type_ = call.reference("Data").type
+    return resolved(type_).name if call.present("BaseName") else type_.name
+
+
+@INFORMATION.function("TestAndSet", "INOUT bool Object", "bool")
+def test_and_set(call: Call) -> bool:
+    r"""Whether it was FALSE; it is TRUE from now on. Two tasks never get it both: one is executed at a time."""
+    was_free = not call["Object"]
+    call["Object"] = True
+    return was_free
+
+
+@INFORMATION.instruction("WaitTestAndSet", "PERS bool Object")
+def wait_test_and_set(call: Call) -> Wait:
+    while call["Object"]:
+        yield None
+    call["Object"] = True
+
+
+@INFORMATION.instruction("TryInt", "anynum DataObj, \\dnum DataObj2")
+def try_integer(call: Call) -> None:
+    value: float = call["DataObj"]
+    if value != int(value):
+        raise RapidRuntimeError("ERR_INT_NOTVAL", f"{value:g} is not an integer.")
+
+
+# Errors and events ------------------------------------------------------------------------------------------------
+
+INFORMATION.alias("errstr", "string")
+_ARGUMENTS = "errstr Argument1, errstr Argument2, errstr Argument3, errstr Argument4, errstr Argument5"
+LARGEST_OWN_EVENT = 9999  # what programs log has the numbers 80 0001 to 80 9999 on the controller
+
+
+@INFORMATION.instruction(
+    "ErrLog", rf"num ErrorID, \switch W | \switch I, errstr Title, errstr Description, {_ARGUMENTS}"
+)
+def log_event(call: Call) -> None:
+    _log_event(
+        call,
+        whole_argument(call, "ErrorID", 1, LARGEST_OWN_EVENT),
+        call["Title"],
+        (call["Description"], *_event_arguments(call)),
+    )
+
+
+@INFORMATION.instruction(
+    "ErrRaise",
+    r"string ErrorName, num ErrorId, errstr Argument1, errstr Argument2, errstr "
+    r"Argument3, errstr Argument4, errstr Argument5",
+)
+def raise_event(call: Call) -> None:
+    """Log a warning with the texts of table ErrorName's domain, and raise the error that BookErrNo gave the name."""
+    number = whole_argument(call, "ErrorId", 1, LARGEST_OWN_EVENT)
+    _log_event(call, number, call["ErrorName"], _event_arguments(call), Severity.WARNING)
+    error = RapidRuntimeError(call["ErrorName"], f"ErrRaise: {call['ErrorName']}.")
+    error.number = call.task.library.error_number(call["ErrorName"]) or _booked_number(call)
+    raise error
+
+
+def _booked_number(call: Call) -> float:
+    """The number a program has booked for the name."""
+    found = task_of(call).program.find(call["ErrorName"], None)
+    if not isinstance(found, Variable) or not is_numeric(found.type):
+        raise RapidRuntimeError("ERR_ILLRAISE", f"ErrRaise: no errnum is called '{call['ErrorName']}'.")
+    return float(found.value)
+
+
+def _event_arguments(call: Call) -> tuple[str, ...]:
+    return tuple(call[f"Argument{number}"] for number in range(1, 6))
+
+
+def _log_event(
+    call: Call, number: int, title: str, lines: tuple[str, ...], severity: Severity = Severity.ERROR
+) -> None:
+    severity = Severity.WARNING if call.get("W") else Severity.INFORMATION if call.get("I") else severity
+    given = tuple(line for line in lines if line and line != "ERRSTR_UNUSED")
+    call.task.host.devices.log(80_000 + number, title, ": ".join(given), severity, given)
+
+
+for _name, _text in (
+    *(("ERRSTR_EMPTY", " "), ("ERRSTR_UNUSED", "ERRSTR_UNUSED"), ("ERRSTR_TASK", "")),
+    *(("ERRSTR_CONTEXT", ""),),
+):
+    INFORMATION.data(_name, "errstr", _text)
+
+
+@dataclass(eq=False, slots=True)
+class TrapData:
+    """What a trapdata stands for: the event that has interrupted the program."""
+
+    event: LoggedEvent | None = None
+
+
+INFORMATION.object_type("trapdata", TrapData)
+_TYPE_NUMBERS = {Severity.INFORMATION: 1.0, Severity.WARNING: 2.0, Severity.ERROR: 3.0}  # TYPE_STATE and so on
+
+
+@INFORMATION.instruction(
+    "IError",
+    r"\switch Single | \switch SingleSafe, errdomain ErrorDomain, \num ErrorId, errtype ErrorType, "
+    "VAR intnum Interrupt",
+)
+def order_event(call: Call) -> None:
+    """An interrupt whenever an event comes into the log: COMMON_ERR stands for all domains, TYPE_ALL for all types."""
+    devices, interrupts, number, task = call.task.host.devices, call.task.interrupts, int(call["Interrupt"]), call.task
+    domain, identity, kind = call["ErrorDomain"], call.get("ErrorId"), call["ErrorType"]
+    order = ChangeOrder(is_single=call.present("Single") or call.present("SingleSafe"))
+
+    def logged(event: LoggedEvent) -> None:
+        if not interrupts.is_ordered(number, order):  # deleted, or it was a single one
+            devices.watchers.remove(logged)
+            return
+        is_wanted = domain in (0, event.domain) and identity in (None, event.number)
+        if is_wanted and kind in (0, _TYPE_NUMBERS[event.severity]) and task.is_running:
+            devices.trapped[task.name] = event
+            interrupts.occurred(number)
+
+    interrupts.order(number, order)
+    devices.watchers.append(logged)
+
+
+@INFORMATION.instruction("GetTrapData", "VAR trapdata TrapEvent")
+def trap_data(call: Call) -> None:
+    call["TrapEvent"].event = call.task.host.devices.trapped.get(call.task.name)
+
+
+@INFORMATION.instruction(
+    "ReadErrData",
+    r"VAR trapdata TrapEvent, INOUT errdomain ErrorDomain, INOUT num ErrorId, INOUT errtype ErrorType, "
+    r"\VAR string Title, \VAR string Str1, \VAR string Str2, \VAR string Str3, \VAR string Str4, \VAR string Str5",
+)
+def event_data(call: Call) -> None:
+    event: LoggedEvent | None = call["TrapEvent"].event
+    if event is None:
+        raise RapidRuntimeError("ERR_ARGVALERR", "ReadErrData: GetTrapData has found no event.")
+    call["ErrorDomain"], call["ErrorId"] = float(event.domain), float(event.number)
+    call["ErrorType"] = _TYPE_NUMBERS[event.severity]
+    texts = (event.title, *event.arguments)
+    for name, text in zip(("Title", "Str1", "Str2", "Str3", "Str4", "Str5"), (*texts, *[""] * 5), strict=False):
+        if call.present(name):
+            call[name] = text[:LONGEST_STRING]
+
+
+@INFORMATION.instruction("RaiseToUser", r"\switch Continue | \switch BreakOff, \num ErrorNumber")
+def raise_to_user(call: Call) -> None:
+    """Raise the error of the handler, or another one; NOSTEPIN routines, which it leaves, are ordinary ones here."""
+    number = call.get("ErrorNumber", task_of(call).program.system_data["errno"].value)
+    error = RapidRuntimeError(task_of(call).machine.error_name(number), f"RaiseToUser: the error {number:g}.")
+    error.number = number
+    raise Propagated(error, is_long_jump=False)
+
+
+@INFORMATION.instruction("SkipWarn")
+def skip_warning(call: Call) -> None:
+    """The warning of the last error is not logged; handled errors never are on this controller."""
+
+
+# Text tables ------------------------------------------------------------------------------------------------------
+
+_TEXT_ELEMENT = re.compile(r'<text\s+name="(\d+)"\s*>(.*?)</text>', re.IGNORECASE | re.DOTALL)
+_VALUE_ELEMENT = re.compile(r"<value>(.*?)</value>", re.IGNORECASE | re.DOTALL)
+_TABLE_NAME = re.compile(r'<resource\s+name="([^"]+)"', re.IGNORECASE)
+
+
+@INFORMATION.instruction("TextTabInstall", "string File")
+def install_text_table(call: Call) -> None:
+    """Read an XML file of texts, <Resource Name="table"><Text Name="1"><Value>...</Value></Text></Resource>."""
+    devices = call.task.host.devices
+    try:
+        text = devices.disk.read(call["File"]).decode("utf-8", "replace")
+    except OSError as error:
+        raise RapidRuntimeError("ERR_FILEACC", f"TextTabInstall: {error}") from error
+    name = _TABLE_NAME.search(text)
+    if name is None:
+        raise RapidRuntimeError("ERR_FILEACC", f"TextTabInstall: {call['File']} names no text table.")
+    table = {
+        int(number): (_VALUE_ELEMENT.search(body) or [body, body])[1].strip()
+        for number, body in _TEXT_ELEMENT.findall(text)
+    }
+    devices.texts[name[1].lower()] = table
+
+
+@INFORMATION.function("TextTabFreeToUse", "string TableName", "bool")
+def is_table_free(call: Call) -> bool:
+    return call["TableName"].lower() not in call.task.host.devices.texts
+
+
+@INFORMATION.function("TextTabGet", "string TableName", "num")
+def text_table(call: Call) -> float:
+    """The number of a table, which TextGet takes."""
+    names = list(call.task.host.devices.texts)
+    if call["TableName"].lower() not in names:
+        raise RapidRuntimeError("ERR_TXTNOEXIST", f"There is no text table '{call['TableName']}'.")
+    return float(names.index(call["TableName"].lower()) + 1)
+
+
+@INFORMATION.function("TextGet", "num Table, num Index", "string")
+def table_text(call: Call) -> str:
+    tables: list[Mapping[int, str]] = list(call.task.host.devices.texts.values())
+    number, index = int(call["Table"]), int(call["Index"])
+    if not 1 <= number <= len(tables) or index not in tables[number - 1]:
+        raise RapidRuntimeError("ERR_TXTNOEXIST", f"The text table {number} has no text {index}.")
+    return tables[number - 1][index][:80]
+
+
+# Configuration ----------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _attribute(call: Call) -> Iterator[tuple[Configuration, str, str]]:
+    """The system parameters, and where in them the call's attribute is; raises ERR_CFG_NOTFND."""
+    path, attribute, found = call["InstancePath"], call["Attribute"], call.task.host.devices.configuration
+    try:
+        if found is None:
+            raise KeyError(path)
+        yield found, path, attribute
+    except KeyError as error:
+        sentence = f"The configuration has no {attribute} at {path}."
+        raise RapidRuntimeError("ERR_CFG_NOTFND", sentence) from error
+
+
+@INFORMATION.instruction("ReadCfgData", r"string InstancePath, string Attribute, INOUT anytype CfgData, \num ListNo")
+def read_configuration(call: Call) -> None:
+    """One attribute of one instance, as number, text or truth value."""
+    with _attribute(call) as (configuration, path, attribute):
+        text = configuration.read(path, attribute)
+    type_ = resolved(call.reference("CfgData").type)
+    try:
+        call["CfgData"] = float(text) if is_numeric(type_) else text.upper() == "TRUE" if type_ == BOOL else text
+    except ValueError as error:
+        raise RapidRuntimeError("ERR_CFG_ILLTYPE", f"{attribute} is '{text}', not a number.") from error
+
+
+@INFORMATION.instruction("WriteCfgData", r"string InstancePath, string Attribute, anytype CfgData, \num ListNo")
+def write_configuration(call: Call) -> None:
+    type_, value = resolved(call.reference("CfgData").type), call["CfgData"]
+    text = f"{value:.15g}" if is_numeric(type_) else str(value).upper() if type_ == BOOL else str(value)
+    with _attribute(call) as (configuration, path, attribute):
+        configuration.write(path, attribute, text)
+
+
+INFORMATION.alias("cfgdomain", "string")
+for _domain in ("ALL", "EIO", "MMC", "MOC", "PROC", "SIO", "SYS"):
+    INFORMATION.data(f"{_domain}_DOMAIN{'S' if _domain == 'ALL' else ''}", "cfgdomain", _domain)
+
+
+@INFORMATION.instruction("SaveCfgData", r"string FilePath, \string File, cfgdomain Domain")
+def save_configuration(call: Call) -> None:
+    devices, domain = call.task.host.devices, call["Domain"]
+    path = f"{call['FilePath'].rstrip('/')}/{call['File']}" if call.present("File") else call["FilePath"]
+    domains = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS") if domain == "ALL" else (domain,)
+    for name in domains:
+        try:
+            if devices.configuration is None:
+                raise KeyError(name)
+            text = devices.configuration.save(name)
+        except KeyError as error:
+            if domain == "ALL":
+                continue
+            raise RapidRuntimeError("ERR_CFG_ILL_DOMAIN", f"There is no domain '{name}'.") from error
+        target = f"{path.rstrip('/')}/{name}.cfg" if domain == "ALL" else path
+        try:
+            devices.disk.write(target, text.encode("latin-1", "replace"))
+        except OSError as error:
+            raise RapidRuntimeError("ERR_CFG_WRITEFILE", f"SaveCfgData: {error}") from error
+
+
+@INFORMATION.instruction("WarmStart")
+def warm_start(call: Call) -> Wait:
+    """Restart the controller; the program does not get any further."""
+    restart = call.task.host.devices.restart
+    if restart is None:
+        raise RapidRuntimeError("ERR_EXECPHR", "WarmStart: this controller cannot be restarted.")
+    restart()
+    while True:
+        yield None

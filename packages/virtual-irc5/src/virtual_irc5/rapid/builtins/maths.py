@@ -1,0 +1,205 @@
+"""RAPID's functions of numbers, arrays and matrices."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_irc5.rapid.builtins.data import DATA
+from virtual_irc5.rapid.call import Call
+from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, Reference, resolved
+
+Array = NDArray[np.float64]
+
+MATHS = Library(DATA)
+MOST_DECIMALS = 15  # what a dnum has
+
+
+def _ratio(name: str, value: float) -> float:
+    if not -1.0 <= value <= 1.0:
+        raise RapidRuntimeError("ERR_ARGVALERR", f"{name} takes -1 to 1, not {value:g}.")
+    return value
+
+
+def _power(base: float, exponent: float) -> float:
+    try:
+        return math.pow(base, exponent)
+    except OverflowError as error:
+        raise RapidRuntimeError("ERR_OVERFLOW", f"{base:g} to the power of {exponent:g} is too large.") from error
+    except ValueError as error:
+        raise RapidRuntimeError("ERR_ARGVALERR", f"{base:g} has no power of {exponent:g}.") from error
+
+
+def _square_root(value: float) -> float:
+    if value < 0.0:
+        raise RapidRuntimeError("ERR_NEGARG", f"Sqrt takes no negative number, not {value:g}.")
+    return math.sqrt(value)
+
+
+for _name, _signature, _compute in (
+    ("Abs", "num Value", abs),
+    ("Sqrt", "num Value", _square_root),
+    ("Exp", "num Exponent", lambda exponent: _power(math.e, exponent)),
+    ("Pow", "num Base, num Exponent", _power),
+    ("Sin", "num Angle", lambda angle: math.sin(math.radians(angle))),
+    ("Cos", "num Angle", lambda angle: math.cos(math.radians(angle))),
+    ("Tan", "num Angle", lambda angle: math.tan(math.radians(angle))),
+    ("ASin", "num Value", lambda value: math.degrees(math.asin(_ratio("ASin", value)))),
+    ("ACos", "num Value", lambda value: math.degrees(math.acos(_ratio("ACos", value)))),
+    ("ATan", "num Value", lambda value: math.degrees(math.atan(value))),
+    ("ATan2", "num Y, num X", lambda y, x: math.degrees(math.atan2(y, x))),
+    ("Max", "num X, num Y", max),
+    ("Min", "num X, num Y", min),
+    ("Distance", "pos Point1, pos Point2", math.dist),
+):
+    MATHS.formula(_name, _signature, "num", _compute)
+    if _name not in ("Exp", "Max", "Min", "Distance"):
+        _signature = _signature.replace("num ", "dnum ").replace("dnum Exponent", "num Exponent")  # of PowDnum
+        MATHS.formula(f"{_name}Dnum", _signature, "dnum", _compute)
+MATHS.formula("NumToDnum", "num Value", "dnum", float)
+
+
+@MATHS.function("Round", r"num Val, \num Dec", "num")
+@MATHS.function("RoundDnum", r"dnum Val, \num Dec", "dnum")
+def rounded(call: Call) -> float:
+    scale = 10.0 ** decimals(call, MOST_DECIMALS)
+    nearest = math.floor(abs(call["Val"]) * scale + 0.5)
+    return math.copysign(nearest, call["Val"]) / float(scale)
+
+
+@MATHS.function("Trunc", r"num Val, \num Dec", "num")
+@MATHS.function("TruncDnum", r"dnum Val, \num Dec", "dnum")
+def truncated(call: Call) -> float:
+    scale = 10.0 ** decimals(call, MOST_DECIMALS)
+    value: float = math.trunc(call["Val"] * scale) / scale
+    return value
+
+
+def decimals(call: Call, most: int) -> int:
+    decimals: float = call.get("Dec", 0.0)
+    if not 0 <= decimals == decimals // 1 <= most:
+        sentence = f"{call.name} takes a whole number of decimals, 0 to {most}, not {decimals:g}."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+    return int(decimals)
+
+
+@MATHS.function("DnumToNum", r"dnum Value, \switch Integer", "num")
+def as_num(call: Call) -> float:
+    value: float = call["Value"]
+    if call.present("Integer") and value != int(value):
+        raise RapidRuntimeError("ERR_INT_NOTVAL", f"{value:g} is not an integer.")
+    return value
+
+
+@MATHS.function("Dim", "anytype ArrPar, num DimNo", "num")
+def dimension(call: Call) -> float:
+    type_ = resolved(call.reference("ArrPar").type)
+    if not isinstance(type_, ArrayType):
+        raise RapidRuntimeError("ERR_NOTARR", "Dim takes an array.")
+    if call["DimNo"] not in range(1, len(type_.sizes) + 1):
+        raise RapidRuntimeError("ERR_ILLDIM", f"The array has no dimension {call['DimNo']:g}.")
+    array = call["ArrPar"]
+    for _ in range(int(call["DimNo"]) - 1):
+        array = array[0]
+    return len(array)
+
+
+@MATHS.instruction("Incr", "INOUT anynum Name")
+def increment(call: Call) -> None:
+    call["Name"] = call["Name"] + 1.0
+
+
+@MATHS.instruction("Decr", "INOUT anynum Name")
+def decrement(call: Call) -> None:
+    call["Name"] = call["Name"] - 1.0
+
+
+@MATHS.instruction("Add", "INOUT anynum Name, anynum AddValue")
+def add_number(call: Call) -> None:
+    call["Name"] = call["Name"] + call["AddValue"]
+
+
+@MATHS.instruction("Clear", "INOUT anynum Name")
+def clear_number(call: Call) -> None:
+    call["Name"] = 0.0
+
+
+# Linear algebra -----------------------------------------------------------------------------------------------------
+
+MATRICES = Library(DATA)
+LARGEST_MATRIX = 100  # rows and columns: more takes longer than the cycle of a robot
+FEWEST_POINTS = 3  # of a circle
+
+
+def _read_array(call: Call, name: str) -> Array:
+    array = np.array(call[name], dtype=float)
+    if max(array.shape) > LARGEST_MATRIX:
+        raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name} takes up to {LARGEST_MATRIX} rows and columns.")
+    return array
+
+
+def _write_array(call: Call, name: str, values: Array) -> None:
+    """Write an array of the size that is needed; raises ERR_ARRAY_SIZE for a datum of another size."""
+    reference: Reference = call.reference(name)
+    if np.shape(reference.value) != values.shape:
+        wanted = "x".join(map(str, values.shape))
+        raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name}: {reference.name} has to be {wanted}.")
+    call[name] = values.tolist() if values.ndim == 1 else [tuple(row) for row in values.tolist()]
+
+
+@MATRICES.instruction("MatrixSolve", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
+@MATRICES.instruction("MatrixSolveQR", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
+def solve_equations(call: Call) -> None:
+    """A x = b; MatrixSolveQR gives the least squares where there are more equations than unknowns."""
+    matrix, right = _read_array(call, "A"), _read_array(call, "b")
+    is_square = matrix.shape[0] == matrix.shape[1]
+    if matrix.shape[0] != right.shape[0] or (call.name == "MatrixSolve" and not is_square):
+        raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name}: A and b do not fit together.")
+    if np.linalg.matrix_rank(matrix) < matrix.shape[1]:
+        raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: the equations have no single solution.")
+    _write_array(call, "x", np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64))
+
+
+@MATRICES.instruction("MatrixSVD", r"dnum A{*,*}, INOUT dnum U{*,*}, INOUT dnum S{*}, INOUT dnum V{*,*}, \switch Econ")
+def singular_values(call: Call) -> None:
+    r"""A = U S V'; with \Econ U has as many columns as A."""
+    left, values, right = np.linalg.svd(_read_array(call, "A"), full_matrices=not call.present("Econ"))
+    for name, result in (("U", left), ("S", values), ("V", right.T)):
+        _write_array(call, name, result)
+
+
+@MATRICES.instruction(
+    "FitCircle",
+    r"pos Points{*}, \num NumPoints, INOUT pos Center, INOUT num Radius, INOUT pos Normal, \VAR num RMS, "
+    r"\VAR num MaxErr, \VAR num IndexWorst",
+)
+def fit_circle(call: Call) -> None:
+    """The circle that fits best: the plane by singular values, then the circle in it by least squares."""
+    points: Sequence[Any] = call["Points"]
+    count = int(call.get("NumPoints", len(points)))
+    if not FEWEST_POINTS <= count <= min(len(points), LARGEST_MATRIX):
+        raise RapidRuntimeError("ERR_ARGVALERR", f"FitCircle needs {FEWEST_POINTS} to {len(points)} points.")
+    measured = np.array(points[:count], dtype=float)
+    middle = measured.mean(axis=0)
+    axes = np.linalg.svd(measured - middle)[2]
+    flat = (measured - middle) @ axes[:2].T
+    equations = np.column_stack([2.0 * flat, np.ones(count)])
+    if np.linalg.matrix_rank(equations) < FEWEST_POINTS:
+        raise RapidRuntimeError("ERR_ARGVALERR", "FitCircle: the points lie on a line.")
+    x, y, rest = np.linalg.lstsq(equations, (flat**2).sum(axis=1), rcond=None)[0]
+    radius = float(np.sqrt(rest + x * x + y * y))
+    center = middle + x * axes[0] + y * axes[1]
+    errors = np.hypot(np.hypot(flat[:, 0] - x, flat[:, 1] - y) - radius, (measured - middle) @ axes[2])
+    call["Center"], call["Radius"], call["Normal"] = center.tolist(), radius, axes[2].tolist()
+    for name, value in (
+        ("RMS", float(np.sqrt((errors**2).mean()))),
+        ("MaxErr", float(errors.max())),
+        ("IndexWorst", float(errors.argmax() + 1)),
+    ):
+        if call.present(name):
+            call[name] = value

@@ -1,0 +1,159 @@
+"""RAPID's instructions of modules: loading, unloading, checking and saving them, and calling their routines by name."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+from abb_protocols.errors import RobotNotReady
+from virtual_irc5.rapid.ast import Module
+from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.information import OF_TASK, task_meant
+from virtual_irc5.rapid.call import Call, Wait
+from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.loading import saved_text
+from virtual_irc5.rapid.parser import parse_module
+from virtual_irc5.rapid.task import Task, task_of
+from virtual_irc5.rapid.types import (
+    ProgramTooLarge,
+    RapidReferenceError,
+    RapidRuntimeError,
+    RapidSyntaxError,
+    UnknownSymbol,
+)
+
+MODULES = Library(CONSTANTS)
+
+
+def _path_argument(call: Call, path: str = "FilePath", file: str = "File") -> str:
+    given: str = call[path]
+    return f"{given.rstrip('/')}/{call[file]}" if call.present(file) else given
+
+
+@MODULES.instruction("CallByVar", "string Name, num Number")
+def call_by_variable(call: Call) -> None:
+    task_of(call).call_procedure(f"{call['Name']}{int(call['Number'])}")
+
+
+@MODULES.instruction("Load", r"\switch Dynamic, string FilePath, \string File, \switch CheckRef")
+def load_module(call: Call) -> Wait:
+    task, path = task_of(call), _path_argument(call)
+    text = _module_text(task, path)
+    yield from _load(task, text, path)
+
+
+@MODULES.instruction("UnLoad", r"\switch ErrIfChanged | \switch Save, string FilePath, \string File")
+def unload_module(call: Call) -> None:
+    task, path = task_of(call), _path_argument(call)
+    found = next((m for m in task.modules if m.filename == path), None)
+    if found is None:
+        raise RapidRuntimeError("ERR_UNLOAD", f"No module was loaded from '{path}'.")
+    try:
+        task.unload(found.name)
+    except RobotNotReady as error:
+        raise RapidRuntimeError("ERR_UNLOAD", str(error)) from error
+
+
+def _module_text(task: Task, path: str) -> str:
+    """The text of a module's file; raises ERR_FILNOTFND."""
+    try:
+        return task.host.read_file(path)
+    except OSError as error:
+        raise RapidRuntimeError("ERR_FILNOTFND", f"The file '{path}' cannot be read: {error}") from error
+
+
+def _load(task: Task, text: str, path: str) -> Wait:
+    """Load a module's text; raises ERR_SYNTAX, ERR_PRGMEMFULL or ERR_LOADED."""
+    try:
+        yield from task.loading(text, path)
+    except RapidSyntaxError as error:
+        raise RapidRuntimeError("ERR_SYNTAX", str(error)) from error
+    except ProgramTooLarge as error:
+        raise RapidRuntimeError("ERR_PRGMEMFULL", str(error)) from error
+    except RapidReferenceError as error:
+        raise RapidRuntimeError("ERR_LOADED", str(error)) from error
+
+
+@MODULES.function("ModExist", "string ModuleName", "bool")
+def module_exists(call: Call) -> bool:
+    return call["ModuleName"].lower() in task_of(call).program.modules
+
+
+@MODULES.instruction("EraseModule", "string ModuleName")
+def erase_module(call: Call) -> None:
+    try:
+        task_of(call).unload(call["ModuleName"])
+    except (UnknownSymbol, RobotNotReady) as error:
+        raise RapidRuntimeError("ERR_MODULE", str(error)) from error
+
+
+@MODULES.instruction("CheckProgRef")
+def check_references(call: Call) -> None:
+    faults = task_of(call).faults()
+    if faults:
+        raise RapidRuntimeError("ERR_LINKREF", str(faults[0]))
+
+
+@dataclass(eq=False, slots=True)
+class LoadSession:
+    """What a loadsession stands for: a module that is being read in the background."""
+
+    path: str = ""
+    text: str = ""
+    work: Future[Module] | None = None
+
+
+MODULES.object_type("loadsession", LoadSession)
+
+
+@MODULES.instruction("StartLoad", r"\switch Dynamic, string FilePath, \string File, VAR loadsession LoadNo")
+def start_load(call: Call) -> None:
+    session, path = call["LoadNo"], _path_argument(call)
+    if session.work is not None:
+        raise RapidRuntimeError("ERR_LOADNO_INUSE", f"{call.reference('LoadNo').name} is loading {session.path}.")
+    session.text = _module_text(task_of(call), path)
+    session.path = path
+    session.work = call.task.background(lambda: parse_module(session.text, path))
+
+
+@MODULES.instruction("WaitLoad", r"\string UnloadPath, \string UnloadFile, VAR loadsession LoadNo, \switch CheckRef")
+def wait_load(call: Call) -> Wait:
+    session, task = call["LoadNo"], task_of(call)
+    if session.work is None:
+        raise RapidRuntimeError("ERR_LOADNO_NOUSE", f"{call.reference('LoadNo').name} is not loading anything.")
+    while not session.work.done():
+        yield None
+    if call.present("UnloadPath"):
+        path = _path_argument(call, "UnloadPath", "UnloadFile")
+        old = next((module for module in task.modules if module.filename == path), None)
+        try:
+            task.unload(old.name if old else "")
+        except (UnknownSymbol, RobotNotReady) as error:
+            session.work = None
+            raise RapidRuntimeError("ERR_UNLOAD", f"'{path}' cannot be unloaded: {error}") from error
+    session.work = None
+    yield from _load(task, session.text, session.path)
+    if call.present("CheckRef"):
+        check_references(call)
+
+
+@MODULES.instruction("CancelLoad", "VAR loadsession LoadNo")
+def cancel_load(call: Call) -> None:
+    session = call["LoadNo"]
+    if session.work is None:
+        raise RapidRuntimeError("ERR_LOADNO_NOUSE", f"{call.reference('LoadNo').name} is not loading anything.")
+    session.work = None
+
+
+@MODULES.instruction("Save", rf"{OF_TASK}, string ModuleName, \string FilePath, \string File")
+def save_module(call: Call) -> None:
+    """A module's text into a file, its persistents with the values they have now."""
+    task = task_meant(call)
+    module = task.program.modules.get(call["ModuleName"].lower())
+    if module is None:
+        raise RapidRuntimeError("ERR_MODULE", f"The task {task.name} has no module '{call['ModuleName']}'.")
+    path = _path_argument(call) if call.present("FilePath") else module.syntax.filename
+    try:
+        task.host.devices.disk.write(path, saved_text(module).encode("latin-1", "replace"))
+    except OSError as error:
+        raise RapidRuntimeError("ERR_IOERROR", f"'{path}' cannot be written: {error}") from error

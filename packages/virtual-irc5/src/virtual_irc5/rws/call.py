@@ -1,0 +1,171 @@
+"""A call of Robot Web Services: what a request asks of the controller, and what may come of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import isfinite, nan
+from typing import Any
+
+from abb_protocols.errors import YumiError
+from abb_protocols.rws.documents import Page, Pairs, Status, first_value
+from abb_protocols.rws.operations.operation import Operation
+from abb_protocols.rws.types import Code
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.rws.http import HttpReply
+
+_MOST_DIGITS = 12
+
+
+class Failure(YumiError):
+    """The answer is an error.
+
+    Attributes:
+        status: of HTTP.
+        code: ABB's.
+    """
+
+    def __init__(self, status: int, code: Code, sentence: str) -> None:
+        super().__init__(sentence)
+        self.status = status
+        self.code = code
+
+    def document(self, service: str) -> Status:
+        """The error document, its message in the controller's shape (reference/rws.md §3.4)."""
+        sentence = str(self).rstrip(".")
+        if service == "fileservice":
+            return Status(int(self.code), f"{sentence} {int(self.code)} -1")
+        message = f"rws_resource_{service}.cpp[1] {sentence} code:{int(self.code)} icode:-1"
+        return Status(int(self.code), message)
+
+
+def invalid(sentence: str) -> Failure:
+    """The failure for a parameter that makes no sense."""
+    return Failure(400, Code.INVALIDARG, sentence)
+
+
+_REFUSALS: Mapping[Refusal, tuple[int, Code]] = {
+    Refusal.WRONG_MODE: (403, Code.MODE_REJECT),
+    Refusal.MOTORS_OFF: (400, Code.EXEC_STATE),
+    Refusal.NOT_STOPPED: (400, Code.EXEC_STATE),
+    Refusal.ALREADY_RUNNING: (400, Code.EXEC_STATE),
+    Refusal.NO_PROGRAM_POINTER: (400, Code.EXEC_STATE),
+    Refusal.READ_ONLY: (403, Code.REJECT),
+    Refusal.UNKNOWN: (404, Code.UNRESOLVED_URL),
+    Refusal.OUT_OF_RANGE: (400, Code.INVALIDARG),
+    Refusal.EMERGENCY_STOP: (403, Code.INVALID_STATE),
+    Refusal.BAD_VALUE: (400, Code.INVALIDARG),
+    Refusal.NO_FILE: (400, Code.FILE_NOT_FOUND),
+    Refusal.NO_MODULE: (400, Code.NO_SUCH_SYMBOL),
+    Refusal.NAME_TAKEN: (400, Code.MODULE_NAME_TAKEN),
+    Refusal.BAD_PROGRAM: (400, Code.SYNTAX),
+    Refusal.NO_SPACE: (507, Code.MAX_LIMIT_REACHED),
+}
+
+
+def refusal(refused: Refused) -> Failure:
+    """The answer to a request that the controller refuses."""
+    status, code = _REFUSALS[refused.reason]
+    return Failure(status, code, str(refused))
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A request whose path is understood.
+
+    Attributes:
+        method: of HTTP.
+        path: the segments, unescaped, without a sub-property behind ``;``.
+        query: parameters in the URL.
+        form: parameters in the body.
+        names: values of the placeholders in the operation's path.
+        content: the body as it came.
+        session: whose request it is.
+        host: host and port as the client calls them.
+        privilege: what the client may change in manual mode (RMMP): ``none``, ``modify`` or ``exec``.
+    """
+
+    method: str
+    path: tuple[str, ...]
+    query: Pairs = ()
+    form: Pairs = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+    content: bytes = b""
+    session: str = ""
+    host: str = ""
+    privilege: str = "none"
+
+    def option(self, name: str) -> str | None:
+        """A parameter in the URL, or None."""
+        return first_value(self.query, name) if self.query else None
+
+    def number_option(self, name: str, default: int) -> int:
+        """A parameter in the URL that is a whole number from 0.
+
+        Raises:
+            Failure: it is not a number.
+        """
+        text = self.option(name)
+        if text is None:
+            return default
+        if not text.isdecimal() or len(text) > _MOST_DIGITS:
+            raise invalid(f"{name} is a whole number of up to {_MOST_DIGITS} digits, not {text[:50]!r}")
+        return int(text)
+
+    def parameter(self, name: str, default: str) -> str:
+        """A parameter in the body; ``default`` where it is missing or empty."""
+        return first_value(self.form, name) or default
+
+    def required(self, name: str) -> str:
+        """A parameter in the body.
+
+        Raises:
+            Failure: it is missing.
+        """
+        value = first_value(self.form, name)
+        if value is None:
+            raise invalid(f"the body lacks {name}")
+        return value
+
+    def number(self, name: str) -> float:
+        """A parameter in the body that is a finite number.
+
+        Raises:
+            Failure: it is missing or none.
+        """
+        text = self.required(name)
+        try:
+            value = float(text)
+        except ValueError:
+            value = nan
+        if not isfinite(value):
+            raise invalid(f"{name} is a finite number, not {text!r}")
+        return value
+
+    def check(self, operation: Operation[Any]) -> None:
+        """Refuse a parameter that is none of those an operation takes.
+
+        Raises:
+            Failure: 400.
+        """
+        for pairs, values in ((self.form, operation.values), (self.query, operation.query)):
+            for name, text in pairs:
+                if values.get(name) and text not in values[name]:
+                    raise invalid(f"{name} is {' or '.join(values[name])}, not {text[:50]!r}")
+
+
+Shown = Page | HttpReply | None
+"""A page, a reply that is not a page, or None for "done, nothing to show"."""
+
+Handler = Callable[[Irc5, Call], object]
+"""Answers a call with a value of its operation, with values by their titles, or with what is shown.
+
+It raises Failure or Refused.
+"""
+
+Preparation = Callable[[Irc5, Call], Callable[[], object] | None]
+"""Work that may be done while the robot goes on, and that the handler then finds done; None where nothing takes long.
+
+It reads the controller, raises Failure, and changes nothing; the work touches nothing that the robot changes.
+"""

@@ -1,0 +1,116 @@
+"""``/rw/rapid/uiinstr``: questions of programs to the operator, and what programs have written (rws.md §6)."""
+
+from __future__ import annotations
+
+from abb_protocols.rws.documents import Page, State
+from abb_protocols.rws.operations import rapid as table
+from abb_protocols.rws.operations.operation import get
+from abb_protocols.rws.types import Code
+from abb_runtime.faults import DISPLAY_PATH
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.rapid.devices import Dialog
+from virtual_irc5.rws.call import Call, Failure, invalid
+from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.router import Routes
+
+_BASE = "/rw/rapid/"
+_DISPLAYED = 30  # lines of a task
+_ANSWER = "Result"
+"""The parameter of a question that is its answer."""
+
+
+ROUTES = Routes()
+
+
+@ROUTES.answer(table.DIALOGS)
+def get_dialogs(controller: Irc5, call: Call) -> Page:
+    return resource("rapid", _BASE, "uiinstr", entry("rap-uiactive-li", "active", "uiinstr/active"))
+
+
+@ROUTES.answer(table.ACTIVE_DIALOG)
+def get_active_dialog(controller: Irc5, call: Call) -> table.Dialog:
+    """The newest question without an answer."""
+    found = controller.devices.pendant.active
+    if found is None:
+        raise Failure(404, Code.UI_NOT_ACTIVE, "no program asks anything")
+    return shown_dialog(found)
+
+
+def shown_dialog(dialog: Dialog) -> table.Dialog:
+    """A question in the words of RWS."""
+    lines = (line for line in (dialog.header, *dialog.lines) if line)
+    return table.Dialog(dialog.instruction, _dialog_stack(dialog), "\n".join(lines))
+
+
+@ROUTES.answer(table.DIALOG_PARAMETERS)
+def get_dialog_parameters(controller: Irc5, call: Call) -> Page:
+    """What the question shows, and the parameter that takes the answer."""
+    values = _dialog_values(_dialog_at(controller, call.names["stack"]))
+    states = (State("rap-uiparam-li", name, {"name": name, "value": value}) for name, value in values.items())
+    return resource("rapid", f"{_BASE}uiinstr/active/", f"params/{call.names['stack']}", *states)
+
+
+@ROUTES.answer(table.DIALOG_PARAMETER)
+def get_dialog_parameter(controller: Irc5, call: Call) -> Page:
+    stack, _, parameter = call.names["stack"].rpartition("/")
+    for name, value in _dialog_values(_dialog_at(controller, stack)).items():
+        if name.lower() == parameter.lower():
+            state = table.DIALOG_PARAMETER.answered.state(name, value)
+            return resource("rapid", f"{_BASE}uiinstr/active/", f"param/{stack}/{name}", state)
+    raise Failure(404, Code.NO_SUCH_SYMBOL, f"the question has no parameter {parameter[:50]!r}")
+
+
+def _dialog_values(dialog: Dialog) -> dict[str, str]:
+    return {
+        "Header": dialog.header,
+        **{f"MsgLine{number}": line for number, line in enumerate(dialog.lines, 1)},
+        **{f"Choice{choice.value:g}": choice.text for choice in dialog.choices if choice.text},
+        **{f"Button{choice.value:g}": choice.text for choice in dialog.buttons},
+        **{
+            name: f"{value}"
+            for name, value in (
+                ("InitValue", dialog.initial),
+                ("MinValue", dialog.lowest),
+                ("MaxValue", dialog.highest),
+            )
+            if value is not None
+        },
+        _ANSWER: "",
+    }
+
+
+@ROUTES.answer(table.ANSWER_DIALOG)
+def answer_dialog(controller: Irc5, call: Call) -> None:
+    """Answer the question."""
+    stack, _, parameter = call.names["stack"].rpartition("/")
+    dialog = _dialog_at(controller, stack)
+    if parameter.lower() != _ANSWER.lower():
+        raise invalid(f"the answer to {dialog.instruction} is the parameter {_ANSWER}, not {parameter!r}")
+    try:
+        dialog.give(call.required("value").removeprefix('"').removesuffix('"'))
+    except ValueError as error:
+        raise invalid(str(error)) from error
+
+
+def _dialog_stack(dialog: Dialog) -> str:
+    return f"RAPID/{dialog.task}/%${dialog.number}"
+
+
+def _dialog_at(controller: Irc5, stack: str) -> Dialog:
+    for dialog in controller.devices.pendant.dialogs.values():
+        if _dialog_stack(dialog).lower() == stack.lower():
+            return dialog
+    raise Failure(404, Code.FAIL, f"no program asks anything at {stack!r}")
+
+
+@ROUTES.answer(get(DISPLAY_PATH))
+def get_display(controller: Irc5, call: Call) -> Page:
+    """What each task wrote to the FlexPendant last (TPWrite), lines numbered from 1; no ABB controller has this."""
+    states = (
+        State("display-line", f"{name}/{first + index}", {"task": name, "number": str(first + index), "text": text})
+        for name, each in controller.execution.installed.items()
+        for lines in [tuple(each.host.lines)[-_DISPLAYED:]]
+        for first in [each.host.line_count - len(lines) + 1]
+        for index, text in enumerate(lines)
+    )
+    return resource("virtual", "/virtual/", "display", *states)

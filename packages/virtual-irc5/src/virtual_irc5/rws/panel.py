@@ -1,0 +1,106 @@
+"""``/rw/panel``: motors, operating mode, speed ratio, collision detection, restart (reference/rws.md §5)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from abb_protocols.rws.documents import Page
+from abb_protocols.rws.operations import panel as table
+from abb_protocols.rws.operations.operation import Operation
+from abb_protocols.rws.types import Code, OperatingMode
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.rws import ctrl
+from virtual_irc5.rws.call import Call, Failure, invalid
+from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.router import Route, Routes
+
+_VALUES: Mapping[str, tuple[Operation[Any], Callable[[Irc5], object]]] = {
+    "ctrlstate": (table.CONTROLLER_STATE, lambda controller: controller.controller_state),
+    "opmode": (table.OPERATING_MODE, lambda controller: controller.mode),
+    "speedratio": (table.SPEED_RATIO, lambda controller: controller.speed_ratio),
+    "coldetstate": (table.COLLISION_STATE, lambda controller: controller.collision_state),
+}
+TITLES = {"coldetstate": "collisiondetectstate"}
+"""Of what the panel shows, where it is not the name."""
+
+_MODES = {"auto": OperatingMode.AUTO, "man": OperatingMode.MANUAL_REDUCED, "manfs": OperatingMode.MANUAL_FULL}
+ROUTES = Routes()
+ROUTES.answer(table.RESTART)(ctrl.restart)
+ROUTES.answer(table.SET_LANGUAGE)(ctrl.set_language)
+
+
+@ROUTES.answer(table.PANEL)
+def get_panel(controller: Irc5, call: Call) -> Page:
+    return resource("panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in _VALUES))
+
+
+def get_panel_value(controller: Irc5, call: Call) -> Mapping[str, object]:
+    name = call.path[-1]
+    return {TITLES.get(name, name): _VALUES[name][1](controller)}
+
+
+ROUTES += [Route(operation, get_panel_value) for operation, _ in _VALUES.values()]
+
+
+def panel_text(controller: Irc5, name: str) -> str:
+    """What the panel shows, for subscriptions."""
+    operation, read = _VALUES[name]
+    (text,) = operation.answered.write(read(controller)).values()
+    return text
+
+
+@ROUTES.answer(table.SET_CONTROLLER_STATE)
+def set_controller_state(controller: Irc5, call: Call) -> None:
+    controller.set_motors(call.required("ctrl-state") == "motoron")
+
+
+@ROUTES.answer(table.SET_SPEED_RATIO)
+def set_speed_ratio(controller: Irc5, call: Call) -> None:
+    controller.set_speed_ratio(int(call.number("speed-ratio")))
+
+
+@ROUTES.answer(table.ACKNOWLEDGE)
+def acknowledge(controller: Irc5, call: Call) -> None:
+    what = call.required("opmode")
+    if what != "coldet":
+        raise Failure(403, Code.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
+    controller.acknowledge_collision()
+
+
+@ROUTES.answer(table.MODE_LOCK)
+def get_mode_lock(controller: Irc5, call: Call) -> Mapping[str, str]:
+    return {"lock-state": controller.own_settings.mode_lock}
+
+
+@ROUTES.answer(table.LOCK_MODE)
+def lock_mode(controller: Irc5, call: Call) -> None:
+    own, pin = controller.own_settings, call.required("pin")
+    if not re.fullmatch(r"\d{4}", pin):
+        raise invalid("pin has four digits")
+    if own.mode_lock != "unlocked":
+        raise Failure(403, Code.DENIED, "the operating mode is locked already")
+    own.pin = pin
+    own.mode_lock = "permlocked" if call.required("permanent") == "1" else "locked"
+
+
+@ROUTES.answer(table.UNLOCK_MODE)
+def unlock_mode(controller: Irc5, call: Call) -> None:
+    own = controller.own_settings
+    if own.mode_lock == "unlocked":
+        raise invalid("the operating mode is not locked")
+    if call.required("pin") != own.pin:
+        raise Failure(403, Code.DENIED, "the pin is another one")
+    own.mode_lock, own.pin = "unlocked", ""
+
+
+@ROUTES.answer(table.SELECT_MODE)
+def select_mode(controller: Irc5, call: Call) -> None:
+    """The mode is selected by a key on the controller; RobotStudio's controllers alone have none."""
+    mode = _MODES[call.required("opmode")]
+    if not controller.identity.is_virtual:
+        raise Failure(403, Code.MODE_REJECT, "the operating mode is selected by the key on the controller")
+    if controller.own_settings.mode_lock != "unlocked":
+        raise Failure(403, Code.MODE_REJECT, "the operating mode is locked")
+    controller.select_mode(mode)

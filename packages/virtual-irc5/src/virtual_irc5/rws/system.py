@@ -1,0 +1,212 @@
+"""``/``, ``/rw/system``, ``/rw/retcode``, ``/rw/devices``: services, RobotWare, codes (reference/rws.md §4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+
+from abb_protocols.rws.documents import Link, Page, State
+from abb_protocols.rws.operations import system as table
+from abb_protocols.rws.types import Code, sentence
+from virtual_irc5.controller.irc5 import Irc5
+from virtual_irc5.rws.call import Call, Failure
+from virtual_irc5.rws.http import HttpReply
+from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.router import Routes, absent
+
+_ROOT_SERVICES = ("ctrl", "rw", "progress", "fileservice", "users", "subscription")
+
+_RW_SERVICES = (
+    "cfg",
+    "devices",
+    "dipc",
+    "elog",
+    "iosystem",
+    "mastership",
+    "motionsystem",
+    "panel",
+    "rapid",
+    "retcode",
+    "system",
+)
+
+_BUILD, _BUILT = "1031", "2020-01-01"  # what RobotWare says of its build; clients show it
+
+ROUTES = Routes()
+
+
+# Services and RobotWare
+
+
+@ROUTES.answer(table.ROOT)
+def get_root(controller: Irc5, call: Call) -> Page:
+    return resource("", "/", "", *(entry("srvlst-service-li", name) for name in _ROOT_SERVICES))
+
+
+@ROUTES.answer(table.SERVICES)
+def get_services(controller: Irc5, call: Call) -> Page:
+    return resource("rw", "/rw/", "", *(entry("rwservice-li", name) for name in _RW_SERVICES))
+
+
+@ROUTES.answer(table.SYSTEM)
+def get_system(controller: Irc5, call: Call) -> Page:
+    identity = controller.identity
+    major, minor, revision, sub_revision = (*identity.robotware.split("."), "0", "0", "0")[:4]
+    build = (
+        {}
+        if identity.is_virtual
+        else {
+            "major": str(int(major)),
+            "minor": str(int(minor)),
+            "build": _BUILD,
+            "revision": revision,
+            "sub-revision": sub_revision,
+            "buildtag": "",
+            "robapi-compatibility-revision": "0",
+            "title": "RobotWare",
+            "type": "RobotWare",
+            "description": "Controller Software",
+            "date": _BUILT,
+            "mctimestamp": f"#00:00:00/{_BUILT}#",
+        }
+    )
+    fields = {
+        **build,
+        "name": identity.system_name,
+        "rwversion": ".".join(identity.robotware.split(".")[:3]),
+        "sysid": identity.system_id,
+        "starttm": datetime.fromtimestamp(controller.started_at).strftime("%Y-%m-%d T %H:%M:%S"),
+        "rwversionname": identity.robotware,
+    }
+    products = State("sys-products-li", "products", {}, (Link("self", "system/products"),))
+    states = (State("sys-system-li", "system", fields), _option_list(controller, "system/options"), products)
+    return resource("system", "/rw/", "system", *states)
+
+
+@ROUTES.answer(table.OPTIONS)
+def get_options(controller: Irc5, call: Call) -> Page:
+    return resource("system", "/rw/system/", "options", _option_list(controller, "options"))
+
+
+def _option_list(controller: Irc5, href: str) -> State:
+    names = controller.identity.options
+    options = tuple(State("sys-option-li", str(index), {"option": name}) for index, name in enumerate(names))
+    return State("sys-options-li", "options", {}, (Link("self", href),), options)
+
+
+@ROUTES.answer(table.ROBOT_TYPE)
+def get_robot_type(controller: Irc5, call: Call) -> Mapping[str, str]:
+    """The robots: their names are options of their system."""
+    types = [option for option in controller.identity.options if option.startswith("IRB ")]
+    return {str(number): name for number, name in enumerate(types, 1)}
+
+
+@ROUTES.answer(table.LICENSE)
+def get_license(controller: Irc5, call: Call) -> str:
+    return controller.identity.system_id.strip("{}")
+
+
+@ROUTES.answer(table.PRODUCTS)
+def get_products(controller: Irc5, call: Call) -> Mapping[str, table.Product] | HttpReply:
+    """RobotWare and its add-ins; 204 for one that is not installed."""
+    robotware = controller.identity.robotware
+    products = {"RobotWare": robotware}
+    products |= {
+        name: "1.1.0.0" for name in ("StateMachine Core", "SmartGripper") if name in controller.identity.options
+    }
+    asked = call.option("name")
+    found = {name: table.Product(name, version) for name, version in products.items()}
+    fitting = {name: each for name, each in found.items() if asked is None or name.lower() == asked.lower()}
+    return fitting or HttpReply(204)
+
+
+@ROUTES.answer(table.ENERGY)
+def get_energy(controller: Irc5, call: Call) -> Page:
+    """What the arms use is not measured here: the state says so (-1), as of a robot without its last interval."""
+    shown = datetime.fromtimestamp(controller.energy_reset_at).strftime("%Y-%m-%d T %H:%M:%S")
+    fields = {
+        "state": "-1",
+        "energy-state": "not-paused",
+        "change-count": "0",
+        "time-stamp": shown,
+        "reset-time": shown,
+        "interval-length": "0",
+        "interval-energy": "0",
+        "accumulated-energy": "0",
+    }
+    units = tuple(
+        State(
+            "sys-energy-mec-li",
+            unit.name,
+            {},
+            (),
+            tuple(State("sys-energy-axis-li", str(axis), {"interval-energy": "0"}) for axis in range(1, unit.axes + 1)),
+        )
+        for unit in controller.units
+    )
+    return resource("system", "/rw/system/", "energy", State("sys-energy-state-li", "energy", fields, (), units))
+
+
+@ROUTES.answer(table.ENERGY_CHANGES)
+def get_energy_changes(controller: Irc5, call: Call) -> int:
+    return 0
+
+
+@ROUTES.answer(table.RESET_ENERGY)
+def reset_energy(controller: Irc5, call: Call) -> None:
+    controller.energy_reset_at = controller.time
+
+
+# Return codes and devices
+
+
+@ROUTES.answer(table.CODES)
+def get_codes(controller: Irc5, call: Call) -> Page:
+    """All return codes, or the one that is asked for."""
+    asked = call.option("code")
+    if asked is None:
+        return resource("retcode", "/rw/", "retcode", *(_code_state("err-desc-li", code) for code in Code))
+    known = next((code for code in Code if str(int(code)) == asked), None)
+    if known is None:
+        raise Failure(404, Code.NO_DATA, f"there is no return code {asked[:20]!r}")
+    return resource("retcode", "/rw/", f"retcode?code={asked}", _code_state("err-desc", known))
+
+
+def _code_state(type: str, code: Code) -> State:
+    description = sentence(code) or code.name.replace("_", " ").capitalize()
+    shown = table.ReturnCode(name=f"SYS_CTRL_E_{code.name}", code=int(code), severity="Error", description=description)
+    return State(type, str(int(code)), table.CODES.answered.write(shown))
+
+
+def _device_tree(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
+    """The tree of ``/rw/devices``: properties by the path of a device."""
+    identity = controller.identity
+    units = {f"HW_DEVICES/MECHANICAL_UNITS/{unit.name}": {"Type": unit.type} for unit in controller.units}
+    return {
+        "HW_DEVICES": {},
+        "HW_DEVICES/CONTROLLER": {"Name": identity.controller_name, "State": controller.controller_state.value},
+        "HW_DEVICES/CONTROLLER/COMPUTER_SYSTEM": {"Type": "DSQC1000"},
+        "HW_DEVICES/MECHANICAL_UNITS": {},
+        **units,
+        "SW_RESOURCES": {},
+        "SW_RESOURCES/SYSTEM": {"Name": identity.system_name, "RobotWare": identity.robotware},
+    }
+
+
+@ROUTES.answer(table.DEVICES, table.DEVICE)
+def get_devices(controller: Irc5, call: Call) -> Page:
+    place = call.names.get("device", "").upper().strip("/")
+    tree = _device_tree(controller)
+    if place and place not in tree:
+        raise Failure(404, Code.FAIL, f"there is no device {place[:80]!r}")
+    inside = [path for path in tree if path.rpartition("/")[0] == place]
+    children = tuple(entry("dev-id-li", path, f"devices/{path}", name=path.rpartition("/")[2]) for path in inside)
+    properties = tuple(
+        State("dev-propstr-li", name, {"name": name, "value": value, "unit": ""})
+        for name, value in (tree[place] if place else {}).items()
+    )
+    state = State("dev-id-li", place or "devices", {"name": place.rpartition("/")[2] or "devices"}, (), children)
+    return resource("devices", "/rw/", f"devices/{place}".rstrip("/"), state, *properties)
+
+
+ROUTES += absent(table.ABSENT)

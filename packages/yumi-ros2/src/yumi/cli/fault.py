@@ -1,0 +1,87 @@
+"""``yumi fault``: injects faults into a virtual controller."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from abb_runtime.faults import Fault, FaultKind, Way, inject_fault
+from abb_runtime.options import JsonOutput, arm_option, json_option, robot_option
+from yumi.cli.driver_options import settings_of
+
+_FAULT_WIDTH = 120
+
+
+def _fault_table(kinds: list[FaultKind]) -> str:
+    """The faults, one a line; the width of the names is that of the longest. Choices that do not fit go below."""
+    width = max(len(kind.name) for kind in kinds)
+    lines = []
+    for kind in kinds:
+        line, choices = f"  {kind.name:<{width}}  {kind.meaning}", _options_of(kind)
+        fits = len(line + choices) < _FAULT_WIDTH
+        lines.append(line + choices if fits else f"{line}\n{' ' * (width + 3)}{choices}")
+    return "\n".join(lines)
+
+
+def _options_of(kind: FaultKind) -> str:
+    limit = "for ever" if kind.default_duration is None else f"{kind.default_duration:g} s"
+    choices = ["--arm"] * kind.has_side + [f"--duration, else {limit}"] * kind.has_duration
+    if kind.amount is not None:
+        usual = "at random" if kind.amount.default is None else f"{kind.amount.default:g}"
+        choices.append(f"--by {kind.amount.unit}, else {usual}")
+    choices += ["--way"] * kind.has_way
+    return f" ({'; '.join(choices)})" if choices else ""
+
+
+_FAULTS = _fault_table([fault.value for fault in Fault])
+
+
+@click.command(
+    epilog="\b\nFaults:\n" + _FAULTS,
+    context_settings={"max_content_width": _FAULT_WIDTH},
+)
+@click.argument("name", required=False, type=click.Choice([fault.value.name for fault in Fault]), metavar="[NAME]")
+@robot_option(default="127.0.0.1")
+@arm_option("both")
+@click.option("--duration", type=float, help="How long it lasts [s].")
+@click.option("--by", type=float, help="Its strength, in the unit of the list below.")
+@click.option(
+    "--way", type=click.Choice([way.value for way in Way]), help="Direction of the datagrams; both without it."
+)
+@json_option
+def fault(
+    name: str | None,
+    robot: str,
+    arm: str | None,
+    duration: float | None,
+    by: float | None,
+    way: str | None,
+    json_output: JsonOutput,
+) -> None:
+    """Inject a fault into a virtual controller, or list them.
+
+    Without NAME it lists the faults.
+
+    \b
+    Examples:
+      yumi fault emergency-stop
+      yumi fault egm-silence --arm left --duration 1
+      yumi fault egm-loss --by 50 --duration 2
+      yumi fault egm-loss --way to-robot --duration 0.5    robot receives nothing
+      yumi fault egm-delay --by 20 --arm right --duration 2
+      yumi fault warm-restart --robot 127.0.0.1:8080
+    """
+    if name is None:
+        json_output.write(json.dumps({kind.name: kind.meaning for kind in (fault.value for fault in Fault)}, indent=2))
+        if not json_output.is_printed:
+            click.echo(_FAULTS)
+        return
+    numbers = {"duration": duration, "by": by}
+    chosen = {"side": arm, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
+    given = {key: text for key, text in chosen.items() if text is not None}
+    where = settings_of(None, {"robot": robot}).robot
+    inject_fault(f"{where.address}:{where.rws_port}", name, given)
+    json_output.write(json.dumps({"fault": name, **given}))
+    if not json_output.is_printed:
+        click.echo(f"{name}: done")

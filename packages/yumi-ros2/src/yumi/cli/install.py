@@ -1,0 +1,462 @@
+"""Commands that set up a robot: ``yumi install``, ``yumi uninstall``, and ``yumi doctor``, which lists what is missing.
+
+The first one and the last one can see whether the EGM datagrams of both arms arrive.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from abb_protocols.catalogue import clause, message
+from abb_protocols.errors import NoConnection, RobotNotReady, YumiError
+from abb_protocols.robot.joints import Joints, Side
+from abb_runtime.clock import SystemClock
+from abb_runtime.options import (
+    NEW_FILE,
+    JsonOutput,
+    dry_run_option,
+    egm_port_options,
+    json_option,
+    stream_option,
+    yes_option,
+)
+from abb_runtime.rws.client import RwsClient
+from abb_runtime.udp import UdpServer, address_towards, network_cards, resolve
+from yumi.cli.driver_options import config_option, robot_options, settings_of
+from yumi.driver.launch_checks import EgmAddress, LaunchChecks
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from abb_protocols.rws.documents import SystemInfo
+    from yumi.driver.commissioning.findings import Finding
+    from yumi.driver.commissioning.installation import Installation, Plan
+    from yumi.driver.commissioning.stream_checks import ArmStream
+
+
+@click.command()
+@robot_options()
+@egm_port_options()
+@config_option
+@yes_option
+@dry_run_option
+@click.option("--roll-back", is_flag=True, help="Make everything as it was before the first installation.")
+@click.option("--replace-main", is_flag=True, help="Unload modules of others that have a main; --roll-back loads them.")
+@click.option("--backup/--no-backup", default=True, help="Have the controller make a backup first, and download it.")
+@stream_option(default=True)
+@json_option
+def install(
+    config: Path | None,
+    yes: bool,
+    dry_run: bool,
+    roll_back: bool,
+    replace_main: bool,
+    backup: bool,
+    stream: bool,
+    json_output: JsonOutput,
+    **options: Any,
+) -> None:
+    """Set up a controller; it restarts, nothing moves.
+
+    It brings RAPID modules, I/O signals, EGM's devices and motion data. It shows what it would change and asks. What
+    was there before is kept; --roll-back makes it so again, also after an installation that was interrupted. --json
+    writes plan and result. Exit code 0: all is there; 1: it is not.
+
+    \b
+    Examples:
+      yumi install --robot 192.168.125.1 --dry-run
+      yumi install --robot 192.168.125.1
+      yumi install --robot 192.168.125.1 --roll-back
+      yumi install --robot 127.0.0.1 --yes      with `yumi controller --factory`
+    """
+    if json_output.is_printed and not (yes or dry_run):
+        raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
+    with _session(config, json_output, options) as session:
+        if roll_back:
+            plan = session.installation.plan_roll_back()
+            session.show(plan)
+            _stop_at_refusals(session, plan)
+            if dry_run:
+                session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+                return
+            if not yes:
+                click.confirm("Make everything as it was before the first installation? It restarts", abort=True)
+            session.installation.undo(plan)
+            session.finish("Everything is as it was before.", plan)
+            return
+        session.show_route()
+        plan = session.installation.plan(
+            session.system, session.addresses, replaces_main=replace_main, makes_backup=backup
+        )
+        session.show(plan)
+        _stop_at_refusals(session, plan)
+        if dry_run:
+            session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+            return
+        if not plan.is_empty and not yes:
+            click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
+        with _rolling_back_is_possible(session.installation):
+            session.installation.install(plan, makes_backup=backup)
+        if plan.changes:
+            outcome = f"{len(plan.changes)} changes made and verified."
+        else:
+            outcome = "Restarted; everything is there." if plan.needs_restart else "Everything is there already."
+        if not stream:
+            session.finish(outcome, plan)
+            return
+        question = "Receive the arms' positions now? The motors go on and the program starts; nothing moves"
+        if not yes and not click.confirm(question):
+            session.finish(outcome, plan)
+            return
+        session.finish(outcome, plan, stream=_check_stream(session))
+
+
+@click.command()
+@robot_options()
+@egm_port_options()
+@config_option
+@yes_option
+@dry_run_option
+@json_option
+def uninstall(config: Path | None, yes: bool, dry_run: bool, json_output: JsonOutput, **options: Any) -> None:
+    """Take away what `yumi install` has brought.
+
+    The controller restarts, nothing moves. Where this machine has the record of the installation, everything becomes as
+    it was before; else what has the names of this package goes.
+
+    \b
+    Examples:
+      yumi uninstall --robot 192.168.125.1 --dry-run
+      yumi uninstall --robot 192.168.125.1
+    """
+    if json_output.is_printed and not (yes or dry_run):
+        raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
+    with _session(config, json_output, options) as session:
+        plan = session.installation.plan_removal(session.system, session.addresses)
+        session.show(plan)
+        _stop_at_refusals(session, plan)
+        if dry_run:
+            session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+            return
+        if not plan.is_empty and not yes:
+            click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
+        session.installation.undo(plan)
+        session.finish(
+            f"{len(plan.changes)} changes made and verified." if plan.changes else "Nothing of this package is there.",
+            plan,
+        )
+
+
+def _stop_at_refusals(session: _Session, plan: Plan) -> None:
+    """End with code 1 where the plan cannot be carried out now."""
+    if plan.refusals:
+        session.finish("Nothing was changed.", plan)
+        sys.exit(1)
+
+
+@contextmanager
+def _rolling_back_is_possible(installation: Installation) -> Iterator[None]:
+    """Say after a failure or Ctrl-C how everything becomes as it was."""
+    try:
+        yield
+    except (YumiError, KeyboardInterrupt, OSError):
+        if not installation.can_roll_back:
+            raise
+        click.echo(
+            "It was interrupted: `yumi install` goes on from here, `yumi install --roll-back` makes all as it was.",
+            err=True,
+        )
+        raise
+
+
+class _Session:
+    """What `install` and `uninstall` work with: the client, the installation on it, and how they report.
+
+    Attributes:
+        client: connected.
+        system: its controller's.
+        remote: the controller's IP address.
+        addresses: where each arm's datagrams are awaited.
+        installation: on it.
+        json_output: where the result goes as JSON.
+    """
+
+    def __init__(
+        self,
+        client: RwsClient,
+        system: SystemInfo,
+        remote: str,
+        addresses: dict[Side, EgmAddress],
+        installation: Installation,
+        json_output: JsonOutput,
+    ) -> None:
+        self.client = client
+        self.system = system
+        self.remote = remote
+        self.addresses = addresses
+        self.installation = installation
+        self.json_output = json_output
+
+    def say(self, text: str) -> None:
+        if not self.json_output.is_printed:
+            click.echo(text)
+
+    def finish(self, outcome: str, plan: Plan | None = None, **more: object) -> None:
+        """Print the result."""
+        value: dict[str, object] = {"robot": self.client.address, "outcome": outcome}
+        if plan is not None:
+            value |= {
+                "changes": [str(change) for change in plan.changes],
+                "refusals": [str(refusal) for refusal in plan.refusals],
+                "notes": [str(note) for note in plan.notes],
+                "needs_restart": plan.needs_restart,
+            }
+        self.json_output.write(json.dumps(value | more, indent=2))
+        self.say(outcome)
+
+    def show_route(self) -> None:
+        """What is wrong with the way to the robot: its datagrams will go to this machine's address there."""
+        from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415 - a quick --help
+        from yumi.driver.commissioning.machine_checks import examine_route  # noqa: PLC0415 - a quick --help
+
+        for finding in examine_route(self.remote, self.addresses, network_cards()):
+            if finding.verdict is not Verdict.OK:
+                self.say(f"Note: {finding.found}; {finding.remedy}.")
+
+    def show(self, plan: Plan) -> None:
+        """The plan, like a diff."""
+        colours = {"+": "green", "-": "red", "~": "yellow"}
+        for note in plan.notes:
+            self.say(f"Note: {clause(note)}.")
+        for change in plan.changes:
+            self.say(click.style(str(change), colours[change.sign]))
+        for refusal in plan.refusals:
+            self.say(click.style(str(message("not_possible_now", reason=refusal)), "red"))
+
+
+@contextmanager
+def _session(config: Path | None, json_output: JsonOutput, options: dict[str, Any]) -> Iterator[_Session]:
+    from yumi.driver.commissioning.installation import Installation  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.installation_record import Record  # noqa: PLC0415 - a quick --help
+
+    client, remote, addresses = _controller_of(config, options)
+    try:
+        system = client.connect()
+        LaunchChecks(client).check_robot(system)
+        identity = client.identity()
+        record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
+        installation = Installation(client, record, _Progress(json_output.is_printed))
+        session = _Session(client, system, remote, addresses, installation, json_output)
+        version = ".".join(map(str, system.robotware))
+        session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {version}")
+        yield session
+    finally:
+        client.close()
+
+
+_PROGRESS_PERIOD = 5.0  # [s]
+
+
+class _Progress:
+    """Prints each step; of one that goes on, a line in five seconds."""
+
+    def __init__(self, is_quiet: bool) -> None:
+        self._is_quiet = is_quiet
+        self._last = ""
+        self._next = 0.0
+
+    def __call__(self, text: str) -> None:
+        kind, now = text.partition(",")[0], time.monotonic()
+        if self._is_quiet or (kind == self._last and now < self._next):
+            return
+        self._last, self._next = kind, now + _PROGRESS_PERIOD
+        click.echo(f"  {text}")
+
+
+_INSTALLED_TIME = 2.0  # [s] for which datagrams are received after an installation
+_WORST_LOSS = 0.01
+
+
+def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
+    """Receive both arms' positions for a moment.
+
+    Raises:
+        NoConnection: an arm's datagrams do not arrive.
+        RobotNotReady: they are those of the other arm, or many are lost.
+    """
+    streams, stands = _receive(session.client, session.addresses, _INSTALLED_TIME, session.say)
+    for side, stream in streams.items():
+        address = session.addresses[side]
+        if stream.position is None:
+            raise NoConnection(message("no_datagram_at_test", arm=side.word, address=f"{address.host}:{address.port}"))
+        if not stream.is_of(stands[side]):
+            raise RobotNotReady(message("datagrams_of_other_arm", port=address.port, arm=side.word))
+        if stream.loss > _WORST_LOSS:
+            raise RobotNotReady(message("datagrams_lost", share=stream.loss, arm=side.word))
+        session.say(
+            f"{side.word} arm: {stream.counters.received} datagrams, "
+            f"one every {stream.arrivals.cycle_time * 1e3:.2f} ms, {stream.counters.lost} lost"
+        )
+    return {
+        side.word: {
+            "received": stream.counters.received,
+            "lost": stream.counters.lost,
+            "period": stream.arrivals.cycle_time,
+        }
+        for side, stream in streams.items()
+    }
+
+
+# ---- yumi doctor
+
+_EXAMINED_TIME = 5.0  # [s] for which `yumi doctor --stream` receives datagrams
+_TABLE_WIDTH = 110
+
+
+@click.command()
+@robot_options()
+@egm_port_options()
+@config_option
+@stream_option(default=False)
+@yes_option
+@json_option
+@click.option("--html", type=NEW_FILE, help="Also write the page to this file.")
+def doctor(
+    config: Path | None, stream: bool, yes: bool, json_output: JsonOutput, html: Path | None, **options: Any
+) -> None:
+    """List what is missing before a robot can be driven.
+
+    Each line has the remedy; nothing moves. Without --stream it only reads. With --stream it starts the state machine
+    on the robot at main for 5 s, so that datagrams of both arms come through this machine's firewall, or do not; the
+    motors go on. Afterwards motors and program are on or off as before, but the program pointers stay where the program
+    stopped, and its RAPID variables have begun anew. It starts nothing where a task has another program, or its modules
+    are a problem. Other tasks that would start, too, are switched off meanwhile: it names them.
+
+    Exit code 0: no problems; 1: there are problems.
+
+    \b
+    Examples:
+      yumi doctor --robot 192.168.125.1
+      yumi doctor --robot 127.0.0.1    with `yumi controller` in another terminal
+      yumi doctor --robot 192.168.125.1 --json
+      yumi doctor --robot 192.168.125.1 --stream --html robot.html
+    """
+    from rich.console import Console  # noqa: PLC0415 - a quick --help
+
+    from yumi.driver.commissioning.controller_checks import examine_controller  # noqa: PLC0415
+    from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415
+    from yumi.driver.commissioning.machine_checks import examine_machine  # noqa: PLC0415
+    from yumi.driver.commissioning.stream_checks import obstacle_to_stream  # noqa: PLC0415
+
+    client, remote, addresses = _controller_of(config, options)
+    try:
+        findings = [*examine_controller(client, addresses), *examine_machine(remote, addresses)]
+        if stream and (obstacle := obstacle_to_stream(findings)) is not None:
+            findings.append(obstacle)
+        elif stream:
+            if not yes:
+                click.confirm(
+                    "Receive the arms' positions now? The motors go on, the program starts at main; nothing moves",
+                    abort=True,
+                )
+            findings += _examine_stream(client, addresses)
+    finally:
+        client.close()
+    rows = [
+        {
+            "requirement": each.requirement,
+            "verdict": each.verdict.value,
+            "code": each.said.code,
+            "found": each.found,
+            "remedy": each.remedy,
+            "why": each.why,
+            "where": each.where,
+        }
+        for each in findings
+    ]
+    json_output.write(json.dumps({"robot": client.address, "findings": rows}, indent=2))
+    if not json_output.is_printed:
+        console = Console(highlight=False)
+        if not console.is_terminal:
+            console.width = max(console.width, _TABLE_WIDTH)
+        _show(findings, console)
+    if html is not None:
+        page = Console(highlight=False, record=True, file=io.StringIO(), width=160)
+        page.print(f"yumi doctor, robot {client.address}")
+        _show(findings, page)
+        html.write_text(page.export_html(), encoding="utf-8")
+    sys.exit(1 if any(each.verdict is Verdict.PROBLEM for each in findings) else 0)
+
+
+def _examine_stream(client: RwsClient, addresses: Mapping[Side, EgmAddress]) -> list[Finding]:
+    """What comes of both arms' position streams, or why none can be started."""
+    from yumi.driver.commissioning.findings import problem  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.stream_checks import examine_stream  # noqa: PLC0415 - a quick --help
+
+    try:
+        streams, stands = _receive(client, addresses, _EXAMINED_TIME, lambda text: click.echo(text, err=True))
+    except YumiError as error:
+        return [problem("EGM stream", error)]
+    return list(examine_stream(streams, stands, addresses))
+
+
+def _show(findings: Sequence[Finding], console: Console) -> None:
+    """One line a requirement; below, what is behind those that are not met."""
+    from rich.table import Table  # noqa: PLC0415 - a quick --help
+    from rich.text import Text  # noqa: PLC0415
+
+    from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415
+
+    style = {Verdict.OK: "green", Verdict.NOTE: "yellow", Verdict.PROBLEM: "bold red"}
+    table = Table("", "requirement", "found", "what to do", box=None, pad_edge=False)
+    for each in findings:
+        mark = Text(each.verdict.value, style[each.verdict])
+        remedy = f"{each.remedy} (FlexPendant: {each.where})" if each.remedy and each.where else each.remedy
+        found = f"{each.found}; {each.why}" if each.verdict is Verdict.PROBLEM and each.why else each.found
+        table.add_row(mark, Text(each.requirement), Text(found), Text(remedy))
+    console.print(table)
+    counts = Counter(each.verdict for each in findings)
+    problems, notes = counts[Verdict.PROBLEM], counts[Verdict.NOTE]
+    summary = f"{problems} problem{'s' * (problems != 1)}" if problems else "No problems found"
+    console.print(f"{summary}, {notes} note{'s' * (notes != 1)}.")
+
+
+# ---- of all of them
+
+
+def _controller_of(config: Path | None, options: Mapping[str, Any]) -> tuple[RwsClient, str, dict[Side, EgmAddress]]:
+    """A client, not connected yet; the controller's IP address; and where each arm's datagrams are awaited."""
+    settings = settings_of(config, options)
+    where = settings.robot
+    remote = resolve(where.address)
+    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
+    client = RwsClient(
+        f"{where.address}:{where.rws_port}", user=where.user, password=where.password, timeout=where.timeout
+    )
+    return client, remote, {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
+
+
+def _receive(
+    client: RwsClient, addresses: Mapping[Side, EgmAddress], seconds: float, report: Callable[[str], None]
+) -> tuple[Mapping[Side, ArmStream], Mapping[Side, Joints]]:
+    """What comes of both arms' position streams, and where the controller says that the arms stand."""
+    from yumi.driver.commissioning.stream_checks import listen, streaming  # noqa: PLC0415 - a quick --help
+
+    clock = SystemClock()
+    with ExitStack() as stack:
+        links = {
+            side: stack.enter_context(UdpServer(address.host, address.port)) for side, address in addresses.items()
+        }
+        with streaming(client, clock, lambda text: report(f"  {text}")):
+            streams = listen(links, clock, seconds)
+        return streams, {side: client.joint_target(side.unit) for side in Side}

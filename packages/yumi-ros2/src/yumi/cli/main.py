@@ -1,0 +1,191 @@
+"""The command line: ``yumi <command>``. A refusal is one sentence and an exit code.
+
+Commands of other packages, such as ``yumi evaluate``, come by the entry-point group ``yumi.commands``.
+"""
+
+from __future__ import annotations
+
+import errno
+import logging
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+import click
+
+from abb_protocols.catalogue import FrontEnd, message, speak_as
+from abb_protocols.errors import SettingsError, YumiError, missing_extra
+from abb_runtime.options import with_json_targets
+from yumi import __version__
+from yumi.cli.answer import answer
+from yumi.cli.demo import demo
+from yumi.cli.driver_options import ROS_ARGUMENTS
+from yumi.cli.fault import fault
+from yumi.cli.graph import GRAPH_COMMANDS
+from yumi.cli.install import doctor, install, uninstall
+from yumi.cli.moveit import moveit_config
+from yumi.cli.robot import DRIVER_COMMANDS
+from yumi.cli.rws import rws
+from yumi.cli.shell import completion, shell
+from yumi.cli.teleop import teleop
+from yumi.cli.up import record, up, view
+
+_NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
+"""A rule of rcl's remapping that gives nodes another namespace or name."""
+
+_NAMESPACE = "__ns:="
+"""The rule for all nodes; `yumi up` takes it as its option --namespace. A launch file makes it of PushRosNamespace."""
+
+_OPERATE = (
+    *("state", "mode", "start", "stop", "recover", "retreat", "move", "grip", "calibrate"),
+    *("speed-scale", "controllers", "switch", "shell", "teleop"),
+)
+SECTIONS: Mapping[str, tuple[str, ...]] = {
+    "Start": ("demo", "controller", "up"),
+    "Operate": (*_OPERATE, *(str(each.name) for each in DRIVER_COMMANDS if each.name not in _OPERATE)),
+    "ROS 2": ("topics", "echo", "call", "param", "moveit-config"),
+    "RAPID and web services": ("rapid", "answer", "rws", "fault"),
+    "Look": ("view", "record"),
+    "Measure": ("measure", "compare", "tune", "evaluate", "bench"),
+    "Set up": ("doctor", "install", "uninstall", "completion"),
+}
+"""The commands as `yumi --help` groups them; one that is missing here is listed at the end."""
+
+_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
+
+
+class _Commands(click.Group):
+    """Turns our errors into one sentence and exit code 1 (2 for wrong settings); leaves ROS's arguments to ROS."""
+
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> click.Context:
+        own, ros = _split_ros_arguments(args)
+        own = with_json_targets(own)
+        names = [argument.removeprefix(_NAMESPACE) for argument in ros if argument.startswith(_NAMESPACE)]
+        if names and own[:1] == ["up"]:
+            if any(argument.partition("=")[0] == "--namespace" for argument in own):
+                raise click.UsageError(f"--namespace and {_NAMESPACE} both name the namespace; give one of them.")
+            # rcl would put it in the place of r and l; it comes before them.
+            own += ["--namespace", names[0]]
+            places = [index for index, argument in enumerate(ros) if argument.startswith(_NAMESPACE)]
+            ros = [argument for index, argument in enumerate(ros) if not {index, index + 1} & {*places}]
+        elif own[:1] == ["controller"]:  # a launch file gives its namespace to every program; this one has no nodes
+            ros = []
+        context = super().make_context(info_name, own, *rest, **extra)
+        context.meta[ROS_ARGUMENTS] = ros
+        return context
+
+    def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands under headings, all in the same two columns."""
+        names = self.list_commands(context)
+        width = max(map(len, names))
+        known = {name for section in SECTIONS.values() for name in section}
+        sections = {**SECTIONS, "Others": tuple(name for name in names if name not in known)}
+        for heading, section in sections.items():
+            commands = [(name, self.get_command(context, name)) for name in section if name in names]
+            rows = [
+                (name.ljust(width), command.get_short_help_str(formatter.width - 6 - width))
+                for name, command in commands
+                if command is not None and not command.hidden
+            ]
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
+
+    def list_commands(self, context: click.Context) -> list[str]:
+        return sorted({*super().list_commands(context), *_entry_points()})
+
+    def get_command(self, context: click.Context, name: str) -> click.Command | None:
+        """A command of another package is loaded only when it is asked for: it may need much, or what is missing."""
+        if name not in self.commands and name in _entry_points():
+            self.add_command(_load(_entry_points()[name]), name)
+        return super().get_command(context, name)
+
+    def invoke(self, context: click.Context) -> Any:
+        try:
+            for rule in context.meta[ROS_ARGUMENTS]:
+                if _NAMES_NODES.match(rule):
+                    raise SettingsError(message("nodes_would_merge", rule=rule))
+            speak_as(FrontEnd.SHELL)
+            return super().invoke(context)
+        except YumiError as error:
+            click.echo(f"Error: {error}", err=True)
+            sys.exit(2 if isinstance(error, SettingsError) else 1)
+        except (OSError, MemoryError) as error:
+            if isinstance(error, OSError) and error.errno not in _EXHAUSTED:
+                raise
+            reason = message("text", text=str(error)) if str(error) else message("no_memory")
+            click.echo(f"Error: {message('machine_gives_too_little', reason=reason)}", err=True)
+            sys.exit(1)
+
+
+def _entry_points() -> dict[str, EntryPoint]:
+    return {each.name: each for each in entry_points(group="yumi.commands")}
+
+
+def _load(entry_point: EntryPoint) -> click.Command:
+    """The command, or one that says what it lacks: ``yumi --help`` must list all commands in either case."""
+    try:
+        command: click.Command = entry_point.load()
+        return command
+    except ImportError as error:
+        reason = str(error)
+
+    @click.command(
+        entry_point.name,
+        help=f"Not installed: {reason}.",
+        context_settings={"ignore_unknown_options": True, "help_option_names": ["-h", "--help"]},
+    )
+    @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+    def missing(arguments: tuple[str, ...]) -> None:
+        lack = message("command_installed_in_part", command=entry_point.name, reason=reason)
+        if entry_point.value.startswith("yumi_evaluation."):
+            raise missing_extra(lack, "evaluation")
+        raise missing_extra(lack, "virtual")
+
+    return missing
+
+
+def _split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Our arguments, and those from ``--ros-args`` to ``--`` or to the end, which rclpy reads by itself."""
+    own: list[str] = []
+    ros: list[str] = []
+    is_ours = True
+    for argument in arguments:
+        if argument == "--ros-args":
+            is_ours = False
+        elif is_ours:
+            own.append(argument)
+        elif argument == "--":
+            is_ours = True
+        else:
+            ros.append(argument)
+    return own, ros
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="yumi")
+def main() -> None:
+    """Drive an ABB YuMi from ROS 2, or a virtual one.
+
+    \b
+    Examples:
+      yumi view --virtual                 a virtual robot in the browser
+      yumi demo                           its arms move and grab
+      yumi controller                     a virtual controller for any client
+      yumi up --robot 192.168.125.1       the driver for a real robot
+      yumi install --robot 192.168.125.1  set up a controller; it asks first
+      yumi state                          what the driver's robot does
+    """
+    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
+    for noisy in ("httpx", "matplotlib"):
+        logging.getLogger(noisy).setLevel(logging.WARNING)
+
+
+_COMMANDS = (
+    *(answer, completion, demo, doctor, fault, install, moveit_config, record, rws, shell),
+    *(teleop, uninstall, up, view, *DRIVER_COMMANDS, *GRAPH_COMMANDS),
+)
+for _command in _COMMANDS:
+    main.add_command(_command)

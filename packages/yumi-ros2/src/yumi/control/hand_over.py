@@ -1,0 +1,447 @@
+"""The hand-over: who commands each arm, who may take it over, and what happens when the one who commands lets go.
+
+It decides in the driver's process, through which every command passes: those of controllers go through
+:meth:`HandOver.passing`, goals of streams are written inside :meth:`HandOver.writing`. A control process that starts
+again finds arms that none commands. How a newcomer's motion begins is decided here, too: see :class:`Blend`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from enum import Enum
+from inspect import signature
+from math import inf
+from threading import Lock, RLock
+from typing import NamedTuple
+
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO, Joints, Side, joints
+from yumi.control.chunk_commands import FollowChunk
+from yumi.control.controller import IDLE
+from yumi.control.controllers.joint_goal import StopMotion
+from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.loop_events import (
+    ArmGivenBack,
+    CommanderChanged,
+    CommanderSilent,
+    ControlProcessEnded,
+    CycleFailed,
+    Event,
+    ReferencesIgnored,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionStarted,
+)
+from yumi.control.trajectory_commands import CancelTrajectory
+
+NEAR = 0.1
+"""A stream may begin so far from where the arm is sent [rad]: the arm is there in a moment, within its limits."""
+
+MOTION_BEGINS = 0.2
+"""A motion that was asked for is seen to move the arm, or to be over, within this time [s]."""
+
+STOPS = (StopMotion, CancelTrajectory)
+"""What ends a motion is open to all."""
+
+_ENDINGS = (
+    CommanderSilent,
+    SessionLost,
+    SessionStarted,
+    RobotStoppedFollowing,
+    ReferencesIgnored,
+    ControlProcessEnded,
+    CycleFailed,
+)
+
+
+class Commander(Enum):
+    """Who commands an arm; the value is the word for people."""
+
+    NONE = "none"
+    PAGE = "page"
+    HEADSET = "headset"
+    DEVICE = "device"
+    LEAD_THROUGH = "lead-through"
+    TRAJECTORY = "trajectory"
+    PLANNER = "planner"
+    STREAM = "stream"
+    POLICY = "policy"
+    RAPID = "RAPID"
+
+    @property
+    def is_person(self) -> bool:
+        """Whether a person moves the arm at this moment; all others are programs."""
+        return self in (Commander.PAGE, Commander.HEADSET, Commander.DEVICE, Commander.LEAD_THROUGH)
+
+
+@dataclass(frozen=True, slots=True)
+class Commanding:
+    """Who commands an arm.
+
+    Attributes:
+        who: commands it.
+        client: whose commands they are: a connection, or another value by which clients differ.
+        name: of the client, for people.
+        since: when it was taken over, or let go, on the machine's monotonic clock [s].
+        is_reserved: whether the arm is kept for people, since a person has let it go and not given it back.
+        refused: why the last request to take the arm over was refused; None once one was granted.
+    """
+
+    who: Commander = Commander.NONE
+    client: Hashable = None
+    name: str = ""
+    since: float = 0.0
+    is_reserved: bool = False
+    refused: Message | None = None
+
+
+class Asker(NamedTuple):
+    """Who asks for what is done on this thread.
+
+    Attributes:
+        who: None is what the kind of the motion says, such as a stream.
+        client: None is the program that owns the driver: ROS, or a script that has connected.
+        name: of the client, for people.
+        only_holds: whether all that is asked for is that arms come to rest, or hold.
+    """
+
+    who: Commander | None = None
+    client: Hashable = None
+    name: str = ""
+    only_holds: bool = False
+
+
+_asker: ContextVar[Asker] = ContextVar("asker", default=Asker())  # noqa: B039 - it is frozen
+
+
+@contextmanager
+def asking(
+    who: Commander | None = None, client: Hashable = None, name: str = "", *, only_holds: bool = False
+) -> Iterator[None]:
+    """Have what is done inside be asked for by ``who``, see :class:`Asker`."""
+    token = _asker.set(Asker(who, client, name, only_holds))
+    try:
+        yield
+    finally:
+        _asker.reset(token)
+
+
+def is_person_asking() -> bool:
+    """Whether who asks on this thread is a person."""
+    who = _asker.get().who
+    return who is not None and who.is_person
+
+
+class _Held(NamedTuple):
+    """A command with what it takes to see that it is over."""
+
+    command: Commanding = Commanding()
+    until: float = -inf  # [s] it is over then, unless it is renewed
+    is_motion: bool = False  # and then it is not over as long as the arm moves
+
+
+class HandOver:
+    """Who commands both arms; safe from any thread.
+
+    A person may take an arm over from a program at any time; otherwise the one who commands keeps the arm. A program
+    commands as long as the arm moves, and a stream for a second after its last goal. A person commands until the
+    clutch or key is released, or nothing has come for a time: then the arm is reserved for people until
+    :meth:`give_back`, so that no program goes on by itself.
+
+    Args:
+        now: the time on the machine's monotonic clock [s].
+        is_busy: whether an arm moves, or follows a trajectory however slowly.
+        on_event: called with each hand-over, on the thread that made it.
+
+    Attributes:
+        own_name: of the client that owns the driver, for people.
+    """
+
+    def __init__(
+        self,
+        now: Callable[[], float],
+        is_busy: Callable[[Side], bool] = lambda side: False,
+        on_event: Callable[[Event], None] = lambda event: None,
+    ) -> None:
+        self.own_name = "script"
+        self._now, self._is_busy, self._on_event = now, is_busy, on_event
+        self._held = dict.fromkeys(Side, _Held())
+        self._before: dict[Side, tuple[Commander, object]] = {}  # who commanded last
+        self._lock = Lock()  # of what is above, held for moments
+        self._gates = {side: RLock() for side in Side}  # held while something that was granted is carried out
+        self._events: list[Event] = []
+
+    def of(self, side: Side) -> Commanding:
+        """Who commands an arm now."""
+        with self._reporting():
+            return self._current(side).command
+
+    # ---- taking over
+
+    def take(self, side: Side, kind: Commander, lasts: float | None = IDLE) -> bool:
+        """Have who asks command an arm, or go on to.
+
+        Args:
+            side: the arm.
+            kind: of the motion, for who has not said who it is.
+            lasts: the command is over after this time [s], unless it is taken again; None: when the arm stands. That of
+                a program is never over before the arm stands.
+
+        Returns:
+            Whether another client commanded the arm last: nothing that was sent before may go on.
+
+        Raises:
+            CommandRefused: another client commands the arm, or it is reserved for a person.
+        """
+        with self._gates[side], self._reporting():  # what was granted to another client is over then
+            return self._take(side, kind, lasts)
+
+    def take_all(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> frozenset[Side]:
+        """Have who asks command arms, or go on to: all of them, or none.
+
+        Args:
+            sides: the arms.
+            kind: as for :meth:`take`.
+            lasts: as for :meth:`take`.
+
+        Returns:
+            Those that another client commanded last.
+
+        Raises:
+            CommandRefused: as :meth:`take`, for one of the arms; nothing was changed.
+        """
+        with ExitStack() as gates:
+            ordered = self._entered(gates, sides)
+            for side in ordered:
+                self.check(side, kind)
+            return frozenset(side for side in ordered if self.take(side, kind, lasts))
+
+    def check(self, side: Side, kind: Commander) -> None:
+        """See that who asks could take an arm; nothing is taken. Raises as :meth:`take`."""
+        asker = _asker.get()
+        with self._reporting():
+            self._check(side, self._current(side).command, asker.who or kind, asker.client)
+
+    @contextmanager
+    def writing(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:
+        """Take arms, and keep them while goals are written: the client that takes one over next finds its goal written.
+
+        Raises:
+            CommandRefused: as :meth:`take_all`.
+        """
+        with ExitStack() as gates:
+            self._entered(gates, sides)
+            self.take_all(sides, kind, lasts)
+            yield
+
+    @contextmanager
+    def holding(self, side: Side, kind: Commander) -> Iterator[None]:
+        """Take an arm for as long as something is done; raises as :meth:`take`."""
+        self.take(side, kind, inf)
+        try:
+            yield
+        finally:
+            self.let_go(side)
+
+    @contextmanager
+    def passing(
+        self, command: Callable[..., object], args: Sequence[object], options: Mapping[str, object]
+    ) -> Iterator[None]:
+        """Whether a command of :class:`.Commands` may be carried out, and while it is, none takes its arms over.
+
+        Raises:
+            CommandRefused: as :meth:`take`.
+        """
+        asker = _asker.get()
+        with ExitStack() as gates:
+            if command in (Commands.send_commands, Commands.take_commands):
+                given = [each for each in args if isinstance(each, ControllerCommand)]
+                moved = {each.side: each.message for each in given if not isinstance(each.message, STOPS)}
+                kinds = {side: self._kind_of_motion(side, moved[side], asker) for side in self._entered(gates, moved)}
+                for side, kind in kinds.items():
+                    self.check(side, kind)
+                for side, kind in kinds.items():
+                    self.take(side, kind, None)
+            elif command is Commands.switch_controllers and not asker.only_holds:
+                named = signature(command).bind(None, *args, **options).arguments
+                for side in self._entered(gates, {named["side"]} if named.get("activate") else set()):
+                    self._check_switch(side, asker)
+            yield
+
+    def is_foreign(self, side: Side) -> bool:
+        """Whether another client than the one who asks commands an arm."""
+        command = self.of(side)
+        return command.who is not Commander.NONE and command.client != _asker.get().client
+
+    def is_own(self, side: Side) -> bool:
+        """Whether who asks commands an arm."""
+        return self.of(side).who is not Commander.NONE and not self.is_foreign(side)
+
+    def renew(self, side: Side, lasts: float) -> None:
+        """Have the command of who asks last for a time [s] from now, if the asker commands the arm."""
+        with self._reporting():
+            held = self._current(side)
+            if held.command.who is not Commander.NONE and held.command.client == _asker.get().client:
+                self._held[side] = held._replace(until=self._now() + lasts)
+
+    def let_go(self, side: Side) -> None:
+        """End the command of who asks, if the asker commands the arm; a person's arm is reserved then."""
+        with self._reporting():
+            held = self._current(side)
+            if held.command.who is not Commander.NONE and held.command.client == _asker.get().client:
+                self._end(side, held)
+
+    def give_back(self, sides: Sequence[Side]) -> tuple[Side, ...]:
+        """Let programs command arms again that are reserved for a person.
+
+        Returns:
+            Those that were.
+
+        Raises:
+            CommandRefused: a person commands one of them; nothing was changed.
+        """
+        with self._reporting():
+            now = {side: self._current(side).command for side in sides}
+            for side, command in now.items():
+                if command.who.is_person:
+                    raise CommandRefused(message("give_back_while_commanded", arm=side.word, who=command.who.value))
+            reserved = tuple(side for side, command in now.items() if command.is_reserved)
+            for side in reserved:
+                self._held[side] = _Held(Commanding(since=self._now()))
+                self._events.append(ArmGivenBack(side))
+            return reserved
+
+    def note(self, event: Event) -> None:
+        """Take an event of the control process: none commands an arm whose controllers were ended."""
+        if isinstance(event, _ENDINGS):
+            with self._reporting():
+                held = self._held[event.side]
+                if isinstance(event, CommanderSilent):  # the next one to take the arm begins anew, who was silent, too
+                    self._before[event.side] = (Commander.NONE, event)
+                if held.command.who is not Commander.NONE:
+                    self._end(event.side, held)
+
+    # ---- with the lock
+
+    def _take(self, side: Side, kind: Commander, lasts: float | None) -> bool:
+        asker, held, now = _asker.get(), self._current(side), self._now()
+        who, command = asker.who or kind, held.command
+        until, is_motion = now + (MOTION_BEGINS if lasts is None else lasts), lasts is None or not who.is_person
+        if command.who is who and command.client == asker.client:
+            self._held[side] = held._replace(until=until, is_motion=is_motion)
+            return False
+        self._check(side, command, who, asker.client)
+        before = self._before.get(side, (who, asker.client))
+        self._before[side] = (who, asker.client)
+        new = Commanding(who, asker.client, asker.name or self.own_name, now, command.is_reserved)
+        self._held[side] = _Held(new, until, is_motion)
+        is_handed_over = before[1] != asker.client or before[0].is_person != who.is_person
+        if who.is_person or is_handed_over:
+            self._events.append(CommanderChanged(side, who.value, new.name, command.who.value))
+        return is_handed_over
+
+    def _check(self, side: Side, command: Commanding, who: Commander, client: Hashable) -> None:
+        """Whether an arm may be taken over; the refusal is kept."""
+        refusal = None
+        if command.who is not Commander.NONE and not (who.is_person and not command.who.is_person):
+            if command.client != client or command.who.is_person != who.is_person:
+                refusal = message("arm_commanded_by_another", arm=side.word, who=command.who.value, client=command.name)
+        elif command.is_reserved and not who.is_person:
+            refusal = message("arm_reserved_for_person", arm=side.word, who=who.value)
+        if refusal is not None:
+            held = self._held[side]
+            self._held[side] = held._replace(command=replace(command, refused=refusal))
+            raise CommandRefused(refusal)
+
+    def _kind_of_motion(self, side: Side, motion: object, asker: Asker) -> Commander:
+        """Of a motion without a kind of its own: that of who asks, where that one commands a motion already."""
+        if isinstance(motion, FollowChunk):
+            return Commander.POLICY
+        command = self.of(side)
+        is_known = command.client == asker.client and command.who in (Commander.PLANNER, Commander.POLICY)
+        return command.who if is_known else Commander.TRAJECTORY
+
+    def _check_switch(self, side: Side, asker: Asker) -> None:
+        """Controllers begin where the arm is measured: a person's arm is left alone by them, too."""
+        with self._reporting():
+            command = self._current(side).command
+            if command.is_reserved or (command.who.is_person and command.client != asker.client):
+                self._check(side, command, asker.who or Commander.TRAJECTORY, asker.client)
+
+    def _current(self, side: Side) -> _Held:
+        """What holds now: a command that is over is ended."""
+        held = self._held[side]
+        if held.command.who is Commander.NONE or self._now() <= held.until:
+            return held
+        if held.is_motion and self._is_busy(side):
+            return held
+        return self._end(side, held)
+
+    def _end(self, side: Side, held: _Held) -> _Held:
+        """None commands the arm any more; what a person commanded is reserved."""
+        was, is_reserved = held.command, held.command.who.is_person or held.command.is_reserved
+        ended = Commanding(since=self._now(), is_reserved=is_reserved, refused=was.refused)
+        self._held[side] = held = _Held(ended)
+        if was.who.is_person:
+            self._events.append(CommanderChanged(side, Commander.NONE.value, was.name, was.who.value))
+        return held
+
+    def _entered(self, gates: ExitStack, sides: Collection[Side]) -> Sequence[Side]:
+        """The arms in one order, each with its gate closed until ``gates`` ends."""
+        ordered = tuple(side for side in Side if side in sides)
+        for side in ordered:
+            gates.enter_context(self._gates[side])
+        return ordered
+
+    @contextmanager
+    def _reporting(self) -> Iterator[None]:
+        """Hold the lock; then report what has happened."""
+        events: list[Event] = []
+        try:
+            with self._lock:
+                try:
+                    yield
+                finally:
+                    events, self._events = self._events, []
+        finally:
+            for event in events:
+                self._on_event(event)
+
+
+class Blend:
+    """How a stream of joint positions begins that is not where the arm is sent: what lies between fades away.
+
+    Args:
+        sent: where the arm is sent [rad], (7,).
+        first: the stream's first goal [rad], (7,).
+        seconds: the stream is followed as it is after this time [s]; 0 follows it so at once.
+    """
+
+    def __init__(self, sent: Joints, first: Joints, seconds: float) -> None:
+        self._offset: Joints = joints([a - b for a, b in zip(sent, first, strict=True)])
+        self._seconds = seconds
+
+    def at(self, goal: Joints, time: float, velocity: Joints = ZERO) -> tuple[Joints, Joints]:
+        """A goal of the stream, ``time`` [s] after its begin, as the arm is sent there.
+
+        Args:
+            goal: position [rad], (7,).
+            time: below 0 counts as 0.
+            velocity: that of the stream there [rad/s], (7,); NaN where it is not known, and is not known then.
+
+        Returns:
+            Position [rad] and velocity [rad/s], (7,) each.
+        """
+        share = min(1.0, max(0.0, time / self._seconds)) if self._seconds > 0.0 else 1.0
+        if share == 1.0:
+            return goal, velocity
+        left = 1.0 - share**3 * (10.0 - 15.0 * share + 6.0 * share * share)  # no step in speed or acceleration
+        fades = -30.0 * (share * (1.0 - share)) ** 2 / self._seconds  # [1/s]
+        return (
+            joints([to + left * by for to, by in zip(goal, self._offset, strict=True)]),
+            joints([speed + fades * by for speed, by in zip(velocity, self._offset, strict=True)]),
+        )

@@ -1,0 +1,78 @@
+"""Goals of a stream for a tool: poses and velocities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import nan
+from typing import NamedTuple
+
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from abb_protocols.robot.joints import ZERO, Joints, Pose
+
+TOOL0: Joints = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""The tool that is none, as numbers: position x, y, z [m], quaternion w, x, y, z."""
+
+
+class ToolGoal(NamedTuple):
+    """One message of a stream.
+
+    Attributes:
+        session: the EGM session that it is meant for.
+        time: when it was given, on the machine's monotonic clock [s].
+        is_twist: whether it is a velocity, else a pose.
+        is_in_tool: whether the velocity is seen from the tool, else from the body.
+        angle: the arm angle to go to with a pose [rad]; NaN keeps it.
+        pose: of the tool in the body frame: x, y, z [m], quaternion w, x, y, z.
+        twist: velocity x, y, z [m/s], angular velocity x, y, z [rad/s], and of the arm angle [rad/s].
+        tool: the tool's frame in tool0, as ``pose``.
+        speed: of the tool on this stream, at most [m/s]; NaN is the controller's.
+        turning: of its orientation and of the arm angle, at most [rad/s]; NaN is the controller's.
+    """
+
+    session: int
+    time: float
+    is_twist: bool
+    is_in_tool: bool
+    angle: float
+    pose: Joints
+    twist: Joints
+    tool: Joints = TOOL0
+    speed: float = nan
+    turning: float = nan
+
+
+def numbers_of(pose: Pose) -> Joints:
+    """A pose as seven numbers: x, y, z [m], quaternion w, x, y, z."""
+    return (*pose.position, *pose.orientation)
+
+
+def pose_of(numbers: Joints) -> Pose:
+    """The pose of seven numbers."""
+    x, y, z, w, qx, qy, qz = numbers
+    return Pose((x, y, z), (w, qx, qy, qz))
+
+
+def pose_goal(session: int, pose: Pose, tool: Pose | None = None, angle: float = nan, time: float = nan) -> ToolGoal:
+    """A pose of the tool in the body frame, for :class:`ToolGoal`."""
+    return ToolGoal(
+        session, time, False, False, angle, numbers_of(pose), ZERO, TOOL0 if tool is None else numbers_of(tool)
+    )
+
+
+def twist_goal(
+    session: int, twist: Joints, tool: Pose | None = None, *, is_in_tool: bool = False, time: float = nan
+) -> ToolGoal:
+    """A velocity of the tool and of the arm angle, (7,), for :class:`ToolGoal`."""
+    return ToolGoal(session, time, True, is_in_tool, nan, TOOL0, twist, TOOL0 if tool is None else numbers_of(tool))
+
+
+HIGHEST = 100.0
+"""A velocity beyond this was hardly meant in metres or radians a second; so large ones cannot be calculated with."""
+
+
+def check_twist(twist: Sequence[float]) -> None:
+    """Refuse a velocity that is none; raises CommandRefused."""
+    for value in twist:
+        if not abs(value) <= HIGHEST:  # NaN too
+            raise CommandRefused(message("twist_implausible", value=f"{value:g}", most=HIGHEST))

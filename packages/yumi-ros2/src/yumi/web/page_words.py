@@ -1,0 +1,34 @@
+"""Messages and failures in the words of the page of ``yumi view``."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+
+from abb_protocols.catalogue import FrontEnd, Message, message, said_by, sentence
+from abb_protocols.errors import YumiError
+
+log = logging.getLogger(__name__)
+
+
+def said_of(error: Exception) -> Message:
+    """What an exception says; what is no refusal is a fault of ours, which the log shows whole."""
+    if isinstance(error, YumiError):
+        return error.said
+    log.error("What a page has asked for failed with %s: %s", type(error).__name__, error, exc_info=error)
+    return message("view_failed", kind=type(error).__name__, why=said_by(error))
+
+
+def words_for_page(said: Message, *, is_virtual: bool) -> Mapping[str, object]:
+    """A message in the page's words, with the first thing that a person can do about it."""
+    if is_virtual and said.code == "feedback_lost":  # a virtual robot falls silent where its machine has no time for it
+        said = Message("virtual_robot_was_late", said.values)
+    front_end = FrontEnd.VIRTUAL_PAGE if is_virtual else FrontEnd.PAGE
+    action = said.actions[0].value if said.actions else None
+    return {"code": said.code, "sentence": sentence(said, front_end), "action": action}
+
+
+def failure_for_page(error: Exception, *, is_virtual: bool) -> Mapping[str, object]:
+    """What a page gets of an exception."""
+    stop = getattr(error, "stop", "")
+    return {"kind": type(error).__name__, "stop": stop, **words_for_page(said_of(error), is_virtual=is_virtual)}
