@@ -38,7 +38,7 @@ def page() -> str:
     lines += [f"| action | {' | '.join(each.replace('_', ' ') for each in readers)} |", f"|---|{'---|' * len(readers)}"]
     for action, words in ACTIONS.items():
         lines.append(f"| **{action}** | {' | '.join(_shown(words[each].do) for each in readers)} |")
-    for subject, of_subject in subjects().items():
+    for subject, of_subject in sorted(subjects().items()):  # which package was loaded first is chance
         lines += ["", f"## {subject}", "", "| code | text | what to do |", "|---|---|---|"]
         lines += [f"| `{code}` | {_shown(text.what)} | {_shown(text.remedy)} |" for code, text in of_subject.items()]
     return "\n".join([*lines, ""])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import abb_protocols.controller_files
+import virtual_irc5.controller
 from abb_protocols.robot.gripper import GripperModules
 from abb_protocols.robot.joints import CYCLE, Joints, Side
 from virtual_irc5.controller.signals import Signal, Signals
@@ -21,7 +22,7 @@ from virtual_irc5.rapid.task import Task
 from virtual_irc5.system_parameters import Configuration, SystemParameters
 
 FOLDER = Path(next(iter(abb_protocols.controller_files.__path__)))
-STOCK = FOLDER.parent / "virtual" / "controller" / "stock"
+STOCK = Path(virtual_irc5.controller.__file__).parent / "stock"
 
 MODULE = r"""MODULE Program
     TASK PERS tooldata my_tool:=[TRUE,[[0,0,100],[1,0,0,0]],[0.2,[0,0,50],[1,0,0,0],0,0,0]];
