@@ -99,7 +99,7 @@ class ChunkFollower:
         self._sides = sides
         self._activations: dict[Side, tuple[int, int]] = {}  # the session and activation that are followed
         self._state = ChunkState()
-        self._grippers = _GripperSchedule(grippers, access.clock)
+        self._grippers = _GripperSchedule(grippers, access.clock, self._is_own)
         self._stack = ExitStack()
 
     def __enter__(self) -> ChunkFollower:
@@ -118,9 +118,11 @@ class ChunkFollower:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         own = [side for side in self._activations if self._is_own(side)]
-        self._stack.close()
-        with suppress(*() if kind is None else (YumiError,)):  # what ended the block is what a person must read
-            self._access.bring_to_rest(own)
+        try:  # arms first: a gripper may take seconds
+            with suppress(*() if kind is None else (YumiError,)):  # what ended the block is what a person must read
+                self._access.bring_to_rest(own)
+        finally:
+            self._stack.close()
 
     def send(self, chunk: Chunk) -> Mapping[str, ChunkTaken]:
         """Have the arms follow a chunk in place of the points that they have not executed yet; none or all of them.
@@ -152,10 +154,11 @@ class ChunkFollower:
         times = [number * float(chunk.period) for number in range(count)]
         number = self._state.sent + 1
         commands = []
-        for side, positions in points.items():
+        for side in {**points, **values}:
             self._access.check_follows(side)
             if not self._is_own(side):
                 raise refused(message("chunks_taken_over", arm=side.word))
+        for side, positions in points.items():
             spline = plan_chunk(side, times, positions, self._limits)
             command = FollowChunk(number, start, spline, self._jump)
             commands.append(ControllerCommand(side, TRAJECTORY_CONTROLLER, command, self._activations[side][1]))
@@ -194,7 +197,7 @@ class ChunkFollower:
 
     def _is_own(self, side: Side) -> bool:
         snapshot = self._access.snapshot(side)
-        return snapshot.command_epoch == self._activations[side] and snapshot.is_commanded
+        return snapshot.command_epoch == self._activations.get(side) and snapshot.is_commanded
 
     def _checked(self, chunk: Chunk) -> tuple[dict[Side, NDArray[np.float64]], dict[Side, list[float]], int]:
         """The positions and the gripper's values of each arm, and how many there are of each."""
@@ -252,12 +255,13 @@ class _GripperSchedule:
     Args:
         grippers: by arm.
         clock: of the goals' times.
+        is_own: whether the chunks still command an arm.
     """
 
     _NOTABLE = 0.01  # a goal that differs less from the last one is the same
 
-    def __init__(self, grippers: Mapping[Side, GripperFollower], clock: Clock) -> None:
-        self._grippers, self._clock = grippers, clock
+    def __init__(self, grippers: Mapping[Side, GripperFollower], clock: Clock, is_own: Callable[[Side], bool]) -> None:
+        self._grippers, self._clock, self._is_own = grippers, clock, is_own
         self._changed = Condition()
         self._due: dict[Side, list[tuple[float, float]]] = {side: [] for side in grippers}
         self._last: dict[Side, float] = {}
@@ -293,6 +297,9 @@ class _GripperSchedule:
             while not self._is_over:
                 now = self._clock.now()
                 for side, schedule in self._due.items():
+                    if not self._is_own(side):  # the gripper is that of whoever has taken the arm over
+                        self._due[side] = []
+                        continue
                     passed = [value for time, value in schedule if time <= now]
                     if not passed:
                         continue

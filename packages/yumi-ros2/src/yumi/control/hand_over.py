@@ -238,6 +238,11 @@ class HandOver:
             self.take_all(sides, kind, lasts)
             yield
 
+    def was_of_another(self, side: Side) -> bool:
+        """Whether a person, or another client than the one who asks, commanded an arm last."""
+        who, client = self._before.get(side, (Commander.NONE, None))
+        return who is not Commander.NONE and (who.is_person or client != _asker.get().client)
+
     @contextmanager
     def holding(self, side: Side, kind: Commander) -> Iterator[None]:
         """Take an arm for as long as something is done; raises as :meth:`take`."""

@@ -17,7 +17,7 @@ from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import Joints, Side
 from yumi.control.goals import Tracking, stream_delay
-from yumi.control.hand_over import Commander
+from yumi.control.hand_over import MOTION_BEGINS, Commander
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
     Arm,
@@ -289,15 +289,16 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
 def _is_taken_from_program(robot: CommandedRobot, caller: Caller, side: Side) -> bool:
     """Have a person command an arm that a program's move commands, which ends; whether ``robot.moving`` is held now.
 
-    A program that commands no arm at this moment is about to, or has just done so: it is waited for.
+    A program that commands no arm at this moment may be about to, or have just done so: it is waited for briefly.
     """
     hand_over = robot.control.hand_over
     commander = hand_over.of(side).who
     if caller.commander is None or commander.is_person:
         return False
-    if commander is not Commander.NONE:
-        hand_over.take(side, caller.commander)
-        wait_for_futures([motion.future for motion in robot.mover.stop((side,))], LAST_STOP)
+    if commander is Commander.NONE:
+        return robot.moving.acquire(timeout=MOTION_BEGINS)
+    hand_over.take(side, caller.commander)
+    wait_for_futures([motion.future for motion in robot.mover.stop((side,))], LAST_STOP)
     return robot.moving.acquire(timeout=LAST_STOP)
 
 

@@ -30,8 +30,9 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ZERO, Joints, Side, finger_names, joint_names
 from yumi.control.controllers.forward_command import FORWARDERS
 from yumi.control.goals import CONFIGURED_DELAY, GoalBuffer, GoalKind, write_goal, write_speeds
-from yumi.control.hand_over import Commander, HandOver
+from yumi.control.hand_over import NEAR, Commander, HandOver
 from yumi.control.loop_commands import Commands
+from yumi.control.motion.setpoint import largest_difference
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper_follower import closed_of
@@ -194,11 +195,18 @@ class JointCommandTopic(CommandTopic):
 
         The arm follows it by its stamp, as the controller's ``stream.delay`` says.
         """
+        return self._begin(received, time - self._age(received), CONFIGURED_DELAY)
+
+    def _accept(self, received: Any, time: float) -> None:
+        begin = self._begin(received, time, nan)
+        with self._hand_over.writing((self._side,), Commander.STREAM):
+            begin()
+
+    def _begin(self, received: Any, time: float, delay: float) -> Callable[[], None]:
+        """What writes a goal that was checked before the arm is taken: a goal that is refused takes none."""
         snapshot = self.check()
         now = (snapshot.session, snapshot.activation)
-        write = self._checked(
-            received, snapshot, time - self._age(received), CONFIGURED_DELAY, is_new=self._given_in != now
-        )
+        write = self._checked(received, snapshot, time, delay, is_new=self._given_in != now)
 
         def begin() -> None:
             write()
@@ -214,6 +222,14 @@ class JointCommandTopic(CommandTopic):
             raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
         goal, speeds = goal_of(received, self._side, base), goal_speeds_of(received, self._side)
+        # A single goal may be far away, but no stream begins there, and none goes on there that a person interrupted.
+        if not self._hand_over.is_own(self._side) and (
+            delay == CONFIGURED_DELAY or self._hand_over.was_of_another(self._side)
+        ):
+            distance = largest_difference(goal, snapshot.sent)
+            if distance > NEAR:
+                said = message("stream_begins_elsewhere", arm=self._side.word, distance=distance, most=NEAR)
+                raise CommandRefused(message("command_refused", noun=self.noun, reason=said))
 
         def write() -> None:
             write_goal(self._box, snapshot.session, goal, speeds, time, delay)

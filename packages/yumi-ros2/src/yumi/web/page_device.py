@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
@@ -11,13 +12,16 @@ import msgspec
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from yumi.driver.device_frame import TeleoperationReport
+from yumi.driver.device_frame import DeviceFrame, TeleoperationReport
 from yumi.driver.motion_commands import Teleoperate
 from yumi.driver.reports import Said
 from yumi.web.page_messages import DeviceMessage
 
 OLDEST_SEEN = 0.8
 """A page that was shown no state since this time moves nothing [s]: its messages may come late, and all at once."""
+
+_MOST_WAITING = 4
+"""Frames in which a clutch was let go or pressed again; with more, the oldest is left out."""
 
 _report_decoder = msgspec.json.Decoder(TeleoperationReport)
 
@@ -42,22 +46,26 @@ class PageDevice:
         words: Callable[[Said], Mapping[str, object]],
     ) -> None:
         self._ask, self._show, self._failure, self._words = ask, show, failure, words
-        self._newest: DeviceMessage | None = None
+        self._waiting: deque[DeviceMessage] = deque(maxlen=_MOST_WAITING)
         self._has_frame = asyncio.Event()
 
     def take(self, device: DeviceMessage) -> None:
-        """Take a frame, in place of one that waits."""
-        self._newest = device
+        """Take a frame, in place of one that waits, but where a clutch was let go in that and is pressed again in this.
+
+        The driver must see that it was let go: the arm goes on from where it is then, not to where the hand has gone.
+        """
+        if self._waiting and not _is_pressed_anew(self._waiting[-1].frame, device.frame):
+            self._waiting.pop()
+        self._waiting.append(device)
         self._has_frame.set()
 
     async def run(self) -> None:
         """Have the driver take the newest frame again and again, until cancelled."""
         while True:
             await self._has_frame.wait()
-            self._has_frame.clear()
-            if self._newest is None:
-                continue
-            device, self._newest = self._newest, None
+            device = self._waiting.popleft()
+            if not self._waiting:
+                self._has_frame.clear()
             try:
                 is_held = any(hand.clutch for hand in device.frame.by_arm.values())
                 if is_held and not time.monotonic() - device.seen <= OLDEST_SEEN:  # NaN too
@@ -81,6 +89,10 @@ class PageDevice:
             for side, arm in report.arms.items()
         }
         return {"type": "teleoperated", "time": time, "dropped": report.dropped, "arms": arms, "error": None}
+
+
+def _is_pressed_anew(before: DeviceFrame, after: DeviceFrame) -> bool:
+    return any(hand.clutch and not before.by_arm[side].clutch for side, hand in after.by_arm.items())
 
 
 def refused_report(device: DeviceMessage, failure: Mapping[str, object]) -> Mapping[str, Any]:

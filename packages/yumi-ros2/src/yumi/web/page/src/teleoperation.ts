@@ -105,10 +105,11 @@ export class Teleoperation {
 
   private send(hands: Hands, isOpen: boolean, time: number): void {
     const { page } = this.store;
+    if (this.connection.backlog > BACKLOG) return void this.gate.pass({}, false); // a release may be lost: press again
     const passed = this.gate.pass(hands, isOpen);
     const isHeld = SIDES.some((side) => passed[side].clutch);
     if (!isHeld && !this.isHeld && time - this.sentAt < IDLE) return;
-    if (time <= this.sentAt || this.connection.backlog > BACKLOG) return;
+    if (time <= this.sentAt) return;
     this.isHeld = isHeld;
     this.sentAt = time;
     const isHeadset = page.device === "headset";
@@ -151,7 +152,8 @@ export class Teleoperation {
   private bindKeys(): void {
     const keys = at("keys");
     keys.addEventListener("keydown", (event) => {
-      if (event.ctrlKey || event.altKey || event.metaKey || !Keyboard.isKnown(event.code)) return;
+      if (event.metaKey) return this.release(); // macOS reports no key that is let go while Command is held
+      if (event.ctrlKey || event.altKey || !Keyboard.isKnown(event.code)) return;
       event.preventDefault();
       if (!event.repeat) this.keyboard.press(event.code); // one that is held on was pressed before the focus was lost
     });
