@@ -16,9 +16,10 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ZERO, Joints, Side, joint_names
 from abb_runtime.clock import ManualClock
+from refusals import refused
 from yumi.control.counters import WireCounters
 from yumi.control.goals import CONFIGURED_DELAY, GoalKind, MemoryBuffer, SessionGoal, read_goal
-from yumi.control.hand_over import Commander, HandOver, asking
+from yumi.control.hand_over import NEAR, Commander, HandOver, asking
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
 from yumi.ros.command_topics import (
     CommandTopic,
@@ -105,6 +106,7 @@ def commanded(
         activation=activation,
         goal_kind=goal_kind,
         reference=reference,
+        sent=reference,
     )
 
 
@@ -118,6 +120,7 @@ def buffers(middle: Joints) -> Boxes:
         activation=1,
         goal_kind=GoalKind.POSITION,
         reference=middle,
+        sent=middle,
     )
     buffers.snapshots.write(snapshot)
     return buffers
@@ -554,8 +557,15 @@ def test_goal_is_refused_while_a_person_commands_the_arm_or_has_let_it_go(
     topic_refuses(topic, goal, node, "arm_reserved_for_person", arm="right", who="stream")
     assert newest(buffers, 3) is None
     hand_over.give_back((Side.RIGHT,))
+    far = JointState(name=list(NAMES), position=[each + 0.2 for each in middle])  # where the stream was meanwhile
+    elsewhere = message("stream_begins_elsewhere", arm="right", distance=pytest.approx(0.2), most=NEAR)
+    with refused(CommandRefused, "command_refused", noun="Goal", reason=elsewhere):
+        topic._accept(far, clock.now())
+    assert newest(buffers, 3) is None
     topic.take(goal)
     assert newest(buffers, 3) == (1, middle)
+    topic.take(far)  # the stream goes on, as far as the limits allow
+    assert newest(buffers, 3) == (2, tuple(far.position))
 
 
 def topic_refuses(topic: CommandTopic, received: Any, node: Node, code: str, **values: Any) -> None:

@@ -202,7 +202,7 @@ class Fingers:
 
 def test_grippers_get_the_newest_goal_that_is_due() -> None:
     fingers, clock = Fingers(), ManualClock(10.0)
-    with _GripperSchedule({Side.RIGHT: fingers}, clock) as schedule:  # type: ignore[dict-item]
+    with _GripperSchedule({Side.RIGHT: fingers}, clock, lambda side: True) as schedule:  # type: ignore[dict-item]
         schedule.replace(Side.RIGHT, [9.0, 9.5, 20.0], [0.0, 0.3, 1.0])
         assert fingers.goals.get(timeout=5.0) == 0.3
         clock.advance(11.0)

@@ -104,7 +104,7 @@ def test_arm_brakes_when_another_page_takes_control_and_frames_are_refused_then(
             device = Device(driver, page)
             await device.engage(at(0.0))
             await other.take_control()
-            assert len(brakes(driver)) == 1
+            await eventually(lambda: len(brakes(driver)) == 1)
             refused = await device.send(at(0.2))
             assert (refused["error"]["code"], refused["arms"]) == ("control_not_taken", {})
             begin = goal(driver)

@@ -222,6 +222,7 @@ class JointCommandTopic(CommandTopic):
             raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
         goal, speeds = goal_of(received, self._side, base), goal_speeds_of(received, self._side)
+        self._hand_over.check(self._side, Commander.STREAM)
         # A single goal may be far away, but no stream begins there, and none goes on there that a person interrupted.
         if not self._hand_over.is_own(self._side) and (
             delay == CONFIGURED_DELAY or self._hand_over.was_of_another(self._side)
