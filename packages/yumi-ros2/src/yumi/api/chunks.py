@@ -297,7 +297,7 @@ class _GripperSchedule:
             while not self._is_over:
                 now = self._clock.now()
                 for side, schedule in self._due.items():
-                    if not self._is_own(side):  # the gripper is that of whoever has taken the arm over
+                    if not self._is_own(side):  # its gripper is that of the client that has taken it over
                         self._due[side] = []
                         continue
                     passed = [value for time, value in schedule if time <= now]
