@@ -66,6 +66,7 @@ def held(served: str, chromium: Any) -> str:
             driver.recover(confirm=stop.stop)
         driver.speed_scale = 1.0
         driver.start_egm()
+        driver.give_back()  # what a person at the page has moved before
         driver.move_to(right="home", left="home", speed_scale=1.0)
     return served
 

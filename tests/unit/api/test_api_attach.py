@@ -33,7 +33,7 @@ from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.api.motion_registry import Motion, Way
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
-from yumi.control.hand_over import HandOver
+from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import ControllerCommand
 from yumi.control.loop_events import ControllerReport, SessionLost
 from yumi.control.motion.spline import TrajectoryPoint
@@ -945,6 +945,15 @@ def test_stream_gives_both_arms_and_grippers_a_point_and_ends_with_its_client(dr
         poll_until(lambda: driver.grippers[Side.RIGHT].goals == [goal_of(closed_of("right", 0.03), 10.0)])
         driver.robot.control.commands.clear()
     poll_until(lambda: {each.side for each in driver.robot.control.commands} == set(Side))
+
+
+def test_next_client_moves_an_arm_as_soon_as_a_move_is_over(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.end
+    right = home(Side.RIGHT)
+    with attach() as one, attach() as other:
+        one.move_to(right=right)
+        assert driver.robot.control.hand_over.of(Side.RIGHT).who is Commander.NONE
+        other.move_to(right=right)
 
 
 def test_stream_that_ends_leaves_the_stream_of_another_client_alone(driver: FakeDriver) -> None:

@@ -333,6 +333,8 @@ def _move(
             raise
         _wait(robot, motions, timeout, caller)
         _give_back(robot, before)
+        for side in sides:  # the motion is over, although the arm may still settle: the next client need not wait
+            robot.control.hand_over.let_go(side)
     finally:
         robot.moving.release()
     return f"The {' and the '.join(side.word for side in sides)} arm stand{'' if len(sides) > 1 else 's'} at the goal"
