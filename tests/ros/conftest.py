@@ -19,6 +19,7 @@ from abb_runtime.process.command import Command
 HERE = Path(__file__).parent
 
 
+@pytest.hookimpl(tryfirst=True)  # as in tests/conftest.py, and before that
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Who shares the driver comes last: it has the names of the nodes that others make themselves.
 

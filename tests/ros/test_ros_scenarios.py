@@ -28,7 +28,7 @@ from yumi.control.flight_recorder import Frame
 from yumi.recording.reader import read_recording
 
 # Both arms are in motion: a machine that stands still for 100 ms stops them by itself, with another cause.
-pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
 
 NO_JUMP = 1.001
 BACK = "EGM runs on both arms, the controllers are active."
