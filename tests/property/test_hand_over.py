@@ -34,7 +34,7 @@ from system.teleoperation_bench import (
 from system.test_endpoint_in_virtual_time import Driver
 from system.test_teleoperation_at_random import STILL, Hand
 from yumi.control.controller import IDLE
-from yumi.control.hand_over import Commander, asking
+from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_events import CommanderChanged, Event
 from yumi.driver.device_frame import DeviceHand, DeviceSettings
 from yumi.driver.teleoperated_arm import LINK_LOST
@@ -74,7 +74,7 @@ class Program:
             wait([self._running], 0.002)
 
     def _try(self, motion: Callable[[], object]) -> None:
-        with asking(self._who, self._client, str(self._client)):
+        with requested_by(self._who, self._client, str(self._client)):
             try:
                 motion()
             except YumiError as error:

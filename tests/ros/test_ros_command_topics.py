@@ -19,7 +19,8 @@ from abb_runtime.clock import ManualClock
 from refusals import refused
 from yumi.control.counters import WireCounters
 from yumi.control.goals import CONFIGURED_DELAY, GoalKind, MemoryBuffer, SessionGoal, read_goal
-from yumi.control.hand_over import NEAR, Commander, HandOver, asking
+from yumi.control.hand_over import Commander, HandOver, requested_by
+from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
 from yumi.ros.command_topics import (
     CommandTopic,
@@ -550,7 +551,7 @@ def test_goal_is_refused_while_a_person_commands_the_arm_or_has_let_it_go(
         node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots), clock.now, hand_over
     )
     goal = JointState(name=list(NAMES), position=list(middle))
-    with asking(Commander.HEADSET, "person", "headset"):
+    with requested_by(Commander.HEADSET, "person", "headset"):
         hand_over.take(Side.RIGHT, Commander.DEVICE)
         topic_refuses(topic, goal, node, "arm_commanded_by_another", arm="right", who="headset", client="headset")
         hand_over.let_go(Side.RIGHT)
@@ -571,7 +572,7 @@ def test_goal_is_refused_while_a_person_commands_the_arm_or_has_let_it_go(
 def topic_refuses(topic: CommandTopic, received: Any, node: Node, code: str, **values: Any) -> None:
     """A message that comes on another thread than that of who commands is refused, and the log says why."""
     node.warnings.clear()
-    with asking():
+    with requested_by():
         topic.take(received)
     assert node.warnings == [str(message(code, **values))]
 
@@ -587,14 +588,14 @@ def test_point_for_both_arms_is_taken_by_both_or_by_none(node: Node, middle: Joi
     stream = JointStreamTopic(node, arms, closed.append, clock.now, hand_over)
     names = [*joint_names(Side.RIGHT), *joint_names(Side.LEFT), "gripper_r_joint"]
     point = JointState(name=names, position=[*middle, *middle, 0.0125])
-    with asking(Commander.HEADSET, "person"):
+    with requested_by(Commander.HEADSET, "person"):
         hand_over.take(taken, Commander.HEADSET)
     with pytest.raises(CommandRefused, match=f"{taken.word} arm"):
         stream.take(point)
     assert [box.read() for box in boxes.values()] == [None, None]
     assert closed == []
     assert hand_over.of(taken.other).who is Commander.NONE
-    with asking(client="person"):
+    with requested_by(client="person"):
         hand_over.let_go(taken)
     hand_over.give_back(tuple(Side))
     stream.take(point)

@@ -22,7 +22,7 @@ from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.api.chunks import Chunk, ChunkFollower, _GripperSchedule
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
-from yumi.control.hand_over import Commander, asking
+from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands
 
 PERIOD = 0.05
@@ -132,10 +132,10 @@ def test_policy_takes_no_arm_from_another_one_and_keeps_those_that_it_moves(
     chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT, size=0.5)))
     driver.wait(0.5)
     assert driver.hand_over.of(Side.RIGHT).who is Commander.POLICY
-    with asking(client="another program"), refused(CommandRefused, "arm_commanded_by_another", who="policy"):
+    with requested_by(client="another program"), refused(CommandRefused, "arm_commanded_by_another", who="policy"):
         stream()
     driver.wait(1.5)  # the points are exhausted, and the arm stands
-    with asking(client="another program"):
+    with requested_by(client="another program"):
         while_time_goes_by(driver, copy_context().run, stream)
     others = ChunkFollower(driver.mover, tuple(Side), YUMI_LIMITS, {})
     with refused(CommandRefused, "arm_commanded_by_another", who="stream"):
@@ -143,6 +143,21 @@ def test_policy_takes_no_arm_from_another_one_and_keeps_those_that_it_moves(
     with refused(CommandRefused, "chunks_taken_over", arm="right"):
         chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
     driver.wait(1.1 * IDLE)
+
+
+def test_chunks_end_where_another_client_lets_the_arm_follow_a_trajectory(
+    driver: Driver, chunks: ChunkFollower
+) -> None:
+    """By the same controller, which would take the next chunk."""
+    chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
+    driver.wait(2.5)  # the points are exhausted, and the arm stands
+    goal = driver.snapshot(Side.RIGHT).sent
+    with requested_by(client="another program"):
+        while_time_goes_by(driver, copy_context().run, lambda: driver.mover.follow({Side.RIGHT: [(1.0, goal)]}))
+    driver.wait(2.0)
+    for chunk in (Chunk(PERIOD, right=points(driver, Side.RIGHT)), Chunk(PERIOD, right_gripper=[0.5] * 8)):
+        with refused(CommandRefused, "chunks_taken_over", arm="right"):
+            chunks.send(chunk)
 
 
 GOOD = [START] * 8
@@ -213,3 +228,17 @@ def test_grippers_get_the_newest_goal_that_is_due() -> None:
         schedule.replace(Side.RIGHT, [40.0], [1.0])
         assert fingers.goals.get(timeout=5.0) == 0.0
     assert fingers.goals.empty()  # what was due later is not done any more
+
+
+def test_gripper_of_an_arm_that_was_taken_over_gets_no_goal() -> None:
+    fingers, others, clock = Fingers(), Fingers(), ManualClock(10.0)
+    own = {Side.LEFT}
+    grippers = {Side.RIGHT: fingers, Side.LEFT: others}
+    with _GripperSchedule(grippers, clock, own.__contains__) as schedule:  # type: ignore[arg-type]
+        schedule.replace(Side.RIGHT, [9.0], [1.0])
+        schedule.replace(Side.LEFT, [9.0], [1.0])
+        assert others.goals.get(timeout=5.0) == 1.0  # the schedule has looked at both
+        own.add(Side.RIGHT)
+        schedule.replace(Side.LEFT, [9.5], [0.0])
+        assert others.goals.get(timeout=5.0) == 0.0
+    assert fingers.goals.empty()

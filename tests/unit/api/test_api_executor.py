@@ -21,7 +21,7 @@ from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
 from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, Goal, MemoryBuffer, read_goal, stream_delay, write_speeds
-from yumi.control.hand_over import NEAR, Commander, HandOver, asking
+from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
     ControllerFailed,
@@ -31,6 +31,7 @@ from yumi.control.loop_events import (
     SessionLost,
 )
 from yumi.control.motion.spline import TrajectoryPoint
+from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded
 from yumi.driver.stops import Cause
@@ -333,7 +334,7 @@ def test_end_of_a_stream_brakes_the_arm_that_nothing_else_commands(robot: FakeRo
     robot.control.commands.clear()
     robot.executor.end_stream(Side.LEFT, None)
     robot.executor.end_stream(Side.RIGHT, "another client")
-    with asking(Commander.STREAM, "another client"):
+    with requested_by(Commander.STREAM, "another client"):
         robot.clock.advance(1.1 * IDLE)  # nobody commands the arm now, but who takes it over with the same controller
         robot.control.hand_over.take(Side.RIGHT, Commander.STREAM)
         robot.executor.end_stream(Side.RIGHT, None)
@@ -365,12 +366,12 @@ def test_point_for_an_arm_that_another_one_commands_is_taken_by_neither(robot: F
     robot.control.on_command = robot.end
     both = {Side.RIGHT: RIGHT, Side.LEFT: LEFT}
     robot.executor.stream(both, time=100.0)
-    with asking(Commander.HEADSET, "person"):
+    with requested_by(Commander.HEADSET, "person"):
         robot.control.hand_over.take(commanded, Commander.HEADSET)
     with refused(CommandRefused, "arm_commanded_by_another", arm=commanded.word, who="headset"):
         robot.executor.stream(both, time=100.1)
     assert [goal is not None and goal.time for goal in points(robot).values()] == [100.0, 100.0]
-    with asking(client="person"):
+    with requested_by(client="person"):
         robot.control.hand_over.let_go(commanded)
     with refused(CommandRefused, "arm_reserved_for_person", arm=commanded.word):
         robot.executor.stream(both, time=100.2)

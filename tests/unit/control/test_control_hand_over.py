@@ -18,9 +18,10 @@ from yumi.control.chunk_commands import FollowChunk
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import JointGoal, StopMotion
 from yumi.control.goals import UNKNOWN
-from yumi.control.hand_over import Blend, Commander, HandOver, asking
+from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ArmGivenBack, CommanderChanged, CommanderSilent, Event
+from yumi.control.motion.stream_begin import Blend
 from yumi.planning.chunk_plan import plan_chunk
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
@@ -45,7 +46,7 @@ class Arms(HandOver):
         super().__init__(self.clock.now, lambda side: side in self.moving, self.events.append)
 
     def taken(self, who: Commander, client: object = None, lasts: float | None = IDLE, side: Side = RIGHT) -> bool:
-        with asking(who, client, str(client)):  # type: ignore[arg-type]
+        with requested_by(who, client, str(client)):  # type: ignore[arg-type]
             return self.take(side, who, lasts)
 
 
@@ -105,7 +106,7 @@ def test_stream_is_over_a_second_after_its_last_goal_and_a_motion_when_the_arm_s
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_arm_that_a_person_has_let_go_is_reserved_until_it_is_given_back(arms: Arms, program: Commander) -> None:
     arms.taken(Commander.HEADSET, "person", SOON)
-    with asking(client="person"):
+    with requested_by(client="person"):
         arms.let_go(RIGHT)
     arms.clock.advance(3600.0)
     with refused(CommandRefused, "arm_reserved_for_person", arm="right", who=program.value):
@@ -121,14 +122,14 @@ def test_arm_that_a_person_has_let_go_is_reserved_until_it_is_given_back(arms: A
 
 def test_person_who_falls_silent_has_let_the_arm_go(arms: Arms) -> None:
     arms.taken(Commander.DEVICE, "person", SOON)
-    with asking(client="person"):
+    with requested_by(client="person"):
         for _ in range(10):
             arms.clock.advance(SOON)
             arms.renew(RIGHT, SOON)
     assert arms.of(RIGHT).who is Commander.DEVICE
     arms.clock.advance(2.0 * SOON)
     assert (arms.of(RIGHT).who, arms.of(RIGHT).is_reserved) == (Commander.NONE, True)
-    with asking(client="person"):
+    with requested_by(client="person"):
         arms.renew(RIGHT, SOON)  # too late
     assert arms.of(RIGHT).who is Commander.NONE
     assert arms.taken(Commander.PAGE, "another person")  # a reserved arm is for people
@@ -143,7 +144,7 @@ def test_arm_that_a_person_commands_is_not_given_back(arms: Arms) -> None:
 
 def test_nobody_lets_go_what_another_one_commands(arms: Arms) -> None:
     arms.taken(Commander.DEVICE, "person")
-    with asking(client="another"):
+    with requested_by(client="another"):
         arms.let_go(RIGHT)
         arms.renew(RIGHT, inf)
         assert not arms.is_own(RIGHT)
@@ -167,7 +168,7 @@ def test_hand_overs_are_events_and_a_program_that_goes_on_is_none(arms: Arms) ->
     arms.taken(Commander.POLICY, "policy")
     assert arms.events == []
     arms.taken(Commander.HEADSET, "person")
-    with asking(client="person"):
+    with requested_by(client="person"):
         arms.let_go(RIGHT)
     arms.give_back((RIGHT,))
     arms.taken(Commander.POLICY, "policy")
@@ -195,9 +196,9 @@ def test_commands_that_move_pass_only_for_who_commands_and_a_stop_passes_always(
             pass
     with arms.passing(Commands.switch_controllers, (RIGHT, (), ("d",)), {}):  # the arm holds
         pass
-    with asking(only_holds=True), arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}):
+    with requested_by(only_holds=True), arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}):
         pass
-    with asking(client="person"), arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}):
+    with requested_by(client="person"), arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}):
         pass
     assert arms.of(RIGHT).who is Commander.DEVICE
 
@@ -226,7 +227,7 @@ def test_who_takes_an_arm_over_waits_until_a_goal_of_before_is_written(arms: Arm
 def test_both_arms_are_taken_or_none(arms: Arms, taken: Side) -> None:
     arms.taken(Commander.DEVICE, "person", side=taken)
     goals = [ControllerCommand(side, "c", JointGoal(home(side), 1, None, None)) for side in Side]
-    with asking(client="policy"):
+    with requested_by(client="policy"):
         with refused(CommandRefused, "arm_commanded_by_another", arm=taken.word):
             arms.take_all((RIGHT, LEFT), Commander.STREAM)
         with refused(CommandRefused, "arm_commanded_by_another"), arms.writing((LEFT, RIGHT), Commander.STREAM):
@@ -234,10 +235,10 @@ def test_both_arms_are_taken_or_none(arms: Arms, taken: Side) -> None:
         with refused(CommandRefused, "arm_commanded_by_another"), arms.passing(Commands.send_commands, goals, {}):
             pass
     assert arms.of(taken.other).who is Commander.NONE
-    with asking(client="person"):
+    with requested_by(client="person"):
         arms.let_go(taken)
     arms.give_back((taken,))
-    with asking(client="policy"), arms.writing((LEFT, RIGHT), Commander.STREAM):
+    with requested_by(client="policy"), arms.writing((LEFT, RIGHT), Commander.STREAM):
         assert {arms.of(side).who for side in Side} == {Commander.STREAM}
 
 
@@ -258,12 +259,12 @@ def test_those_who_write_for_both_arms_in_any_order_do_not_wait_for_each_other(a
 def test_chunk_of_a_policy_takes_its_arm_and_no_chunk_passes_while_another_one_commands(arms: Arms) -> None:
     spline = plan_chunk(RIGHT, [0.0, 0.1], np.array([home(RIGHT), home(RIGHT)]), YUMI_LIMITS)
     chunk = ControllerCommand(RIGHT, "c", FollowChunk(1, 0.0, spline))
-    with asking(client="policy"), arms.passing(Commands.take_commands, (chunk,), {}):
+    with requested_by(client="policy"), arms.passing(Commands.take_commands, (chunk,), {}):
         pass
     assert arms.of(RIGHT).who is Commander.POLICY
     arms.taken(Commander.DEVICE, "person")
     with (
-        asking(client="policy"),
+        requested_by(client="policy"),
         refused(CommandRefused, "arm_commanded_by_another"),
         arms.passing(Commands.take_commands, (chunk,), {}),
     ):

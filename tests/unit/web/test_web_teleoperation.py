@@ -145,7 +145,17 @@ def test_frames_of_a_page_that_was_shown_no_state_for_long_move_nothing(
     run(story, may_operate=True)
 
 
-def test_newest_frame_wins_while_the_driver_takes_one(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("held", "reach_the_driver"),
+    [
+        ([True, True, True, True], [4]),
+        ([True, False, False, True], [3, 4]),  # else the arm would go to where the hand went with the clutch let go
+        ([False, True, False, True], [1, 3, 4]),
+    ],
+)
+def test_newest_frame_and_each_press_of_the_clutch_wait_while_the_driver_takes_a_frame(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch, held: list[bool], reach_the_driver: list[int]
+) -> None:
     async def story(site: Site) -> None:
         async with site.page() as page:
             await page.take_control()
@@ -165,12 +175,12 @@ def test_newest_frame_wins_while_the_driver_takes_one(driver: FakeDriver, monkey
             frames = [first + (1 + count) / RATE for count in range(5)]
             await page.send(type="teleoperate", frame={"time": frames[0], "right": at(0.0)})
             await eventually(lambda: len(taken) == 1)
-            for time in frames[1:]:
-                await page.send(type="teleoperate", frame={"time": time, "right": at(0.0)})
+            for time, is_held in zip(frames[1:], held, strict=True):
+                await page.send(type="teleoperate", frame={"time": time, "right": {**at(0.0), "clutch": is_held}})
             assert (await pair(page, ""))["type"] == "failed"  # the server has read them all
             may_go_on.set()
             await page.until("teleoperated", lambda message: message["time"] == frames[-1])
-            assert taken == [frames[0], frames[-1]]
+            assert taken == [frames[number] for number in (0, *reach_the_driver)]
 
     run(story, may_operate=True)
 

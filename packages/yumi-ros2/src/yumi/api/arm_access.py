@@ -13,7 +13,7 @@ from abb_protocols.robot.joints import Side
 from abb_runtime.clock import Clock
 from yumi.api.motion_registry import Motion, MotionRegistry
 from yumi.control.controllers.joint_goal import StopMotion
-from yumi.control.hand_over import asking
+from yumi.control.hand_over import requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
@@ -103,7 +103,7 @@ class ArmAccess:
             The motions to standstill.
         """
         moving = [side for side in sides if self.control.snapshot(side).is_commanded]
-        with asking(only_holds=True):
+        with requested_by(only_holds=True):
             self.activate(moving, GOAL_CONTROLLER)
         motions = tuple(self.motions.begin(side) for side in moving)
         return self.send(

@@ -205,13 +205,11 @@ class MotionExecutor(ArmStreams):
         """
         for side in paths:
             self.check_has(side, CARTESIAN_CONTROLLER)
-        anew = self.control.hand_over.take_all(paths, Commander.TRAJECTORY, None)
-        self.bring_to_rest([side for side in paths if self.is_moving(side)])
 
         def plan(starts: Mapping[Side, Joints]) -> Mapping[Side, ArmPlan]:
             return plan_tool_motions(paths, starts, self.limits, self.tool_limits)
 
-        return self._follow_plans(Commander.TRAJECTORY, CARTESIAN_CONTROLLER, tuple(paths), plan, check, anew)
+        return self._follow_plans(Commander.TRAJECTORY, CARTESIAN_CONTROLLER, tuple(paths), plan, check, from_rest=True)
 
     def _follow_plans(
         self,
@@ -220,17 +218,20 @@ class MotionExecutor(ArmStreams):
         sides: Sequence[Side],
         plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]],
         check: Callable[[], None],
-        anew: frozenset[Side] = frozenset(),
+        *,
+        from_rest: bool = False,
     ) -> tuple[Motion, ...]:
         """Have a controller of each arm follow what ``plan`` makes of where the arms stand.
 
-        It begins anew on the arms ``anew``, and on those that another client commanded last: what that client sent
-        before does not go on afterwards.
+        Where another client commanded an arm last, what that client sent before does not go on afterwards. With
+        ``from_rest`` arms that move come to rest first.
         """
         for side in sides:
             self.check_follows(side)
-        anew |= self.control.hand_over.take_all(sides, kind, None)
-        self.take_over(sides, name, anew)
+        handed_over = self.control.hand_over.take_all(sides, kind, None)
+        if from_rest:
+            self.bring_to_rest([side for side in sides if self.is_moving(side)])
+        self.take_over(sides, name, anew=handed_over)
         for side in sides:
             self.streaming.pop(side, None)
         before = {side: self.control.snapshot(side).command_epoch for side in sides}

@@ -26,9 +26,10 @@ from yumi.control.goals import (
     write_goal,
     write_speeds,
 )
-from yumi.control.hand_over import NEAR, Blend, Commander, asking, is_person_asking
+from yumi.control.hand_over import Commander, is_person_requesting, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
+from yumi.control.motion.stream_begin import NEAR, Blend
 from yumi.control.shared_state import Deadline
 from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
@@ -167,7 +168,7 @@ class ArmStreams(ArmAccess):
         is_known = self.streaming.get(side) == (STREAM_CONTROLLER, snapshot.session, snapshot.activation)
         if begun is None or begun.client != owner or not is_known:
             return
-        with asking(client=owner):
+        with requested_by(client=owner):
             if not self.control.hand_over.is_foreign(side):
                 self.stop((side,))
                 self.control.hand_over.let_go(side)
@@ -239,7 +240,7 @@ class ArmStreams(ArmAccess):
         return is_first
 
     def _check_owner(self, side: Side, owner: object) -> None:
-        if is_person_asking():  # a person takes an arm from a program that jogs it
+        if is_person_requesting():  # a person takes an arm from a program that jogs it
             self.control.hand_over.check(side, Commander.STREAM)
             return
         last = self._jogs.get(side)
@@ -254,7 +255,7 @@ class ArmStreams(ArmAccess):
             if last is None or last.owner is not owner:
                 return
             last = self._jogs[side] = last._replace(owner=None)
-            with asking(client=owner):
+            with requested_by(client=owner):
                 # A person's next press of a key may follow at once: the arm is let go when none has.
                 if not self.control.hand_over.of(side).who.is_person:
                     self.control.hand_over.let_go(side)

@@ -2,7 +2,7 @@
 
 It decides in the driver's process, through which every command passes: those of controllers go through
 :meth:`HandOver.passing`, goals of streams are written inside :meth:`HandOver.writing`. A control process that starts
-again finds arms that none commands. How a newcomer's motion begins is decided here, too: see :class:`Blend`.
+again finds arms that none commands.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, Joints, Side, joints
+from abb_protocols.robot.joints import Side
 from yumi.control.chunk_commands import FollowChunk
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import StopMotion
@@ -37,9 +37,6 @@ from yumi.control.loop_events import (
     SessionStarted,
 )
 from yumi.control.trajectory_commands import CancelTrajectory
-
-NEAR = 0.1
-"""A stream may begin so far from where the arm is sent [rad]: the arm is there in a moment, within its limits."""
 
 MOTION_BEGINS = 0.2
 """A motion that was asked for is seen to move the arm, or to be over, within this time [s]."""
@@ -99,8 +96,8 @@ class Commanding:
     refused: Message | None = None
 
 
-class Asker(NamedTuple):
-    """Who asks for what is done on this thread.
+class Requester(NamedTuple):
+    """The client that requests what is done on this thread.
 
     Attributes:
         who: None is what the kind of the motion says, such as a stream.
@@ -115,24 +112,24 @@ class Asker(NamedTuple):
     only_holds: bool = False
 
 
-_asker: ContextVar[Asker] = ContextVar("asker", default=Asker())  # noqa: B039 - it is frozen
+_requester: ContextVar[Requester] = ContextVar("requester", default=Requester())  # noqa: B039 - it is frozen
 
 
 @contextmanager
-def asking(
+def requested_by(
     who: Commander | None = None, client: Hashable = None, name: str = "", *, only_holds: bool = False
 ) -> Iterator[None]:
-    """Have what is done inside be asked for by ``who``, see :class:`Asker`."""
-    token = _asker.set(Asker(who, client, name, only_holds))
+    """Have what is done inside be asked for by ``who``, see :class:`Requester`."""
+    token = _requester.set(Requester(who, client, name, only_holds))
     try:
         yield
     finally:
-        _asker.reset(token)
+        _requester.reset(token)
 
 
-def is_person_asking() -> bool:
-    """Whether who asks on this thread is a person."""
-    who = _asker.get().who
+def is_person_requesting() -> bool:
+    """Whether the requester on this thread is a person."""
+    who = _requester.get().who
     return who is not None and who.is_person
 
 
@@ -183,7 +180,7 @@ class HandOver:
     # ---- taking over
 
     def take(self, side: Side, kind: Commander, lasts: float | None = IDLE) -> bool:
-        """Have who asks command an arm, or go on to.
+        """Have the requester command an arm, or go on to.
 
         Args:
             side: the arm.
@@ -201,7 +198,7 @@ class HandOver:
             return self._take(side, kind, lasts)
 
     def take_all(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> frozenset[Side]:
-        """Have who asks command arms, or go on to: all of them, or none.
+        """Have the requester command arms, or go on to: all of them, or none.
 
         Args:
             sides: the arms.
@@ -221,10 +218,10 @@ class HandOver:
             return frozenset(side for side in ordered if self.take(side, kind, lasts))
 
     def check(self, side: Side, kind: Commander) -> None:
-        """See that who asks could take an arm; nothing is taken. Raises as :meth:`take`."""
-        asker = _asker.get()
+        """See that the requester could take an arm; nothing is taken. Raises as :meth:`take`."""
+        requester = _requester.get()
         with self._reporting():
-            self._check(side, self._current(side).command, asker.who or kind, asker.client)
+            self._check(side, self._current(side).command, requester.who or kind, requester.client)
 
     @contextmanager
     def writing(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:
@@ -239,9 +236,9 @@ class HandOver:
             yield
 
     def was_of_another(self, side: Side) -> bool:
-        """Whether a person, or another client than the one who asks, commanded an arm last."""
+        """Whether a person, or another client than the requester, commanded an arm last."""
         who, client = self._before.get(side, (Commander.NONE, None))
-        return who is not Commander.NONE and (who.is_person or client != _asker.get().client)
+        return who is not Commander.NONE and (who.is_person or client != _requester.get().client)
 
     @contextmanager
     def holding(self, side: Side, kind: Commander) -> Iterator[None]:
@@ -261,43 +258,45 @@ class HandOver:
         Raises:
             CommandRefused: as :meth:`take`.
         """
-        asker = _asker.get()
+        requester = _requester.get()
         with ExitStack() as gates:
             if command in (Commands.send_commands, Commands.take_commands):
                 given = [each for each in args if isinstance(each, ControllerCommand)]
                 moved = {each.side: each.message for each in given if not isinstance(each.message, STOPS)}
-                kinds = {side: self._kind_of_motion(side, moved[side], asker) for side in self._entered(gates, moved)}
+                kinds = {
+                    side: self._kind_of_motion(side, moved[side], requester) for side in self._entered(gates, moved)
+                }
                 for side, kind in kinds.items():
                     self.check(side, kind)
                 for side, kind in kinds.items():
                     self.take(side, kind, None)
-            elif command is Commands.switch_controllers and not asker.only_holds:
+            elif command is Commands.switch_controllers and not requester.only_holds:
                 named = signature(command).bind(None, *args, **options).arguments
                 for side in self._entered(gates, {named["side"]} if named.get("activate") else set()):
-                    self._check_switch(side, asker)
+                    self._check_switch(side, requester)
             yield
 
     def is_foreign(self, side: Side) -> bool:
-        """Whether another client than the one who asks commands an arm."""
+        """Whether another client than the requester commands an arm."""
         command = self.of(side)
-        return command.who is not Commander.NONE and command.client != _asker.get().client
+        return command.who is not Commander.NONE and command.client != _requester.get().client
 
     def is_own(self, side: Side) -> bool:
-        """Whether who asks commands an arm."""
+        """Whether the requester commands an arm."""
         return self.of(side).who is not Commander.NONE and not self.is_foreign(side)
 
     def renew(self, side: Side, lasts: float) -> None:
-        """Have the command of who asks last for a time [s] from now, if the asker commands the arm."""
+        """Have the command of the requester last for a time [s] from now, if the requester commands the arm."""
         with self._reporting():
             held = self._current(side)
-            if held.command.who is not Commander.NONE and held.command.client == _asker.get().client:
+            if held.command.who is not Commander.NONE and held.command.client == _requester.get().client:
                 self._held[side] = held._replace(until=self._now() + lasts)
 
     def let_go(self, side: Side) -> None:
-        """End the command of who asks, if the asker commands the arm; a person's arm is reserved then."""
+        """End the command of the requester, if the requester commands the arm; a person's arm is reserved then."""
         with self._reporting():
             held = self._current(side)
-            if held.command.who is not Commander.NONE and held.command.client == _asker.get().client:
+            if held.command.who is not Commander.NONE and held.command.client == _requester.get().client:
                 self._end(side, held)
 
     def give_back(self, sides: Sequence[Side]) -> tuple[Side, ...]:
@@ -333,18 +332,18 @@ class HandOver:
     # ---- with the lock
 
     def _take(self, side: Side, kind: Commander, lasts: float | None) -> bool:
-        asker, held, now = _asker.get(), self._current(side), self._now()
-        who, command = asker.who or kind, held.command
+        requester, held, now = _requester.get(), self._current(side), self._now()
+        who, command = requester.who or kind, held.command
         until, is_motion = now + (MOTION_BEGINS if lasts is None else lasts), lasts is None or not who.is_person
-        if command.who is who and command.client == asker.client:
+        if command.who is who and command.client == requester.client:
             self._held[side] = held._replace(until=until, is_motion=is_motion)
             return False
-        self._check(side, command, who, asker.client)
-        before = self._before.get(side, (who, asker.client))
-        self._before[side] = (who, asker.client)
-        new = Commanding(who, asker.client, asker.name or self.own_name, now, command.is_reserved)
+        self._check(side, command, who, requester.client)
+        before = self._before.get(side, (who, requester.client))
+        self._before[side] = (who, requester.client)
+        new = Commanding(who, requester.client, requester.name or self.own_name, now, command.is_reserved)
         self._held[side] = _Held(new, until, is_motion)
-        is_handed_over = before[1] != asker.client or before[0].is_person != who.is_person
+        is_handed_over = before[1] != requester.client or before[0].is_person != who.is_person
         if who.is_person or is_handed_over:
             self._events.append(CommanderChanged(side, who.value, new.name, command.who.value))
         return is_handed_over
@@ -362,20 +361,20 @@ class HandOver:
             self._held[side] = held._replace(command=replace(command, refused=refusal))
             raise CommandRefused(refusal)
 
-    def _kind_of_motion(self, side: Side, motion: object, asker: Asker) -> Commander:
-        """Of a motion without a kind of its own: that of who asks, where that one commands a motion already."""
+    def _kind_of_motion(self, side: Side, motion: object, requester: Requester) -> Commander:
+        """Of a motion without a kind of its own: that of the requester, where that one commands a motion already."""
         if isinstance(motion, FollowChunk):
             return Commander.POLICY
         command = self.of(side)
-        is_known = command.client == asker.client and command.who in (Commander.PLANNER, Commander.POLICY)
+        is_known = command.client == requester.client and command.who in (Commander.PLANNER, Commander.POLICY)
         return command.who if is_known else Commander.TRAJECTORY
 
-    def _check_switch(self, side: Side, asker: Asker) -> None:
+    def _check_switch(self, side: Side, requester: Requester) -> None:
         """Controllers begin where the arm is measured: a person's arm is left alone by them, too."""
         with self._reporting():
             command = self._current(side).command
-            if command.is_reserved or (command.who.is_person and command.client != asker.client):
-                self._check(side, command, asker.who or Commander.TRAJECTORY, asker.client)
+            if command.is_reserved or (command.who.is_person and command.client != requester.client):
+                self._check(side, command, requester.who or Commander.TRAJECTORY, requester.client)
 
     def _current(self, side: Side) -> _Held:
         """What holds now: a command that is over is ended."""
@@ -415,38 +414,3 @@ class HandOver:
         finally:
             for event in events:
                 self._on_event(event)
-
-
-class Blend:
-    """How a stream of joint positions begins that is not where the arm is sent: what lies between fades away.
-
-    Args:
-        sent: where the arm is sent [rad], (7,).
-        first: the stream's first goal [rad], (7,).
-        seconds: the stream is followed as it is after this time [s]; 0 follows it so at once.
-    """
-
-    def __init__(self, sent: Joints, first: Joints, seconds: float) -> None:
-        self._offset: Joints = joints([a - b for a, b in zip(sent, first, strict=True)])
-        self._seconds = seconds
-
-    def at(self, goal: Joints, time: float, velocity: Joints = ZERO) -> tuple[Joints, Joints]:
-        """A goal of the stream, ``time`` [s] after its begin, as the arm is sent there.
-
-        Args:
-            goal: position [rad], (7,).
-            time: below 0 counts as 0.
-            velocity: that of the stream there [rad/s], (7,); NaN where it is not known, and is not known then.
-
-        Returns:
-            Position [rad] and velocity [rad/s], (7,) each.
-        """
-        share = min(1.0, max(0.0, time / self._seconds)) if self._seconds > 0.0 else 1.0
-        if share == 1.0:
-            return goal, velocity
-        left = 1.0 - share**3 * (10.0 - 15.0 * share + 6.0 * share * share)  # no step in speed or acceleration
-        fades = -30.0 * (share * (1.0 - share)) ** 2 / self._seconds  # [1/s]
-        return (
-            joints([to + left * by for to, by in zip(goal, self._offset, strict=True)]),
-            joints([speed + fades * by for speed, by in zip(velocity, self._offset, strict=True)]),
-        )

@@ -18,7 +18,7 @@ from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.gripper import MAX_FORCE, TRAVEL, Direction, go_to, grip
 from abb_protocols.robot.joints import Pose, Side
-from yumi.control.hand_over import Commander, asking
+from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
     EVERYWHERE,
@@ -535,7 +535,7 @@ def carry_out(command: Command[R], robot: CommandedRobot, caller: Caller = Calle
     try:
         command.check()
         robot.check_arms(command.needed_arms(robot))
-        with asking(caller.commander, caller.client, caller.name):
+        with requested_by(caller.commander, caller.client, caller.name):
             return command.run(robot, caller)
     finally:
         if command.lane not in (Lane.READ, Lane.JOG):

@@ -9,7 +9,7 @@ from abb_protocols.catalogue import Message, clause, message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import Clock, wait_until
-from yumi.control.hand_over import asking
+from yumi.control.hand_over import requested_by
 from yumi.control.loop_commands import CommandPort, Commands
 from yumi.control.loop_events import (
     ControllersLate,
@@ -172,7 +172,7 @@ class EgmControl:
         default = (self._default,)
         names = self._deactivated.get(side, default)
         self._bringup.step(f"activate {', '.join(names)} on the {side.word} arm")
-        with asking(only_holds=True):  # an arm that is reserved for a person may have its session back
+        with requested_by(only_holds=True):  # an arm that is reserved for a person may have its session back
             try:
                 self._control.call(Commands.switch_controllers, side, names)
             except CommandRefused as error:

@@ -18,7 +18,7 @@ from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import Clock
-from yumi.control.hand_over import Commander, HandOver, asking
+from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.shared_state import Snapshots
 from yumi.driver.device_frame import ClutchWord, DeviceFrame, TeleoperatedArmReport, TeleoperationReport
 from yumi.driver.gripper_follower import GripperFollower
@@ -130,7 +130,7 @@ class Teleoperation:
         Raises:
             CommandRefused: another operator's device moves the arms.
         """
-        with asking(who, operator, who.value):
+        with requested_by(who, operator, who.value):
             return self._take(frame, operator, elsewhere, who)
 
     def _take(
@@ -154,7 +154,7 @@ class Teleoperation:
                 steps |= self._move(frame, now, made_at)
             presses = {side: self._arms[side].press for side in steps}
         for side, step in steps.items():
-            self._carry_out(side, step, presses[side], elsewhere, partial(asking, who, operator, who.value))
+            self._carry_out(side, step, presses[side], elsewhere, partial(requested_by, who, operator, who.value))
         with self._lock:
             return self._report()
 
@@ -185,7 +185,7 @@ class Teleoperation:
         with self._lock:
             is_operator = operator is self._operator
             steps = self._end_all(message("teleoperation_link_lost")) if is_operator else {}
-        with asking(client=operator):
+        with requested_by(client=operator):
             for side in steps:
                 self._brake(side)
                 self._control.hand_over.let_go(side)

@@ -30,9 +30,10 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ZERO, Joints, Side, finger_names, joint_names
 from yumi.control.controllers.forward_command import FORWARDERS
 from yumi.control.goals import CONFIGURED_DELAY, GoalBuffer, GoalKind, write_goal, write_speeds
-from yumi.control.hand_over import NEAR, Commander, HandOver
+from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import Commands
 from yumi.control.motion.setpoint import largest_difference
+from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper_follower import closed_of
