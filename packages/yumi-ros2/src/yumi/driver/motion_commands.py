@@ -273,7 +273,7 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
     A move that is being carried out goes first, but a person takes the arm over from a program's.
     """
     try:
-        if not robot.moving.acquire(blocking=False) and not _is_taken_from_program(robot, caller, side):
+        if not robot.moving.acquire(blocking=False) and not _acquire_from_program(robot, caller, side):
             raise CommandRefused(message("another_move_under_way"))
         try:
             caller.check()
@@ -286,8 +286,8 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
     return ""
 
 
-def _is_taken_from_program(robot: CommandedRobot, caller: Caller, side: Side) -> bool:
-    """Have a person command an arm that a program's move commands, which ends; whether ``robot.moving`` is held now.
+def _acquire_from_program(robot: CommandedRobot, caller: Caller, side: Side) -> bool:
+    """Acquire ``robot.moving`` for a person who takes an arm over from a program's move, which ends; whether it is held.
 
     A program that commands no arm at this moment may be about to, or have just done so: it is waited for briefly.
     """
@@ -313,7 +313,7 @@ def _move(
     if not sides:
         raise CommandRefused(message("no_arm_has_goal"))
     is_free = robot.moving.acquire(blocking=False)
-    if not is_free and not any(_is_taken_from_program(robot, caller, side) for side in sides):
+    if not is_free and not any(_acquire_from_program(robot, caller, side) for side in sides):
         raise CommandRefused(message("another_move_under_way"))
     try:
         before = {side: robot.mover.commanding(side) for side in sides}
