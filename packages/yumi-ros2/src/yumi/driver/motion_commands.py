@@ -287,7 +287,7 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
 
 
 def _acquire_from_program(robot: CommandedRobot, caller: Caller, side: Side) -> bool:
-    """Acquire ``robot.moving`` for a person who takes an arm over from a program's move, which ends; whether it is held.
+    """Acquire ``robot.moving`` for a person who takes an arm over from a program's move, which ends; whether held.
 
     A program that commands no arm at this moment may be about to, or have just done so: it is waited for briefly.
     """
