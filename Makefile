@@ -66,7 +66,7 @@ test: parts-of-tests check
 # tests share. What measures or loads the machine has the machine to itself.
 REAL_TIME = (ros or real_time) and not soak
 test-real-time: parts-of-tests
-	.venv/bin/python -m pytest --numprocesses 2 --dist loadgroup --no-loadscope-reorder -m '$(REAL_TIME) and not alone' $(ARGS)
+	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m '$(REAL_TIME) and not alone' $(ARGS)
 	.venv/bin/python -m pytest -m '$(REAL_TIME) and alone' $(ARGS)
 
 # The long forms of tests, properties with a thousand examples each, with what they tell meanwhile.

@@ -48,16 +48,12 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     shutil.rmtree(config.stash[_RUNTIME])
 
 
-@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long tests run only where they are selected, see ``make soak``; random words have no wording to look at."""
     if config.getoption("random_words"):
         for item in items:
             if item.get_closest_marker("words"):
                 item.add_marker(pytest.mark.skip(reason="looks at the catalogue's own words, which are random now"))
-    for item in items:
-        if item.get_closest_marker("xdist_group") is None:  # ``make test-real-time``: a file starts its robot once
-            item.add_marker(pytest.mark.xdist_group(item.path.name))
     if "soak" not in config.option.markexpr:  # another -m takes the place of the usual one
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("soak")])
         items[:] = [item for item in items if not item.get_closest_marker("soak")]

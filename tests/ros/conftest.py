@@ -19,16 +19,12 @@ from abb_runtime.process.command import Command
 HERE = Path(__file__).parent
 
 
-@pytest.hookimpl(tryfirst=True)  # as in tests/conftest.py, and before that
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Who shares the driver comes last: it has the names of the nodes that others make themselves.
 
     Before them come those that have a driver of their own, since two would refuse each other.
     """
     items.sort(key=_place)
-    for item in items:
-        if _place(item) == 2:
-            item.add_marker(pytest.mark.xdist_group("the driver that tests share"))
 
 
 def _place(item: pytest.Item) -> int:
