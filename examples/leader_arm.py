@@ -9,7 +9,7 @@ servos of a GELLO. With a driver that runs:
 import time
 from math import cos
 
-from yumi.api.devices import LeaderReading
+from yumi.api.teleoperation_devices import LeaderReading
 
 
 class Played:

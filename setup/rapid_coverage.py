@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from virtual_irc5.rapid import ROBOTWARE_NAMES
-from virtual_irc5.rapid.library import Library, Support
+from virtual_irc5.rapid.rapid_library import Library, Support
 from virtual_irc5.world import World
 
 ROOT = Path(__file__).resolve().parent.parent

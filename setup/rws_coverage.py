@@ -13,7 +13,7 @@ import sys
 from collections.abc import Mapping, Sequence
 
 from abb_protocols.rws.operations.operation import Operation, Values
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.version_2 import RwsService2
 from virtual_irc5.world import World
 

@@ -21,7 +21,7 @@ from abb_protocols.robot.joints import (
     joint_names,
     joints,
 )
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from reported_limiter import ReportedLimiter
 from yumi.control.controller import Controller, Sampled
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController

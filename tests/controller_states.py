@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TypeVar
 
 from abb_protocols.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names, joints
-from abb_runtime.settings import Value
+from abb_runtime.parameters import Value
 from yumi.control.controller import Controller
 
 AnyController = TypeVar("AnyController", bound=Controller)

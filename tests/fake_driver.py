@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from abb_protocols.errors import CommandRefused, RobotNotReady, StopNotConfirmed
-from abb_protocols.robot.gripper import GripperGoal, GripperState, Outcome, ServoState
+from abb_protocols.robot.gripper_values import GripperGoal, GripperState, Outcome, ServoState
 from abb_protocols.robot.joints import Pose, Side, home
-from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from fake_robot import FakeRobot
 from yumi.control.shared_state import JointStates
 from yumi.driver.command import CommandedRobot

@@ -11,7 +11,7 @@ from yumi.control.limiter import Limiter
 from yumi.control.limiter_state import LimiterEvent
 from yumi.core.library import load
 from yumi.driver.egm_arm import EgmArm
-from yumi.egm.session import Session
+from yumi.egm.egm_session import Session
 
 _EVER = 1e9  # [s] no session ends for its silence
 

@@ -11,10 +11,10 @@ from abb_protocols.robot.inverse_kinematics import arm_angle
 from abb_protocols.robot.kinematics import tool0_to_body
 from abb_protocols.rws.documents import FORM_TYPE, decode_form
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.types import GRANTS, Grant, OperatingMode
+from abb_protocols.rws.values import GRANTS, Grant, OperatingMode
 from digest_client import authorization
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.world import World
 
 USER, PASSWORD = "Default User", "robotics"

@@ -12,7 +12,7 @@ from math import radians
 
 from tracking_runs import follow_sine
 
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from yumi.control.motion.robot_response import DELAY
 from yumi_evaluation.virtual_time import PlannedSine
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from tracking_runs import FULL_SPEED_LIMITS, Run, Stream, draw_runs, follow
 
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from yumi_evaluation.experiments import AXIS_6, FEED_FORWARD, Sine, Step
 
 DURATION = 17.0

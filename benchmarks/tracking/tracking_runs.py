@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from yumi.control.limiter import Limiter
 from yumi_evaluation.experiments import AXIS_6, Mode, Sine, Step
 from yumi_evaluation.metrics import minimum

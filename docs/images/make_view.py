@@ -21,7 +21,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from yumi.api.attach import attach
 from yumi.web.page_build import run_script
 

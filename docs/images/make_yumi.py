@@ -25,9 +25,9 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 import yumi
-from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.gripper_values import GripperState, ServoState
 from abb_protocols.robot.joints import POSES, ZERO, Joints, Side, joints
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from yumi.control.flight_recorder import Frame
 from yumi.control.stage_times import StageTimes
 from yumi.recording.writer import RecordingWriter

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import virtual_irc5.controller
-from abb_protocols.rws.types import CollisionState, ControllerState, OperatingMode, SignalType
+from abb_protocols.rws.values import CollisionState, ControllerState, OperatingMode, SignalType
 from abb_runtime.clock import ManualClock
 from virtual_irc5.controller.file_store import FileStore
 from virtual_irc5.controller.identity import Identity, OwnSettings
@@ -20,13 +20,13 @@ from virtual_irc5.controller_log import EventLog, Refusal, Refused
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.mechanics.units import YUMI_UNITS, MotionSystemState
 from virtual_irc5.rapid.devices import FlexPendant, MessageQueues
-from virtual_irc5.rapid.library import Library
 from virtual_irc5.rapid.pauses import StepKind
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Execution
 from virtual_irc5.rapid.task import ModuleInfo
 from virtual_irc5.rapid.types import RapidValueError, UnknownSymbol
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import Upgrade
 from virtual_irc5.system_parameters import Configuration, Instance
 

@@ -15,7 +15,7 @@ from state_machine_bench import ARMS, Bench
 
 from abb_protocols.egm.codec import MciState, MotorState
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, home
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, SUPERVISED, EgmLoop, OpenLimiter
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_client import EgmOutcome

@@ -24,7 +24,7 @@ from abb_protocols.egm import egm_pb2 as pb
 from abb_protocols.egm.codec import MciState, MotorState, RobotCodec
 from abb_protocols.robot.joints import CYCLE, Side
 from abb_protocols.robot.kinematics import quaternion_from_euler_zyx
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from virtual_irc5.mechanics.egm_client import EgmOptions, EgmOutcome, InvalidReference
 from virtual_irc5.mechanics.egm_motion import EgmActivation, ExternalMotionData
 

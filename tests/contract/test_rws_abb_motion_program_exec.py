@@ -19,7 +19,7 @@ from rws_bench import PASSWORD, USER
 from abb_protocols.robot.joints import Side
 from virtual_irc5.controller.installed_system import System
 from virtual_irc5.http_server import HttpServer
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.world import World, WorldSettings
 
 mpx = pytest.importorskip(

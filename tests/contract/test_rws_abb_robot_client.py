@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from rws_bench import PASSWORD, USER
 
-from abb_protocols.rws.types import OperatingMode
+from abb_protocols.rws.values import OperatingMode
 from virtual_irc5.http_server import HttpServer
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.world import World
 
 rws = pytest.importorskip("abb_robot_client.rws", reason="needs abb-robot-client")

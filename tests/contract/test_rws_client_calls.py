@@ -13,7 +13,7 @@ from abb_protocols.errors import CommandRefused, ControllerRefused
 from abb_protocols.rws.documents import Event, Signal
 from abb_protocols.rws.operations.modules import ModuleInfo
 from abb_protocols.rws.operations.rapid import TaskInfo
-from abb_protocols.rws.types import (
+from abb_protocols.rws.values import (
     ControllerState,
     EventType,
     ExecutionState,

@@ -18,7 +18,7 @@ from contract.rws_bench import PASSWORD, PlainController, serving
 from refusals import assert_says, refused
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from yumi.driver.settings import RobotSettings
 
 HTML = (("Content-Type", "text/html"),)

@@ -16,7 +16,7 @@ from abb_protocols.rws.operations import motion
 from abb_protocols.rws.operations.motion import Coordinates, Increment, JogMode, Supervision
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.rapid import Range, RunCycle
-from abb_protocols.rws.types import Code, OperatingMode, SignalType
+from abb_protocols.rws.values import Code, OperatingMode, SignalType
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import OPERATING_MODE, RwsClient

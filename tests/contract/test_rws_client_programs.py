@@ -11,7 +11,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
 from abb_protocols.robot.joints import CYCLE
 from abb_protocols.rws.documents import FileInfo
-from abb_protocols.rws.types import Code, ControllerState, ExecutionState
+from abb_protocols.rws.values import Code, ControllerState, ExecutionState
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.session import RwsRequest

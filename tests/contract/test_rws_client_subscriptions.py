@@ -10,7 +10,7 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
-from abb_protocols.rws.types import OperatingMode, Priority, Resource
+from abb_protocols.rws.values import OperatingMode, Priority, Resource
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws import client as rws
 from abb_runtime.rws.client import Change, RwsClient
@@ -19,7 +19,7 @@ from memory_http import MemoryHttp
 from refusals import refused
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import POLL_PERIOD, Upgrade
 
 SIGNAL = rws.signal_state("EGM_START_JOINT")

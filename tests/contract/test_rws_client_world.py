@@ -9,11 +9,11 @@ from math import degrees
 import pytest
 
 from abb_protocols.robot.joints import Side, home
-from abb_protocols.rws.types import ControllerState, ExecutionState, TaskExecution
+from abb_protocols.rws.values import ControllerState, ExecutionState, TaskExecution
 from abb_runtime.rws.client import RwsClient
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.world import World
 
 TASKS = ("T_ROB_R", "T_ROB_L")

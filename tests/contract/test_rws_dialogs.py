@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from abb_protocols.catalogue import message
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from virtual_irc5.http_server import HttpServer
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.world import World
 from yumi.cli.main import main
 

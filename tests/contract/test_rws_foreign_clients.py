@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from abb_protocols.rws.types import EventType, OperatingMode
+from abb_protocols.rws.values import EventType, OperatingMode
 from digest_client import authorization
 from rws_examples import PASSWORD, USER, Session
 from rws_examples_2 import Session2

@@ -3,7 +3,7 @@
 import pytest
 from state_machine_bench import ARMS, Bench
 
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Side
 from virtual_irc5.mechanics.virtual_gripper import Workpiece
 from virtual_irc5.world import WorldSettings

@@ -4,7 +4,7 @@ import pytest
 from state_machine_bench import ARMS, Bench
 
 from abb_protocols.robot.joints import Side, home
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from virtual_irc5.controller_log import Refusal, Refused
 
 EDGES = ("EGM_START_JOINT", "EGM_START_POSE", "EGM_START_STREAM", "EGM_STOP", "EGM_STOP_STREAM")

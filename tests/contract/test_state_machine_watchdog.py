@@ -6,7 +6,7 @@ import pytest
 from state_machine_bench import ARMS, Bench
 
 from abb_protocols.robot.joints import CYCLE, Joints, Side, home
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 
 WATCHDOG = "HOME:/yumi/TRobWatchdog.mod"
 RAMP = 0.2

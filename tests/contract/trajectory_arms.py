@@ -7,7 +7,7 @@ from typing import Protocol
 
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 from abb_runtime.clock import ManualClock
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from controller_arms import LimitedArm, PerfectArm
 from reported_limiter import ReportedLimiter
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from doc_pages import ROOT, Fence, read
 
-from abb_runtime.process.command import CONTROLLER_READY, DRIVER_READY
+from abb_runtime.process.command_process import CONTROLLER_READY, DRIVER_READY
 from abb_runtime.udp import free_port
 from free_ports import free_tcp_port
 

@@ -10,7 +10,7 @@ import pytest
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, joints
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from egm_loop import EgmLoop
 from soak import long, short
 from trajectories import planned

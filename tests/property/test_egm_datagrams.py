@@ -28,8 +28,8 @@ from abb_protocols.egm.codec import (
 )
 from abb_protocols.errors import ProtocolError
 from abb_protocols.robot.joints import Joints
+from yumi.egm.egm_session import SensorSession
 from yumi.egm.joint_codec import JointCodec, JointReport
-from yumi.egm.session import SensorSession
 
 LONG_SILENCE = 1.0  # [s] after which a datagram begins a session whatever the clock of its robot is
 COUNT = int(os.environ.get("YUMI_EGM_DATAGRAMS", "20000"))

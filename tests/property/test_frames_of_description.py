@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Side, finger_names, joint_names, set_prefix
 from abb_protocols.robot.kinematics import tool0_to_body
 from abb_protocols.robot.urdf import read_frames, robot_description

@@ -36,7 +36,7 @@ from yumi.control.loop_events import ImplausibleFeedback, ProblemOver, Reference
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.shared_state import Problem
 from yumi.driver.settings import EgmSettings
-from yumi.egm.session import SILENCE
+from yumi.egm.egm_session import SILENCE
 
 VELOCITY_CONTROLLER = "joint_velocity_controller"
 OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)

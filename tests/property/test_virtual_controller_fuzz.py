@@ -19,10 +19,10 @@ from abb_protocols.rws.operations.operation import get
 from digest_client import authorization
 from soak import FUZZ_PROGRAMS, FUZZ_REQUESTS
 from virtual_irc5.rapid.states import Execution
-from virtual_irc5.rws import service as rws_service
+from virtual_irc5.rws import rws_service
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.router import Route, Router
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.world import World
 
 # Programs

@@ -14,7 +14,7 @@ from robot_manager_bench import RobotManagerRig
 from ros_bench import TIMEOUT, Client, Robot, rclpy
 from std_srvs.srv import Trigger
 
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 
 HERE = Path(__file__).parent
 

@@ -45,7 +45,7 @@ def sizes(session: int) -> Sizes:
     """Those of the processes that live now.
 
     Args:
-        session: number of the process that began it, as ``abb_runtime.process.command`` starts each.
+        session: number of the process that began it, as ``abb_runtime.process.command_process`` starts each.
     """
     all_of_them = [Sizes(0, 0, 0, 0)]
     for folder in Path("/proc").glob("[0-9]*"):

@@ -15,7 +15,7 @@ from ros_bench import Client, rclpy
 
 from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from abb_runtime.clock import SystemClock, wait_until
 from yumi.control.hand_over import HandOver
 from yumi.driver.command import CommandedRobot

@@ -18,7 +18,7 @@ from rcl_interfaces.msg import Log
 from rclpy.executors import Executor, SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.udp import free_port
 from free_ports import free_tcp_port
 

@@ -18,11 +18,11 @@ from yumi_interfaces.msg import RobotState
 from yumi_interfaces.srv import LoadModule, ReadSignal, ReadVariable, SetSpeedRatio, WriteSignal
 
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
-from abb_protocols.robot.gripper import Outcome, outcome_of
+from abb_protocols.robot.gripper_values import Outcome, outcome_of
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
 from abb_runtime.clock import SystemClock
 from yumi.driver.robot_state import Mode
-from yumi.ros.gripper import FAILURE, FAILURES
+from yumi.ros.gripper_actions import FAILURE, FAILURES
 from yumi.ros.messages import LATCHED
 
 _POLL = 0.05  # [s]

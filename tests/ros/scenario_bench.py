@@ -24,7 +24,7 @@ from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import CYCLE, Joints, Side, joints
 from abb_runtime.clock import SystemClock
 from abb_runtime.faults import Fault
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.rws.client import RwsClient
 from yumi.cli.fault import fault as fault_command
 from yumi.control.flight_recorder import Frame

@@ -33,7 +33,7 @@ from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
 from abb_protocols.robot.urdf import robot_description
 from abb_runtime.clock import SystemClock
-from abb_runtime.settings import Entry, Parameter, Values
+from abb_runtime.parameters import Entry, Parameter, Values
 from controller_arms import LimitedArm, PerfectArm
 from reported_limiter import ReportedLimiter
 from yumi.control.controller import Controller, State
@@ -57,7 +57,7 @@ from yumi.control.shared_state import Problem
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
 from yumi.ros import nodes
-from yumi.ros.controller_manager import ArmManager, ControllerNodes, DescriptionWait
+from yumi.ros.controller_manager_node import ArmManager, ControllerNodes, DescriptionWait
 from yumi.ros.nodes import TimerThread
 
 pytestmark = pytest.mark.ros

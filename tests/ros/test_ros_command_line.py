@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 from ros_bench import Robot
 
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from yumi.cli.main import main
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

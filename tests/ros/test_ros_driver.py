@@ -21,7 +21,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from abb_protocols.catalogue import FrontEnd, clause, message, sentence
 from abb_protocols.robot.joints import CYCLE, Side, finger_names, home, joint_names
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

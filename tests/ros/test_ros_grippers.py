@@ -23,7 +23,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, GoalNotReached
-from abb_protocols.robot.gripper import (
+from abb_protocols.robot.gripper_values import (
     LOWEST_SPEED,
     MAX_FORCE,
     TOP_SPEED,
@@ -38,7 +38,7 @@ from abb_runtime.faults import Fault
 from system.virtual_time_bench import System
 from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
 from yumi.driver.settings import GripperSettings
-from yumi.ros.gripper import GripperParts, Grippers
+from yumi.ros.gripper_actions import GripperParts, Grippers
 from yumi.ros.nodes import TimerThread
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]

@@ -17,11 +17,11 @@ from yumi.control.counters import LimiterCounters
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.robot_state import RobotState
 from yumi.ros import messages
-from yumi.ros.gripper import gripper_status
+from yumi.ros.gripper_actions import gripper_status
 
 pytestmark = pytest.mark.ros
 AGGREGATOR = Path(__file__).parents[2] / "config" / "diagnostics_aggregator.yaml"
-diagnostics = pytest.importorskip("yumi.ros.controller_manager")
+diagnostics = pytest.importorskip("yumi.ros.controller_manager_node")
 
 QUICK = Statistics(100, 20e-6, 20e-6, 10e-6, 30e-6, 2e-6)
 PERIOD = Statistics(100, 0.004, 0.004, 0.002, 0.008, 1e-6)

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from ros_bench import Client
 from std_srvs.srv import Trigger
 
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

@@ -28,7 +28,7 @@ from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.wiring import CONTROLLER_KINDS, Place
-from yumi.ros.controller_manager import ArmManager
+from yumi.ros.controller_manager_node import ArmManager
 from yumi.ros.nodes import TimerThread
 
 pytestmark = pytest.mark.ros

@@ -12,7 +12,7 @@ from ros_bench import TIMEOUT, Client, Robot
 from std_srvs.srv import Trigger
 
 from abb_protocols.robot.joints import Side
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from yumi.recording.reader import Recording, read_recording
 from yumi.recording.tables import rows
 from yumi_evaluation.experiments import AXIS_6, proportional, step, step_figures_of

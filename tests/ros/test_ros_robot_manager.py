@@ -36,7 +36,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose, Side
 from abb_protocols.rws.documents import Event
-from abb_protocols.rws.types import ControllerState, EventType
+from abb_protocols.rws.values import ControllerState, EventType
 from yumi.driver.robot_state import Mode
 
 pytestmark = pytest.mark.ros

@@ -20,7 +20,7 @@ from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 
 from abb_protocols.catalogue import FrontEnd, message, sentence
 from abb_protocols.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
-from abb_protocols.robot.gripper import TRAVEL, Outcome
+from abb_protocols.robot.gripper_values import TRAVEL, Outcome
 from abb_protocols.robot.joints import Side
 from abb_runtime.faults import Fault
 from system.recovery_bench import largest_jump

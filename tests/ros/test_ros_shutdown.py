@@ -20,8 +20,8 @@ from yumi_interfaces.action import Recover
 from yumi_interfaces.msg import RobotState
 
 from abb_protocols.robot.joints import Side, joints
-from abb_protocols.rws.types import ControllerState, ExecutionState
-from abb_runtime.process.command import Command
+from abb_protocols.rws.values import ControllerState, ExecutionState
+from abb_runtime.process.command_process import Command
 from abb_runtime.rws.client import RwsClient
 from hostile_server import HostileServer, dripping, hostile_before
 

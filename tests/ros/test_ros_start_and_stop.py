@@ -8,7 +8,7 @@ from ros_bench import Client
 from std_srvs.srv import Trigger
 
 from abb_runtime.clock import SystemClock
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from soak import CYCLES, long, short, tell
 
 LEAST = 5

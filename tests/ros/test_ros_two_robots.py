@@ -31,7 +31,7 @@ from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from abb_protocols.robot.joints import CHAIN_AXES, Side, home
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from urdf_kinematics import links_to_root, matrix
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from abb_protocols.robot.joints import Side
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.udp import free_port
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import Upgrade
 from virtual_irc5.world import World, WorldSettings
 

@@ -20,9 +20,9 @@ from unittest.mock import patch
 from abb_protocols.catalogue import FrontEnd, Message, said_by, sentence
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.description import HAND
-from abb_protocols.robot.gripper import TRAVEL, Direction, GripperGoal, go_to, grip
+from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripperGoal, go_to, grip
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import Fault, Way
 from abb_runtime.rws.client import RwsClient

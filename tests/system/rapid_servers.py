@@ -10,7 +10,7 @@ from threading import Event
 
 import click
 
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Side
 from virtual_irc5.server import VirtualController, world_settings
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import types as rapid_values
+from abb_protocols.rws import values as rapid_values
 from abb_runtime.faults import Fault
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import free_port
 from yumi.cli.fault import fault as fault_command

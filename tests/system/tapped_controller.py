@@ -13,7 +13,7 @@ from struct import Struct
 from threading import Event as Flag
 from threading import Thread
 
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import SystemClock
 from abb_runtime.udp import UdpClient, free_port

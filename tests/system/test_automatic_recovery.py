@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from abb_protocols.catalogue import clause, message
-from abb_protocols.rws.types import EventType
+from abb_protocols.rws.values import EventType
 from abb_runtime.faults import Fault
 from system.recovery_bench import MovingSystem
 from yumi.driver.recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings

@@ -9,8 +9,8 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, RobotNotReady, SettingsError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import types as rapid_values
-from abb_protocols.rws.types import GRANTS, ControllerState, ExecutionState, Grant, OperatingMode
+from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws.values import GRANTS, ControllerState, ExecutionState, Grant, OperatingMode
 from refusals import refused
 from system.virtual_time_bench import System
 from virtual_irc5.rapid.types import UnknownSymbol

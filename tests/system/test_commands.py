@@ -22,11 +22,11 @@ from abb_protocols.catalogue import FrontEnd, message, sentence
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, named_pose
 from abb_runtime.faults import Fault
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from refusals import refused
 from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.main import main
-from yumi.cli.robot import DRIVER_COMMANDS
+from yumi.cli.robot_commands import DRIVER_COMMANDS
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 

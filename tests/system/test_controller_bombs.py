@@ -21,7 +21,7 @@ import pytest
 
 from abb_protocols.egm.codec import SensorCodec, SensorMessage
 from abb_protocols.robot.joints import CYCLE, Side
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.rws.client import RwsClient
 from stalls import waited_for_a_processor
 

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, LoginRefused, NoConnection
-from abb_protocols.rws.types import Code, ControllerState
-from abb_runtime.process.command import CONTROLLER_READY, Command
+from abb_protocols.rws.values import Code, ControllerState
+from abb_runtime.process.command_process import CONTROLLER_READY, Command
 from abb_runtime.rws.client import CONTROLLER_STATE, Change, RwsClient
 from refusals import refused
 from yumi.cli.main import main

@@ -6,8 +6,8 @@ import pytest
 
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
+from abb_runtime.parameters import Values
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.settings import Values
 from controller_states import moved
 from refusals import refused
 from yumi.control.goals import GoalKind, write_goal

@@ -18,7 +18,7 @@ from click.testing import CliRunner, Result
 from abb_protocols.catalogue import Action, Message, clause, message, remedy_of
 from abb_protocols.errors import ControllerRefused
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import OperatingMode
+from abb_protocols.rws.values import OperatingMode
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import UdpServer, free_port
@@ -28,7 +28,7 @@ from virtual_irc5.controller.installed_system import ROBOTS, factory_system
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.world import World, WorldSettings
 from yumi.cli.main import main
 from yumi.driver.commissioning.contents import essence

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from abb_runtime.process.command import CONTROLLER_READY
+from abb_runtime.process.command_process import CONTROLLER_READY
 
 pytestmark = pytest.mark.real_time
 ROBOT, HERE = "10.77.18.1", "10.77.18.2"

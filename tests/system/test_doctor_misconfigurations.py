@@ -13,7 +13,7 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.operations.rapid import TaskInfo
-from abb_protocols.rws.types import CollisionState, ControllerState, Grant, OperatingMode
+from abb_protocols.rws.values import CollisionState, ControllerState, Grant, OperatingMode
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import Fault, Way
 from abb_runtime.rws.client import RwsClient
@@ -30,7 +30,7 @@ from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.machine_checks import examine_machine
 from yumi.driver.commissioning.stream_checks import ArmStream, examine_stream, listen, obstacle_to_stream, streaming
 from yumi.driver.launch_checks import EgmAddress
-from yumi.egm.session import Arrivals, SessionCounters
+from yumi.egm.egm_session import Arrivals, SessionCounters
 from yumi.testing.virtual_yumi import VirtualYumi
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}

@@ -10,7 +10,7 @@ import pytest
 
 from abb_protocols.catalogue import Action, Message, message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
-from abb_protocols.robot.gripper import (
+from abb_protocols.robot.gripper_values import (
     ATMOSPHERE,
     MAX_FORCE,
     THINNEST,
@@ -24,7 +24,7 @@ from abb_protocols.robot.gripper import (
     grip,
 )
 from abb_protocols.robot.joints import CYCLE, Side, home
-from abb_protocols.rws.types import ExecutionState
+from abb_protocols.rws.values import ExecutionState
 from abb_runtime.faults import Fault
 from refusals import assert_says, numbers_in, refused
 from system.recovery_bench import recovered

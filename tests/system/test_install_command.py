@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from abb_protocols.catalogue import FrontEnd, Message, message, sentence
-from abb_protocols.rws.types import OperatingMode
+from abb_protocols.rws.values import OperatingMode
 from system.test_doctor import served
 from virtual_irc5.controller.file_store import CAPACITY
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system

@@ -13,7 +13,7 @@ from commissioning_bench import HERE, Interruption, Site
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import GRANTS, ControllerState, Grant, OperatingMode
+from abb_protocols.rws.values import GRANTS, ControllerState, Grant, OperatingMode
 from abb_runtime.rws.client import RwsClient
 from refusals import assert_says, refused
 from soak import long, short
@@ -24,8 +24,8 @@ from yumi.driver.commissioning.delivery import delivered_modules
 from yumi.driver.commissioning.installation import _BACKUP_GRANT, _GRANTS, Installation, Plan
 from yumi.driver.commissioning.installation_record import Record
 from yumi.driver.commissioning.stream_checks import listen, streaming
+from yumi.egm.egm_session import SensorSession
 from yumi.egm.joint_codec import JointCodec
-from yumi.egm.session import SensorSession
 from yumi.testing.virtual_yumi import VirtualYumi
 
 FOREIGN = "MODULE Production\n  PROC main()\n    WaitTime 1;\n  ENDPROC\nENDMODULE\n"

@@ -22,7 +22,7 @@ import yumi
 from abb_protocols.robot.joints import CHAIN_AXES, CYCLE, Joints, Side
 from abb_runtime.faults import Fault
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.parameters import EgmParameters, read_egm_parameters, write_egm_parameters
+from virtual_irc5.mechanics.egm_parameters import EgmParameters, read_egm_parameters, write_egm_parameters
 from yumi.recording.reader import read_recording
 from yumi_evaluation.identification import Dynamics, answer
 from yumi_evaluation.logs import read_logs

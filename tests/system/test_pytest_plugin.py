@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from abb_runtime.faults import Fault
 from abb_runtime.rws.client import RwsClient
 from soak import CONTROLLERS, long, short, tell
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.real_time
 THIRD_PARTY = """
 import pytest
 from abb_runtime.rws.client import RwsClient
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 
 @pytest.mark.abb_controller(calibrated=True)
 def test_motors_go_on(abb_controller):

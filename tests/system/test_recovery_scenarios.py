@@ -10,7 +10,7 @@ import pytest
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import NoConnection, RobotNotReady
 from abb_protocols.robot.joints import CYCLE, Side
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from abb_runtime.faults import Fault
 from abb_runtime.rws.transport import AnswerTimeout
 from refusals import refused

@@ -9,7 +9,7 @@ import pytest
 from abb_protocols.catalogue import Action, Message, message
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from abb_runtime.faults import Fault
 from refusals import refused
 from system.virtual_time_bench import System

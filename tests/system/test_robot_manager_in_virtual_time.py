@@ -16,8 +16,8 @@ from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
 from abb_protocols.robot.description import HAND, Mass
 from abb_protocols.robot.joints import CYCLE, Pose, Side, joints
 from abb_protocols.robot.load import Tool, principal_inertia
-from abb_protocols.rws import types as rapid_values
-from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from abb_runtime.faults import Fault, Way
 from refusals import assert_says, refused
 from system.virtual_time_bench import DriverArm, System

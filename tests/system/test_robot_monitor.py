@@ -13,9 +13,9 @@ import pytest
 
 from abb_protocols.catalogue import Message, clause, message, remedy_of
 from abb_protocols.errors import ControllerRefused, RobotNotReady
-from abb_protocols.robot.gripper import TRAVEL, ServoCommand, ServoState
+from abb_protocols.robot.gripper_values import TRAVEL, ServoCommand, ServoState
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, Resource
+from abb_protocols.rws.values import ControllerState, EventType, ExecutionState, OperatingMode, Resource
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import Fault
 from abb_runtime.rws.client import Change, OnChange, OnLost, Subscription

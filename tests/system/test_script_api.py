@@ -19,7 +19,7 @@ from script_bench import TIMEOUT, VirtualRobot, output_of
 import yumi
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, SettingsError, StopNotConfirmed
-from abb_protocols.robot.gripper import Outcome
+from abb_protocols.robot.gripper_values import Outcome
 from abb_protocols.robot.joints import Side, home
 from abb_runtime.faults import Fault
 from refusals import numbers_in, refused

@@ -10,7 +10,7 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
 from abb_protocols.robot.joints import Joints, Side, joints
-from abb_protocols.rws.types import ControllerState, EventType, ExecutionState
+from abb_protocols.rws.values import ControllerState, EventType, ExecutionState
 from abb_runtime.faults import Fault
 from refusals import assert_says, numbers_in, refused
 from system.recovery_bench import MovingSystem

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.gripper import TRAVEL
+from abb_protocols.robot.gripper_values import TRAVEL
 from abb_protocols.robot.inverse_kinematics import arm_angle
 from abb_protocols.robot.joints import CYCLE, Pose, Side, joints
 from abb_protocols.robot.kinematics import compose, distance_between, multiply, quaternion_of, tool0_to_body

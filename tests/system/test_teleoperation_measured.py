@@ -14,7 +14,7 @@ import pytest
 import yumi
 from abb_protocols.robot.joints import Side, joints
 from abb_protocols.robot.kinematics import tool0_to_body
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.udp import free_port
 from soak import long, short, tell
 from yumi.api.attach import RunningDriver

@@ -11,12 +11,12 @@ import pytest
 
 from abb_protocols.catalogue import FrontEnd, message, sentence
 from abb_protocols.errors import LoginRefused, NoConnection
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from browser import browser
 from system.test_doctor import served, world
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system
 from yumi.driver.settings import RobotSettings
-from yumi.web.controller import open_controller
+from yumi.web.controller_view import open_controller
 
 SOON = 60_000  # [ms]
 PROGRAM = """MODULE Cell

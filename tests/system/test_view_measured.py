@@ -18,7 +18,7 @@ import aiohttp
 import pytest
 
 import yumi
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.udp import free_port
 from browser import browser
 from soak import tell

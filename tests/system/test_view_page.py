@@ -14,11 +14,11 @@ import pytest
 import yumi
 from abb_protocols.catalogue import FrontEnd, Message, clause, message
 from abb_protocols.errors import StopNotConfirmed
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Joints, Pose, Side, home, joints
 from abb_protocols.robot.kinematics import IDENTITY
 from abb_runtime.faults import inject_fault
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from browser import browser
 from flight import LOST, flown, write_flight_record
 from yumi.core.collision import CollisionModel, Obstacle

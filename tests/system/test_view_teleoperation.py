@@ -16,7 +16,7 @@ import pytest
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import Pose, Side
 from abb_protocols.robot.kinematics import distance_between, tool0_to_body
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from browser import browser
 from soak import long, short, tell
 from system.test_teleoperation_measured import ROOM, first_motion, recorded_driver, standstill

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Concatenate, ParamSpec, TypeVar
 
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
@@ -31,7 +31,7 @@ from yumi.driver.egm_arm import EgmArm
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
-from yumi.egm.session import Session
+from yumi.egm.egm_session import Session
 
 CONTROLLER = "joint_position_controller"
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import httpx
 import pytest
 
-from abb_protocols.rws.types import Code, ControllerState, OperatingMode
+from abb_protocols.rws.values import Code, ControllerState, OperatingMode
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
 from virtual_irc5.controller.file_store import CAPACITY
 

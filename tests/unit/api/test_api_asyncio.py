@@ -10,7 +10,7 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached
-from abb_protocols.robot.gripper import GripperGoal, Outcome
+from abb_protocols.robot.gripper_values import GripperGoal, Outcome
 from abb_protocols.robot.joints import Side, home
 from fake_robot import FakeRobot
 from refusals import refused

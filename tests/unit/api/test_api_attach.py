@@ -23,7 +23,7 @@ import pytest
 import yumi
 from abb_protocols.catalogue import FrontEnd, from_wire, message, sentence
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
-from abb_protocols.robot.gripper import Outcome
+from abb_protocols.robot.gripper_values import Outcome
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints, named_pose
 from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused

@@ -14,9 +14,9 @@ from abb_protocols.errors import CommandRefused, MissingPrerequisite, RobotNotRe
 from abb_protocols.robot.joints import ZERO, Side
 from fake_evdev import DROPPED, FakeInputDevice, Range, axis, button, change
 from refusals import refused
-from yumi.api import devices, input_device
-from yumi.api.devices import Device, Gamepad, Leader, LeaderReading, SpaceMouse, teleoperate
+from yumi.api import input_device, teleoperation_devices
 from yumi.api.input_device import find_devices, open_device
+from yumi.api.teleoperation_devices import Device, Gamepad, Leader, LeaderReading, SpaceMouse, teleoperate
 from yumi.driver.device_frame import DeviceHand, DeviceSettings, TeleoperationReport
 
 SETTINGS = DeviceSettings(speed=0.2, turning=1.0)
@@ -296,7 +296,7 @@ class Ended(Exception):
 def test_frames_that_take_longer_than_their_period_follow_each_other_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     connect(monkeypatch, fake_evdev.gamepad())
     now, waits = count(0.0, 0.1), list[float]()  # each look at the clock takes longer than a period
-    monkeypatch.setattr(devices.time, "monotonic", lambda: next(now))
+    monkeypatch.setattr(teleoperation_devices.time, "monotonic", lambda: next(now))
 
     def wait(seconds: float) -> None:
         waits.append(seconds)

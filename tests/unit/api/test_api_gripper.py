@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
-from abb_protocols.robot.gripper import Direction, GripperGoal, Outcome, VacuumState, go_to, grip
+from abb_protocols.robot.gripper_values import Direction, GripperGoal, Outcome, VacuumState, go_to, grip
 from abb_protocols.robot.joints import Side
 from refusals import refused
 from yumi.api.tool import Grip, Gripper

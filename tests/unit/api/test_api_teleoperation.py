@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.gripper import Direction, grip
+from abb_protocols.robot.gripper_values import Direction, grip
 from abb_protocols.robot.joints import Side
 from fake_driver import WAIT, FakeDriver
 from refusals import refused

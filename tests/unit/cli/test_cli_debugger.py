@@ -15,14 +15,14 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE
 from abb_protocols.rws.documents import Pairs
 from abb_protocols.rws.operations.rapid import RunCycle
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from memory_http import MemoryHttp
 from refusals import refused
 from virtual_irc5.commands.debugger import Debugger
-from virtual_irc5.rws.call import Failure
 from virtual_irc5.rws.router import Route
+from virtual_irc5.rws.rws_call import Failure
 from virtual_irc5.world import World
 from yumi.cli.main import main
 
@@ -327,7 +327,7 @@ def test_all_tasks_that_start_are_named(session: Session) -> None:
 def test_commands_from_a_pipe_start_with_yes_only(
     session: Session, monkeypatch: pytest.MonkeyPatch, options: list[str], line: str
 ) -> None:
-    monkeypatch.setattr("yumi.cli.rws.RwsClient", lambda *_, **__: nullcontext(session.client))
+    monkeypatch.setattr("yumi.cli.rws_command.RwsClient", lambda *_, **__: nullcontext(session.client))
     monkeypatch.setattr("virtual_irc5.commands.debugger.SystemClock", lambda: session)
     result = CliRunner().invoke(main, ["rapid", "debug", "T_ROB_R", *options], input="main\nstep\nwhere\n")
     assert result.output.splitlines()[-1] == f"#0 Program/{line}"

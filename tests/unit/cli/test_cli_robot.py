@@ -25,7 +25,7 @@ from fake_driver import ROBOT, FakeDriver
 from refusals import refused
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.attach import attach
-from yumi.cli import robot as commands
+from yumi.cli import robot_commands as commands
 from yumi.cli import shell
 from yumi.cli.main import main
 from yumi.control.controllers.joint_goal import JointGoal

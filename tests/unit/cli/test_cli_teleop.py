@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 
 import fake_evdev
 from abb_protocols.catalogue import FrontEnd, all_texts, message, sentence
-from abb_protocols.robot.gripper import Direction, grip
+from abb_protocols.robot.gripper_values import Direction, grip
 from abb_protocols.robot.joints import Joints, Side, home
 from fake_driver import FakeDriver
 from fake_evdev import Event, FakeInputDevice, axis, button
@@ -121,7 +121,7 @@ def test_clutch_that_is_held_when_it_begins_moves_nothing(driver: FakeDriver, mo
 
 LEADER = """
 from the_robot import clock, goals
-from yumi.api.devices import LeaderReading
+from yumi.api.teleoperation_devices import LeaderReading
 from abb_protocols.robot.joints import Side, home
 
 class Pressed:

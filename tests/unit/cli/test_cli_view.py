@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from abb_protocols.catalogue import FrontEnd, message, sentence
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from fake_driver import ROBOT, FakeDriver
 from yumi.cli.main import main
 

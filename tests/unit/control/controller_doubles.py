@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ZERO, ArmCommand, ArmState, Joints
-from abb_runtime.settings import Parameter, Values
+from abb_runtime.parameters import Parameter, Values
 from yumi.control.controller import Controller
 
 RUNNING = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=True)

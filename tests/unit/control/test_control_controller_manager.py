@@ -7,7 +7,7 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ZERO, ArmCommand, ArmState, Joints, Side, joint_names
-from abb_runtime.settings import Parameter, Values
+from abb_runtime.parameters import Parameter, Values
 from refusals import assert_says, refused
 from yumi.control.controller import TRANSITIONS, Controller, State, Transition
 from yumi.control.manager.controller_manager import ControllerManager

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from abb_protocols.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from yumi.control.controller import Controller, Sampled
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_position import JointPositionController

@@ -9,10 +9,10 @@ import msgspec
 import pytest
 
 from abb_protocols.catalogue import FrontEnd
-from abb_protocols.robot.gripper import Outcome
+from abb_protocols.robot.gripper_values import Outcome
 from yumi.cli.from_table import command_from
 from yumi.cli.main import SECTIONS
-from yumi.cli.robot import DRIVER_COMMANDS
+from yumi.cli.robot_commands import DRIVER_COMMANDS
 from yumi.driver.command import Command, Lane
 from yumi.driver.commands import COMMANDS, Calibrate, Grip, StartEgm, offered_to
 from yumi.driver.endpoint_server import decode_request

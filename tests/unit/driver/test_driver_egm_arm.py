@@ -20,7 +20,7 @@ from yumi.control.shared_state import Limited, Snapshot
 from yumi.control.stage_times import BEGIN, SEND, StageClock
 from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.reports import arm_report
-from yumi.egm.session import Session
+from yumi.egm.egm_session import Session
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
 MESSAGE = RobotMessage(

@@ -10,10 +10,19 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, GoalNotReached, RobotNotReady
-from abb_protocols.robot.gripper import TRAVEL, Direction, GripperGoal, GripperModules, Outcome, ServoState, go_to, grip
+from abb_protocols.robot.gripper_values import (
+    TRAVEL,
+    Direction,
+    GripperGoal,
+    GripperModules,
+    Outcome,
+    ServoState,
+    go_to,
+    grip,
+)
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.documents import Signal
-from abb_protocols.rws.types import SignalType
+from abb_protocols.rws.values import SignalType
 from abb_runtime.clock import ManualClock
 from refusals import refused
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSetup, GripperSignals

@@ -9,7 +9,7 @@ import pytest
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.gripper import TRAVEL, Direction, go_to, grip
+from abb_protocols.robot.gripper_values import TRAVEL, Direction, go_to, grip
 from abb_protocols.robot.joints import Side
 from fake_driver import FakeGripper
 from refusals import refused

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import pytest
 
 from abb_protocols.errors import ControllerRefused, NoConnection, ProtocolError
-from abb_protocols.robot.gripper import GripperModules, ServoState
+from abb_protocols.robot.gripper_values import GripperModules, ServoState
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import Priority, Resource
+from abb_protocols.rws.values import Priority, Resource
 from abb_runtime.rws.client import Change
 from refusals import refused
 from yumi.driver.gripper import GripperSignals

@@ -10,7 +10,7 @@ import pytest
 from abb_protocols.catalogue import FrontEnd, Message, clause, message, remedy_of
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from refusals import refused
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver.readiness import (

@@ -8,8 +8,8 @@ from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec
 from abb_protocols.errors import ProtocolError
 from abb_protocols.robot.joints import Joints
 from refusals import refused
+from yumi.egm.egm_session import SILENCE, SensorSession, SessionCounters
 from yumi.egm.joint_codec import JointCodec, JointReport
-from yumi.egm.session import SILENCE, SensorSession, SessionCounters
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
 MESSAGE = RobotMessage(

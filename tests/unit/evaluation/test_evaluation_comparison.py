@@ -15,7 +15,7 @@ from virtual_logs import HOME, VirtualRobot, motions, times
 from abb_protocols.catalogue import FrontEnd, clause, message
 from abb_protocols.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.parameters import read_egm_parameters
+from virtual_irc5.mechanics.egm_parameters import read_egm_parameters
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import Frame
 from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal

@@ -8,7 +8,7 @@ from transport_delay import transport_delay
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE, joints
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory

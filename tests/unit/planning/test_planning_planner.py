@@ -18,7 +18,7 @@ import pytest
 
 from abb_protocols.catalogue import Message
 from abb_protocols.errors import CommandRefused, PlanNotFound, WhyNoPlan
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import (
     CYCLE,
     YUMI_LIMITS,

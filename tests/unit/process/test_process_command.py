@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from abb_protocols.errors import RobotNotReady
-from abb_runtime.process import command
-from abb_runtime.process.command import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
+from abb_runtime.process import command_process
+from abb_runtime.process.command_process import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
 
 
 class Child:
@@ -37,7 +37,7 @@ OUTPUT: list[str] = []
 def _children(monkeypatch: pytest.MonkeyPatch) -> None:
     started.clear()
     OUTPUT.clear()
-    monkeypatch.setattr(command, "subprocess", SimpleNamespace(Popen=Child, PIPE=-1, STDOUT=-2))
+    monkeypatch.setattr(command_process, "subprocess", SimpleNamespace(Popen=Child, PIPE=-1, STDOUT=-2))
 
 
 def test_secrets_reach_the_child_by_its_environment_and_not_by_its_arguments(

@@ -25,9 +25,9 @@ import pytest
 from abb_protocols.errors import MissingPrerequisite, NoConnection, SettingsError
 from abb_protocols.robot.joints import CYCLE, Joints, Side, home, joints
 from abb_runtime.clock import ManualClock, SystemClock
-from abb_runtime.process import command
+from abb_runtime.process import command_process
 from abb_runtime.process.child import PROCESSES, ChildProcess, PipeEnd
-from abb_runtime.process.command import DRIVER_READY, Command
+from abb_runtime.process.command_process import DRIVER_READY, Command
 from abb_runtime.rws.transport import Deadline, HttpTransport
 from abb_runtime.rws.web_socket import Listener
 from abb_runtime.udp import UdpClient, UdpServer, free_port
@@ -141,7 +141,7 @@ def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.
     script = f"import sys; [print('line', n) for n in range({lines})]; print('{DRIVER_READY}there'); sys.stdin.read()"
     start = subprocess.Popen
     monkeypatch.setattr(
-        command.subprocess,
+        command_process.subprocess,
         "Popen",
         lambda arguments, **options: start([sys.executable, "-c", script], **options),
     )

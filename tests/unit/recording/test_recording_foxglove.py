@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.gripper_values import GripperState, ServoState
 from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, Side
 from flight import LOST, flown
 from yumi.driver.robot_state import RobotState

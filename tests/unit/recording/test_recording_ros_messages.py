@@ -13,7 +13,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.gripper_values import GripperState, ServoState
 from abb_protocols.robot.joints import Pose, Side, finger_names, home, joint_names
 from abb_protocols.robot.kinematics import compose, tool0_to_body
 from abb_protocols.robot.urdf import read_frames, robot_description

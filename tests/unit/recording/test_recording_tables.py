@@ -12,9 +12,9 @@ from click.testing import CliRunner
 
 import yumi
 from abb_protocols.errors import CommandRefused, MissingPrerequisite
-from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.gripper_values import GripperState, ServoState
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import OperatingMode
+from abb_protocols.rws.values import OperatingMode
 from abb_runtime.clock import ManualClock
 from flight import LOST, flown
 from refusals import refused

@@ -25,7 +25,7 @@ from abb_protocols.robot.description import (
     Box,
     joint_1_origin,
 )
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
 from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_from_euler_zyx, tool0_to_body
 from refusals import refused

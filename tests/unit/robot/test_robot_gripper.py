@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from abb_protocols.robot.gripper import ALLOWANCE, TRAVEL, Outcome, outcome_of
+from abb_protocols.robot.gripper_values import ALLOWANCE, TRAVEL, Outcome, outcome_of
 
 
 @pytest.mark.parametrize(

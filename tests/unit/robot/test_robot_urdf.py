@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from abb_protocols.robot.description import GRIPPER_MASSES, joint_1_origin
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 from abb_protocols.robot.urdf import robot_description
 

@@ -21,7 +21,7 @@ from abb_protocols.robot.joints import ZERO, Pose
 from abb_protocols.rws.documents import Page, RobTarget, State
 from abb_protocols.rws.operations.motion import Increment, Supervision
 from abb_protocols.rws.operations.rapid import Range, RunCycle
-from abb_protocols.rws.types import OperatingMode, Resource
+from abb_protocols.rws.values import OperatingMode, Resource
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws import client as client_module
 from abb_runtime.rws.client import RwsClient

@@ -10,7 +10,7 @@ from abb_protocols.rws import documents
 from abb_protocols.rws.documents import Event, Form, Page, Signal, State, Status, SystemInfo
 from abb_protocols.rws.operations import motion, panel, rapid
 from abb_protocols.rws.operations.rapid import TaskInfo
-from abb_protocols.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
+from abb_protocols.rws.values import Code, EventType, OperatingMode, SignalType, TaskExecution
 from refusals import assert_says, refused
 from virtual_irc5.rws.render import write_status
 

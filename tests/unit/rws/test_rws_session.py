@@ -5,7 +5,7 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.session import RwsRequest, RwsSession

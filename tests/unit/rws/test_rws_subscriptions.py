@@ -8,7 +8,7 @@ import pytest
 
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import Link, State, decode_form
-from abb_protocols.rws.types import Priority, Resource
+from abb_protocols.rws.values import Priority, Resource
 from abb_runtime.rws.client import (
     Change,
     event_log,

@@ -11,7 +11,7 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.description import SERVO_GRIPPERS
 from abb_protocols.robot.joints import Side
-from abb_runtime.settings import ParameterType, read_parameter_file
+from abb_runtime.parameters import ParameterType, read_parameter_file
 from refusals import assert_says, refused
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController

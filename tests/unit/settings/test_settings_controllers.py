@@ -7,7 +7,7 @@ import pytest
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side
-from abb_runtime.settings import read_parameter_file
+from abb_runtime.parameters import read_parameter_file
 from refusals import assert_says, refused
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.driver.settings import ControllerSettings, InitialState, read_controllers

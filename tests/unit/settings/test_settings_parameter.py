@@ -5,8 +5,7 @@ from math import inf, nan
 import pytest
 
 from abb_protocols.errors import CommandRefused
-from abb_runtime import settings
-from abb_runtime.settings import Parameter, ParameterType, Value
+from abb_runtime.parameters import Parameter, ParameterType, Value, flag, number, numbers, text, texts
 from refusals import refused
 
 GAIN = Parameter("p", 1.0, 0.0, 2.0, "1/s", "A gain.")
@@ -103,5 +102,5 @@ def test_parameter_refuses_what_is_not_among_its_choices(parameter: Parameter, v
 
 def test_values_are_read_by_type() -> None:
     values = {"a": 1, "b": True, "c": "x", "d": (1.0, 2.0), "e": ("y",)}
-    assert (settings.number(values, "a"), settings.flag(values, "b"), settings.text(values, "c")) == (1, True, "x")
-    assert (settings.numbers(values, "d"), settings.texts(values, "e")) == ((1.0, 2.0), ("y",))
+    assert (number(values, "a"), flag(values, "b"), text(values, "c")) == (1, True, "x")
+    assert (numbers(values, "d"), texts(values, "e")) == ((1.0, 2.0), ("y",))

@@ -18,7 +18,7 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).resolve().parents[3]
 
 
-OF_EXTRAS = ("yumi/ros/", "yumi/testing/", "yumi/cli/rapid.py")
+OF_EXTRAS = ("yumi/ros/", "yumi/testing/", "yumi/cli/rapid_command.py")
 """Files that are imported by ROS's commands, by tests and by the plug-in alone."""
 
 DRIVER = ROOT / "packages" / "yumi-ros2"

@@ -8,7 +8,7 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import CYCLE, Side
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from abb_runtime.faults import Fault
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from refusals import refused

@@ -2,7 +2,7 @@
 
 import pytest
 
-from abb_protocols.rws.types import EventType
+from abb_protocols.rws.values import EventType
 from abb_runtime.clock import ManualClock
 from virtual_irc5.controller_log import EventLog
 

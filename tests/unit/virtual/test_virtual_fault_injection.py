@@ -9,7 +9,7 @@ import pytest
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import CollisionState, ControllerState, OperatingMode
+from abb_protocols.rws.values import CollisionState, ControllerState, OperatingMode
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import FAULTS_PATH, Fault, Way
 from memory_http import MemoryHttp

@@ -29,9 +29,9 @@ from virtual_irc5.rapid.states import Execution, SystemEvent
 from virtual_irc5.rapid.types import RapidSyntaxError
 from virtual_irc5.rws import modules
 from virtual_irc5.rws import rapid as rws_rapid
-from virtual_irc5.rws.call import Call
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.router import Router
+from virtual_irc5.rws.rws_call import Call
 from virtual_irc5.rws.version_2 import RwsService2
 from virtual_irc5.server import LONGEST_BEGINNING, VirtualController
 from virtual_irc5.world import World, WorldSettings

@@ -29,9 +29,9 @@ from abb_runtime.rws.client import RwsClient
 from memory_http import MemoryHttp
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system, with_programs
 from virtual_irc5.world import World, WorldSettings
-from yumi.web.controller import AROUND, ControllerReader, ControllerView, LogLine, PointerReport, Unit, chain_model
+from yumi.web.controller_view import AROUND, ControllerReader, ControllerView, LogLine, PointerReport, Unit, chain_model
 from yumi.web.robot_model import controller_model
-from yumi.web.server import ViewServer, ViewSettings
+from yumi.web.view_server import ViewServer, ViewSettings
 
 PROGRAM = """MODULE Cell
     CONST jointtarget there:=[[20,10,5,10,20,30],[9E9,9E9,9E9,9E9,9E9,9E9]];
@@ -226,7 +226,7 @@ def test_lines_of_a_module_that_was_replaced_are_read_anew(tmp_path: Path) -> No
 def test_nothing_is_known_of_a_controller_that_does_not_answer_until_it_does_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("yumi.web.controller._RECONNECT", 0.01)
+    monkeypatch.setattr("yumi.web.controller_view._RECONNECT", 0.01)
     cell = Cell("irb120", tmp_path)
     changes: list[Message | None] = []
     view = ControllerView(cell.reader, lambda state: None, lambda log: None, lambda: changes.append(view.why_not))

@@ -15,21 +15,21 @@ from typing import Any
 import pytest
 
 from abb_protocols.catalogue import FrontEnd, message, sentence
-from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.gripper_values import GripperState, ServoState
 from abb_protocols.robot.joints import ZERO, Joints, Side, home, joints
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from browser import browser
 from fake_driver import FakeDriver
 from yumi.control.controllers.joint_goal import JointGoal
-from yumi.web import page_operator, server
-from yumi.web.server import ViewServer, ViewSettings
+from yumi.web import page_operator, view_server
+from yumi.web.view_server import ViewServer, ViewSettings
 
 
 @pytest.fixture(autouse=True)
 def slow_browser(monkeypatch: pytest.MonkeyPatch) -> None:
     """A browser that draws in software may be slow: the page jogs and keeps control nevertheless."""
     monkeypatch.setattr(page_operator, "OLDEST_SEEN", 60.0)
-    monkeypatch.setattr(server, "_ANSWER", 60.0)
+    monkeypatch.setattr(view_server, "_ANSWER", 60.0)
 
 
 @contextmanager

@@ -10,9 +10,9 @@ import pytest
 
 from abb_protocols.catalogue import message, sentence
 from abb_protocols.errors import ProtocolError
-from abb_protocols.robot.gripper import GripperState, ServoState
+from abb_protocols.robot.gripper_values import GripperState, ServoState
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import OperatingMode
+from abb_protocols.rws.values import OperatingMode
 from flight import CYCLE, LOST, SENTENCE, flown, write_flight_record
 from refusals import refused
 from yumi.driver.robot_state import RobotState

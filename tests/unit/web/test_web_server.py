@@ -37,11 +37,11 @@ from yumi.driver.endpoint import find_driver
 from yumi.driver.surroundings import Surroundings
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
-from yumi.web import distances, live, page_operator, server
+from yumi.web import distances, live, page_operator, view_server
 from yumi.web.distances import Distances
 from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog
 from yumi.web.page_operator import OLDEST_SEEN, within_joint_speed
-from yumi.web.server import MAX_PAGES, ViewServer, ViewSettings
+from yumi.web.view_server import MAX_PAGES, ViewServer, ViewSettings
 
 SOON = 10.0
 RECORDING = {"name": "x.mcap", "date": "2026-11-24 14:03", "arms": {}}
@@ -759,7 +759,7 @@ def test_page_loses_control_with_its_driver_and_stops_the_next_one(monkeypatch: 
 def test_page_that_shows_nothing_gets_no_more_states_and_loses_control(
     driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server, "_ANSWER", 0.3)
+    monkeypatch.setattr(view_server, "_ANSWER", 0.3)
 
     async def story(site: Site) -> None:
         async with site.page() as page, site.page() as other:

@@ -21,9 +21,9 @@ from yumi.control.loop_commands import ControllerCommand
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver import motion_commands
 from yumi.driver.teleoperation import OPERATOR_HOLDS
-from yumi.web import page_device, server
+from yumi.web import page_device, view_server
 from yumi.web.pairing import WRONG_CODES
-from yumi.web.server import ViewServer, ViewSettings
+from yumi.web.view_server import ViewServer, ViewSettings
 
 RELEASED = {"clutch": False}
 RATE = 60.0
@@ -191,7 +191,7 @@ class Elsewhere:
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.codes: list[str] = []
         self._folder = folder
-        monkeypatch.setattr(server, "is_loopback", lambda host: False)
+        monkeypatch.setattr(view_server, "is_loopback", lambda host: False)
 
     def run(self, story: Callable[[Site], Any], *, is_encrypted: bool = True) -> None:
         asyncio.run(asyncio.wait_for(self._serve(story, is_encrypted), 4 * SOON))

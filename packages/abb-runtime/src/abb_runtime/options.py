@@ -19,7 +19,7 @@ import click
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import SettingsError
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_runtime.rws.login import MAX_PORT, PASSWORD_VARIABLE, password_of_environment
 
 _OTHERS_MAY_NOT = 0o077  # read, write or enter

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from abb_protocols.errors import YumiError
-from abb_protocols.rws.types import EventType
+from abb_protocols.rws.values import EventType
 
 ALL_DOMAINS = 0
 _LOG_CAPACITY = 1000

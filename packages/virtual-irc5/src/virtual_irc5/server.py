@@ -19,9 +19,9 @@ from threading import Event as Flag
 from threading import Lock
 
 from abb_protocols.errors import NoConnection
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import CYCLE, Side
-from abb_protocols.rws.types import GRANTS, EventType, Grant
+from abb_protocols.rws.values import GRANTS, EventType, Grant
 from abb_runtime.clock import SystemClock
 from abb_runtime.faults import FAULTS_PATH
 from abb_runtime.process.certificate import self_signed_context
@@ -31,15 +31,15 @@ from virtual_irc5.background import Background
 from virtual_irc5.controller.installed_system import System
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.mechanics.egm_network import Outgoing
-from virtual_irc5.mechanics.parameters import EgmParameters, read_egm_parameters
+from virtual_irc5.mechanics.egm_parameters import EgmParameters, read_egm_parameters
 from virtual_irc5.mechanics.path import PREFETCH
 from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
 from virtual_irc5.pace import Pace
 from virtual_irc5.program_sockets import ProgramNetwork
 from virtual_irc5.rapid.parser import LONGEST_MODULE
-from virtual_irc5.rws.call import Failure
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_call import Failure
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import Channel, Upgrade
 from virtual_irc5.rws.version_2 import ROBOTWARE_7, RwsService2
 from virtual_irc5.world import FaultInjection, World, WorldSettings

@@ -17,10 +17,10 @@ from urllib.parse import urlsplit
 
 from abb_protocols.errors import CommandRefused, NoConnection, YumiError
 from abb_protocols.robot.arm_kinematics import Arm
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Joints, Side
 from abb_protocols.rws.documents import Pairs, decode_form, first_value
-from abb_protocols.rws.types import ControllerState, OperatingMode
+from abb_protocols.rws.values import ControllerState, OperatingMode
 from abb_runtime.faults import FAULTS_PATH, Fault, FaultKind, Way, fault_named
 from abb_runtime.udp import is_loopback
 from virtual_irc5.controller.identity import Identity
@@ -31,14 +31,14 @@ from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.contacts import ContactDetector
 from virtual_irc5.mechanics.egm_client import EgmClient, EgmOptions
 from virtual_irc5.mechanics.egm_network import LASTING, SINGLE, EgmNetwork, Outgoing
-from virtual_irc5.mechanics.parameters import EgmParameters
+from virtual_irc5.mechanics.egm_parameters import EgmParameters
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.mechanics.virtual_gripper import CupObject, VirtualGripper, Workpiece
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.system_parameters import Configuration
 
 if TYPE_CHECKING:
-    from virtual_irc5.rws.service import RwsService
+    from virtual_irc5.rws.rws_service import RwsService
 
 _EGM_PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # where the system parameters name none
 _ADD_IN = "StateMachine Core"

@@ -19,7 +19,7 @@ from rich.table import Table
 from abb_protocols.catalogue import Message, clause
 from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT
 from virtual_irc5.mechanics.arm_motion import MODELS, unlimited
-from virtual_irc5.mechanics.parameters import EgmParameters, write_egm_parameters
+from virtual_irc5.mechanics.egm_parameters import EgmParameters, write_egm_parameters
 from yumi_evaluation.identification import (
     Dynamics,
     Estimate,

@@ -16,7 +16,7 @@ from math import degrees, inf, isnan, pi, radians, sin
 import numpy as np
 
 from abb_protocols.robot.joints import JOINT_COUNT, Side, joint_names
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi_evaluation.metrics import (
     Matches,

@@ -22,8 +22,8 @@ import numpy as np
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, YUMI_LIMITS, Joints, Side, joints
+from abb_runtime.parameters import Entry
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.settings import Entry
 from abb_runtime.udp import address_towards, is_loopback, resolve
 from yumi import __version__
 from yumi.api.arm_access import TRAJECTORY_CONTROLLER

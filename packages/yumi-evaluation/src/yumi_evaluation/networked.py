@@ -30,18 +30,18 @@ from yumi_interfaces.srv import LoadModule
 from abb_protocols.catalogue import message
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
-from abb_runtime.process.command import Command
+from abb_runtime.parameters import Values
+from abb_runtime.process.command_process import Command
 from abb_runtime.process.realtime import paused_collector
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from abb_runtime.rws.login import PASSWORD_VARIABLE
 from abb_runtime.rws.transport import HttpTransport
-from abb_runtime.settings import Values
 from abb_runtime.udp import free_port
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.driver.settings import address_values, override, read_settings
 from yumi.recording.reader import read_recording
-from yumi.ros.driver import close_ros, open_ros
+from yumi.ros.ros_driver import close_ros, open_ros
 from yumi_evaluation.experiments import (
     AXIS_6,
     Experiment,

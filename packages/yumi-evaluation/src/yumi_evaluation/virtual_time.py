@@ -16,7 +16,7 @@ from math import cos, inf, pi, radians, sin
 
 from abb_protocols.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Side, joint_names, joints
 from abb_runtime.clock import ManualClock
-from abb_runtime.settings import Parameter, Values
+from abb_runtime.parameters import Parameter, Values
 from abb_runtime.udp import memory_links
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
@@ -37,7 +37,7 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.driver.egm_arm import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.egm.session import SILENCE, Session
+from yumi.egm.egm_session import SILENCE, Session
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 from yumi_evaluation.experiments import AXIS_6, GOAL_RATE, Experiment, Mode, Sine, Step, System, Trace
 from yumi_evaluation.metrics import Series, series

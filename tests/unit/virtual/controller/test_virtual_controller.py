@@ -6,7 +6,7 @@ import pytest
 
 from abb_protocols.egm.codec import RapidState
 from abb_protocols.robot.joints import Side, home
-from abb_protocols.rws.types import ControllerState, OperatingMode
+from abb_protocols.rws.values import ControllerState, OperatingMode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import Refusal, Refused
 from virtual_irc5.rapid.states import Execution

@@ -2,7 +2,7 @@
 
 import pytest
 
-from abb_protocols.rws.types import SignalType
+from abb_protocols.rws.values import SignalType
 from virtual_irc5.controller.signals import Signal, Signals
 from virtual_irc5.controller_log import Refusal, Refused
 from virtual_irc5.system_parameters import Configuration

@@ -8,7 +8,7 @@ import pytest
 
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side, joints
-from abb_protocols.rws.types import ControllerState, EventType, OperatingMode
+from abb_protocols.rws.values import ControllerState, EventType, OperatingMode
 from refusals import refused
 from virtual_irc5.controller.backup import write_backup
 from virtual_irc5.controller.installed_system import (

@@ -11,15 +11,15 @@ from typing import Any
 import pytest
 
 from abb_protocols.robot.joints import Joints, Side
-from abb_protocols.rws.types import ControllerState, EventType
+from abb_protocols.rws.values import ControllerState, EventType
 from virtual_irc5.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import Refused
 from virtual_irc5.mechanics.egm_motion import EgmRun
 from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.states import Execution
-from virtual_irc5.rws.call import Call
 from virtual_irc5.rws.rapid import get_task
+from virtual_irc5.rws.rws_call import Call
 from virtual_irc5.world import World, WorldSettings
 
 TASKS = """

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import abb_protocols.controller_files
 import virtual_irc5.controller
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import CYCLE, Joints, Side
 from virtual_irc5.controller.signals import Signal, Signals
 from virtual_irc5.controller.tasks import TaskHost

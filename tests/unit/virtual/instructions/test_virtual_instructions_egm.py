@@ -8,7 +8,7 @@ from instruction_bench import InstructionBench
 
 from abb_protocols.egm.codec import MciState, SensorCodec, SensorMessage
 from abb_protocols.robot.joints import Side, home
-from abb_protocols.rws.types import SignalType
+from abb_protocols.rws.values import SignalType
 from virtual_irc5.controller.signals import Signal
 from virtual_irc5.instructions.robot_data import jointtarget
 from virtual_irc5.mechanics.egm_client import EgmOutcome, EgmState

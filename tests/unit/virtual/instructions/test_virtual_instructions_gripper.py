@@ -3,7 +3,7 @@
 import pytest
 from instruction_bench import InstructionBench
 
-from abb_protocols.robot.gripper import MAX_FORCE, ServoState
+from abb_protocols.robot.gripper_values import MAX_FORCE, ServoState
 from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import OperatingMode
+from abb_protocols.rws.values import OperatingMode
 from virtual_irc5.controller.installed_system import delivered_system, with_programs
 from virtual_irc5.rapid.states import Execution
 from virtual_irc5.world import World, WorldSettings

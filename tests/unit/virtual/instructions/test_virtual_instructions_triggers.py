@@ -5,7 +5,7 @@ import pytest
 from drawn_path import Array, Drawing, at, from_line
 from instruction_bench import InstructionBench
 
-from abb_protocols.rws.types import SignalType
+from abb_protocols.rws.values import SignalType
 from virtual_irc5.controller.signals import Signal
 from virtual_irc5.rapid.states import EventKind
 

@@ -7,7 +7,7 @@ from math import nan
 import pytest
 
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.gripper import GripperModules, ServoCommand, ServoState
+from abb_protocols.robot.gripper_values import GripperModules, ServoCommand, ServoState
 from virtual_irc5.mechanics.virtual_gripper import VirtualGripper, Workpiece
 
 CUBE = Workpiece(0.020)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from abb_protocols.robot.gripper import ATMOSPHERE
+from abb_protocols.robot.gripper_values import ATMOSPHERE
 from virtual_irc5.mechanics.virtual_gripper import DEEPEST, OPEN, CupObject, VacuumCup
 
 

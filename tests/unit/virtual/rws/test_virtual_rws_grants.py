@@ -7,7 +7,7 @@ import json
 import pytest
 
 from abb_protocols.rws.documents import read_page, read_status
-from abb_protocols.rws.types import GRANTS, Code, Grant
+from abb_protocols.rws.values import GRANTS, Code, Grant
 from rws_examples import EXAMPLES, Example, Session, content_type, operation_of
 
 SPEED = Example("POST", "/rw/panel/speedratio?action=setspeedratio", "speed-ratio=50")

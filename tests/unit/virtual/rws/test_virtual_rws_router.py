@@ -9,9 +9,9 @@ import pytest
 
 from abb_protocols.rws.operations.operation import Operation, get, post
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rws.call import Call, Failure
 from virtual_irc5.rws.router import Route, Router
-from virtual_irc5.rws.service import ROUTES
+from virtual_irc5.rws.rws_call import Call, Failure
+from virtual_irc5.rws.rws_service import ROUTES
 
 
 def nothing(controller: Irc5, call: Call) -> None: ...

@@ -12,7 +12,7 @@ from urllib.parse import urljoin
 import pytest
 
 from abb_protocols.rws.documents import read_page, read_status
-from abb_protocols.rws.types import GRANTS, Grant, OperatingMode
+from abb_protocols.rws.values import GRANTS, Grant, OperatingMode
 from rws_examples import Example, content_type, operation_of
 from rws_examples_2 import BASIC, EXAMPLES_2, SIGNALS, SYMBOL, TASK, Session2
 from virtual_irc5.rws.http import HttpReply, HttpRequest

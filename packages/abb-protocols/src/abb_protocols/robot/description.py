@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi, sqrt
 
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Pose, Side, Vector
 from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, foot_to_body
 

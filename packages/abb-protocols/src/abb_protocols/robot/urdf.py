@@ -40,7 +40,7 @@ from abb_protocols.robot.description import (
     joint_1_origin,
     link_mass,
 )
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names, prefixed
 from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, quaternion_from_euler_zyx
 

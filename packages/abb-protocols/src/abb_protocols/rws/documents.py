@@ -28,7 +28,7 @@ from xml.etree.ElementTree import Element
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, ProtocolError
 from abb_protocols.robot.joints import Joints, Pose, chain_from_abb, joints
-from abb_protocols.rws.types import EventType, SignalType, meaning_of, name_of
+from abb_protocols.rws.values import EventType, SignalType, meaning_of, name_of
 
 E = TypeVar("E", bound=Enum)
 

@@ -33,7 +33,7 @@ from abb_protocols.rws.operations.event_log import EVENTS
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.system import SYSTEM
 from abb_protocols.rws.operations.users import LOGOUT
-from abb_protocols.rws.types import PROTOCOL, Priority, Resource
+from abb_protocols.rws.values import PROTOCOL, Priority, Resource
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.rws.services.configuration import Configuration
 from abb_runtime.rws.services.ctrl import Controller

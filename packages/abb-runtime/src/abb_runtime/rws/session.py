@@ -30,7 +30,7 @@ import httpx
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import LoginRefused, NoConnection, ProtocolError
 from abb_protocols.rws.documents import FORM_TYPE, Pairs, encode_form
-from abb_protocols.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE
+from abb_protocols.rws.values import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 from abb_runtime.clock import Clock
 from abb_runtime.rws.transport import INTERVAL, ConnectionLost, Deadline
 from abb_runtime.rws.web_socket import Listener, Socket

@@ -12,7 +12,7 @@ import click
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, ControllerRefused, YumiError
 from abb_protocols.rws.operations.rapid import Range, RunCycle
-from abb_protocols.rws.types import Code, ControllerState, ExecutionState, TaskExecution, meaning_of
+from abb_protocols.rws.values import Code, ControllerState, ExecutionState, TaskExecution, meaning_of
 from abb_runtime.clock import Clock, SystemClock, comes_true
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.services.rapid import Step

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from abb_protocols.robot.gripper import TRAVEL, GripperModules
+from abb_protocols.robot.gripper_values import TRAVEL, GripperModules
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import GRANTS
+from abb_protocols.rws.values import GRANTS
 from abb_runtime.options import (
     FILE,
     ONCE,
@@ -23,7 +23,7 @@ from abb_runtime.options import (
     until_stdin_closes_option,
     user_option,
 )
-from abb_runtime.process.command import CONTROLLER_READY
+from abb_runtime.process.command_process import CONTROLLER_READY
 from abb_runtime.rws.client import DEFAULT_PASSWORD
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
 

@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import CollisionState, ControllerState, EventType, OperatingMode
+from abb_protocols.rws.values import CollisionState, ControllerState, EventType, OperatingMode
 from virtual_irc5.controller.file_store import FileStore
 from virtual_irc5.controller.identity import Identity, OwnSettings
 from virtual_irc5.controller.installed_system import DELIVERED_FILES, USER_MODULE, System, is_user_module, modules_of

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
-from abb_protocols.rws.types import EventType
+from abb_protocols.rws.values import EventType
 from virtual_irc5.controller.file_store import CAPACITY, File, FileStore, clean_path, size_of
 from virtual_irc5.controller.identity import Identity
 from virtual_irc5.controller.installed_system import Robot

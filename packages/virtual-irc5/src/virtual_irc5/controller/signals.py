@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from abb_protocols.rws.types import SignalType
+from abb_protocols.rws.values import SignalType
 from virtual_irc5.controller_log import Refusal, Refused
 from virtual_irc5.system_parameters import NETWORKS, Configuration, Value
 

@@ -15,7 +15,7 @@ from types import MappingProxyType
 
 from abb_protocols.egm.codec import RapidState
 from abb_protocols.errors import RapidError, RobotNotReady
-from abb_protocols.rws.types import EventType
+from abb_protocols.rws.values import EventType
 from virtual_irc5.controller.file_store import FileStore
 from virtual_irc5.controller.rapid_devices import RapidDisk
 from virtual_irc5.controller.signals import Signals

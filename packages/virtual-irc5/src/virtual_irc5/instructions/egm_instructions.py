@@ -14,7 +14,7 @@ from abb_protocols.egm.codec import PartialJoints
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import JOINT_COUNT
 from abb_protocols.robot.kinematics import compose
-from abb_protocols.rws.types import EventType
+from abb_protocols.rws.values import EventType
 from virtual_irc5.instructions.moves import MOVES, SPEED, MoveInstructions, check_may_move, standing
 from virtual_irc5.instructions.path_corrections import PathCorrections
 from virtual_irc5.instructions.robot_data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid

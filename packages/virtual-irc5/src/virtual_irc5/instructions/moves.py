@@ -20,7 +20,7 @@ from abb_protocols.robot.arm_kinematics import Arm
 from abb_protocols.robot.confdata import Configuration
 from abb_protocols.robot.joints import ORIGIN, Joints, Pose
 from abb_protocols.robot.kinematics import compose, matrix, quaternion_from_matrix
-from abb_protocols.rws.types import EventType
+from abb_protocols.rws.values import EventType
 from virtual_irc5.controller_log import EventLog
 from virtual_irc5.instructions.robot_data import (
     NOT_PRESENT,

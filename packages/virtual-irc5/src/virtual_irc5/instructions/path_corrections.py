@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from abb_protocols.robot.arm_kinematics import Lost
 from abb_protocols.robot.joints import Joints
-from abb_protocols.rws.types import EventType
+from abb_protocols.rws.values import EventType
 from virtual_irc5.controller_log import EventLog
 from virtual_irc5.instructions.moves import MOVES, place_of
 from virtual_irc5.mechanics.path import Passage

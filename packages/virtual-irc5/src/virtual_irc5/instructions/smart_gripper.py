@@ -7,8 +7,8 @@ from enum import Enum
 from typing import Any, TypeVar
 
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.gripper import MAX_FORCE, TOP_SPEED, TRAVEL, ServoState
-from abb_protocols.rws.types import EventType
+from abb_protocols.robot.gripper_values import MAX_FORCE, TOP_SPEED, TRAVEL, ServoState
+from abb_protocols.rws.values import EventType
 from virtual_irc5.controller_log import EventLog
 from virtual_irc5.mechanics.virtual_gripper import CHANNELS, SETTLING_TIME, VirtualGripper
 from virtual_irc5.rapid import STANDARD, Call, Library, RapidRuntimeError, Wait

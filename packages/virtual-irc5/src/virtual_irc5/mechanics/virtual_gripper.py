@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import exp, isfinite
 
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.gripper import (
+from abb_protocols.robot.gripper_values import (
     ATMOSPHERE,
     LOWEST_SPEED,
     MAX_FORCE,

@@ -25,8 +25,8 @@ from virtual_irc5.rapid.builtins.sockets import SOCKETS
 from virtual_irc5.rapid.builtins.strings import STRINGS
 from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.devices import Host
-from virtual_irc5.rapid.library import Library
 from virtual_irc5.rapid.parser import parse_module
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind, Execution, TaskEvent
 from virtual_irc5.rapid.task import ModuleInfo, Task
 from virtual_irc5.rapid.types import (

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from virtual_irc5.rapid.devices import Host
 from virtual_irc5.rapid.interrupts import Interrupts
-from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind, SystemEvent
 from virtual_irc5.rapid.types import ABSENT, RapidRuntimeError, Reference
 

@@ -14,9 +14,9 @@ from virtual_irc5.rapid.call import VISUALIZE, Deadline
 from virtual_irc5.rapid.code_builder import CodeBuilder
 from virtual_irc5.rapid.expressions import Expressions, Scope, caller
 from virtual_irc5.rapid.frame import Code, Evaluate, Frame, HandlerCode, LocalName, Stack, Step, Target
-from virtual_irc5.rapid.library import LibraryRoutine
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
 from virtual_irc5.rapid.program import Local, Program
+from virtual_irc5.rapid.rapid_library import LibraryRoutine
 from virtual_irc5.rapid.types import (
     LARGEST_ARRAY,
     MOST_OBJECTS,

@@ -15,9 +15,9 @@ from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.code_builder import CodeBuilder
 from virtual_irc5.rapid.frame import Evaluate, Frame, Stack, Step, Target
-from virtual_irc5.rapid.library import FormalParameter, LibraryRoutine
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
 from virtual_irc5.rapid.program import Found, Local, Program, Signature
+from virtual_irc5.rapid.rapid_library import FormalParameter, LibraryRoutine
 from virtual_irc5.rapid.types import (
     ABSENT,
     ANY_NUM,

@@ -13,8 +13,8 @@ from functools import cached_property
 from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.devices import Host
 from virtual_irc5.rapid.frame import Code
-from virtual_irc5.rapid.library import FormalParameter, Library, LibraryRoutine
 from virtual_irc5.rapid.loaded_modules import LoadedModule, Symbol, UserRoutine, UserType, misfit
+from virtual_irc5.rapid.rapid_library import FormalParameter, Library, LibraryRoutine
 from virtual_irc5.rapid.types import AliasType, ArrayType, RecordType, Signal, Type, Unresolved, Variable
 
 

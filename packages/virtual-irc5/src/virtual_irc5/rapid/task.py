@@ -17,13 +17,13 @@ from virtual_irc5.rapid.compiler import compile_program, faults_of, initialise_v
 from virtual_irc5.rapid.devices import Host
 from virtual_irc5.rapid.frame import Frame
 from virtual_irc5.rapid.interrupts import Interrupts
-from virtual_irc5.rapid.library import Library
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine
 from virtual_irc5.rapid.loading import Prepared, free, prepared, removed_by
 from virtual_irc5.rapid.machine import Machine
 from virtual_irc5.rapid.parser import parse_module
 from virtual_irc5.rapid.pauses import Pauses, StackEntry, StepKind
 from virtual_irc5.rapid.program import Program
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind, Execution, Severity, SystemEvent, TaskEvent
 from virtual_irc5.rapid.task_data import TaskData
 from virtual_irc5.rapid.timers import TimerQueue

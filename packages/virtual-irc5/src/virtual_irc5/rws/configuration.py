@@ -8,14 +8,14 @@ from collections.abc import Iterable, Mapping
 from abb_protocols.errors import SettingsError
 from abb_protocols.rws.documents import Link, Page, State
 from abb_protocols.rws.operations import configuration as table
-from abb_protocols.rws.types import Code, read_cfg
+from abb_protocols.rws.values import Code, read_cfg
 from virtual_irc5.controller.installed_system import DOMAINS
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 from virtual_irc5.system_parameters import Configuration, Instance, defaults_of
 
 _CFG_BASE = "/rw/cfg/"

@@ -14,16 +14,16 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from abb_protocols.errors import RapidError, SettingsError
 from abb_protocols.rws.documents import Link, Page, State
 from abb_protocols.rws.operations import ctrl as table
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from virtual_irc5.controller.backup import check_backup, restore_backup, write_backup
 from virtual_irc5.controller.file_store import DEVICES
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import Refusal, Refused
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes, absent
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 
 _BASE = "/ctrl/"
 _DURATION = 2.0  # of a backup and other jobs [s]

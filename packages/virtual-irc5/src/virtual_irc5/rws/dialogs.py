@@ -5,13 +5,13 @@ from __future__ import annotations
 from abb_protocols.rws.documents import Page, State
 from abb_protocols.rws.operations import rapid as table
 from abb_protocols.rws.operations.operation import get
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from abb_runtime.faults import DISPLAY_PATH
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rapid.devices import Dialog
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 
 _BASE = "/rw/rapid/"
 _DISPLAYED = 30  # lines of a task

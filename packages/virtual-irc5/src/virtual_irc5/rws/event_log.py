@@ -7,14 +7,14 @@ from datetime import datetime, timezone
 
 from abb_protocols.rws.documents import Argument, Form, Link, Page, State
 from abb_protocols.rws.operations import event_log as table
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import Event
-from virtual_irc5.rws.call import Call, Failure
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import resource
 from virtual_irc5.rws.router import Routes
+from virtual_irc5.rws.rws_call import Call, Failure
 
 _LOG_BASE = "/rw/elog/"
 _LOG_PAGE = 50

@@ -6,14 +6,14 @@ from datetime import datetime, timezone
 
 from abb_protocols.rws.documents import Link, Page, State
 from abb_protocols.rws.operations import files as table
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from virtual_irc5.controller.file_store import CAPACITY, DEVICES, File
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import Refusal, Refused
-from virtual_irc5.rws.call import Call, Failure, Shown, invalid
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
+from virtual_irc5.rws.rws_call import Call, Failure, Shown, invalid
 
 _FILES_BASE = "/fileservice/"
 _OCTETS = (("Content-Type", "application/octet-stream"),)

@@ -18,7 +18,7 @@ from urllib.parse import unquote
 
 from abb_protocols.errors import ProtocolError, YumiError
 from abb_protocols.rws.documents import Pairs, decode_form
-from abb_protocols.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE
+from abb_protocols.rws.values import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 
 Headers = tuple[tuple[str, str], ...]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 from abb_protocols.rws.documents import Link, Page, Pairs, State, first_value
 from abb_protocols.rws.operations import io as table
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller.signals import Signal, path_of, printed
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes, absent
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 
 _IO_BASE = "/rw/iosystem/"
 _DEFAULT_LIMIT = 100

@@ -9,11 +9,11 @@ from abb_protocols.rws.documents import Page, State
 from abb_protocols.rws.operations import mastership as table
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.users import User
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rws.call import Call, Failure
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Route
+from virtual_irc5.rws.rws_call import Call, Failure
 from virtual_irc5.rws.users import Users, refuse_in_manual_mode
 
 _MASTERSHIP_BASE = "/rw/mastership/"

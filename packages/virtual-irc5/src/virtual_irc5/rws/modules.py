@@ -14,7 +14,7 @@ from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import Form, Link, Page, State
 from abb_protocols.rws.operations import modules as table
 from abb_protocols.rws.operations.rapid import Range
-from abb_protocols.rws.types import Code, RapidValue, decode
+from abb_protocols.rws.values import Code, RapidValue, decode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.literals import format_value, parse_value
@@ -22,12 +22,12 @@ from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine
 from virtual_irc5.rapid.parser import parse_expression
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol, Variable
-from virtual_irc5.rws.call import Call, Failure, Shown, invalid
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.rapid import find_task, prepare_modules
 from virtual_irc5.rws.render import resource
 from virtual_irc5.rws.router import Routes
+from virtual_irc5.rws.rws_call import Call, Failure, Shown, invalid
 from virtual_irc5.rws.users import refuse_in_manual_mode
 
 T = TypeVar("T")

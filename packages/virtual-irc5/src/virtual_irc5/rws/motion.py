@@ -15,15 +15,15 @@ from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain
 from abb_protocols.robot.kinematics import compose, inverse, matrix
 from abb_protocols.rws.documents import JointTarget, Link, Page, RobTarget, State, first_value
 from abb_protocols.rws.operations import motion as table
-from abb_protocols.rws.types import Code, decode
+from abb_protocols.rws.values import Code, decode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.instructions.robot_data import pose_from_rapid, robtarget, wobj_from_rapid
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.units import MechanicalUnit, UnitSupervision
 from virtual_irc5.rapid.types import Variable
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 from virtual_irc5.rws.users import refuse_in_manual_mode
 
 _BASE = "/rw/motionsystem/"

@@ -9,12 +9,12 @@ from typing import Any
 from abb_protocols.rws.documents import Page
 from abb_protocols.rws.operations import panel as table
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.types import Code, OperatingMode
+from abb_protocols.rws.values import Code, OperatingMode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws import ctrl
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Route, Routes
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 
 _VALUES: Mapping[str, tuple[Operation[Any], Callable[[Irc5], object]]] = {
     "ctrlstate": (table.CONTROLLER_STATE, lambda controller: controller.controller_state),

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 
 from abb_protocols.rws.documents import Page, State
 from abb_protocols.rws.operations import queues as table
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rapid.devices import LONGEST_MESSAGE, MOST_MESSAGES, Message
 from virtual_irc5.rapid.types import RapidRuntimeError
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Route
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 
 _DIPC_BASE = "/rw/dipc/"
 _DIPC_TITLE = "RobAPI2 DIPC"

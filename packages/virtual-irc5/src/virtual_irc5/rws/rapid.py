@@ -16,7 +16,7 @@ from abb_protocols.rws.documents import JointTarget, Link, Page, RobTarget, Stat
 from abb_protocols.rws.operations import rapid as table
 from abb_protocols.rws.operations.modules import quoted
 from abb_protocols.rws.operations.motion import UNIT
-from abb_protocols.rws.types import Code, ExecutionState, TaskExecution
+from abb_protocols.rws.values import Code, ExecutionState, TaskExecution
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller.tasks import InstalledTask
 from virtual_irc5.rapid import ast as s
@@ -26,12 +26,12 @@ from virtual_irc5.rapid.pauses import StackEntry, StepKind
 from virtual_irc5.rapid.states import Execution
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import RapidReferenceError
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.motion import joint_target, target
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 
 _BASE = "/rw/rapid/"
 

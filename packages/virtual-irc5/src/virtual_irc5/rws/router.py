@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 
 from abb_protocols.rws.documents import Page, Pairs, first_value
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rws.call import Call, Failure, Handler, Preparation, Shown, invalid
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import page_of
+from virtual_irc5.rws.rws_call import Call, Failure, Handler, Preparation, Shown, invalid
 
 T = TypeVar("T")
 

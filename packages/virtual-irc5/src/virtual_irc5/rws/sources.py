@@ -8,18 +8,18 @@ from dataclasses import dataclass
 
 from abb_protocols.rws.documents import Link, State
 from abb_protocols.rws.operations.rapid import ACTIVE_DIALOG, range_in
-from abb_protocols.rws.types import Code, Priority, Resource
+from abb_protocols.rws.values import Code, Priority, Resource
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller.signals import path_of, printed
 from virtual_irc5.controller_log import Refused
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import UnknownSymbol
-from virtual_irc5.rws.call import Failure
 from virtual_irc5.rws.dialogs import shown_dialog
 from virtual_irc5.rws.mastership import Mastership
 from virtual_irc5.rws.panel import TITLES, panel_text
 from virtual_irc5.rws.queues import MessageService
 from virtual_irc5.rws.rapid import execution_of, pointer_of
+from virtual_irc5.rws.rws_call import Failure
 from virtual_irc5.rws.users import Users
 
 Event = tuple[State, ...]

@@ -16,14 +16,14 @@ from typing import Protocol
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import Form, Pairs, first_value
 from abb_protocols.rws.operations import subscriptions as table
-from abb_protocols.rws.types import PROTOCOL, Code, Priority, Resource
+from abb_protocols.rws.values import PROTOCOL, Code, Priority, Resource
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.mastership import Mastership
 from virtual_irc5.rws.queues import MessageService
 from virtual_irc5.rws.render import write_event, write_group
 from virtual_irc5.rws.router import Route
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 from virtual_irc5.rws.sources import Event, Source, find_source, mastership_source, queue_source, rmmp_source
 from virtual_irc5.rws.users import Users
 

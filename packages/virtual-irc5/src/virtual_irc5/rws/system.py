@@ -7,12 +7,12 @@ from datetime import datetime
 
 from abb_protocols.rws.documents import Link, Page, State
 from abb_protocols.rws.operations import system as table
-from abb_protocols.rws.types import Code, sentence
+from abb_protocols.rws.values import Code, sentence
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rws.call import Call, Failure
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes, absent
+from virtual_irc5.rws.rws_call import Call, Failure
 
 _ROOT_SERVICES = ("ctrl", "rw", "progress", "fileservice", "users", "subscription")
 

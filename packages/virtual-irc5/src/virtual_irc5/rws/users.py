@@ -11,12 +11,12 @@ from abb_protocols.rws.documents import Link, Page, State
 from abb_protocols.rws.operations import users as table
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.users import User
-from abb_protocols.rws.types import GRANTS, Code, Grant, OperatingMode
+from abb_protocols.rws.values import GRANTS, Code, Grant, OperatingMode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rws.call import Call, Failure, invalid
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import resource
 from virtual_irc5.rws.router import Route
+from virtual_irc5.rws.rws_call import Call, Failure, invalid
 
 _USERS_BASE = "/users/"
 

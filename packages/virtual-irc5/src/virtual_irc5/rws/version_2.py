@@ -31,15 +31,15 @@ from abb_protocols.rws.documents import (
 )
 from abb_protocols.rws.operations.operation import Operation, Values
 from abb_protocols.rws.operations.rapid import LOAD_MODULE
-from abb_protocols.rws.types import REALM, Code
+from abb_protocols.rws.values import REALM, Code
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rws.call import Call, Failure, Shown
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply, HttpRequest, Session
 from virtual_irc5.rws.mastership import Domains
 from virtual_irc5.rws.render import resource, write_hal, write_hal_status, write_page, write_status
 from virtual_irc5.rws.router import Route, Router
-from virtual_irc5.rws.service import RwsService, form_of
+from virtual_irc5.rws.rws_call import Call, Failure, Shown
+from virtual_irc5.rws.rws_service import RwsService, form_of
 from virtual_irc5.rws.subscriptions import Rules
 
 XHTML = "application/xhtml+xml;v=2.0"

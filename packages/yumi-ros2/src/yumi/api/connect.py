@@ -18,8 +18,8 @@ from typing import Any, Concatenate, NoReturn, ParamSpec, Protocol, TypeVar, cas
 from abb_protocols.catalogue import message
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side
+from abb_runtime.parameters import Entry
 from abb_runtime.rws.login import password_of_environment
-from abb_runtime.settings import Entry
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion

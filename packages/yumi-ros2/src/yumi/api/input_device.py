@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import RobotNotReady, missing_extra
-from yumi.api.devices import Inputs
+from yumi.api.teleoperation_devices import Inputs
 
 if TYPE_CHECKING:
     from evdev import InputDevice

@@ -11,7 +11,7 @@ from abb_protocols.catalogue import Message, message, quoted
 from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
 from abb_protocols.robot.confdata import Configuration, configuration
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.gripper import TRAVEL, Direction, GripperGoal, Outcome, go_to, grip
+from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripperGoal, Outcome, go_to, grip
 from abb_protocols.robot.inverse_kinematics import (
     Unreachable,
     arm_angle,

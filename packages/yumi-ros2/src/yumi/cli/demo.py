@@ -37,7 +37,7 @@ from abb_runtime.options import (
     speed_scale_option,
     yes_option,
 )
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import PASSWORD_VARIABLE
 from abb_runtime.udp import free_port
@@ -196,8 +196,8 @@ def read_positions(robot: RobotSettings) -> Mapping[Side, Joints]:
 def _run_application(
     progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool], *, approaches: bool
 ) -> Mapping[Side, ArmReport]:
-    from yumi.ros.driver import close_ros, open_ros  # noqa: PLC0415 - the command line works without ROS
     from yumi.ros.move_and_grab import MoveAndGrab  # noqa: PLC0415
+    from yumi.ros.ros_driver import close_ros, open_ros  # noqa: PLC0415 - the command line works without ROS
 
     open_ros()
     application = MoveAndGrab(progress, check, confirm, approaches=approaches)

@@ -26,8 +26,8 @@ from yumi.cli.fault import fault
 from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.install import doctor, install, uninstall
 from yumi.cli.moveit import moveit_config
-from yumi.cli.robot import DRIVER_COMMANDS
-from yumi.cli.rws import rws
+from yumi.cli.robot_commands import DRIVER_COMMANDS
+from yumi.cli.rws_command import rws
 from yumi.cli.shell import completion, shell
 from yumi.cli.teleop import teleop
 from yumi.cli.up import record, up, view

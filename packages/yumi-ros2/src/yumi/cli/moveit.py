@@ -16,7 +16,7 @@ import yaml
 from abb_protocols.catalogue import message
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.description import FINGER_SPEED
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Side, finger_names, joint_names
 from abb_protocols.robot.urdf import robot_description
 from abb_runtime.options import gripper_options

@@ -18,8 +18,8 @@ from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import CommandRefused, SettingsError
 from abb_runtime.options import ARMS, JsonOutput, Measure, json_option, robot_option
 from yumi.api.attach import attach
-from yumi.api.devices import Device, Gamepad, Leader, LeaderArm, SpaceMouse, teleoperate
 from yumi.api.input_device import find_devices, open_device
+from yumi.api.teleoperation_devices import Device, Gamepad, Leader, LeaderArm, SpaceMouse, teleoperate
 from yumi.cli.from_table import arms_of
 from yumi.driver.command import side_of
 from yumi.driver.device_frame import DeviceSettings, TeleoperatedArmReport, TeleoperationReport

@@ -48,7 +48,7 @@ from abb_runtime.options import (
     speed_scale_option,
     until_stdin_closes_option,
 )
-from abb_runtime.process.command import DRIVER_READY, DRIVER_RUNNING, PAGE_READY, Command
+from abb_runtime.process.command_process import DRIVER_READY, DRIVER_RUNNING, PAGE_READY, Command
 from abb_runtime.process.realtime import release_process, settle_memory, short_switch_interval
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.process.supervision import Failures, SupervisedThread, start_thread
@@ -81,8 +81,8 @@ from yumi.recording.recorder import Recorder
 
 if TYPE_CHECKING:
     from yumi.recording.tables import TableName
-    from yumi.ros.driver import RosDriver
-    from yumi.web.server import ViewSettings
+    from yumi.ros.ros_driver import RosDriver
+    from yumi.web.view_server import ViewSettings
 
 _log = logging.getLogger("yumi")
 
@@ -327,8 +327,8 @@ def _only_under_name(root: str) -> SingleInstance:
 def _with_ros(
     stack: ExitStack, parts: DriverParts, settings: Settings, ros_arguments: Sequence[str] | None
 ) -> RosDriver:
-    from yumi.ros.driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
-    from yumi.ros.gripper import GripperParts  # noqa: PLC0415
+    from yumi.ros.gripper_actions import GripperParts  # noqa: PLC0415
+    from yumi.ros.ros_driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
 
     open_ros(ros_arguments)
     stack.callback(close_ros)
@@ -509,10 +509,10 @@ def view(
       yumi view session.mcap             a recording or flight record
       yumi view --operate --https --listen 192.168.1.20   for a headset
     """
-    from yumi.web.controller import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
+    from yumi.web.controller_view import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
     from yumi.web.page_build import page_folder  # noqa: PLC0415
     from yumi.web.page_recording import page_recording  # noqa: PLC0415
-    from yumi.web.server import ViewSettings  # noqa: PLC0415
+    from yumi.web.view_server import ViewSettings  # noqa: PLC0415
 
     robot = robot or ""
     if recording is not None and (robot or virtual or operate):
@@ -557,7 +557,7 @@ def view(
 def _tls_of(listen: str) -> ssl.SSLContext:
     """With the certificate of this installation, for the names and addresses under which a page is opened."""
     from abb_runtime.process.certificate import installation_certificate  # noqa: PLC0415 - a quick --help
-    from yumi.web.server import ALL_ADDRESSES  # noqa: PLC0415
+    from yumi.web.view_server import ALL_ADDRESSES  # noqa: PLC0415
 
     node = platform.node()
     own = node.partition(".")[0]
@@ -569,7 +569,7 @@ def _tls_of(listen: str) -> ssl.SSLContext:
 
 
 async def _serve_pages(settings: ViewSettings, is_over: Flag) -> None:
-    from yumi.web.server import ViewServer  # noqa: PLC0415 - a quick --help
+    from yumi.web.view_server import ViewServer  # noqa: PLC0415 - a quick --help
 
     server = ViewServer(settings)
     await server.start()

@@ -14,7 +14,7 @@ from enum import Enum
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ArmCommand, ArmState, Joints
-from abb_runtime.settings import Parameter, Values, texts
+from abb_runtime.parameters import Parameter, Values, texts
 from yumi.control.goals import GoalKind
 from yumi.control.sampled import Sampled
 

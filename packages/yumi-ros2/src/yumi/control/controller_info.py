@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from abb_runtime.settings import Parameter, Value
+from abb_runtime.parameters import Parameter, Value
 from yumi.control.controller import State
 
 

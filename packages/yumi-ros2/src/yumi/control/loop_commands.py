@@ -10,7 +10,7 @@ from typing import Concatenate, ParamSpec, Protocol, TypeVar
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import CommandRefused, SwitchFailed
 from abb_protocols.robot.joints import Joints, Side
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from yumi.control.allowed_collisions import AllowedCollisions
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo

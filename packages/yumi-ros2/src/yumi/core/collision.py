@@ -33,7 +33,7 @@ from abb_protocols.robot.description import (
     Box,
     joint_1_origin,
 )
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Quaternion, Side, Vector
 from abb_protocols.robot.kinematics import IDENTITY, matrix, quaternion_from_euler_zyx
 from yumi.core.library import load

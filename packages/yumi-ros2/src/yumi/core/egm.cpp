@@ -1,4 +1,4 @@
-// EGM as library.py declares it for egm/codec.py and egm/session.py: datagrams and sessions. No exception leaves, and
+// EGM as library.py declares it for egm/codec.py and egm/egm_session.py: datagrams and sessions. No exception leaves, and
 // nothing is allocated after the start.
 
 #include "egm_codec.hpp"

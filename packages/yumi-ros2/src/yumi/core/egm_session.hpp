@@ -79,7 +79,7 @@ private:
     std::optional<Lowest> before_;
 };
 
-// What happened on the wire since the start, in datagrams; as SessionCounters in egm/session.py.
+// What happened on the wire since the start, in datagrams; as SessionCounters in egm/egm_session.py.
 struct SessionCounters {
     std::int64_t received = 0;   // that count
     std::int64_t lost = 0;       // that the robot sent in a session and that never arrived

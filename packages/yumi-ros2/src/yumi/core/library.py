@@ -125,8 +125,8 @@ class SessionValues(ctypes.Structure):
         state: of the session: none, begun, resumed, open, silent.
         number: of the session.
         period: robot time since the message answered before [s].
-        counters: as :class:`yumi.egm.session.SessionCounters`.
-        arrivals: as :class:`yumi.egm.session.Arrivals`.
+        counters: as :class:`yumi.egm.egm_session.SessionCounters`.
+        arrivals: as :class:`yumi.egm.egm_session.Arrivals`.
     """
 
     _fields_ = (

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from abb_protocols.catalogue import Message
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from abb_runtime.clock import Clock
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.controller_panel import OBEY_TIMEOUT, ControllerPanel

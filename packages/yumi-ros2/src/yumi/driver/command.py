@@ -23,7 +23,7 @@ import msgspec
 
 from abb_protocols.catalogue import FrontEnd, Message, message
 from abb_protocols.errors import ProtocolError, RobotNotReady
-from abb_protocols.robot.gripper import GripperState
+from abb_protocols.robot.gripper_values import GripperState
 from abb_protocols.robot.joints import Joints, Pose, Side
 from yumi.control.goals import CONFIGURED_DELAY
 from yumi.control.hand_over import Commander, HandOver

@@ -16,7 +16,7 @@ import msgspec
 from abb_protocols.catalogue import FrontEnd, message
 from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.description import Mass
-from abb_protocols.robot.gripper import MAX_FORCE, TRAVEL, Direction, go_to, grip
+from abb_protocols.robot.gripper_values import MAX_FORCE, TRAVEL, Direction, go_to, grip
 from abb_protocols.robot.joints import Pose, Side
 from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands

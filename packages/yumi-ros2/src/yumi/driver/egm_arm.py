@@ -26,8 +26,8 @@ from yumi.control.sampled import Sampled
 from yumi.control.stage_times import DECODE, LIMIT, RECEIVE, SEND, UPDATE, StageClock
 from yumi.core.library import BRAKED, MOST_BRAKED, SAMPLED, ArmExchange, load
 from yumi.driver.egm_server import DatagramLink, wire_counters
+from yumi.egm.egm_session import Session
 from yumi.egm.joint_codec import not_finite
-from yumi.egm.session import Session
 
 _READY = ((), (0,), (1,), (0, 1))  # arms, by the bits that the core returns
 _NONE, _UNSAFE, _TO_ANSWER = range(3)  # what became of the datagrams that waited, as in the core

@@ -26,7 +26,7 @@ from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.udp import Poller, UdpServer, address_towards
 from yumi.control.counters import WireCounters
 from yumi.core.library import load
-from yumi.egm.session import SILENCE, SensorSession, Session
+from yumi.egm.egm_session import SILENCE, SensorSession, Session
 
 POLL_PERIOD = 0.050
 """How often a wait checks whether it is to end [s]."""

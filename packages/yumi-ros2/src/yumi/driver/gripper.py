@@ -23,7 +23,7 @@ from abb_protocols.errors import (
     RobotNotReady,
     YumiError,
 )
-from abb_protocols.robot.gripper import (
+from abb_protocols.robot.gripper_values import (
     ALLOWANCE,
     ATMOSPHERE,
     THINNEST,
@@ -46,8 +46,8 @@ from abb_protocols.robot.gripper import (
     speed_count,
 )
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import types as rapid_values
-from abb_protocols.rws.types import Resource
+from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws.values import Resource
 from abb_runtime.clock import POLL_PERIOD, Clock, comes_true, wait_until
 from abb_runtime.rws.client import Change, RwsClient, signal_state
 from yumi.driver.readiness import ConditionalRequest, check_request

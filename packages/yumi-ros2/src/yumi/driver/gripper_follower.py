@@ -8,7 +8,7 @@ from typing import SupportsFloat
 
 from abb_protocols.catalogue import Message, message, quoted
 from abb_protocols.errors import CommandRefused, YumiError
-from abb_protocols.robot.gripper import TRAVEL, Direction, GripperGoal, go_to, grip
+from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripperGoal, go_to, grip
 from yumi.driver.gripper import Check, Gripper, forbid_nothing
 
 

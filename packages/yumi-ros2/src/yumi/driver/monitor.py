@@ -24,7 +24,7 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ControllerRefused, ProtocolError, YumiError
 from abb_protocols.robot.joints import ZERO, Side, joints
 from abb_protocols.rws.documents import Event
-from abb_protocols.rws.types import ControllerState, EventType, ExecutionState, OperatingMode
+from abb_protocols.rws.values import ControllerState, EventType, ExecutionState, OperatingMode
 from abb_runtime.clock import Clock
 from abb_runtime.process.supervision import Failures, SupervisedThread
 from abb_runtime.rws.client import (

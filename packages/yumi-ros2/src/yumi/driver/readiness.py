@@ -15,7 +15,7 @@ from enum import Enum
 from abb_protocols.catalogue import FrontEnd, Message, clause, message, remedy_of
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.robot_state import EGM_RUNNING, RobotState, machine_name
 from yumi.driver.state_machine import MachineState

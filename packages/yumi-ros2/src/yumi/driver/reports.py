@@ -14,7 +14,7 @@ import msgspec
 from abb_protocols.catalogue import FrontEnd, Message, from_wire, in_words, is_known, message, sentence, to_wire
 from abb_protocols.egm.codec import SensorCodec
 from abb_protocols.errors import ProtocolError
-from abb_protocols.robot.gripper import Outcome
+from abb_protocols.robot.gripper_values import Outcome
 from abb_protocols.robot.joints import Joints, Pose, Side, abb_from_chain
 from abb_protocols.robot.kinematics import tool0_to_body
 from yumi.control.hand_over import Commander, Commanding

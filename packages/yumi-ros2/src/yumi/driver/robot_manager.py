@@ -14,11 +14,11 @@ from threading import Lock
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.description import Mass
-from abb_protocols.robot.gripper import ServoCommand
+from abb_protocols.robot.gripper_values import ServoCommand
 from abb_protocols.robot.joints import Pose, Side
 from abb_protocols.robot.load import Tool
 from abb_protocols.rws.documents import SystemInfo
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from abb_runtime.clock import Clock
 from abb_runtime.rws.client import RwsClient
 from yumi.control.loop_commands import Commands

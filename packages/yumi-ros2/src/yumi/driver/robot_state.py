@@ -10,7 +10,7 @@ from html import escape
 from abb_protocols.catalogue import Message, clause, in_words, message
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.documents import Event
-from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from yumi.driver.state_machine import MachineState
 
 Report = Callable[[str], None]

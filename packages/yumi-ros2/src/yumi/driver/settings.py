@@ -17,11 +17,10 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from abb_protocols.catalogue import Message, message, quoted, said_by
 from abb_protocols.errors import CommandRefused, SettingsError
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Pose, Side, Vector
 from abb_protocols.robot.kinematics import quaternion_from_euler_zyx
-from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
-from abb_runtime.settings import (
+from abb_runtime.parameters import (
     Entry,
     Parameter,
     ParameterFile,
@@ -31,6 +30,7 @@ from abb_runtime.settings import (
     read_mapping,
     read_parameter_file,
 )
+from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
 from abb_runtime.udp import is_loopback
 from yumi.control.collisions import MARGIN
 from yumi.control.speed_scale import FULL
@@ -412,7 +412,7 @@ def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSe
     """The controllers of one arm from ``path``, by default the delivered ``controllers.yaml``.
 
     The file has ros2_control's format: ``/<namespace>/controller_manager: ros__parameters`` lists names and types,
-    ``/<namespace>/<name>: ros__parameters`` their parameters; see :mod:`abb_runtime.settings` for wildcards.
+    ``/<namespace>/<name>: ros__parameters`` their parameters; see :mod:`abb_runtime.parameters` for wildcards.
 
     Raises:
         SettingsError: the file is missing, not YAML, or a key or value in it is not allowed.

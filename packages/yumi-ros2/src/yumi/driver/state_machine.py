@@ -29,11 +29,11 @@ from abb_protocols.errors import (
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose, Quaternion, Side, Vector
 from abb_protocols.robot.load import Tool, inertia_of, principal_inertia
-from abb_protocols.rws import types as rapid_values
-from abb_protocols.rws.types import Code, RapidValue
+from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws.values import Code, RapidValue
 from abb_runtime.clock import Clock, wait_until
+from abb_runtime.parameters import bounded
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.settings import bounded
 from yumi.control.goals import Buffer
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import FULL

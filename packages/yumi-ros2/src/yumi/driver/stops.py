@@ -21,7 +21,7 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.documents import Event
-from abb_protocols.rws.types import ControllerState, EventType
+from abb_protocols.rws.values import ControllerState, EventType
 from abb_runtime.clock import Clock
 from yumi.control.loop_events import Event as ArmEvent
 from yumi.control.loop_events import RobotStoppedFollowing

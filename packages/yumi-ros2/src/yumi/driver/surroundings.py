@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import msgspec
 
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector
 from yumi.core.collision import TOOL_FRAME, Obstacle, Part
 from yumi.driver.settings import Settings

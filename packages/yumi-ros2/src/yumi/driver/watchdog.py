@@ -13,10 +13,10 @@ from threading import Event as Flag
 
 from abb_protocols.errors import ControllerRefused, YumiError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import types as rapid_values
+from abb_protocols.rws import values as rapid_values
+from abb_runtime.parameters import bounded
 from abb_runtime.process.supervision import SupervisedThread
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.settings import bounded
 from yumi.driver.state_machine import EXTERNAL_STATUS, WATCHDOG
 
 BEATS_PER_TIMEOUT = 5

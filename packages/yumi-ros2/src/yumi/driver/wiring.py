@@ -32,7 +32,7 @@ from typing import NamedTuple
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import CommandRefused, SettingsError, SwitchFailed
 from abb_protocols.robot.description import SERVO_GRIPPERS
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Side, joint_names, set_prefix
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.process.single_instance import SingleInstance
@@ -67,7 +67,7 @@ from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
 from yumi.driver.stops import StopLog
-from yumi.egm.session import Session
+from yumi.egm.egm_session import Session
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 """What runs on each arm."""

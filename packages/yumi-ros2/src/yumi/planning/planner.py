@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, PlanNotFound, WhyNoPlan, missing_extra
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.inverse_kinematics import arm_angle, postures_of_each
 from abb_protocols.robot.joints import (
     CYCLE,

@@ -13,7 +13,7 @@ from functools import lru_cache, partial
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import JointLimits, Joints, Side
 from yumi.core.collision import Obstacle, Part
 from yumi.planning.planner import Goal, Plan, Planner

@@ -18,7 +18,7 @@ from abb_protocols.robot.description import (
     Origin,
     joint_1_origin,
 )
-from abb_protocols.robot.gripper import GripperModules
+from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names, prefixed
 from abb_protocols.robot.kinematics import euler_zyx
 from abb_protocols.robot.urdf import box_xml, cylinder_xml, joint_xml, limit_xml, link_xml

@@ -12,7 +12,7 @@ import msgspec
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import missing_extra
-from abb_protocols.robot.gripper import GripperState
+from abb_protocols.robot.gripper_values import GripperState
 from abb_protocols.robot.joints import Joints, Pose, Side, finger_names, joint_names, joints, prefixed
 from abb_protocols.robot.urdf import read_frames, robot_description
 from yumi import __version__

@@ -10,7 +10,7 @@ from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.trajectory_commands import Outcome, TrajectoryEnded
 from yumi.driver.control_process import ControlProcess
-from yumi.ros.controller_manager import MakeInterface
+from yumi.ros.controller_manager_node import MakeInterface
 from yumi.ros.frames import RobotFrames
 from yumi.ros.kinematics_services import KinematicsServices
 from yumi.ros.line_actions import CARTESIAN_CONTROLLER, LineAction, MoveBothLinearAction, MoveLinearAction

@@ -38,7 +38,7 @@ from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper_follower import closed_of
 from yumi.driver.stops import Cause, because
-from yumi.ros.controller_manager import MakeInterface
+from yumi.ros.controller_manager_node import MakeInterface
 from yumi.ros.messages import (
     RefusalLog,
     check_wait,

@@ -33,7 +33,7 @@ from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
 from abb_protocols.rws.documents import Event
-from abb_protocols.rws.types import EventType
+from abb_protocols.rws.values import EventType
 from abb_runtime.clock import Clock
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, InterfaceInfo

@@ -26,9 +26,9 @@ from yumi_interfaces.msg import RobotState
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed, YumiError
-from abb_protocols.robot.gripper import Outcome, outcome_of
+from abb_protocols.robot.gripper_values import Outcome, outcome_of
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
-from yumi.ros.gripper import FAILURE, FAILURES
+from yumi.ros.gripper_actions import FAILURE, FAILURES
 from yumi.ros.messages import LATCHED
 
 T = TypeVar("T")

@@ -29,8 +29,8 @@ from rclpy.parameter import Parameter as RosParameter
 from abb_protocols.catalogue import message, quoted, said_by
 from abb_protocols.errors import CommandRefused, MissingPrerequisite, YumiError
 from abb_runtime.clock import Clock
+from abb_runtime.parameters import Entry, Parameter, ParameterType, Value, Values, read_parameter_file
 from abb_runtime.process.supervision import Failures, SupervisedThread, no_thread
-from abb_runtime.settings import Entry, Parameter, ParameterType, Value, Values, read_parameter_file
 from yumi.control.controller import find_parameter
 from yumi.control.controller_info import ParameterInfo
 from yumi.control.manager.controller_switch import Strictness

@@ -30,7 +30,7 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.joints import JointLimits, Joints, Pose, Side, Vector, joints, rotate
 from abb_protocols.robot.kinematics import compose
-from abb_runtime.settings import number
+from abb_runtime.parameters import number
 from yumi.control.goals import GoalKind
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.robot_response import STANDING

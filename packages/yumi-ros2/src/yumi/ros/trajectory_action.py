@@ -27,7 +27,7 @@ from trajectory_msgs.msg import JointTrajectory
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
 from abb_runtime.clock import Clock
-from abb_runtime.settings import number
+from abb_runtime.parameters import number
 from yumi.control.chunk_commands import ChunksExhausted
 from yumi.control.controller import State
 from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
@@ -52,7 +52,7 @@ from yumi.driver.stops import because
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
 from yumi.planning.trajectory_request import plan_trajectory, timed
 from yumi.ros.chunk_topic import ChunkTopic
-from yumi.ros.controller_manager import MakeInterface
+from yumi.ros.controller_manager_node import MakeInterface
 from yumi.ros.messages import (
     LATCHED,
     Stamps,

@@ -19,14 +19,14 @@ from abb_protocols.errors import ControllerRefused
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import Clock, ManualClock
 from abb_runtime.faults import Fault, inject_fault
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from abb_runtime.rws.transport import ConnectionLost
 from abb_runtime.rws.web_socket import Listener
 from abb_runtime.udp import free_port, memory_links
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import Upgrade
 from virtual_irc5.world import FaultInjection, World, WorldSettings
 from yumi.driver.bringup import Bringup

@@ -7,15 +7,15 @@ from collections.abc import Mapping
 from abb_protocols.catalogue.text import Text
 from yumi.texts.arms import ARMS
 from yumi.texts.command_line import COMMAND_LINE
-from yumi.texts.controller import CONTROLLER
 from yumi.texts.driver import DRIVER
 from yumi.texts.endpoint import ENDPOINT
 from yumi.texts.events import EVENTS
 from yumi.texts.grippers import GRIPPERS
-from yumi.texts.motion import CONTROLLERS, MOTION
+from yumi.texts.motions import CONTROLLERS, MOTIONS
 from yumi.texts.page import PAGE
 from yumi.texts.planning import PLANNING
 from yumi.texts.recordings import RECORDINGS
+from yumi.texts.robot_controller import ROBOT_CONTROLLER
 from yumi.texts.robot_state import ROBOT_STATE
 from yumi.texts.ros import ROS
 from yumi.texts.script import SCRIPT
@@ -25,7 +25,7 @@ from yumi.texts.teleoperation import TELEOPERATION
 SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "May the robot move": ROBOT_STATE,
     "Events of the controller": EVENTS,
-    "The controller": CONTROLLER,
+    "The controller": ROBOT_CONTROLLER,
     "Arms": ARMS,
     "Requests to a driver": ENDPOINT,
     "ROS 2": ROS,
@@ -35,7 +35,7 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "Driver": DRIVER,
     "Installation and doctor": SET_UP,
     "Recordings": RECORDINGS,
-    "Motions": MOTION,
+    "Motions": MOTIONS,
     "Planned paths": PLANNING,
     "Controllers": CONTROLLERS,
     "Scripts": SCRIPT,

@@ -7,11 +7,11 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from abb_protocols.catalogue import FrontEnd
-from abb_protocols.robot.gripper import MAX_FORCE, TRAVEL
+from abb_protocols.robot.gripper_values import MAX_FORCE, TRAVEL
 from abb_protocols.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
 from abb_protocols.robot.urdf import MESHES, robot_description
 from yumi.driver.commands import offered_to
-from yumi.web.controller import ControllerReader, chain_model
+from yumi.web.controller_view import ControllerReader, chain_model
 
 
 def robot_model() -> dict[str, Any]:

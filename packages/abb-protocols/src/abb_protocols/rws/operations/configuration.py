@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from abb_protocols.rws.operations.answer import flag, pair, record
 from abb_protocols.rws.operations.operation import delete, get, post
-from abb_protocols.rws.types import Grant
+from abb_protocols.rws.operations.operation_answer import flag, pair, record
+from abb_protocols.rws.values import Grant
 
 _TYPE = "/rw/cfg/{domain}/{type}"
 _DOMAIN = "/rw/cfg/{domain}"

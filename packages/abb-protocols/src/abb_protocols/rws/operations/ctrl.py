@@ -9,9 +9,9 @@ from typing import Annotated
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import State
-from abb_protocols.rws.operations.answer import TEXT, TEXT_OR_NONE, Spelling, choice, flag, record, single
 from abb_protocols.rws.operations.operation import TRUTH, absent, delete, get, post, put
-from abb_protocols.rws.types import Grant
+from abb_protocols.rws.operations.operation_answer import TEXT, TEXT_OR_NONE, Spelling, choice, flag, record, single
+from abb_protocols.rws.values import Grant
 
 _TIME = "%Y-%m-%d T %H:%M:%S"
 

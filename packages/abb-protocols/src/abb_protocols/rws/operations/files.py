@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abb_protocols.rws.operations.operation import delete, get, post, put
-from abb_protocols.rws.types import Grant
+from abb_protocols.rws.values import Grant
 
 _PATH = "/fileservice/{path:.+}"
 

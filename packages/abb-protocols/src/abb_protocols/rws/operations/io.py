@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from abb_protocols.rws.operations.answer import record
 from abb_protocols.rws.operations.operation import TRUTH, absent, get, post
-from abb_protocols.rws.types import Grant
+from abb_protocols.rws.operations.operation_answer import record
+from abb_protocols.rws.values import Grant
 
 _SIGNAL = "/rw/iosystem/signals/{signal:.+}"
 _DEVICE = "/rw/iosystem/devices/{device:.+}"

@@ -8,10 +8,10 @@ from typing import Annotated
 from urllib.parse import quote, unquote, unquote_plus
 
 from abb_protocols.rws.documents import State
-from abb_protocols.rws.operations.answer import TEXT, WHOLE, Spelling, pair, record, single
 from abb_protocols.rws.operations.operation import get, post
+from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, pair, record, single
 from abb_protocols.rws.operations.rapid import range_in
-from abb_protocols.rws.types import Grant
+from abb_protocols.rws.values import Grant
 
 _MODULE = "/rw/rapid/modules/{module}"
 _SYMBOL = "/rw/rapid/symbol"

@@ -18,9 +18,19 @@ from abb_protocols.rws.documents import (
     pose_of,
     rob_target_of,
 )
-from abb_protocols.rws.operations.answer import TEXT, TITLE, WHOLE, Answer, Spelling, choice, flag, record, single
 from abb_protocols.rws.operations.operation import get, post
-from abb_protocols.rws.types import Grant
+from abb_protocols.rws.operations.operation_answer import (
+    TEXT,
+    TITLE,
+    WHOLE,
+    Answer,
+    Spelling,
+    choice,
+    flag,
+    record,
+    single,
+)
+from abb_protocols.rws.values import Grant
 
 NO_AXIS = 8.9e9
 """9E9 and above stand for an axis that is not connected."""

@@ -13,8 +13,8 @@ from enum import Enum
 from typing import Any, Generic, TypeVar, cast
 
 from abb_protocols.rws.documents import Pairs
-from abb_protocols.rws.operations.answer import Answer
-from abb_protocols.rws.types import Grant
+from abb_protocols.rws.operations.operation_answer import Answer
+from abb_protocols.rws.values import Grant
 
 T = TypeVar("T")
 A = TypeVar("A")

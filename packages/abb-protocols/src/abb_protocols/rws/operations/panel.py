@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abb_protocols.rws.documents import State, member
-from abb_protocols.rws.operations.answer import TEXT, WHOLE, Spelling, one_of, single
 from abb_protocols.rws.operations.operation import get, post
-from abb_protocols.rws.types import CollisionState, ControllerState, Grant, OperatingMode
+from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, one_of, single
+from abb_protocols.rws.values import CollisionState, ControllerState, Grant, OperatingMode
 
 _MODE = "/rw/panel/opmode"
 

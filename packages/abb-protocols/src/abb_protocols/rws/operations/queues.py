@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from abb_protocols.rws.operations.answer import record
 from abb_protocols.rws.operations.operation import delete, get, post
+from abb_protocols.rws.operations.operation_answer import record
 
 _QUEUE = "/rw/dipc/{queue}"
 

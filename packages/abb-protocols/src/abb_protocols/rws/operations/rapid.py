@@ -7,10 +7,10 @@ from enum import Enum
 from typing import Annotated
 
 from abb_protocols.rws.documents import State, member
-from abb_protocols.rws.operations.answer import TEXT, WHOLE, Spelling, flag, record, single
 from abb_protocols.rws.operations.motion import TURNS_OF_TARGET, joint_answer, target_answer
 from abb_protocols.rws.operations.operation import get, post
-from abb_protocols.rws.types import ExecutionState, Grant, TaskExecution
+from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, flag, record, single
+from abb_protocols.rws.values import ExecutionState, Grant, TaskExecution
 
 _TASK = "/rw/rapid/tasks/{task}"
 _TASKS = "/rw/rapid/tasks"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from abb_protocols.rws.operations.answer import TEXT, WHOLE, record, single
 from abb_protocols.rws.operations.operation import absent, get, post
+from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, record, single
 
 
 @dataclass(frozen=True, slots=True)

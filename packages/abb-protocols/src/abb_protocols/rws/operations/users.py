@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from abb_protocols.rws.operations.answer import WHOLE, Spelling, choice, record
 from abb_protocols.rws.operations.operation import get, post
+from abb_protocols.rws.operations.operation_answer import WHOLE, Spelling, choice, record
 
 _LOCALE = choice("local", "remote")
 

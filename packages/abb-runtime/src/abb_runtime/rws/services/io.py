@@ -12,7 +12,7 @@ from abb_protocols.rws import documents
 from abb_protocols.rws.documents import Page, Signal, State
 from abb_protocols.rws.operations import io as table
 from abb_protocols.rws.operations.io import AccessRights
-from abb_protocols.rws.types import SignalType
+from abb_protocols.rws.values import SignalType
 from abb_runtime.rws.services.service import Service
 
 _MS = 1000.0

@@ -7,7 +7,7 @@ from enum import Enum
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.rws.operations import panel as table
-from abb_protocols.rws.types import CollisionState, ControllerState, OperatingMode
+from abb_protocols.rws.values import CollisionState, ControllerState, OperatingMode
 from abb_runtime.rws.services.service import Service
 
 

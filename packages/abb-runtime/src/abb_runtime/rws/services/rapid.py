@@ -18,7 +18,7 @@ from abb_protocols.rws.operations.rapid import (
     TaskDetails,
     TaskInfo,
 )
-from abb_protocols.rws.types import Code, ExecutionState
+from abb_protocols.rws.values import Code, ExecutionState
 from abb_runtime.rws.services.service import Service
 
 

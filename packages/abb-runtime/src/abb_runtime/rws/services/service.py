@@ -18,7 +18,7 @@ from abb_protocols.rws import documents
 from abb_protocols.rws.documents import Page, Pairs, State, read_page
 from abb_protocols.rws.operations import mastership
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from abb_runtime.clock import Clock
 from abb_runtime.rws.session import BUSY, RwsRequest, RwsSession
 

@@ -9,7 +9,7 @@ from abb_protocols.errors import ControllerRefused
 from abb_protocols.rws import documents
 from abb_protocols.rws.documents import State, whole_number
 from abb_protocols.rws.operations import modules as table
-from abb_protocols.rws.types import RapidValue, decode, encode
+from abb_protocols.rws.values import RapidValue, decode, encode
 from abb_runtime.rws.services.service import Service
 
 _BAD_VALUE = 400
@@ -66,7 +66,7 @@ class Symbols(Service):
     """
 
     def symbol(self, task: str, module: str, name: str) -> str:
-        """Value of a RAPID symbol as its literal; ``abb_protocols.rws.types`` decodes it."""
+        """Value of a RAPID symbol as its literal; ``abb_protocols.rws.values`` decodes it."""
         what = f"reading {module}/{name} of {task}"
         return self._answer(what, table.SYMBOL, f"{task}/{module}/{name}")
 
@@ -88,7 +88,7 @@ class Symbols(Service):
         return documents.read_symbol_type(self._shown(what, table.SYMBOL_PROPERTIES, f"{task}/{module}/{name}"))
 
     def set_symbol(self, task: str, module: str, name: str, literal: str) -> None:
-        """Write a RAPID symbol; ``abb_protocols.rws.types`` encodes a literal."""
+        """Write a RAPID symbol; ``abb_protocols.rws.values`` encodes a literal."""
         place = f"{task}/{module}/{name}"
         self._call(f"writing {module}/{name} of {task}", table.SET_SYMBOL, place, value=literal)
 

@@ -13,7 +13,7 @@ from abb_protocols.rws import documents
 from abb_protocols.rws.operations import mastership
 from abb_protocols.rws.operations import users as table
 from abb_protocols.rws.operations.users import User
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from abb_runtime.rws.services.service import Service
 
 _RMMP_POLL = 0.25  # [s]; the controller forgets a request that is not polled for 10 s

@@ -7,7 +7,7 @@ change nothing here are executed and nothing happens.
 from __future__ import annotations
 
 from virtual_irc5.rapid.builtins.data import CONSTANTS
-from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.rapid_library import Library
 
 OPTIONS = Library(CONSTANTS)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.call import Call, Wait
-from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind
 from virtual_irc5.rapid.task import task_of
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from virtual_irc5.rapid.library import Library, core_library
+from virtual_irc5.rapid.rapid_library import Library, core_library
 
 # Types and data of motion -------------------------------------------------------------------------------------------
 

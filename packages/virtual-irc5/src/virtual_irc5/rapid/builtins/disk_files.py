@@ -14,8 +14,8 @@ from weakref import WeakKeyDictionary, WeakSet
 from virtual_irc5.rapid.builtins.rawbytes import ENCODING, MOST_BYTES, RAWBYTES, RawBytes
 from virtual_irc5.rapid.call import Call, RunningTask, whole_argument
 from virtual_irc5.rapid.devices import Disk, Entry
-from virtual_irc5.rapid.library import Library
 from virtual_irc5.rapid.literals import format_value, parse_value
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import LONGEST_STRING, RapidRuntimeError, RapidValueError
 
 FILES = Library(RAWBYTES)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call
-from virtual_irc5.rapid.library import Library
 from virtual_irc5.rapid.pauses import StackEntry
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind
 from virtual_irc5.rapid.task import CyclicBool, Task, frame_of, task_of, tasks_of
 from virtual_irc5.rapid.types import ABSENT, RapidRuntimeError, Reference, Variable

@@ -14,8 +14,8 @@ from typing import Any
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.devices import Choice, Dialog, DialogKind
-from virtual_irc5.rapid.library import Library
 from virtual_irc5.rapid.literals import format_value
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Severity
 from virtual_irc5.rapid.types import RapidRuntimeError, Signal
 

@@ -14,7 +14,7 @@ from virtual_irc5.rapid.call import Call, Wait, whole_argument
 from virtual_irc5.rapid.devices import Configuration, LoggedEvent
 from virtual_irc5.rapid.frame import Propagated
 from virtual_irc5.rapid.interrupts import ChangeOrder
-from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Execution, Severity
 from virtual_irc5.rapid.task import Task, task_of, tasks_of
 from virtual_irc5.rapid.types import (

@@ -8,7 +8,7 @@ from typing import Any
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.interrupts import ChangeOrder, Edge, SignalOrder, TimerOrder
-from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import Part, RapidRuntimeError, Variable
 
 INTERRUPTS = Library(CONSTANTS)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import VISUALIZE, Call, Deadline, Wait
 from virtual_irc5.rapid.devices import IoDevices
-from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import RapidRuntimeError, Signal
 
 SIGNALS = Library(CONSTANTS)

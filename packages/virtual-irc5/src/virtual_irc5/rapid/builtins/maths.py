@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.call import Call
-from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, Reference, resolved
 
 Array = NDArray[np.float64]

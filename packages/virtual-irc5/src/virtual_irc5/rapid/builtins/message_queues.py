@@ -11,8 +11,8 @@ from virtual_irc5.rapid.builtins.sockets import WAIT_MAX_S
 from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.devices import Message, MessageQueues
 from virtual_irc5.rapid.interrupts import ChangeOrder
-from virtual_irc5.rapid.library import Library
 from virtual_irc5.rapid.literals import format_value, parse_value
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import RapidRuntimeError, RapidValueError, resolved
 
 QUEUES = Library(CONSTANTS)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call, whole_argument
-from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import DNUM, LONGEST_STRING, STRING, RapidRuntimeError, Type, is_numeric, resolved
 
 T = TypeVar("T")

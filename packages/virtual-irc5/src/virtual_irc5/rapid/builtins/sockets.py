@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from virtual_irc5.rapid.builtins.rawbytes import ENCODING, LARGEST_BYTE, MOST_BYTES, RAWBYTES, RawBytes
 from virtual_irc5.rapid.call import Call, Wait, whole_argument
 from virtual_irc5.rapid.devices import Socket
-from virtual_irc5.rapid.library import Library
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import LONGEST_STRING, RapidRuntimeError
 
 T = TypeVar("T")

@@ -8,8 +8,8 @@ import re
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.builtins.maths import decimals
 from virtual_irc5.rapid.call import Call
-from virtual_irc5.rapid.library import Library
 from virtual_irc5.rapid.literals import format_value, parse_value
+from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import LONGEST_STRING, STRING, RapidRuntimeError, RapidValueError, resolved, value_count
 
 STRINGS = Library(CONSTANTS)

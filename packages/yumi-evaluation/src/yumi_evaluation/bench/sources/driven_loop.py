@@ -18,7 +18,7 @@ from parent import say_ready
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Joints, Side, chain_from_abb
-from abb_runtime.settings import Entry
+from abb_runtime.parameters import Entry
 from yumi.control.flight_recorder import Frame
 from yumi.control.goals import write_goal
 from yumi.control.loop_commands import Commands

@@ -27,8 +27,8 @@ from abb_protocols.robot.kinematics import IDENTITY
 from abb_runtime.clock import SystemClock
 from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import SpeedSetting
-from yumi.ros.driver import RosDriver, close_ros, open_ros
-from yumi.ros.gripper import GripperParts
+from yumi.ros.gripper_actions import GripperParts
+from yumi.ros.ros_driver import RosDriver, close_ros, open_ros
 
 BURST = 0.010
 """How long the busy callback computes [s]."""

@@ -12,7 +12,7 @@ from math import inf, sqrt
 
 from abb_protocols.catalogue import message
 from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, ArmCommand, ArmState, JointLimits, Joints, Side, joints
-from abb_runtime.settings import Parameter, Values, number
+from abb_runtime.parameters import Parameter, Values, number
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.tool_stream import QUIET, SHARE_OF_SPEED, ToolStream
 from yumi.control.goals import Buffer, GoalKind

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf
 
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
-from abb_runtime.settings import Parameter, Values, number, text
+from abb_runtime.parameters import Parameter, Values, number, text
 from yumi.control.controller import IDLE, Controller, check_joints
 from yumi.control.goals import GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.speed_motion import SpeedMotion

@@ -24,7 +24,7 @@ from abb_protocols.robot.joints import (
     JointLimits,
     Joints,
 )
-from abb_runtime.settings import Parameter, Values, number
+from abb_runtime.parameters import Parameter, Values, number
 from yumi.control.controller import Controller
 from yumi.control.goals import GoalBuffer, check_position, read_goal
 from yumi.control.motion.point_motion import PointMotion, stop, travel

@@ -31,7 +31,7 @@ from abb_protocols.robot.joints import (
     Joints,
     joints,
 )
-from abb_runtime.settings import Parameter, Values, flag, number
+from abb_runtime.parameters import Parameter, Values, flag, number
 from yumi.control.controller import IDLE, Controller
 from yumi.control.goals import CONFIGURED_DELAY, LONGEST_DELAY, Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.robot_response import DELAY

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abb_protocols.robot.joints import ArmCommand, ArmState
-from abb_runtime.settings import Parameter
+from abb_runtime.parameters import Parameter
 from yumi.control.controller import Controller
 from yumi.control.goals import Buffer
 from yumi.control.shared_state import JointStates

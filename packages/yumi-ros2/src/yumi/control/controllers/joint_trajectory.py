@@ -27,7 +27,7 @@ from abb_protocols.robot.joints import (
     joint_names,
     joints,
 )
-from abb_runtime.settings import Parameter, Values
+from abb_runtime.parameters import Parameter, Values
 from yumi.control.chunk_commands import ChunksExhausted, ChunkTaken, FollowChunk
 from yumi.control.controller import Controller
 from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal

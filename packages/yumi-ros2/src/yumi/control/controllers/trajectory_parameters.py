@@ -9,7 +9,7 @@ from math import inf
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Joints, joints
-from abb_runtime.settings import Parameter, Value, Values, flag, number, texts
+from abb_runtime.parameters import Parameter, Value, Values, flag, number, texts
 from yumi.control.controller import check_joints
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.trajectory_commands import Tolerances

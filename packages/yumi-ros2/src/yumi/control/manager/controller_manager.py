@@ -18,7 +18,7 @@ from operator import or_
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import CommandRefused, SwitchFailed
 from abb_protocols.robot.joints import ZERO, ArmCommand, ArmState, Joints
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from yumi.control.controller import Controller, State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.goals import GoalKind

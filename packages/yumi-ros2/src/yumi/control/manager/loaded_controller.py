@@ -7,7 +7,7 @@ from sys import intern
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ArmState
-from abb_runtime.settings import Values
+from abb_runtime.parameters import Values
 from yumi.control.controller import TRANSITIONS, Controller, State, Transition, allowed, find_parameter
 from yumi.control.controller_info import ControllerInfo, ParameterInfo
 from yumi.control.stage_times import RunningStatistics

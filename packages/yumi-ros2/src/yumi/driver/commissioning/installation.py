@@ -24,7 +24,7 @@ from abb_protocols.errors import (
 )
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.documents import SystemInfo
-from abb_protocols.rws.types import Code, ExecutionState, Grant, OperatingMode, stated, write_cfg
+from abb_protocols.rws.values import Code, ExecutionState, Grant, OperatingMode, stated, write_cfg
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.session import OnProgress
 from yumi.driver.commissioning.contents import CfgKey, Change, Contents, ModuleKey, changed, differences, is_same_module

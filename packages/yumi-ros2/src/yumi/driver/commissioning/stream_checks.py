@@ -19,8 +19,8 @@ from yumi.driver.controller_panel import ControllerPanel
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 from yumi.driver.stops import StopLog
+from yumi.egm.egm_session import Arrivals, SensorSession, SessionCounters
 from yumi.egm.joint_codec import JointCodec
-from yumi.egm.session import Arrivals, SensorSession, SessionCounters
 
 START_STREAM, STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from abb_protocols.catalogue.text import Text
 
-CONTROLLER: Mapping[str, Text] = {
+ROBOT_CONTROLLER: Mapping[str, Text] = {
     "robotware_too_old": Text("the controller runs RobotWare {version}; EGM for a YuMi needs {oldest} or newer"),
     "option_missing": Text("the controller lacks the option {option:quoted}; without it {loss}"),
     "not_a_yumi": Text(

@@ -14,7 +14,7 @@ import click
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.rws.documents import Page, State, decode_form
-from abb_protocols.rws.types import Resource
+from abb_protocols.rws.values import Resource
 from abb_runtime.options import FILE, NEW_FILE, JsonOutput, count_option, json_option
 from abb_runtime.rws.client import EXECUTION, Change, RwsClient, event_log, signal_state, variable_value
 from yumi.cli.driver_options import config_option, robot_options, settings_of

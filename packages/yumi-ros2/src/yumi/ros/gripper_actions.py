@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
-from abb_protocols.robot.gripper import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
+from abb_protocols.robot.gripper_values import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
 from abb_protocols.robot.joints import Side, finger_names, prefixed
 from abb_runtime.process.supervision import SupervisedThread
 from yumi.driver.gripper import CHANNELS, Gripper, GripperSignals

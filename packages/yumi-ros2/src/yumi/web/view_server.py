@@ -8,7 +8,8 @@ the same machine, or on another one over HTTPS after it was paired (:mod:`yumi.w
 operated, every page may stop it.
 
 A page draws the robot's description, which it gets as JSON (:mod:`yumi.web.robot_model`), and moves it as the driver's
-state, a controller without a driver (:mod:`yumi.web.controller`) or a recording (:mod:`yumi.web.page_recording`) says.
+state, a controller without a driver (:mod:`yumi.web.controller_view`) or a recording (:mod:`yumi.web.page_recording`)
+says.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from abb_runtime.udp import is_loopback
 from yumi.driver.commands import StopEgm
 from yumi.driver.reports import EventReport
 from yumi.planning.planning_process import PlanningProcess
-from yumi.web.controller import ControllerReader, ControllerView, LogMessage
+from yumi.web.controller_view import ControllerReader, ControllerView, LogMessage
 from yumi.web.live import LiveRobot
 from yumi.web.page_build import page_folder
 from yumi.web.page_device import refused_report

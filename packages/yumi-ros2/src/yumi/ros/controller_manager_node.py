@@ -42,8 +42,8 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.joints import CYCLE, Side, joint_names
 from abb_runtime.clock import Clock
+from abb_runtime.parameters import Values
 from abb_runtime.process.supervision import Failures
-from abb_runtime.settings import Values
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo, Statistics
 from yumi.control.loop_commands import CommandPort, Commands

@@ -8,7 +8,7 @@ from abb_runtime.options import ONCE, yes_option
 from abb_runtime.rws.client import RwsClient
 from virtual_irc5.commands.check import check
 from virtual_irc5.commands.debugger import run_debugger
-from yumi.cli.rws import of_controller
+from yumi.cli.rws_command import of_controller
 
 
 @click.group()

@@ -19,11 +19,10 @@ from abb_protocols.errors import ProtocolError, RapidError, SettingsError
 from abb_protocols.rws.documents import FORM_TYPE, Form, Page, Pairs, State, Status, decode_form, first_value
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.users import LOGOUT
-from abb_protocols.rws.types import GRANTS, Code, Grant
+from abb_protocols.rws.values import GRANTS, Code, Grant
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import Refused
 from virtual_irc5.rws import configuration, ctrl, dialogs, event_log, files, io, modules, motion, panel, rapid, system
-from virtual_irc5.rws.call import Call, Failure, Shown, invalid, refusal
 from virtual_irc5.rws.http import (
     NONCE_LIFE,
     Challenge,
@@ -42,6 +41,7 @@ from virtual_irc5.rws.mastership import OWN_DOMAINS, Mastership
 from virtual_irc5.rws.queues import MessageService
 from virtual_irc5.rws.render import resource, write_page, write_status
 from virtual_irc5.rws.router import Route, Router
+from virtual_irc5.rws.rws_call import Call, Failure, Shown, invalid, refusal
 from virtual_irc5.rws.subscriptions import Rules, Subscriptions, Upgrade
 from virtual_irc5.rws.users import Users
 

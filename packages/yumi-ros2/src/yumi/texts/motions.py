@@ -168,7 +168,7 @@ _PATHS: Mapping[str, tuple[str, str]] = {
     "path_beyond_limits": ("no motion along it keeps the joints' limits", "take another path"),
 }
 
-MOTION: Mapping[str, Text] = {
+MOTIONS: Mapping[str, Text] = {
     **{code: Text(f"goal refused: {what}", remedy) for code, (what, remedy) in _GOALS.items()},
     **{code: Text(f"trajectory refused: {what}", remedy) for code, (what, remedy) in _TRAJECTORIES.items()},
     **{code: Text(f"chunk refused: {what}", remedy) for code, (what, remedy) in _CHUNKS.items()},

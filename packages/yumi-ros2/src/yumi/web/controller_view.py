@@ -31,7 +31,7 @@ from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.yumi_arms import irb14050
 from abb_protocols.rws.documents import Event, JointTarget
 from abb_protocols.rws.operations.rapid import TaskInfo
-from abb_protocols.rws.types import ControllerState, ExecutionState, OperatingMode
+from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import RwsClient

@@ -60,9 +60,9 @@ from yumi.ros.command_topics import (
     JointVelocityTopic,
     forward_interfaces,
 )
-from yumi.ros.controller_manager import ArmHardware, ArmManager
+from yumi.ros.controller_manager_node import ArmHardware, ArmManager
 from yumi.ros.frames import ROBOT_STATE_PUBLISHER, FramePublisher, RobotFrames
-from yumi.ros.gripper import GripperParts, Grippers
+from yumi.ros.gripper_actions import GripperParts, Grippers
 from yumi.ros.nodes import Executors, TimerThread
 from yumi.ros.state_topics import (
     HealthTopics,

@@ -11,7 +11,7 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import CHAIN_AXES, Side
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.parameters import EgmParameters, read_egm_parameters, write_egm_parameters
+from virtual_irc5.mechanics.egm_parameters import EgmParameters, read_egm_parameters, write_egm_parameters
 from virtual_irc5.world import World, WorldSettings
 
 MEASURED = EgmParameters(6.0, 0.003, 0.017, 0.004, {7: radians(90.0)})

@@ -1,4 +1,4 @@
-"""Parameters: the settings file with which a virtual arm follows EGM as a measured one does.
+"""Parameters of EGM: the settings file with which a virtual arm follows EGM as a measured one does.
 
 `yumi compare` writes one, `yumi controller --dynamics FILE` reads it::
 
@@ -23,7 +23,7 @@ from typing import cast
 from abb_protocols.catalogue import message, quoted, said_by
 from abb_protocols.errors import CommandRefused, SettingsError
 from abb_protocols.robot.joints import CHAIN_AXES
-from abb_runtime.settings import Parameter, read_mapping
+from abb_runtime.parameters import Parameter, read_mapping
 from virtual_irc5.mechanics.arm_motion import ArmModel
 
 _NUMBERS = {

@@ -10,7 +10,7 @@ from typing import Any
 from abb_protocols.errors import YumiError
 from abb_protocols.rws.documents import Page, Pairs, Status, first_value
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.values import Code
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import Refusal, Refused
 from virtual_irc5.rws.http import HttpReply
