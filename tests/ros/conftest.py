@@ -20,11 +20,15 @@ HERE = Path(__file__).parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Who shares the driver comes last: it has the names of the nodes that others make themselves.
+    """Files whose tests share the driver come last: it has the names of the nodes that others make themselves.
 
-    Before them come those that have a driver of their own, since two would refuse each other.
+    Before them come those that have a driver of their own, since two would refuse each other. A file stays whole, since
+    ``make test-real-time`` gives files to its workers in the order of their first tests.
     """
-    items.sort(key=_place)
+    places: dict[Path, int] = {}
+    for item in items:
+        places[item.path] = max(places.get(item.path, 0), _place(item))
+    items.sort(key=lambda item: places[item.path])
 
 
 def _place(item: pytest.Item) -> int:

@@ -19,7 +19,7 @@ from soak import tell
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 from yumi.testing.virtual_yumi import ControllerProcess
 
-pytestmark = [pytest.mark.real_time, pytest.mark.alone]
+pytestmark = [pytest.mark.real_time, pytest.mark.heavy]
 _CFG = """SYS:CFG_1.0:6:0::
 CAB_TASKS:
 

@@ -25,7 +25,7 @@ from soak import tell
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 from yumi.testing.virtual_yumi import ControllerProcess
 
-pytestmark = [pytest.mark.real_time, pytest.mark.alone]
+pytestmark = [pytest.mark.real_time, pytest.mark.heavy]
 SCRIPT = Path(__file__).with_name("rws_load.py")
 RATE = 20.0
 
