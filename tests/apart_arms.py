@@ -20,10 +20,10 @@ from abb_protocols.robot.joints import (
     Joints,
     Pose,
     Side,
-    change_rate,
     joints,
 )
 from reported_limiter import ReportedLimiter
+from trajectories import change_rate
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmSettings

@@ -16,13 +16,13 @@ from abb_protocols.robot.joints import (
     ArmState,
     Joints,
     Side,
-    change_rate,
     home,
     joint_names,
     joints,
 )
 from abb_runtime.parameters import Values
 from reported_limiter import ReportedLimiter
+from trajectories import change_rate
 from yumi.control.controller import Controller, Sampled
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_position import JointPositionController

@@ -17,6 +17,11 @@ DUAL_ARM_FILE = Path(__file__).parent / "fixtures" / "dual_arm_trajectory.json"
 REST = (0.0,) * JOINT_COUNT
 
 
+def change_rate(new: Joints, old: Joints, dt: float) -> Joints:
+    """How fast the joints have changed from ``old`` to ``new`` within ``dt`` [s]."""
+    return joints([(after - before) / dt for after, before in zip(new, old, strict=True)])
+
+
 def dual_arm_message() -> Mapping[str, Any]:
     """The planner's trajectory with the fields of trajectory_msgs/JointTrajectory."""
     message: Mapping[str, Any] = json.loads(DUAL_ARM_FILE.read_text())

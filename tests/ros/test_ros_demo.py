@@ -17,8 +17,9 @@ from ros_bench import Robot
 
 from abb_protocols.errors import RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.description import SERVO_GRIPPERS
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Side, change_rate, home, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Side, home, joints
 from reported_limiter import ReportedLimiter
+from trajectories import change_rate
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmSettings

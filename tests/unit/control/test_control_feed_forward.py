@@ -18,11 +18,11 @@ from abb_protocols.robot.joints import (
     ArmState,
     Joints,
     Side,
-    change_rate,
     home,
     joints,
 )
 from reported_limiter import ReportedLimiter
+from trajectories import change_rate
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmMotion, EgmSettings
 from virtual_irc5.mechanics.servo import Servo

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, change_rate, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
 from reported_limiter import ReportedLimiter, reportable
 from soak import long, short
+from trajectories import change_rate
 from yumi.control.limiter_state import LimiterState
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.shared_state import Problem

@@ -309,14 +309,6 @@ class SensorCodec:
             _write_data(sensor.RAPIDtoRobot, data)
         return sensor.SerializeToString()
 
-    def encode_joints(self, seqno: int, position: PartialJoints, velocity: PartialJoints | None) -> bytes:
-        """The datagram that gives the robot's joints a position [rad] and a velocity [rad/s].
-
-        Raises:
-            ValueError: as :meth:`encode`.
-        """
-        return self.encode(SensorMessage(seqno, position, velocity))
-
     def encode_correction(self, correction: PathCorrection) -> bytes:
         """The datagram that corrects the robot's path.
 

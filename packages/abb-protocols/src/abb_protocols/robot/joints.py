@@ -94,11 +94,6 @@ def joints(values: Sequence[float]) -> Joints:
     return tuple(map(float, values))
 
 
-def change_rate(new: Joints, old: Joints, dt: float) -> Joints:
-    """How fast the joints have changed from ``old`` to ``new`` within ``dt`` [s]."""
-    return tuple([(after - before) / dt for after, before in zip(new, old, strict=True)])
-
-
 def chain_from_abb(robax: Sequence[float], eax_a: float) -> Joints:
     """Chain order from RAPID's split: ``robax`` holds axes 1-6, ``eax_a`` axis 7; units are kept."""
     a1, a2, a3, a4, a5, a6 = robax

@@ -186,9 +186,9 @@ class PipeEnd:
                 os.close(file)
         return _value(memoryview(data))
 
-    def has_value(self, timeout: float = 0.0) -> bool:
-        """Whether a value, or the end, waits; looks for at most ``timeout`` [s]."""
-        return bool(wait([self._socket], timeout))
+    def has_value(self) -> bool:
+        """Whether a value, or the end, waits."""
+        return bool(wait([self._socket], 0.0))
 
     def close(self) -> None:
         self._socket.close()
