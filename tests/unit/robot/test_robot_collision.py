@@ -147,7 +147,7 @@ def test_distances_in_random_postures_are_those_of_another_calculation() -> None
         found: dict[tuple[int, int], float] = {}
         for alone in (None, *Side):
             near = model.contacts(both, 0.3, alone)
-            found |= {(first, second): distance for distance, _, _, _, _, (first, second) in near.tolist()}
+            found |= {(first, second): distance for distance, _, _, (first, second) in near.tolist()}
         (right, left), fixed = (placed(side, positions[side], parts[side]) for side in Side), len(model.names) - 1
         radii = {side: np.array([part.radius + PADDING for part in parts[side]]) for side in Side}
         for i in range(len(parts[Side.RIGHT])):
@@ -190,7 +190,7 @@ def test_distances_and_nearest_points_are_those_of_mujoco() -> None:
         data = mujoco.MjData(shapes)
         mujoco.mj_kinematics(shapes, data)
         for found in [model.contacts(np.concatenate([*positions.values()]), 0.2, alone) for alone in (None, *Side)]:
-            for distance, normal, points, _, _, (first, second) in found.tolist():
+            for distance, normal, points, (first, second) in found.tolist():
                 geometry = numbers.get(second, second)
                 if distance < 1e-3 or geometry > box.id or model.names[second] == "body":
                     continue

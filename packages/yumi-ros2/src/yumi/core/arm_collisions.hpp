@@ -195,6 +195,8 @@ private:
     // Whether nothing touches wherever both arms would coast without their links; arguments as above.
     bool coasts_clear(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other,
                       bool feeds_forward) {
+        // Robots that are sent positions go nowhere else.
+        if (!next.has_robot && !(of_other && of_other->has_robot)) return true;
         const auto most = std::int64_t((feeds_forward ? SHARE_AHEAD : 1.0) * double(shared_.distances));
         const double apart = feeds_forward ? COASTING_AHEAD : COASTING;
         if (decide(next, last, of_other, std::min(distances_left_, most), apart)) return true;
