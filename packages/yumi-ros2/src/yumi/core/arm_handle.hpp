@@ -82,7 +82,7 @@ struct ArmHandle {
     void answer_prepared() {
         const std::optional<core::Sampled> formula = std::exchange(prepared, std::nullopt);
         const double now = core::monotonic_now();
-        if (!formula || !is_punctual(now) || !peer()) return;
+        if (!formula || !is_punctual(now)) return;
         exchange.begun_at = now;
         const std::int64_t done = act_for_python([&]() -> std::int64_t {
             received_ = receive(now);
