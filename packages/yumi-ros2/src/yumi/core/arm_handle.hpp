@@ -287,5 +287,5 @@ private:
     bool is_sampled_ = false;               // whether that was answered, too, of which Python has not heard
     bool begins_ = false;         // whether a session has begun of which Python does not know
     std::int64_t braked_count_ = 0;
-    BrakedCycle braked_[MOST_BRAKED];  // behind what each cycle uses, which is in fewer pages so
+    BrakedCycle braked_[MOST_BRAKED];  // last, so that what each cycle uses lies close together
 };
