@@ -13,6 +13,7 @@ import numpy as np
 from abb_protocols.robot.description import SERVO_GRIPPERS
 from abb_protocols.robot.joints import (
     CYCLE,
+    JOINT_COUNT,
     YUMI_LIMITS,
     ZERO,
     ArmCommand,
@@ -178,10 +179,11 @@ def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, 
         is_moved = shapes.frames[part] > 0 or (not group and shapes.frames[other] > 0)
         if is_moved and (not name or shapes.names[other] == name) and near["distance"][index] < least:
             least, found = float(near["distance"][index]), index
-    which = 0 if near["parts"][found, 0] in mine else 1
-    behind, slopes = near["behind"][found, which], near["slopes"][found, which]
-    normal = -slopes[int(behind.argmin())]
-    return joints([sign * float(np.sign(n)) * top for n, top in zip(normal, YUMI_LIMITS.velocity, strict=True)])
+    first = list(Side).index(side) * JOINT_COUNT
+    steps = 1e-6 * np.eye(len(postures))[first : first + JOINT_COUNT]
+    after = [shapes.contacts(postures + step, 5.0, side if group else None)["distance"][found] for step in steps]
+    changes = np.sign(np.array(after) - least)
+    return joints([sign * float(n) * top for n, top in zip(changes, YUMI_LIMITS.velocity, strict=True)])
 
 
 def scaled_by(share: float, speeds: Joints) -> Joints:

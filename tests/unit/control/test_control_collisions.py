@@ -235,7 +235,6 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -
     assert not both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
     both.arm(Side.LEFT).sent(FORWARD[Side.LEFT], Setpoint(FORWARD[Side.LEFT]), None)
     assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
-    both.arm(Side.RIGHT).begin_cycle()
     assert both.limited(Side.RIGHT) is None
     assert both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
 
@@ -373,7 +372,6 @@ def test_robot_that_follows_late_is_compared_where_it_goes_itself() -> None:
     for robot, accepted in ((after, True), (before, False)):
         # On the way that led round the post the positions sent were clear of it.
         both.arm(Side.RIGHT).sent(detour, Setpoint(detour), None)
-        both.arm(Side.RIGHT).begin_cycle()
         assert both.arm(Side.RIGHT).accepts(robot, Setpoint(after), None) is accepted, both.limited(Side.RIGHT)
     assert "post" in str(both.limited(Side.RIGHT))
 
@@ -458,7 +456,6 @@ def test_what_is_clear_comes_no_nearer_than_its_margin_and_what_is_refused_comes
         planned = joints((np.array(left.position) - 0.02 * np.array(left.velocity)).tolist())
         both.arm(Side.LEFT).sent(planned, left, None)
         both.arm(Side.RIGHT).sent(ZERO, Setpoint(ZERO), None)
-        both.arm(Side.RIGHT).begin_cycle()
         is_clear.append(both.arm(Side.RIGHT).accepts(right.position, right, None))
         mine, theirs = braking_postures(right, 24), braking_postures(left, 24)
         lines = np.linspace(planned, left.position, 5)

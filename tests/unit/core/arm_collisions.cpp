@@ -16,7 +16,6 @@ extern "C" bool collisions_is_clear(collision::Limiter*, std::int64_t, const col
                                     collision::Decision* decision) {
     ++compared;
     *decision = {};
-    decision->part = decision->other = -1;
     if (!has_boundary) return true;
     decision->boundary_count = 1;
     decision->boundaries[0].normal[0] = -1.0;
@@ -35,14 +34,14 @@ struct Arms : CollisionsHandle {
 
     Arms() : CollisionsHandle({nullptr, 20'000, 5.0}) {
         has_boundary = true;
-        for (core::ArmCollisionLimiter* arm : {&right, &left}) arm->note_sent({}, BEFORE, nullptr);
+        for (core::ArmCollisionLimiter* arm : {&right, &left}) arm->note_sent({}, BEFORE, {});
         CHECK(stands_on() == 1);
     }
     // How often the right arm is compared in a cycle in which it stands.
     int stands_on() {
         const int before = compared;
         right.begin_cycle(nullptr, {}, 0.0);
-        CHECK(right.accepts({}, STANDS, nullptr, false));
+        CHECK(right.accepts({}, STANDS, {}, false));
         return compared - before;
     }
     bool is_steered() {
@@ -58,10 +57,10 @@ TEST(arm_that_stands_is_not_compared_again_until_something_changes) {
     CHECK(arms.stands_on() == 0);
     arms.note_permission();
     arms.right.begin_cycle(nullptr, {}, 0.0);
-    CHECK(!arms.right.accepts({}, BEYOND, nullptr, false));
+    CHECK(!arms.right.accepts({}, BEYOND, {}, false));
     CHECK(arms.stands_on() > 0);
     CHECK(arms.stands_on() == 0);
-    arms.left.note_sent({}, BEYOND, nullptr);
+    arms.left.note_sent({}, BEYOND, {});
     CHECK(arms.stands_on() > 0);
 }
 
@@ -71,7 +70,7 @@ TEST(arm_that_stands_at_a_boundary_is_not_led_along_it_when_the_other_one_has_le
         CHECK(arms.is_steered());
         arms.stands_on();
     }
-    arms.left.note_sent({}, BEYOND, nullptr), has_boundary = false;
+    arms.left.note_sent({}, BEYOND, {}), has_boundary = false;
     CHECK(arms.stands_on() == 1);
     CHECK(!arms.is_steered());
     arms.right.begin_cycle(nullptr, {}, 0.0);

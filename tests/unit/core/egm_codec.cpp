@@ -4,7 +4,7 @@
 #include <random>
 
 #include "check.hpp"
-#include "egm_arm.hpp"
+#include "egm_codec.hpp"
 #include "robot.hpp"
 
 namespace {

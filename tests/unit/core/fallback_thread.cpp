@@ -51,7 +51,7 @@ int bound_socket(sockaddr_in& own) {
 struct Wire {
     sockaddr_in ours_at, robots_at;
     int ours = bound_socket(ours_at), robots = bound_socket(robots_at);
-    SessionHandle session{0.5};
+    core::Session session{0.5};
     LimiterHandle limiter{{YUMI, YUMI.velocity, core::CYCLE, core::EGM_GAIN, 0.0}, table(), nullptr};
     ArmHandle arm{limiter, session, ours};
     FallbackThread thread;

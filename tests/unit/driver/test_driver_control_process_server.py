@@ -150,7 +150,7 @@ def run(
         each.make_readable()
     connected: Any = {side: ConnectedArm(arm, sockets[side]) for side, arm in arms.items()}  # type: ignore[arg-type]
     events: Any = {side: SimpleNamespace(release=lambda side=side: release(side)) for side in arms}
-    ControlServer(parent, connected, events, clock, processors, given_up).run()  # type: ignore[arg-type]
+    ControlServer(parent, connected, events, clock.now, processors, given_up).run()  # type: ignore[arg-type]
     for each in sockets.values():
         each.close()
     return done
@@ -263,7 +263,7 @@ def test_datagram_of_the_other_arm_that_comes_during_a_reply_is_answered_before_
     fallback: Any = Waits(sockets) if is_in_core else None
     connected: Any = {side: ConnectedArm(arm, sockets[side], fallback) for side, arm in arms.items()}  # type: ignore[arg-type]
     events: Any = {side: SimpleNamespace(release=lambda: None) for side in sockets}
-    ControlServer(parent, connected, events, clock).run()  # type: ignore[arg-type]
+    ControlServer(parent, connected, events, clock.now).run()  # type: ignore[arg-type]
     for each in sockets.values():
         each.close()
     prepared = [("prepare", side) for side in sockets] if is_in_core else []
@@ -285,7 +285,7 @@ def test_arm_whose_formula_cannot_be_prepared_fails_alone(parent: Parent, clock:
     fallback: Any = Waits(sockets)
     connected: Any = {side: ConnectedArm(arm, sockets[side], fallback) for side, arm in arms.items()}  # type: ignore[arg-type]
     events: Any = {side: SimpleNamespace(release=lambda: None) for side in sockets}
-    ControlServer(parent, connected, events, clock).run()  # type: ignore[arg-type]
+    ControlServer(parent, connected, events, clock.now).run()  # type: ignore[arg-type]
     for each in sockets.values():
         each.close()
     assert arms[Side.RIGHT].deactivated == arms[Side.LEFT].deactivated + 1  # both are at the end

@@ -179,7 +179,7 @@ class MovingRobots:
 
     def run(self) -> None:
         cycle_done = {side: each.cycle_done for side, each in self.buffers.items()}
-        ControlServer(cast("PipeEnd", self), self.arms, cycle_done, self.clock).run()
+        ControlServer(cast("PipeEnd", self), self.arms, cycle_done, self.clock.now).run()
 
     def activate(self) -> None:
         for arm in self.arms.values():

@@ -113,8 +113,7 @@ class CollisionLimiter:
         for pair in pairs:
             margins[self._found(*pair)] = -inf
         self.margins = margins
-        self.library.collisions_permit(self.handle, margins.ctypes.data)
-        self.library.arm_collisions_note_permission(self.arm_collisions_handle)
+        self.library.arm_collisions_permit(self.arm_collisions_handle, margins.ctypes.data)
 
     def _found(self, name: str, other: str) -> NDArray[np.bool_]:
         """Which pairs of parts of an arm, and of the other one or what stands still, have these names.
@@ -167,10 +166,6 @@ class ArmCollisionLimiter:
         other = names[found.other] + (_LAST_HEARD if is_of_other and found.is_stale else "")
         return Limited(names[found.part], other, found.distance)
 
-    def begin_cycle(self) -> None:
-        """A cycle in which nothing is desired begins, with as many distances as one has."""
-        self._both.library.arm_collisions_begin_cycle(self.handle, self.number)
-
     def note_measured(self, position: Joints) -> None:
         """An arm that is not heard was read from the controller to be at ``position`` [rad], (7,).
 
@@ -183,7 +178,7 @@ class ArmCollisionLimiter:
         self._both.library.arm_collisions_note_sent(self.handle, self.number, *_packed_motion(planned, sent, robot))
 
     def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None, *, feeds_forward: bool = False) -> bool:
-        """Whether an arm may be sent this command; if so, it is taken.
+        """Whether an arm may be sent this command in the cycle that begins; if so, it is taken.
 
         Args:
             planned: where its robot plans to be [rad], (7,).

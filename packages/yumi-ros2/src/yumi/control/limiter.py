@@ -21,7 +21,6 @@ from yumi.control.limiter_state import (
     LimiterState,
 )
 from yumi.control.motion.robot_response import EGM_GAIN
-from yumi.control.motion.setpoint import fixed
 from yumi.control.shared_state import Limited, Problem
 from yumi.core.library import COMMAND, SETTINGS, STATE, TABLE, LimiterExchange, load
 
@@ -143,7 +142,7 @@ class Limiter:
     @property
     def implausible_position(self) -> Joints:
         """The newest measured position that was not used [rad], (7,)."""
-        return fixed(self._exchange.implausible_position)
+        return tuple(self._exchange.implausible_position)
 
     @property
     def is_other_arm(self) -> bool:

@@ -9,9 +9,9 @@
 
 namespace core {
 
-// How a command moves an arm: `robot` is null where the robot follows the position sent.
-inline collision::Motion arm_motion(const Values& planned, const Setpoint& sent, const Setpoint* robot) {
-    return {planned, sent, double(robot != nullptr), robot ? *robot : Setpoint{}, 0.0, {}};
+// How a command moves an arm: there is no `robot` where the robot follows the position sent.
+inline collision::Motion arm_motion(const Values& planned, const Setpoint& sent, const std::optional<Setpoint>& robot) {
+    return {planned, sent, double(robot.has_value()), robot.value_or(Setpoint{}), 0.0, {}};
 }
 
 // What is the same for both arms.
@@ -72,7 +72,7 @@ public:
         if (is_heard) return;
         is_read = true;
         const Values before = has_motion ? position() : measured;
-        collision::Motion read = arm_motion(before, {measured, {}, {}}, nullptr);
+        collision::Motion read = arm_motion(before, {measured, {}, {}}, {});
         // It may not have come yet to where its last command leads it.
         if (has_motion && motion.coasts && distance(before, measured) > NOISE) {
             read.coasts = 1.0, read.coasts_to = motion.coasts_to;
@@ -81,7 +81,7 @@ public:
     }
 
     // An arm is sent a command that `accepts` has not accepted; arguments as there.
-    void note_sent(const Values& planned, const Setpoint& sent, const Setpoint* robot) {
+    void note_sent(const Values& planned, const Setpoint& sent, const std::optional<Setpoint>& robot) {
         const collision::Motion next = arm_motion(planned, sent, robot);
         if (!is_heard || !has_motion || !stays(next)) set_motion(next);
         is_heard = true;
@@ -91,25 +91,21 @@ public:
     // Whether an arm may be sent this command; if so, it is taken. `planned` is where its robot plans to be, `sent` how
     // the position sent would move at the end of this cycle's step, `robot` how the robot would, where a speed is fed
     // forward; whether one is desired, else it is only taken back.
-    bool accepts(const Values& planned, const Setpoint& sent, const Setpoint* robot, bool feeds_forward) {
+    bool accepts(const Values& planned, const Setpoint& sent, const std::optional<Setpoint>& robot, bool feeds_forward) {
         const bool is_back = !is_heard;
         is_heard = true;
         const collision::Motion last = motion, *of_other = other->has_motion ? &other->motion : nullptr;
         collision::Motion next = arm_motion(planned, sent, robot);
         const bool is_same = has_motion && !is_back && stays(next);
-        if (is_same) {
-            // What it stands at may have left it, or have come nearer; else nothing has changed.
-            if (boundaries_.empty() || compared_ == comparison()) {
-                if (!limited) limited = coasts_into_;
-                return true;
-            }
-            next = last;
+        if (is_same) next = last;
+        // What it stands at may have left it, or have come nearer; else nothing has changed.
+        if (!is_same || !(boundaries_.empty() || compared_ == comparison())) {
+            // Its first command is where it stands.
+            if (has_motion && !(is_clear(next, last, of_other) && coasts_clear(next, last, of_other, feeds_forward)))
+                return false;
+            if (!is_same) set_motion(next);
+            compared_ = comparison();
         }
-        // Its first command is where it stands.
-        if (has_motion && !(is_clear(next, last, of_other) && coasts_clear(next, last, of_other, feeds_forward)))
-            return false;
-        if (!is_same) set_motion(next);
-        compared_ = comparison();
         if (!limited) limited = coasts_into_;
         return true;
     }
@@ -126,21 +122,21 @@ public:
         // where it is stays there, though it may be nearer than where it would be led to.
         const Values now = has_motion ? position() : desired.position;
         if (boundaries_.empty() || !is_slow() || distance(desired.position, now) < STAYS) return false;
-        const Near* crossed = nullptr;
+        const collision::Boundary* crossed = nullptr;
         for (int repeat = 0; repeat < REPEATS; ++repeat) {
             bool is_clear = true;
-            for (const Near& each : boundaries_) {
-                const double missing = each.boundary.least - dot(each.boundary, desired.position);
+            for (const collision::Boundary& each : boundaries_) {
+                const double missing = each.least - dot(each, desired.position);
                 if (missing <= EXACT) continue;
                 is_clear = false, crossed = &each;
                 lead_along(each, desired.position, missing);
-                const double inwards = dot(each.boundary, desired.velocity);
+                const double inwards = dot(each, desired.velocity);
                 if (inwards < 0.0) lead_along(each, desired.velocity, -inwards);
             }
             if (is_clear) break;
         }
         if (!crossed) return false;
-        limited = crossed->limited;
+        limited = limited_by(crossed->part, crossed->other, crossed->distance);
         desired.has_velocity = largest(desired.velocity) > 0.0;
         return true;
     }
@@ -159,19 +155,8 @@ private:
     static constexpr double FLAT = 1e-4;    // [m²/rad²] of a slope below which no joint leads away
     static constexpr int REPEATS = 3;       // of leading off one boundary after the other
 
-    struct Near {
-        collision::Boundary boundary;
-        double square;
-        Limited limited;
-    };
-
     // Of which of the arms' motions and which margins something was found.
-    struct Comparison {
-        std::int64_t own = -1, other = -1, permission = -1;
-        bool operator==(const Comparison& before) const {
-            return own == before.own && other == before.other && permission == before.permission;
-        }
-    };
+    using Comparison = std::array<std::int64_t, 3>;
     Comparison comparison() const { return {number_, other->number_, shared_.permission}; }
 
     const Values& position() const { return motion.sent.position; }
@@ -203,12 +188,7 @@ private:
         if (distances_left_ <= 0) return false;
         const bool is_clear = decide(next, last, of_other, distances_left_, INF);
         if (!is_clear && decision_.part >= 0) limited = limited_by(decision_.part, decision_.other, decision_.distance);
-        boundaries_.clear();
-        for (int i = 0; i < decision_.boundary_count; ++i) {
-            const collision::Boundary& found = decision_.boundaries[i];
-            boundaries_.push_back({found, std::max(dot(found, found.normal), FLAT),
-                                   limited_by(found.part, found.other, found.distance)});
-        }
+        boundaries_.assign(decision_.boundaries, decision_.boundaries + decision_.boundary_count);
         return is_clear;
     }
 
@@ -250,15 +230,16 @@ private:
     }
 
     // Change values of the joints so that they lead away from a boundary by so much.
-    static void lead_along(const Near& near, Values& values, double change) {
-        for (int i = 0; i < JOINTS; ++i) values[i] += near.boundary.normal[i] * change / near.square;
+    static void lead_along(const collision::Boundary& boundary, Values& values, double change) {
+        const double square = std::max(dot(boundary, boundary.normal), FLAT);
+        for (int i = 0; i < JOINTS; ++i) values[i] += boundary.normal[i] * change / square;
     }
 
     SharedByArms& shared_;
     int arm_;
     std::int64_t number_ = 0;  // of its motion
-    std::vector<Near> boundaries_;  // near it
-    Comparison compared_;           // what was found to be clear last
+    std::vector<collision::Boundary> boundaries_;  // near it
+    Comparison compared_{-1, -1, -1};              // what was found to be clear last
     ProgressCheck progress_;
     std::int64_t distances_left_;  // in this cycle
     collision::Decision decision_{};

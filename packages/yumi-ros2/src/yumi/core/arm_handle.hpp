@@ -12,10 +12,10 @@
 #include <optional>
 #include <utility>
 
-#include "egm_arm.hpp"
+#include "egm_codec.hpp"
+#include "egm_session.hpp"
 #include "limiter_handle.hpp"
 #include "sampled.hpp"
-#include "session_handle.hpp"
 
 // What Python reads of a cycle; as ArmExchange in library.py.
 struct ArmExchange {
@@ -26,7 +26,6 @@ struct ArmExchange {
     std::int64_t answer_size = 0;    // 0 where a value of the command is not finite
     std::int64_t datagram_size = 0;  // of the robot's newest
     std::int64_t foreign = 0;        // datagrams of other senders that waited when the robot began
-    std::int64_t forbidden = -1;     // the event that the table forbade the fallback thread, after which it did nothing
     unsigned char answer[core::LARGEST_REFERENCE];
     unsigned char datagram[2048];
 };
@@ -50,12 +49,12 @@ struct ArmHandle {
     ArmExchange exchange;
     LimiterHandle& limiter;
     const int socket;             // -1 where Python reads and sends
-    bool awaits_python = false;   // whether the datagram that was accepted last waits for Python's answer
+    bool awaits_python = false;   // whether the state that was checked last waits for Python's answer
     double* last_call = nullptr;  // when Python called the core last, where the fallback thread is to know
     std::optional<core::Sampled> prepared;  // what answers the next datagram, where nothing about that is unusual
 
-    ArmHandle(LimiterHandle& limits, SessionHandle& sessions, int descriptor)
-        : limiter(limits), socket(descriptor), session_(sessions), egm_(sessions.session) {}
+    ArmHandle(LimiterHandle& limits, core::Session& sessions, int descriptor)
+        : limiter(limits), socket(descriptor), session_(sessions) {}
 
     // Act for Python; what takes the core long is no fault of a controller.
     template <typename Act>
@@ -83,11 +82,11 @@ struct ArmHandle {
     void answer_prepared() {
         const std::optional<core::Sampled> formula = std::exchange(prepared, std::nullopt);
         const double now = core::monotonic_now();
-        if (!formula || !is_punctual(now) || !peer()) return;
+        if (!formula || !is_punctual(now)) return;
         exchange.begun_at = now;
         const std::int64_t done = act_for_python([&]() -> std::int64_t {
             received_ = receive(now);
-            if (*received_ != TO_ANSWER || session().state != core::Session::OPEN) return 0;
+            if (*received_ != TO_ANSWER || session_.state != core::Session::OPEN) return 0;
             const std::optional<core::ArmCommand> desired = formula->command(limiter.exchange.state);
             exchange.sampled_at = core::monotonic_now();
             if (desired) answer(&*desired, true), is_sampled_ = true;
@@ -100,13 +99,13 @@ struct ArmHandle {
     void begin_wait() {
         if (awaits_python) brake(false);
         if (is_sampled_) keep_braked();  // of which Python has not heard
-        received_.reset(), forbidden_ = -1, is_sampled_ = false;
+        received_.reset(), is_sampled_ = false;
     }
 
     // For Python: take a datagram that it has read: the first or the last of those that wait together, or one between.
     std::int64_t accept(const char* datagram, std::size_t size, double now, bool is_first, bool is_last) {
-        if (is_first) session().begin_batch(), exchange.received_at = core::monotonic_now();
-        egm_.accept(datagram, size, now);
+        if (is_first) session_.begin_batch(), exchange.received_at = core::monotonic_now();
+        take(datagram, size, now);
         if (!is_last) return NONE;
         keep(datagram, size);
         return check_batch(now);
@@ -125,40 +124,37 @@ struct ArmHandle {
     // For Python: after the reply.
     void settle() {
         if (is_unobserved_) observe();
-        session().settle();
-        session_.show();
+        session_.settle();
     }
 
     // For the fallback thread: take what has arrived, and answer. Of a session that ended by a silence, or has begun,
     // Python has to know first: the controllers are of the one before.
     void receive_and_brake() {
         const double arrival = core::monotonic_now();
-        if (begins_ || !peer() || session().is_lost(arrival)) return;
+        if (begins_ || !peer() || session_.is_lost(arrival)) return;
         if (!take_waiting(arrival, MOST, false)) return;
         end_batch(arrival, false);
-        begins_ = session().state == core::Session::BEGUN;
-        if (session().is_accepted() && !begins_) brake(true);
+        begins_ = session_.state == core::Session::BEGUN;
+        if (session_.is_accepted && !begins_) brake(true);
     }
 
     // Answer so that the arm brakes within its limits, since Python has not in time, or has failed to.
     void brake(bool is_unanswered) {
-        const std::int64_t done = limiter.act([&]() -> std::int64_t {
+        const std::int64_t done = limiter.act([&] {
             if (is_sampled_) keep_braked();  // of which Python has not heard
             received_.reset(), is_sampled_ = false;
-            if (!(awaits_python && is_checked_) && !check()) return 0;
+            if (!awaits_python && !check()) return 0;
             limit(nullptr, is_unanswered);
             unsigned char answer[core::LARGEST_REFERENCE];
-            const std::size_t size = egm_.reply(limiter.exchange.command, answer);
-            // A reply that cannot leave is lost, as on any network.
-            const bool has_left = size && send(socket, answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
+            const std::size_t size = encode(answer);
+            if (size) send(socket, answer, size, MSG_DONTWAIT | MSG_NOSIGNAL);  // what cannot leave is lost
             observe();
             if (is_unanswered) keep_braked();
-            return has_left;
+            return 0;
         });
-        if (done < 0) exchange.forbidden = limiter.exchange.forbidden;
+        if (done < 0) forbidden_ = limiter.exchange.forbidden;
         awaits_python = false;
-        session().settle();
-        session_.show();
+        session_.settle();
     }
 
     // For Python: the newest cycles that the fallback thread has answered since the last call, oldest first; how many.
@@ -181,16 +177,14 @@ private:
     static constexpr int MOST = 256;  // datagrams read at once: whatever arrives, the caller goes on after a while
     static constexpr double SOONEST = 0.5 * core::CYCLE, LATEST = 1.25 * core::CYCLE;  // [s] between two
 
-    core::Session& session() { return session_.session; }
-
     bool is_punctual(double now) {
-        const double silence = session().silence(now);
+        const double silence = session_.silence(now);
         return SOONEST < silence && silence < LATEST;
     }
 
     // Take up to so many datagrams into the session; whether there was any.
     bool take_waiting(double now, int most, bool for_python) {
-        session().begin_batch();
+        session_.begin_batch();
         const std::optional<sockaddr_in> robot = peer();
         unsigned char datagram[sizeof exchange.datagram];
         bool has_any = false;
@@ -206,10 +200,20 @@ private:
                 continue;
             }
             if (for_python) exchange.received_at = core::monotonic_now(), keep(datagram, std::size_t(size));
-            egm_.accept(datagram, std::size_t(size), now);
+            take(datagram, std::size_t(size), now);
             has_any = true;
         }
         return has_any;
+    }
+
+    // Take a datagram into the session.
+    void take(const void* datagram, std::size_t size, double now) {
+        core::JointReport report;
+        core::Unreadable unreadable;
+        if (!core::JointCodec::decode(datagram, size, report, unreadable))
+            ++session_.counters.malformed;
+        else if (session_.takes(std::uint32_t(report.seqno), report.time, now))
+            newest_ = report;
     }
 
     void keep(const void* datagram, std::size_t size) {
@@ -219,13 +223,17 @@ private:
 
     // The last of the datagrams that waited together was taken: what is to be answered, and whether by Python.
     void end_batch(double now, bool for_python) {
-        if (session().is_accepted()) reported_ = egm_.state(now), awaits_python = for_python;
-        session_.show();
+        if (!session_.is_accepted) return;
+        const core::Values before = reported_.position;
+        reported_ = {now, session_.period, session_.number, newest_.measured, {}, newest_.planned,
+                     core::is_running(newest_.motors, newest_.mci, newest_.rapid)};
+        if (reported_.dt > 0.0) reported_.velocity = core::rate_of(reported_.position, before, reported_.dt);
+        awaits_python = for_python;
     }
 
     std::int64_t check_batch(double now) {
         end_batch(now, true);
-        if (!session().is_accepted()) return NONE;
+        if (!session_.is_accepted) return NONE;
         const bool is_safe = check();
         exchange.checked_at = core::monotonic_now();
         return is_safe ? TO_ANSWER : UNSAFE;
@@ -235,15 +243,15 @@ private:
     bool check() {
         if (is_unobserved_) observe();  // of the cycle before
         limiter.exchange.state = reported_;
-        is_checked_ = limiter.limiter.check(limiter.exchange.state);
-        awaits_python = awaits_python && is_checked_;
-        return is_checked_;
+        const bool is_safe = limiter.limiter.check(limiter.exchange.state);
+        awaits_python = awaits_python && is_safe;
+        return is_safe;
     }
 
     void answer(const core::ArmCommand* desired, bool sends) {
         limit(desired, false);
         exchange.limited_at = core::monotonic_now();
-        const std::size_t size = egm_.reply(limiter.exchange.command, exchange.answer);
+        const std::size_t size = encode(exchange.answer);
         exchange.encoded_at = core::monotonic_now();
         exchange.answer_size = std::int64_t(size);
         const bool has_left = !sends || !size || send(socket, exchange.answer, size, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
@@ -253,7 +261,11 @@ private:
 
     void limit(const core::ArmCommand* desired, bool is_unanswered) {
         limiter.exchange.command = limiter.limiter.limit(limiter.exchange.state, desired, is_unanswered);
-        is_checked_ = awaits_python = false, is_unobserved_ = true;
+        awaits_python = false, is_unobserved_ = true;
+    }
+
+    std::size_t encode(unsigned char* answer) {
+        return core::JointCodec::encode(session_.next_seqno(), limiter.exchange.command, answer);
     }
 
     void observe() {
@@ -265,15 +277,15 @@ private:
         braked_[braked_count_++ % MOST_BRAKED] = {limiter.exchange.state, limiter.exchange.command};
     }
 
-    SessionHandle& session_;
-    core::EgmArm egm_;
+    core::Session& session_;
+    core::JointReport newest_;  // of those that count
     core::ArmState reported_;
-    bool is_checked_ = false;     // whether the state that is to be answered was
     bool is_unobserved_ = false;  // whether the reply was sent, and not observed yet
     std::optional<std::int64_t> received_;  // the verdict on a datagram of which Python has not heard
-    std::int64_t forbidden_ = -1;           // the event of that datagram that the table forbids
+    // the event that the table forbade while Python waited or was busy; nothing was done on it, and receive raises it
+    std::int64_t forbidden_ = -1;
     bool is_sampled_ = false;               // whether that was answered, too, of which Python has not heard
-    BrakedCycle braked_[MOST_BRAKED];
+    bool begins_ = false;         // whether a session has begun of which Python does not know
     std::int64_t braked_count_ = 0;
-    bool begins_ = false;  // whether a session has begun of which Python does not know
+    BrakedCycle braked_[MOST_BRAKED];  // last, so that what each cycle uses lies close together
 };

@@ -41,15 +41,8 @@ std::int64_t model_contacts(const Model* model, const double* postures, double w
     auto note = [&](int part, int other) {
         const Near near = model->near(int(arm), placed, part, theirs, other);
         if (!(near.distance < within)) return;
-        Contact& contact = contacts[count++] = Contact{};
-        contact.distance = near.distance;
-        std::memcpy(contact.normal, &near.normal, sizeof contact.normal);
-        std::memcpy(contact.points, near.points, sizeof contact.points);
-        contact.parts[0] = model->arms[arm].first + part;
-        contact.parts[1] = is_still ? model->box_number(other) : model->arms[1 - arm].first + other;
-        model->forward(int(arm), placed, part, near.normal, contact.behind[0], contact.slopes[0]);
-        if (is_still) return;
-        model->forward(int(1 - arm), others, other, -1.0 * near.normal, contact.behind[1], contact.slopes[1]);
+        const int number = is_still ? model->box_number(other) : model->arms[1 - arm].first + other;
+        contacts[count++] = {near, {model->arms[arm].first + part, number}};
     };
     model->for_frames(int(arm), is_still, [&](int frame, int other) {
         if (!model->is_frame_far(int(arm), placed, frame, theirs, other, within))
@@ -66,11 +59,7 @@ Limiter* collisions_new(const Model* model, const Limits* limits, const std::int
 
 void collisions_delete(Limiter* limiter) { delete limiter; }
 
-// Keep these margins from now on (parts, parts) [m]; -inf between those that may touch.
-void collisions_permit(Limiter* limiter, const double* margins) {
-    const core::Guard guard(core::lock);
-    limiter->permit(margins);
-}
+void collisions_permit(Limiter* limiter, const double* margins) { limiter->permit(margins); }
 
 bool collisions_is_slow(const Limiter* limiter, const Motion* motion) {
     Braking braking[JOINTS];
@@ -80,9 +69,7 @@ bool collisions_is_slow(const Limiter* limiter, const Motion* motion) {
 
 bool collisions_is_clear(Limiter* limiter, std::int64_t arm, const Motion* motion, const Motion* last,
                          const Motion* its, double apart, std::int64_t budget, Decision* decision) {
-    const core::Guard guard(core::lock);
     *decision = {};
-    decision->part = decision->other = -1;
     for (const Motion* each : {motion, last, its})
         if (each && !are_finite(each->planned.data(), MOTION_SIZE)) return false;
     try {

@@ -31,10 +31,10 @@ struct Boundary {
 
 // Why a command is clear or not.
 struct Decision {
-    std::int64_t distances;    // calculated, or what took as long
-    std::int64_t part, other;  // of the pair that may be too near; -1 for none
-    double distance;           // of these in the middle of their segments
-    std::int64_t boundary_count;
+    std::int64_t distances = 0;          // calculated, or what took as long
+    std::int64_t part = -1, other = -1;  // of the pair that may be too near; -1 for none
+    double distance = 0.0;               // of these in the middle of their segments
+    std::int64_t boundary_count = 0;
     Boundary boundaries[MOST_BOUNDARIES];  // near the arm, nearest first
 };
 
@@ -43,6 +43,9 @@ struct Limiter;
 }  // namespace collision
 
 extern "C" {
+
+// Keep these margins from now on (parts, parts) [m]; -inf between those that may touch.
+void collisions_permit(collision::Limiter* limiter, const double* margins);
 
 // Whether an arm that moves like this comes to rest so soon that it is led along boundaries.
 bool collisions_is_slow(const collision::Limiter* limiter, const collision::Motion* motion);

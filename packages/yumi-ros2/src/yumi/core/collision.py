@@ -192,8 +192,6 @@ CONTACT = np.dtype(
         ("distance", float),
         ("normal", float, 3),
         ("points", float, (2, 3)),
-        ("behind", float, (2, 2)),
-        ("slopes", float, (2, 2, JOINT_COUNT)),
         ("parts", np.int64, 2),
     ]
 )
@@ -203,9 +201,6 @@ CONTACT = np.dtype(
   it is that part's depth behind the box's nearest face.
 - normal: from the first part to the second along the line of nearest distance.
 - points: both ends of that line [m].
-- behind: how much further back than its foremost end, along that line towards the other part, each end of each part's
-  axis is [m].
-- slopes: by how much a radian of each of its arm's joints moves it forward there [m/rad]; of what stands still, 0.
 - parts: their numbers, as in :attr:`CollisionModel.names`.
 """
 

@@ -102,16 +102,13 @@ struct Limiter {
         std::fill(&widest[0][0][0], &widest[0][0][0] + 2 * FRAMES * FRAMES, -INF);
         std::fill(&widest_still[0][0], &widest_still[0][0] + 2 * FRAMES, -INF);
         for (arm = 0; arm < 2; ++arm)
-            for (std::size_t part = 0; part < model.arms[arm].parts.size(); ++part) {
-                const int frame = int(model.arms[arm].parts[part].frame);
-                double* its = widest[arm][frame];
-                for (std::size_t other = 0; other < model.arms[1 - arm].parts.size(); ++other) {
-                    double& most = its[int(model.arms[1 - arm].parts[other].frame)];
-                    most = std::max(most, margin(int(part), int(other), false));
-                }
-                for (std::size_t box = 0; box < model.boxes.size(); ++box)
-                    widest_still[arm][frame] = std::max(widest_still[arm][frame], margin(int(part), int(box), true));
-            }
+            for (const bool is_still : {false, true})
+                model.for_frames(arm, is_still, [&](int frame, int other) {
+                    double& most = is_still ? widest_still[arm][frame] : widest[arm][frame][other];
+                    model.for_parts(arm, frame, is_still, other, [&](int part, int its_part) {
+                        most = std::max(most, margin(part, its_part, is_still));
+                    });
+                });
     }
 
     void span(int which, int number, const Segment& segment) {
@@ -387,16 +384,13 @@ struct Limiter {
         Finding found[2] = {NOTHING, NOTHING};
         if (!coasts || own.is_sheet()) found[0] = compare(0, -1, nullptr);
         if (its) found[1] = compare(0, 1, nullptr);
-        bool is_open = found[0].free < 0.0 || found[1].free < 0.0;
-        if (is_open) find_floors(last, its);
-        if (!floored.empty()) {
+        if (found[0].free < 0.0 || found[1].free < 0.0) find_floors(last, its);
+        if (!floored.empty())
             for (Finding& each : found)
                 if (each.free < 0.0) each = compare(0, each.theirs, &each);
-            is_open = found[0].free < 0.0 || found[1].free < 0.0;
-        }
         if (found[1].is_certain || (!found[0].is_certain && found[1].free < found[0].free))
             std::swap(found[0], found[1]);
-        const bool is_clear_of_all = !is_open || (is_clear(found[0], 2) && is_clear(found[1], 2));
+        const bool is_clear_of_all = is_clear(found[0], 2) && is_clear(found[1], 2);
         std::sort(boundaries.begin(), boundaries.end(),
                   [](const Boundary& a, const Boundary& b) { return a.beyond < b.beyond; });
         result.boundary_count = std::min<std::int64_t>(MOST_BOUNDARIES, std::int64_t(boundaries.size()));

@@ -42,9 +42,8 @@ bool is_slow(const Braking (&joints)[JOINTS]) {
 constexpr int CURVES = 3;                                         // of a path at most
 constexpr int WHOLE = -1, SENT = 0, FOLLOWING = 1, COASTING = 2;  // their numbers; of all of them
 
-// Postures along a path: a curve, or a straight line, of which there are only the ends.
+// Postures along a path.
 struct Curve {
-    bool is_straight;
     double postures[SAMPLES + 1][JOINTS];
 };
 
@@ -139,14 +138,12 @@ struct Path {
 
     void add_line(const core::Values& from, const core::Values& to) {
         Curve& its = curve[curves++];
-        its.is_straight = true;
-        std::copy(from.begin(), from.end(), its.postures[0]);
-        std::copy(to.begin(), to.end(), its.postures[1]);
+        for (int i = 0; i <= SAMPLES; ++i)
+            for (int j = 0; j < JOINTS; ++j) its.postures[i][j] = from[j] + (to[j] - from[j]) * i / SAMPLES;
     }
 
     void add_braking() {
         Curve& its = curve[curves++];
-        its.is_straight = false;
         double longest = 0.0;
         for (const Braking& joint : braking) longest = std::max(longest, joint.duration());
         for (int j = 0; j < JOINTS; ++j) {
@@ -162,7 +159,6 @@ struct Path {
         constexpr int BRAKING = 3 * SAMPLES / 4;
         const bool is_fed = motion.has_robot > 0.0;
         Curve& its = curve[curves++];
-        its.is_straight = false;
         double time = 0.0;
         for (int j = 0; j < JOINTS; ++j) {
             time = std::max(time, braking[j].duration());
@@ -235,9 +231,7 @@ struct Path {
             for (int i = 0; i < 2; ++i) parts[i] = part(segment.curve, segment.level + 1, 2 * segment.index + i);
             return 2;
         }
-        if (is_sheet()) {
-            return sweep(1, 0, nullptr, 1, parts);
-        }
+        if (is_sheet()) return sweep(1, 0, nullptr, 1, parts);
         add_curves(limits);
         const int first = coasts ? FOLLOWING : SENT;
         for (int i = first; i < curves; ++i) parts[i - first] = part(i, 0, 0);
@@ -333,17 +327,11 @@ struct Path {
         segment.curve = number, segment.level = level, segment.index = index;
         double size = TINY;
         for (int j = 0; j < JOINTS; ++j) {
-            double from = its.postures[0][j], to = its.postures[1][j];
-            if (its.is_straight) {
-                const double way = (to - from) / (1 << level);
-                from += index * way, to = from + way;
-            } else {
-                from = its.postures[first][j], to = its.postures[first + step][j];
-            }
+            const double from = its.postures[first][j], to = its.postures[first + step][j];
             segment.middle[j] = 0.5 * (from + to), segment.along[j] = 0.5 * (to - from);
             size += segment.along[j] * segment.along[j];
         }
-        for (int i = 1; i < step && !its.is_straight; ++i) {
+        for (int i = 1; i < step; ++i) {
             const double* inner = its.postures[first + i];
             double share = 0.0;
             for (int j = 0; j < JOINTS; ++j) share += (inner[j] - segment.middle[j]) * segment.along[j] / size;

@@ -66,34 +66,6 @@ struct Around {
     double radius;
 };
 
-// A capsule around others, about a line through the middle of all, in the direction of one of the ways between their
-// ends: that which is smallest.
-Around around(const std::vector<Capsule>& capsules) {
-    Around least{{}, INF};
-    std::vector<std::pair<Vec, double>> balls;  // the ends
-    Vec middle{};
-    for (const Capsule& its : capsules)
-        for (Vec end : {its.start, its.end}) balls.push_back({end, its.radius}), middle = middle + end;
-    middle = (1.0 / double(balls.size())) * middle;
-    for (const auto& from : balls)
-        for (const auto& to : balls) {
-            const Vec way = to.first - from.first;
-            const Vec line = length(way) > TINY ? (1.0 / length(way)) * way : Vec{0.0, 0.0, 1.0};
-            auto off = [&](Vec at) { return length(at - middle - dot(at - middle, line) * line); };
-            double radius = 0.0, low = INF, high = -INF;
-            for (const auto& [at, its] : balls) radius = std::max(radius, off(at) + its);
-            for (const auto& [at, its] : balls) {
-                const double along = dot(at - middle, line), room = radius - its;
-                const double inside = std::sqrt(std::max(room * room - off(at) * off(at), 0.0));
-                low = std::min(low, along + inside), high = std::max(high, along - inside);
-            }
-            const double half = std::max(0.5 * (high - low), 0.0);
-            if (radius + half < least.radius + length(least.axis.half))
-                least = {{middle + 0.5 * (low + high) * line, half * line}, radius};
-        }
-    return least;
-}
-
 struct Box {
     Frame pose;
     Vec half;
@@ -199,9 +171,7 @@ struct Placed {
 
 // Two parts that are near each other, as in robot/collision.py.
 struct Contact {
-    double distance, normal[3], points[2][3];
-    double behind[2][2];          // how much further back than its foremost end each end of each part is
-    double slopes[2][2][JOINTS];  // by how much a radian of each joint moves it forward
+    Near near;
     std::int64_t parts[2];
 };
 
@@ -214,6 +184,35 @@ struct Arm {
     double reach[FRAMES][JOINTS];  // the most of the parts of each
     int first;                     // number of its first part
 };
+
+// A capsule around the parts of a frame, about a line through the middle of all, in the direction of one of the ways
+// between their ends: that which is smallest.
+Around around(const Arm& arm, int frame) {
+    Around least{{}, INF};
+    std::vector<std::pair<Vec, double>> balls;  // the ends
+    Vec middle{};
+    for (int part : arm.of_frame[frame])
+        for (Vec end : {arm.parts[part].start, arm.parts[part].end})
+            balls.push_back({end, arm.parts[part].radius}), middle = middle + end;
+    middle = (1.0 / double(balls.size())) * middle;
+    for (const auto& from : balls)
+        for (const auto& to : balls) {
+            const Vec way = to.first - from.first;
+            const Vec line = length(way) > TINY ? (1.0 / length(way)) * way : Vec{0.0, 0.0, 1.0};
+            auto off = [&](Vec at) { return length(at - middle - dot(at - middle, line) * line); };
+            double radius = 0.0, low = INF, high = -INF;
+            for (const auto& [at, its] : balls) radius = std::max(radius, off(at) + its);
+            for (const auto& [at, its] : balls) {
+                const double along = dot(at - middle, line), room = radius - its;
+                const double inside = std::sqrt(std::max(room * room - off(at) * off(at), 0.0));
+                low = std::min(low, along + inside), high = std::max(high, along - inside);
+            }
+            const double half = std::max(0.5 * (high - low), 0.0);
+            if (radius + half < least.radius + length(least.axis.half))
+                least = {{middle + 0.5 * (low + high) * line, half * line}, radius};
+        }
+    return least;
+}
 
 struct Model {
     Arm arms[2];
@@ -228,17 +227,15 @@ struct Model {
             std::copy(origins + arm * FRAMES, origins + (arm + 1) * FRAMES, its.origins);
             its.first = arm ? int(counts[0]) : 0;
             its.parts.assign(capsules + its.first, capsules + its.first + counts[arm]);
-            std::vector<Capsule> of_frames[FRAMES];
             for (std::size_t i = 0; i < its.parts.size(); ++i) {
                 const auto& [frame, start, end, radius, reach] = its.parts[i];
                 its.axes.push_back({0.5 * (start + end), 0.5 * (end - start)});
                 its.of_frame[int(frame)].push_back(int(i));
-                of_frames[int(frame)].push_back(its.parts[i]);
                 double* most = its.reach[int(frame)];
                 for (int j = 0; j < JOINTS; ++j) most[j] = std::max(most[j], reach[j]);
             }
             for (int frame = 0; frame < FRAMES; ++frame)
-                if (!of_frames[frame].empty()) its.around[frame] = around(of_frames[frame]);
+                if (!its.of_frame[frame].empty()) its.around[frame] = around(its, frame);
         }
         count = box_number(int(number));
     }

@@ -2,7 +2,8 @@
 // nothing is allocated after the start.
 
 #include "egm_codec.hpp"
-#include "session_handle.hpp"
+#include "egm_session.hpp"
+#include "lock.hpp"
 
 using namespace core;
 
@@ -25,36 +26,34 @@ bool codec_is_running(std::int64_t motors, std::int64_t mci, std::int64_t rapid)
 
 // ---- sessions
 
-SessionHandle* session_new(double silence) { return made<SessionHandle>(silence); }
+Session* session_new(double silence) { return made<Session>(silence); }
 
-void session_delete(SessionHandle* handle) { delete handle; }
+void session_delete(Session* session) { delete session; }
 
-void session_begin_batch(SessionHandle* handle) {
-    handle->act([](Session& session) { session.begin_batch(); });
+// Of a session whose datagrams Python reads, which no other thread has.
+
+void session_begin_batch(Session* session) { session->begin_batch(); }
+
+bool session_takes(Session* session, std::uint32_t seqno, double robot_time, double now) {
+    return session->takes(seqno, robot_time, now);
 }
 
-bool session_takes(SessionHandle* handle, std::uint32_t seqno, double robot_time, double now) {
-    return handle->act([&](Session& session) { return session.takes(seqno, robot_time, now); });
+void session_note_malformed(Session* session) { ++session->counters.malformed; }
+
+std::uint32_t session_next_seqno(Session* session) { return session->next_seqno(); }
+
+void session_settle(Session* session) { session->settle(); }
+
+// Of any session.
+
+double session_silence(const Session* session, double now) {
+    const Guard guard(lock);
+    return session->silence(now);
 }
 
-void session_note_malformed(SessionHandle* handle) {
-    handle->act([](Session& session) { session.note_malformed(); });
-}
-
-std::uint32_t session_next_seqno(SessionHandle* handle) {
-    return handle->act([](Session& session) { return session.next_seqno(); });
-}
-
-void session_settle(SessionHandle* handle) {
-    handle->act([](Session& session) { session.settle(); });
-}
-
-double session_silence(SessionHandle* handle, double now) {
-    return handle->act([&](Session& session) { return session.silence(now); });
-}
-
-bool session_close_if_silent(SessionHandle* handle, double now) {
-    return handle->act([&](Session& session) { return session.close_if_silent(now); });
+bool session_close_if_silent(Session* session, double now) {
+    const Guard guard(lock);
+    return session->close_if_silent(now);
 }
 
 }  // extern "C"

@@ -43,18 +43,17 @@ public:
     WireReader(const unsigned char* begin, const unsigned char* end) : at_(begin), end_(end) {}
 
     int field = 0, type = 0;
+    bool is_sound = true;
 
-    bool is_sound() const { return is_sound_; }
     bool is_over() const { return at_ == end_; }
-    void refuse() { is_sound_ = false; }
 
     // Whether there is another field.
     bool next() {
-        if (!is_sound_ || at_ == end_) return false;
+        if (!is_sound || at_ == end_) return false;
         const std::uint64_t tag = varint();
         field = int(tag >> 3), type = int(tag & 7);
-        if (tag >> 32 || field == 0) is_sound_ = false;
-        return is_sound_;
+        if (tag >> 32 || field == 0) is_sound = false;
+        return is_sound;
     }
     std::uint64_t varint() {
         std::uint64_t value = 0;
@@ -64,7 +63,7 @@ public:
             value |= shift < 64 ? std::uint64_t(byte & 0x7F) << shift : 0;
             if (!(byte & 0x80)) return value;
         }
-        is_sound_ = false;
+        is_sound = false;
         return 0;
     }
     double number() {
@@ -91,7 +90,7 @@ public:
             case BYTES: inside(); break;
             case GROUP: skip_group(group, depth); break;
             case FIXED_32: advance(4); break;
-            default: is_sound_ = false;  // the end of a group that did not begin, or no type
+            default: is_sound = false;  // the end of a group that did not begin, or no type
         }
     }
 
@@ -103,24 +102,23 @@ private:
     void skip_group(int number, int depth) {
         while (depth < DEEPEST && next()) {
             if (type == END_OF_GROUP) {
-                is_sound_ = field == number;
+                is_sound = field == number;
                 return;
             }
             skip(depth + 1);
         }
-        is_sound_ = false;
+        is_sound = false;
     }
 
     bool has(std::uint64_t size) {
-        if (std::uint64_t(end_ - at_) < size) is_sound_ = false;
-        return is_sound_;
+        if (std::uint64_t(end_ - at_) < size) is_sound = false;
+        return is_sound;
     }
     void advance(std::uint64_t size) {
         if (has(size)) at_ += size;
     }
 
     const unsigned char *at_, *end_;
-    bool is_sound_ = true;
 };
 
 class JointCodec {
@@ -170,19 +168,19 @@ private:
     static bool read(WireReader from, Take take) {
         while (from.next())
             if (!take(from)) from.skip();
-        return from.is_sound();
+        return from.is_sound;
     }
     // The same of a message in a field of another, which then is not sound either.
     template <typename Take>
     static bool read_inside(WireReader& from, Take take) {
         if (from.type != WireReader::BYTES) return false;
-        if (!read(from.inside(), take)) from.refuse();
+        if (!read(from.inside(), take)) from.is_sound = false;
         return true;
     }
 
     // A robot's measured or planned motion.
     struct Motion {
-        double axes[6] = {}, external = 0.0;  // [deg]
+        double degrees[JOINTS] = {};  // of axes 1 to 6, and of the external one
         int axis_count = 0, external_count = 0;
         bool has_time = false;
         std::uint64_t seconds = 0, microseconds = 0;
@@ -198,9 +196,9 @@ private:
         bool take_joints(WireReader& from, bool are_external) {
             auto add = [&](double value) {
                 if (are_external) {
-                    if (external_count++ == 0) external = value;
+                    if (external_count++ == 0) degrees[6] = value;
                 } else if (axis_count++ < 6) {
-                    axes[axis_count - 1] = value;
+                    degrees[axis_count - 1] = value;
                 }
             };
             if (from.field != 1) return false;
@@ -208,8 +206,8 @@ private:
                 add(from.number());
             } else if (from.type == WireReader::BYTES) {  // packed
                 WireReader packed = from.inside();
-                while (packed.is_sound() && !packed.is_over()) add(packed.number());
-                if (!packed.is_sound()) from.refuse();
+                while (packed.is_sound && !packed.is_over()) add(packed.number());
+                if (!packed.is_sound) from.is_sound = false;
             } else {
                 return false;
             }
@@ -261,16 +259,14 @@ private:
             unreadable.external = motion.external_count;
             return refuse(unreadable, Unreadable::WRONG_AXES, part, motion.axis_count);
         }
-        const double* axes = motion.axes;
+        const double* axes = motion.degrees;
         double square = 0.0;
-        for (int i = 0; i < 6; ++i) square += axes[i] * axes[i];
-        square += motion.external * motion.external;
+        for (int i = 0; i < JOINTS; ++i) square += axes[i] * axes[i];
         if (!(square < FARTHEST)) {  // not a number fails every comparison
-            std::copy(axes, axes + 6, unreadable.degrees);
-            unreadable.degrees[6] = motion.external;
+            std::copy(axes, axes + JOINTS, unreadable.degrees);
             return refuse(unreadable, Unreadable::IMPLAUSIBLE, part);
         }
-        joints = {axes[0], axes[1], motion.external, axes[2], axes[3], axes[4], axes[5]};
+        joints = {axes[0], axes[1], axes[6], axes[2], axes[3], axes[4], axes[5]};
         for (double& each : joints) each *= RAD_PER_DEG;
         return true;
     }

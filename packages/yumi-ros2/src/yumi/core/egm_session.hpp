@@ -19,23 +19,23 @@
 
 namespace core {
 
-// How regularly the datagrams of one session arrive, by our clock and the robot's: running estimates, a few additions
-// for each datagram and no memory of them.
-class Arrivals {
-public:
+// How regularly the datagrams of one session arrive, by our clock and the robot's.
+struct ArrivalValues {
     double jitter = 0.0;        // mean difference of two datagrams' delays, as RFC 3550 smooths it [s]
     double worst_jitter = 0.0;  // the largest such difference [s]
     // by how much the robot's clock is faster than ours, from the fastest datagrams of its first and its last full
     // second; 0 before the second of them
     double drift_ppm = 0.0;
+    double cycle_time = 0.0;  // mean time between two datagrams that the robot sent, by our clock; 0 before the second
+};
 
-    // Mean time between two datagrams that the robot sent, by our clock; 0 before the second.
-    double cycle_time() const { return count_ ? (last_arrival_ - first_arrival_) / double(count_) : 0.0; }
-
+// Running estimates of that: a few additions for each datagram and no memory of them.
+class Arrivals : public ArrivalValues {
+public:
     // The first datagram of a session arrived, with a robot's time.
     void begin(double now, double robot_time) {
         *this = Arrivals{};
-        first_arrival_ = last_arrival_ = now;
+        first_arrival_ = now;
         set_clock(now, now - robot_time);
     }
 
@@ -43,7 +43,7 @@ public:
     void note(double now, double robot_time, std::int64_t sent) {
         const double offset = now - robot_time, deviation = std::abs(offset - offset_);
         count_ += sent;
-        last_arrival_ = now;
+        cycle_time = (now - first_arrival_) / double(count_);
         if (deviation > CLOCK_JUMP) return set_clock(now, offset);
         offset_ = offset;
         jitter += (deviation - jitter) / SMOOTHING;
@@ -74,7 +74,7 @@ private:
     }
 
     std::int64_t count_ = 0;
-    double first_arrival_ = 0.0, last_arrival_ = 0.0;
+    double first_arrival_ = 0.0;
     double offset_ = 0.0, lowest_ = 0.0, lowest_at_ = 0.0, window_end_ = 0.0;
     std::optional<Lowest> before_;
 };
@@ -89,11 +89,8 @@ struct SessionCounters {
     std::int64_t malformed = 0;  // that are no EGM of such a robot
 };
 
-class Session {
-public:
-    // A robot that says nothing for longer than `silence` is lost.
-    explicit Session(double silence) : silence_(silence) {}
-
+// What Python reads of a session; as SessionValues in library.py.
+struct SessionValues {
     enum State : std::int64_t {
         NONE,     // no robot has been heard
         BEGUN,    // open, and the message accepted last is of a session that began with it, or with one just before it
@@ -102,46 +99,48 @@ public:
         SILENT,
     };
 
-    SessionCounters counters;
-    Arrivals arrivals;
-    std::int64_t number = 0;  // of the session, 0 before the first
     State state = NONE;
+    std::int64_t number = 0;  // of the session, 0 before the first
+    // Robot time from the message that was to be answered before to the one accepted last; 0 where that is the first of
+    // a session, or after a silence.
+    double period = 0.0;
+    SessionCounters counters;
+    ArrivalValues arrivals;
+};
+
+class Session : public SessionValues {
+public:
+    // A robot that says nothing for longer than `silence` is lost.
+    explicit Session(double silence) : silence_(silence) {}
+
+    bool is_accepted = false;  // whether anything that waited together is to be answered
 
     // What arrives from now on waits together.
     void begin_batch() {
         if (state == BEGUN || state == RESUMED) state = OPEN;
-        is_accepted_ = false;
+        is_accepted = false;
         before_ = last_;
-    }
-
-    // Robot time from the message that was to be answered before to the one accepted last; 0 where that is the first of
-    // a session, or after a silence.
-    double period() const {
-        if (!before_ || state != OPEN) return 0.0;
-        const double passed = last_->time - before_->time;
-        return 0.0 < passed && passed <= LONGEST_PERIOD ? passed : CYCLE;
     }
 
     // Whether a message of this number and the robot's time is newer than all before it: the session's next one, or the
     // first of another.
     bool takes(std::uint32_t seqno, double robot_time, double now) {
-        const bool is_taken = judge(seqno, robot_time, now);
-        if (is_taken && is_accepted_) ++counters.late;
-        is_accepted_ = is_accepted_ || is_taken;
-        return is_taken;
+        if (!judge(seqno, robot_time, now)) return false;
+        counters.late += is_accepted;
+        is_accepted = true;
+        const double passed = before_ ? robot_time - before_->time : 0.0;
+        period = 0.0 < passed && passed <= LONGEST_PERIOD ? passed : CYCLE;
+        if (!before_ || state != OPEN) period = 0.0;
+        return true;
     }
-    void note_malformed() { ++counters.malformed; }
-
-    // Whether anything that waited is to be answered.
-    bool is_accepted() const { return is_accepted_; }
 
     // The number of our next datagram in this session.
     std::uint32_t next_seqno() { return reply_seqno_++; }
 
     // After the reply: take the message accepted last into the statistics.
     void settle() {
-        if (sent_ && last_) arrivals.note(last_->arrival, last_->time, sent_);
-        sent_ = 0;
+        if (sent_ && last_) arrivals_.note(last_->arrival, last_->time, sent_);
+        sent_ = 0, arrivals = arrivals_;
     }
 
     // Time since the last datagram that counted.
@@ -208,7 +207,7 @@ private:
     // Whether the robot's clock has gone on by the time of so many datagrams, or back where these are negative. Our
     // clock does not count: a virtual robot stands still with us on a machine that stalls.
     bool agree(std::int64_t ahead, double later) const {
-        const double measured = arrivals.cycle_time(), cycle = measured != 0.0 ? measured : CYCLE;
+        const double measured = arrivals_.cycle_time, cycle = measured != 0.0 ? measured : CYCLE;
         return std::abs(later - double(ahead) * cycle) <= cycle + CLOCK_TOLERANCE * std::abs(later);
     }
 
@@ -229,7 +228,8 @@ private:
         seen_ = 1;
         first_seqno_ = seqno;
         last_ = Heard{seqno, robot_time, now};
-        arrivals.begin(now, robot_time);
+        arrivals_.begin(now, robot_time);
+        arrivals = arrivals_;
     }
 
     // Count a datagram that is left aside; what belongs to another session is stale, too.
@@ -247,7 +247,7 @@ private:
     }
 
     double silence_;
-    bool is_accepted_ = false;   // of what waited together
+    Arrivals arrivals_;
     std::optional<Heard> last_, before_;  // accepted last, and when what waits together began to be taken
     std::uint32_t first_seqno_ = 0;
     std::uint32_t seen_ = 0;     // a bit for each of the newest numbers, bit 0 for the last

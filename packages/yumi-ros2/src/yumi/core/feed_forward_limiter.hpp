@@ -24,9 +24,9 @@ struct FedForward {
     };
 
     Values velocity{};           // sent last
-    bool has_velocity = false;   // whether any was; else it is zero
     bool is_bounded = false;     // whether it is less than was desired
-    std::optional<Setpoint> robot;  // how the robot will move when it takes the last command; none where nothing is fed
+    // how the robot will move when it takes the last command; none where nothing is fed, and the speed is zero
+    std::optional<Setpoint> robot;
     std::optional<Seen> seen;       // what a speed sets in upon; none before the first reply
 
     // After the reply to `state`, when the robot got this position reference.
@@ -68,7 +68,7 @@ public:
         }
         Setpoint after;
         const Values then = reported(state, used_after_);
-        double most_moved = fed.has_velocity ? largest(fed.velocity) : 0.0;
+        double most_moved = largest(fed.velocity);
         for (int i = 0; i < JOINTS; ++i) {
             const double most = limits_.velocity[i], top = limits_.acceleration[i], jerk = limits_.jerk[i];
             const double place = state.planned[i] + robot.velocity[i] * predicted;  // the robot will plan to be by then
@@ -85,13 +85,10 @@ public:
             next.velocity[i] = total.speed - lead;
         }
         most_moved = std::max(most_moved, largest(next.velocity));
-        if (!has_desired && !next.is_bounded && most_moved < REST) {
-            FedForward none;
-            none.seen = next.seen;
-            return none;
-        }
-        next.has_velocity = true;
-        next.robot = after;
+        if (!has_desired && !next.is_bounded && most_moved < REST)
+            next.velocity = {};
+        else
+            next.robot = after;
         return next;
     }
 

@@ -21,11 +21,9 @@ public:
 
     // For joints of these limits, of an arm that moves at most at `speeds`, whatever our limits are: RAPID may have
     // moved it. Where the other arm was measured last is read from `other`, where that is known.
-    FeedbackCheck(const JointLimits& limits, const Values& speeds)
-        : limits_(limits), speeds_(speeds), slowest_(least(speeds)) {}
+    FeedbackCheck(const JointLimits& limits, const Values& speeds) : limits_(limits), speeds_(speeds) {}
 
-    std::int64_t implausible = 0;  // states that no arm can have reached
-    int in_a_row = 0;              // those since the last plausible one
+    int in_a_row = 0;              // states that no arm can have reached, since the last plausible one
     Values position{};             // the implausible position that came last
     bool is_other_arm = false;     // whether that is where the other arm is: their datagrams were exchanged
     const std::optional<Values>* other = nullptr;
@@ -49,13 +47,7 @@ public:
     // plausible state explains it.
     bool is_plausible(const ArmState& state, const Values& sent) const {
         if (!last_) return false;  // a session begins with a plausible state
-        if (!in_a_row) {  // nearly always all joints together have moved less than one may
-            const double reach = slowest_ * state.dt + MARGIN;
-            if (distance(state.position, last_->position) <= reach && distance(state.planned, last_->planned) <= reach)
-                return true;
-        } else if (is_of_other_arm(state) || !is_near_plan(state)) {
-            return false;
-        }
+        if (in_a_row && (is_of_other_arm(state) || !is_near_plan(state))) return false;
         // so nothing but what is sent has moved it
         const bool is_led = in_a_row && state.is_running && last_->is_running;
         return can_reach(*last_, state, sent, is_led ? FOLLOWED : INF);
@@ -74,7 +66,6 @@ public:
 
     // `state` is implausible; the last plausible position in place of it, or itself before the first.
     ArmState reject(const ArmState& state) {
-        ++implausible;
         ++in_a_row;
         position = state.position, is_other_arm = is_of_other_arm(state);
         ArmState last = last_ ? *last_ : state;
@@ -121,7 +112,6 @@ private:
 
     JointLimits limits_;
     Values speeds_;
-    double slowest_;
     std::optional<ArmState> last_;  // the last plausible state
 };
 

@@ -54,8 +54,6 @@ inline double length(const Values& values) {
 
 inline double distance(const Values& a, const Values& b) { return length(added(a, -1.0, b)); }
 
-inline double least(const Values& values) { return *std::min_element(values.begin(), values.end()); }
-
 // By the joint that has most of it.
 inline double largest(const Values& values) {
     double most = 0.0;

@@ -119,7 +119,7 @@ class LimitedParts(ctypes.Structure):
 
 
 class SessionValues(ctypes.Structure):
-    """What others read of an EGM session; as ``SessionValues`` in ``session_handle.hpp``.
+    """What others read of an EGM session; as ``SessionValues`` in ``egm_session.hpp``.
 
     Attributes:
         state: of the session: none, begun, resumed, open, silent.
@@ -148,7 +148,6 @@ class ArmExchange(ctypes.Structure):
         answer_size: of the answer, 0 where a value of the command is not finite.
         datagram_size: of the robot's newest.
         foreign: datagrams of other senders that waited when the robot began.
-        forbidden: the event that the table forbade the fallback thread, else -1.
         answer: to the robot.
         datagram: the robot's newest.
     """
@@ -165,7 +164,6 @@ class ArmExchange(ctypes.Structure):
         ("answer_size", ctypes.c_int64),
         ("datagram_size", ctypes.c_int64),
         ("foreign", ctypes.c_int64),
-        ("forbidden", ctypes.c_int64),
         ("answer", ctypes.c_char * 160),
         ("datagram", ctypes.c_char * 2048),
     )
@@ -217,11 +215,9 @@ def load() -> ctypes.PyDLL:
         ("model_contacts", integer, address, address, double, integer, boolean, address),
         ("collisions_new", address, address, address, address),
         ("collisions_delete", None, address),
-        ("collisions_permit", None, address, address),
         ("arm_collisions_new", address, address, integer, double),
         ("arm_collisions_delete", None, address),
-        ("arm_collisions_note_permission", None, address),
-        ("arm_collisions_begin_cycle", None, address, integer),
+        ("arm_collisions_permit", None, address, address),
         ("arm_collisions_accepts", boolean, address, integer, packed, packed, packed, boolean),
         ("arm_collisions_note_sent", None, address, integer, packed, packed, packed),
         ("arm_collisions_note_measured", None, address, integer, packed),

@@ -18,11 +18,7 @@ LimiterHandle* limiter_new(const Limiter::Settings* settings, const StateTable* 
 
 void limiter_delete(LimiterHandle* arm) { delete arm; }
 
-// Each arm knows where the other was measured last.
-void limiter_pair(LimiterHandle* arm, LimiterHandle* other) {
-    arm->limiter.pair(other->limiter);
-    other->limiter.pair(arm->limiter);
-}
+void limiter_pair(LimiterHandle* arm, LimiterHandle* other) { arm->limiter.pair(other->limiter); }
 
 // No datagram arrives, which is the event.
 std::int64_t limiter_lose(LimiterHandle* arm, std::int64_t event) {
@@ -40,7 +36,7 @@ void limiter_scale_speed(LimiterHandle* arm, double scale) {
 // ---- an arm of the control loop
 
 // With the descriptor of its socket, -1 where Python reads and sends.
-ArmHandle* arm_new(LimiterHandle* limiter, SessionHandle* session, std::int64_t socket) {
+ArmHandle* arm_new(LimiterHandle* limiter, Session* session, std::int64_t socket) {
     return made<ArmHandle>(*limiter, *session, int(socket));
 }
 
@@ -104,27 +100,24 @@ CollisionsHandle* arm_collisions_new(collision::Limiter* limiter, std::int64_t d
 
 void arm_collisions_delete(CollisionsHandle* both) { delete both; }
 
-void arm_collisions_note_permission(CollisionsHandle* both) {
+// As collisions_permit.
+void arm_collisions_permit(CollisionsHandle* both, const double* margins) {
     const Guard guard(lock);
+    collisions_permit(both->shared.limiter, margins);
     both->note_permission();
-}
-
-// A cycle in which nothing is desired.
-void arm_collisions_begin_cycle(CollisionsHandle* both, std::int64_t arm) {
-    const Guard guard(lock);
-    both->arms[arm].begin_cycle(nullptr, {}, 0.0);
 }
 
 bool arm_collisions_accepts(CollisionsHandle* both, std::int64_t arm, const Values* planned, const Setpoint* sent,
                             const Setpoint* robot, bool feeds_forward) {
     const Guard guard(lock);
-    return both->arms[arm].accepts(*planned, *sent, robot, feeds_forward);
+    both->arms[arm].begin_cycle(nullptr, {}, 0.0);
+    return both->arms[arm].accepts(*planned, *sent, robot ? std::optional(*robot) : std::nullopt, feeds_forward);
 }
 
 void arm_collisions_note_sent(CollisionsHandle* both, std::int64_t arm, const Values* planned, const Setpoint* sent,
                               const Setpoint* robot) {
     const Guard guard(lock);
-    both->arms[arm].note_sent(*planned, *sent, robot);
+    both->arms[arm].note_sent(*planned, *sent, robot ? std::optional(*robot) : std::nullopt);
 }
 
 void arm_collisions_note_measured(CollisionsHandle* both, std::int64_t arm, const Values* position) {
@@ -173,8 +166,11 @@ double motion_speed_to_stop(double room, double acceleration, double jerk) {
     return speed_to_stop(room, acceleration, jerk);
 }
 
-void motion_braking_path(double velocity, double acceleration, double top, double jerk, BrakingPath* path) {
-    *path = braking_path(velocity, acceleration, top, jerk);
+// How far a joint gets backwards and forwards from where it is, and where it rests.
+void motion_braking_path(double velocity, double acceleration, double top, double jerk, double* path) {
+    const Braking braking(0.0, velocity, acceleration, top, jerk);
+    path[0] = path[1] = 0.0, path[2] = braking.end();
+    braking.extend(path[0], path[1]);
 }
 
 }  // extern "C"

@@ -44,7 +44,7 @@ struct SentMotion {
     bool was_refused = false;
     LimiterCounters counters;
 
-    ArmCommand command() const { return {positions.sent.position, speeds.velocity, speeds.has_velocity}; }
+    ArmCommand command() const { return {positions.sent.position, speeds.velocity, speeds.robot.has_value()}; }
 };
 
 class Limiter {
@@ -62,7 +62,6 @@ public:
 
     Limiter(const Settings& settings, const StateTable& table, ArmCollisionLimiter* collisions)
         : table_(table), limits_(settings.limits), period_(settings.period), gain_(settings.gain),
-          near_(FEEDBACK_DELAY / EGM_GAIN * least(limits_.acceleration)),
           following_(FOLLOWING_TIME / (gain_ > 0.0 ? gain_ : EGM_GAIN)), position_limiter_(limits_),
           feed_forward_limiter_(limits_, gain_, period_), feedback_(limits_, settings.speeds),
           references_(gain_, limits_.velocity, period_, settings.bandwidth), collisions_(collisions) {
@@ -76,9 +75,8 @@ public:
     const FeedbackCheck& feedback() const { return feedback_; }
     bool are_references_ignored() const { return references_.are_ignored; }
 
-    // Where the arm was measured last, for the other arm's limiter; none before its first cycle.
-    const std::optional<Values>& measured() const { return measured_; }
-    void pair(const Limiter& other) { feedback_.other = &other.measured_; }
+    // Each arm knows where the other was measured last.
+    void pair(Limiter& other) { feedback_.other = &other.measured_, other.feedback_.other = &measured_; }
 
     // To the state that follows on an event, before anything else changes.
     void go(Event event) {
@@ -113,6 +111,7 @@ public:
             accept(state);
         } else {
             // A plan that seemed to stand would hide that the lead becomes less as the robot goes on.
+            ++motion_.counters.implausible;
             state = feedback_.reject(state);
             references_.expect(state);
             if (feedback_.is_lost())
@@ -120,7 +119,6 @@ public:
             else if (feedback_.in_a_row >= FeedbackCheck::DOUBTED)
                 go(FEEDBACK_DOUBTED);
         }
-        motion_.counters.implausible = feedback_.implausible;
         if (is_safe && reported.dt <= 0.0 && !reported.is_running &&
             distance(last_position(), reported.planned) >= SLIGHT_LEAD) {
             // After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at
@@ -147,7 +145,7 @@ public:
         motion_.counters.unanswered += is_unanswered;
         const bool is_accepted = limit_within(state, desired);
         if (collisions_ && !is_accepted)
-            collisions_->note_sent(state.planned, motion_.positions.moving(), robot_of(motion_));
+            collisions_->note_sent(state.planned, motion_.positions.moving(), motion_.speeds.robot);
         return motion_.command();
     }
 
@@ -184,17 +182,11 @@ private:
 
     const Values& last_position() const { return motion_.positions.sent.position; }
 
-    static const Setpoint* robot_of(const SentMotion& motion) {
-        return motion.speeds.robot ? &*motion.speeds.robot : nullptr;
-    }
-
     // Positions are sent later than the speeds that go with them, so their limits come down later, too.
     void scale_positions() {
         std::copy(scales_ + 1, scales_ + SCALES, scales_);
         scales_[SCALES - 1] = scale_;
-        if (scaled_ == scale_) return;
-        scaled_ = *std::max_element(scales_, scales_ + SCALES);
-        position_limiter_ = PositionLimiter(limits_.slower(scaled_));
+        position_limiter_ = PositionLimiter(limits_.slower(*std::max_element(scales_, scales_ + SCALES)));
     }
 
     // A session begins, where the robot is; as long as it may follow the last command, only from there on. Until then a
@@ -202,6 +194,7 @@ private:
     bool enter(ArmState& state) {
         const ArmCommand last = motion_.command();
         if (!feedback_.is_start(state, last.position)) {
+            ++motion_.counters.implausible;
             feedback_.reject(state);
             go(SESSION_ELSEWHERE);
             return false;
@@ -298,15 +291,10 @@ private:
         if (state_ == WAITING ? references_.is_repeating() : references_.are_lost(taken_at_once_)) return REPEATING;
         if (is_unanswered_ && !motion_.must_settle) return UNANSWERED;
         if (!desired || motion_.must_settle) return UNDESIRED;
-        if (!desired->is_finite()) {
-            ++motion_.counters.refused;
-            return UNUSABLE;
-        }
-        if (!is_near(state)) {
-            ++motion_.counters.slowed;
-            return UNUSABLE;
-        }
-        return DESIRED;
+        const bool is_finite = desired->is_finite(), is_usable = is_finite && is_near(state);
+        motion_.counters.refused += !is_finite;
+        motion_.counters.slowed += is_finite && !is_usable;
+        return is_usable ? DESIRED : UNUSABLE;
     }
 
     // Go on from rest.
@@ -336,15 +324,10 @@ private:
         auto is_taken = [&](const ArmCommand* candidate) {
             found = step(motion, state, candidate, dt);
             const bool feeds = candidate && candidate->has_velocity;
-            return collisions_->accepts(state.planned, found.positions.moving(), robot_of(found), feeds);
+            return collisions_->accepts(state.planned, found.positions.moving(), found.speeds.robot, feeds);
         };
-        if (!desired) {
-            if (is_taken(nullptr)) {
-                found.was_refused = false;
-                motion_ = found;
-                return true;
-            }
-        } else if (!is_held && take_next(motion, *desired, is_taken, found)) {
+        if (desired ? !is_held && take_next(motion, *desired, is_taken, found) : is_taken(nullptr)) {
+            found.was_refused = found.was_refused && desired;
             motion_ = found;
             return true;
         }
@@ -374,19 +357,14 @@ private:
         };
         ArmCommand first = desired;
         const bool is_steered = collisions_->steer(first);
-        if (!first.has_velocity || collisions_->may_feed_forward()) {
-            if (try_one(first, is_steered)) return true;
-        }
+        if ((!first.has_velocity || collisions_->may_feed_forward()) && try_one(first, is_steered)) return true;
         // May go there, but the robot has to follow it late.
-        if (first.has_velocity && !collisions_->may_feed_forward()) {
-            if (try_one({first.position, {}, false}, is_steered)) return true;
-        }
+        if (first.has_velocity && !collisions_->may_feed_forward() && try_one({first.position, {}, false}, is_steered))
+            return true;
         // What was compared has found the boundary; where that does not change the command, it is refused again.
         ArmCommand along = desired;
         const bool is_along = collisions_->steer(along);
-        if (!(along == first) && !motion.was_refused) {
-            if (try_one(along, is_along)) return true;
-        }
+        if (!(along == first) && !motion.was_refused && try_one(along, is_along)) return true;
         const Setpoint now = motion.positions.moving();
         const double far = largest_difference(desired.position, now.position);
         if (!(far > HOP && largest(now.velocity) < HOPS)) return false;
@@ -451,7 +429,7 @@ private:
         const bool is_led = largest_difference(position, goal) >= NO_LEAD;
         const Values against = is_led ? feed_forward_limiter_.against(state, position) : Values{};
         held.speeds = feed_forward_limiter_.step(motion.speeds, state, position, against, is_led, dt);
-        held.is_at_rest = !is_led && !held.speeds.has_velocity && held.positions.stands(dt);
+        held.is_at_rest = !is_led && !held.speeds.robot && held.positions.stands(dt);
         return held;
     }
 
@@ -461,8 +439,7 @@ private:
         Values place = state.position;
         for (int i = 0; i < JOINTS; ++i) {
             const double way = state.velocity[i] * SERVO_CYCLES * CYCLE, left = state.planned[i] - state.position[i];
-            if (way > 0.0 && left > 0.0) place[i] += std::min(way, left);
-            if (way < 0.0 && left < 0.0) place[i] += std::max(way, left);
+            if (way * left > 0.0) place[i] += std::copysign(std::min(std::abs(way), std::abs(left)), way);
         }
         return place;
     }
@@ -475,7 +452,7 @@ private:
         std::array<Values, 2> range;
         for (int i = 0; i < JOINTS; ++i) {
             const double now = state.planned[i], speed = bounded(speeds[i], limits_.velocity[i]);
-            const double end = now + braking_path(speed, 0.0, limits_.acceleration[i], limits_.jerk[i]).end;
+            const double end = Braking(now, speed, 0.0, limits_.acceleration[i], limits_.jerk[i]).end();
             range[0][i] = std::min({now, end, last[i], stop[i]}) - NEAR;
             range[1][i] = std::max({now, end, last[i], stop[i]}) + NEAR;
         }
@@ -508,7 +485,7 @@ private:
     // only makes nothing of a lead.
     bool is_near(const ArmState& state) const {
         const Values& last = last_position();
-        if (gain_ == 0.0 || distance(last, state.planned) < near_) return true;
+        if (gain_ == 0.0) return true;
         // At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it faster.
         return all_joints([&](int i) {
             const double speed = std::abs(state.velocity[i]) + limits_.acceleration[i] * FEEDBACK_DELAY;
@@ -521,7 +498,6 @@ private:
     JointLimits limits_;
     double period_, gain_;
     Values taken_at_once_;  // a joint may change its speed by when it follows again
-    double near_;           // a lead that any robot may have
     double following_;      // for so long a robot may follow the last command
     PositionLimiter position_limiter_;
     FeedForwardLimiter feed_forward_limiter_;
@@ -531,11 +507,11 @@ private:
     ArmCollisionLimiter* collisions_;
     std::int64_t session_ = 0;
     double sent_at_ = -INF;
-    std::optional<Values> measured_;
+    std::optional<Values> measured_;  // last; none before the first cycle
     PositionDelay delay_;
     bool is_unanswered_ = false;         // of this cycle
-    double scale_ = 1.0, scaled_ = 1.0;  // of speeds, and of positions
-    double scales_[SCALES];              // of the last cycles
+    double scale_ = 1.0;                 // of speeds
+    double scales_[SCALES];              // of the last cycles, the highest of which is that of positions
 };
 
 }  // namespace core

@@ -16,22 +16,8 @@ inline bool has_any(const Flags& flags) {
     return std::any_of(flags.begin(), flags.end(), [](bool flag) { return flag; });
 }
 
-// The way of a joint that brakes, seen from where it is: how far it gets backwards, forwards, and where it rests.
-struct BrakingPath {
-    double lowest, highest, end;
-};
-
 // By how much a joint's speed still changes while its acceleration is taken back to zero, at least 0.
 inline double speed_to_come(double acceleration, double jerk) { return acceleration * acceleration / (2.0 * jerk); }
-
-// The quickest way to standstill, at most `top` strong. `top` and `jerk` are above 0.
-inline BrakingPath braking_path(double velocity, double acceleration, double top, double jerk) {
-    const Braking braking(0.0, velocity, acceleration, top, jerk);
-    BrakingPath path{0.0, 0.0, braking.end()};
-    // One that turns round may rest behind the place it started from: its way forwards is 0 then, not negative.
-    braking.extend(path.lowest, path.highest);
-    return path;
-}
 
 // How fast a joint may be that has `room` to stop in: the inverse of the way it needs at most, v/2 * (v/a + 3a/j),
 // since its acceleration may have to be turned round first.

@@ -47,10 +47,7 @@ struct PositionMotion {
 // here between two steps.
 class PositionLimiter {
 public:
-    explicit PositionLimiter(const JointLimits& limits) : limits_(limits) {
-        speed_ = least(limits.velocity), top_ = least(limits.acceleration), jerk_ = least(limits.jerk);
-        longest_ramp_ = largest(values_of([&](int i) { return limits.acceleration[i] / limits.jerk[i]; }));
-    }
+    explicit PositionLimiter(const JointLimits& limits) : limits_(limits) {}
 
     // To `desired` itself, and true, if a step there is smooth enough; else to the next position towards it within the
     // limits. Each joint for itself: one whose own step is smooth enough takes it. A goal that moves is caught up with.
@@ -59,9 +56,8 @@ public:
     bool step(const PositionMotion& motion, const Values& desired, double dt, double elapsed,
               PositionMotion& next) const {
         const Setpoint step = step_to(motion, desired, dt);
-        Flags is_late{};
-        if (!is_gentle(motion, step, dt))
-            for (int i = 0; i < JOINTS; ++i) is_late[i] = !is_smooth(motion, i, step, dt);
+        Flags is_late;
+        for (int i = 0; i < JOINTS; ++i) is_late[i] = !is_smooth(motion, i, step, dt);
         if (!has_any(is_late)) {
             next = PositionMotion{};
             next.sent = next.goal = step;
@@ -119,7 +115,7 @@ public:
         const Setpoint& sent = motion.sent;
         const Values ends = values_of([&](int i) {
             const double top = limits_.acceleration[i], jerk = limits_.jerk[i];
-            return sent.position[i] + braking_path(sent.velocity[i], sent.acceleration[i], top, jerk).end;
+            return Braking(sent.position[i], sent.velocity[i], sent.acceleration[i], top, jerk).end();
         });
         return limits_.inside(ends, sent.position);
     }
@@ -135,19 +131,6 @@ private:
     static Setpoint step_to(const PositionMotion& motion, const Values& position, double dt) {
         const Values velocity = rate_of(position, motion.sent.position, dt);
         return {position, velocity, rate_of(velocity, motion.sent.velocity, dt)};
-    }
-
-    // Whether no joint asks for more than the weakest one may do: nearly always so, and seen quickly.
-    bool is_gentle(const PositionMotion& motion, const Setpoint& step, double dt) const {
-        if (has_any(motion.chasing)) return false;
-        double room = INF;
-        for (int i = 0; i < JOINTS; ++i)
-            room = std::min({room, step.position[i] - limits_.lower[i], limits_.upper[i] - step.position[i]});
-        const double acceleration = length(step.acceleration);
-        const double fastest = largest(step.velocity) + 0.5 * acceleration * dt + speed_to_come(acceleration, jerk_);
-        const double path = 0.5 * fastest * (fastest / top_ + 3.0 * longest_ramp_);  // see speed_to_stop
-        return fastest <= speed_ && acceleration <= top_ &&
-               distance(step.acceleration, motion.sent.acceleration) <= jerk_ * dt && path < room;
     }
 
     // Whether a joint may take this step, and go on from there.
@@ -167,9 +150,9 @@ private:
         // Nearly always it has more room than it could need, whatever its acceleration: see speed_to_stop.
         const double low = limits_.lower[i] - CLOSE, high = limits_.upper[i] + CLOSE, fastest = speed + change;
         if (0.5 * fastest * (fastest / top + 3.0 * top / jerk) < std::min(position - low, high - position)) return true;
-        const BrakingPath path = braking_path(velocity, acceleration, top, jerk);
-        return (path.lowest == 0.0 || position + path.lowest >= low) &&
-               (path.highest == 0.0 || position + path.highest <= high);
+        double lowest = 0.0, highest = 0.0;
+        Braking(0.0, velocity, acceleration, top, jerk).extend(lowest, highest);
+        return (lowest == 0.0 || position + lowest >= low) && (highest == 0.0 || position + highest <= high);
     }
 
     // The goals at the end of the step, with their motion, and in `goal` with that of it which a joint can make use of.
@@ -180,8 +163,7 @@ private:
         const Setpoint& last = motion.goal;
         const Values velocity = rate_of(desired, last.position, elapsed);
         const Values acceleration = rate_of(velocity, last.velocity, elapsed);
-        goal = {};
-        goal.position = desired;
+        goal = {desired, {}, {}};
         for (int i = 0; i < JOINTS; ++i) {
             const double speed = velocity[i], rate = acceleration[i];
             const double top = limits_.acceleration[i], jerk = limits_.jerk[i];
@@ -202,8 +184,6 @@ private:
     }
 
     JointLimits limits_;
-    // What the weakest joint may do, and how long the slowest one needs to build up its acceleration.
-    double speed_, top_, jerk_, longest_ramp_;
 };
 
 }  // namespace core

@@ -101,7 +101,6 @@ private:
     // Whether the arm is commanded the same as before, but for noise and for what its own motion makes of it.
     bool is_same(const ArmCommand& desired, const Values& measured) const {
         if (!desired_) return false;
-        if (desired == *desired_) return true;
         const double moved = distance(measured, measured_);
         return distance(desired.velocity, desired_->velocity) <= SAME_SPEED &&
                distance(desired.position, desired_->position) <= SAME + OWN * moved;

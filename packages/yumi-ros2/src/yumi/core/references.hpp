@@ -58,7 +58,7 @@ public:
             return;
         }
         const Values moved = unfiltered(shown, state->dt);
-        if (!is_within(speeds(*last, commands_[0]))) return;  // as slowed as all that follow: they look alike
+        if (share_of_fastest(speeds(*last, commands_[0])) > 1.0) return;  // as slowed as all that follow: they look alike
         double differences[REMEMBERED], closest = INF;
         for (int i = 0; i < count_; ++i) {
             differences[i] = distance(slowed(speeds(*last, commands_[i])), moved);
@@ -196,7 +196,6 @@ private:
     double share_of_fastest(const Values& speed) const {
         return largest(values_of([&](int i) { return speed[i] / fastest_[i]; }));
     }
-    bool is_within(const Values& speed) const { return share_of_fastest(speed) <= 1.0; }
 
     // The speeds of joints that are slowed together where one asks for more than its highest speed.
     Values slowed(const Values& speed) const {

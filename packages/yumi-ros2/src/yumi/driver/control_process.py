@@ -22,7 +22,6 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 from abb_protocols.catalogue import Message, clause, message, said_by
 from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from abb_protocols.robot.joints import Side
-from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.process.child import ChildProcess, PipeClosed, PipeEnd
 from abb_runtime.process.realtime import AwakeProcessors, prepare_process
 from abb_runtime.process.supervision import Failures, SupervisedThread
@@ -203,7 +202,7 @@ def run_control_process(
     how = "processors kept awake while EGM runs" if processors else "asleep between datagrams"
     pipe.send(f"Control process: {prepared}, {how}.")
     events = {side: each.cycle_done for side, each in buffers.items()}
-    ControlServer(pipe, arms, events, SystemClock(), processors, given_up).run()
+    ControlServer(pipe, arms, events, time.monotonic, processors, given_up).run()
 
 
 class ControlServer:
@@ -213,7 +212,7 @@ class ControlServer:
         pipe: to the parent.
         arms: both.
         cycle_done: released after each cycle of an arm.
-        clock: the machine's clock.
+        now: returns the time on the machine's monotonic clock [s].
         processors: kept awake while a robot streams; None lets them halt.
         given_up: the number of the newest command whose answer the parent waits for no more.
     """
@@ -223,7 +222,7 @@ class ControlServer:
         pipe: PipeEnd,
         arms: Mapping[Side, ConnectedArm],
         cycle_done: Mapping[Side, CycleEvent],
-        clock: Clock,
+        now: Callable[[], float],
         processors: AwakeProcessors | None = None,
         given_up: SharedNumbers | None = None,
     ) -> None:
@@ -232,9 +231,9 @@ class ControlServer:
         self._arms = {side: arm.loop for side, arm in arms.items()}
         self._sides = tuple(arms)
         self._cycle_done = cycle_done
-        self._clock = clock
+        self._now = now
         self._processors = processors
-        self._commands = Commands(self._arms, clock.now)
+        self._commands = Commands(self._arms, now)
         self._stop_at: float | None = None
         self._has_command = False
         self._replied: list[tuple[Side, float]] = []
@@ -249,14 +248,14 @@ class ControlServer:
     def run(self) -> None:
         """Serve datagrams and commands until asked to stop, and until the arms stand."""
         arms = tuple(self._arms.values())
-        while self._stop_at is None or (self._clock.now() <= self._stop_at and not all(arm.is_still for arm in arms)):
+        while self._stop_at is None or (self._now() <= self._stop_at and not all(arm.is_still for arm in arms)):
             self._keep_awake(is_needed=any(arm.state is not None for arm in arms))
             self._flush()
-            looked = self._clock.now()  # what comes later may wait in a socket while we do something else
+            looked = self._now()  # what comes later may wait in a socket while we do something else
             if self._wait(POLL_PERIOD):  # answers every datagram that waits
                 self._wait(0.0)  # and the other arm's, which came meanwhile, before what can wait
             self._settle()
-            if self._has_command and not any(arm.is_datagram_due(self._clock.now()) for arm in arms):
+            if self._has_command and not any(arm.is_datagram_due(self._now()) for arm in arms):
                 self._read_command()
             for side, arm in self._arms.items():
                 try:
@@ -305,7 +304,7 @@ class ControlServer:
     def _reply(self, side: Side) -> None:
         if any(each is side for each, _ in self._replied):
             self._settle()
-        arrival = self._clock.now()
+        arrival = self._now()
         try:
             self._arms[side].reply(arrival)
         except Exception as error:  # the other arm is served whatever happens to this one
@@ -338,7 +337,7 @@ class ControlServer:
         self._note_failure(side, error)
 
     def _note_failure(self, side: Side, error: Exception) -> None:
-        sentence, now = f"{type(error).__name__}: {error}", self._clock.now()
+        sentence, now = f"{type(error).__name__}: {error}", self._now()
         if now - self._failures.get(f"{side.value} {sentence}", -inf) > _REPORT_PERIOD:
             self._failures[f"{side.value} {sentence}"] = now
             self._send(CycleFailed(side, sentence))
@@ -384,7 +383,7 @@ class ControlServer:
             return Refusal(refusal.said)
 
     def _begin_to_end(self) -> None:
-        self._stop_at = self._clock.now() + LAST_HOLD
+        self._stop_at = self._now() + LAST_HOLD
         for arm in self._arms.values():
             arm.manager.deactivate_commanding()
 

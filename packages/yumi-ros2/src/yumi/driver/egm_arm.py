@@ -21,7 +21,6 @@ from abb_runtime.udp import LOST_ON_THE_WAY
 from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle
 from yumi.control.limiter import Limiter, command_of, pack_command, state_of
-from yumi.control.limiter_state import ForbiddenTransition, LimiterEvent
 from yumi.control.sampled import Sampled
 from yumi.control.stage_times import DECODE, LIMIT, RECEIVE, SEND, UPDATE, StageClock
 from yumi.core.library import BRAKED, MOST_BRAKED, SAMPLED, ArmExchange, load
@@ -113,9 +112,6 @@ class EgmArm:
 
     def settle(self, state: ArmState) -> None:
         self._limiter.done(self._library.arm_settle(self.handle))
-        if (forbidden := self._exchange.forbidden) >= 0:
-            self._exchange.forbidden = -1
-            raise ForbiddenTransition(f"{LimiterEvent(forbidden).name}, in the fallback thread")
         self._keep(string_at(self.handle + _DATAGRAM_AT, self._exchange.datagram_size))
 
     def prepare(self, sampled: Sampled | None, session: int) -> None:

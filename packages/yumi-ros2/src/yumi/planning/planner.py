@@ -418,7 +418,6 @@ class Planner:
                 arm, now = both.arm(side), ways[side].setpoint(at) if side in ways else Setpoint(start[side])
                 now = now._replace(velocity=joints([_QUICKER * speed for speed in now.velocity]))
                 robot = now if any(now.velocity) else None  # which follows with what is fed forward
-                arm.begin_cycle()
                 if not arm.accepts(planned[side], now, robot, feeds_forward=robot is not None):
                     refused.append(at)
                 arm.sent(planned[side], now, robot)  # what comes then is judged all the same

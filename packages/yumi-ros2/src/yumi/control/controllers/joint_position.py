@@ -35,7 +35,7 @@ from abb_runtime.parameters import Parameter, Values, flag, number
 from yumi.control.controller import IDLE, Controller
 from yumi.control.goals import CONFIGURED_DELAY, LONGEST_DELAY, Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.robot_response import DELAY
-from yumi.control.motion.setpoint import Setpoint, fixed
+from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.speed_motion import speeds_without_noise
 from yumi.control.motion.target_predictor import CONNECTED, TargetPredictor
 from yumi.control.motion.tracking_filter import TrackingFilter
@@ -185,12 +185,12 @@ class JointPositionController(Controller):
         self._is_tracking = False
         if self._is_proportional:
             errors = zip(state.position, goal, self._p, strict=True)
-            return ArmCommand(fixed([now + p * (to - now) for now, to, p in errors]))
+            return ArmCommand(tuple([now + p * (to - now) for now, to, p in errors]))
         low, high = self._i_clamp
         rows = zip(self._integrals, self._i, goal, state.position, strict=True)
         self._integrals = [max(low, min(high, old + i * (to - now) * state.dt)) for old, i, to, now in rows]
         parts = zip(state.position, goal, state.velocity, self._p, self._integrals, self._d, strict=True)
-        return ArmCommand(fixed([now + p * (to - now) + integral - d * v for now, to, v, p, integral, d in parts]))
+        return ArmCommand(tuple([now + p * (to - now) + integral - d * v for now, to, v, p, integral, d in parts]))
 
     def _track(self, state: ArmState, goal: Goal | None) -> ArmCommand | None:
         self._begin_tracking(state)

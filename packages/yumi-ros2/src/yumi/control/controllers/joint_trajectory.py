@@ -37,7 +37,7 @@ from yumi.control.motion.blending import blend
 from yumi.control.motion.chunk_motion import ChunkMotion, join
 from yumi.control.motion.point_motion import PointMotion, stop
 from yumi.control.motion.robot_response import STANDING
-from yumi.control.motion.setpoint import Setpoint, fixed
+from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import Segment, Segments, Spline, SplineSampler, TrajectoryPoint
 from yumi.control.motion.spline_limits import check_motion
 from yumi.control.motion.standstill import StandstillDetector, is_held_back
@@ -196,7 +196,7 @@ class JointTrajectoryController(Controller):
         self._is_judged = False
         if share == 0.0:
             velocity = ZERO
-        self._velocity = velocity if velocity is ZERO or share == 1.0 else fixed([share * each for each in velocity])
+        self._velocity = velocity if velocity is ZERO or share == 1.0 else tuple([share * each for each in velocity])
         return ArmCommand(self._position, self._velocity)
 
     def note_withheld(self, position: Joints) -> None:
@@ -452,7 +452,7 @@ class JointTrajectoryController(Controller):
         time = self._measured_time(state) if goal is not None or is_on_chunks else self._time
         desired, velocity = source.motion(time)
         if ((goal is not None and not goal.is_cancelled) or is_on_chunks) and self._pace != 1.0:
-            velocity = fixed([self._pace * each for each in velocity])
+            velocity = tuple([self._pace * each for each in velocity])
         number, skew = (goal.number, self._skew or Skew()) if goal is not None else (0, Skew())
         if isinstance(source, ChunkMotion):
             number = source.number

@@ -14,7 +14,7 @@ from itertools import chain
 from typing import NamedTuple
 
 from abb_protocols.robot.joints import JointLimits
-from yumi.control.motion.setpoint import Setpoint, fixed
+from yumi.control.motion.setpoint import Setpoint
 from yumi.core.library import LIMITS, SETPOINT, load
 
 
@@ -50,7 +50,7 @@ def _packed_limits(limits: JointLimits) -> bytes:
 
 
 def _setpoint(values: Sequence[float]) -> Setpoint:
-    return Setpoint(fixed(values[:7]), fixed(values[7:14]), fixed(values[14:]))
+    return Setpoint(tuple(values[:7]), tuple(values[7:14]), tuple(values[14:]))
 
 
 class BrakingPath(NamedTuple):

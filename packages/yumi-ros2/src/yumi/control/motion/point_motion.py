@@ -11,7 +11,7 @@ from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, JointLimits, Joints, joints
-from yumi.control.motion.setpoint import Setpoint, fixed
+from yumi.control.motion.setpoint import Setpoint
 
 _RANGE_ROUNDING = 1e-6  # [rad] a plan that turns round at the end of a range exceeds it in the last digits
 
@@ -41,7 +41,7 @@ class PointMotion:
         """Where the joints are ``time`` [s] >= 0 after the begin."""
         if self._at_time is None or time >= self.duration:
             return Setpoint(self.end)
-        return Setpoint(*map(fixed, self._at_time(time)))
+        return Setpoint(*map(tuple, self._at_time(time)))
 
 
 def travel(start: Setpoint, goal: Joints, limits: JointLimits) -> PointMotion:

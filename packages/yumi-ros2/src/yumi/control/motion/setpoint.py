@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 from typing import NamedTuple
@@ -29,8 +28,8 @@ class Setpoint(NamedTuple):
             return self
         return Setpoint(
             self.position,
-            fixed([factor * each for each in self.velocity]),
-            fixed([factor * factor * each for each in self.acceleration]),
+            tuple([factor * each for each in self.velocity]),
+            tuple([factor * factor * each for each in self.acceleration]),
         )
 
     def unscaled(self, factor: float) -> Setpoint:
@@ -40,12 +39,7 @@ class Setpoint(NamedTuple):
         """
         if factor == 1.0 or self.velocity is ZERO:
             return self
-        return Setpoint(self.position, fixed([each / factor for each in self.velocity]))
-
-
-def fixed(values: Sequence[float]) -> Joints:
-    """Seven values that were calculated, as a tuple; :func:`joints` checks what comes from elsewhere."""
-    return tuple(values)
+        return Setpoint(self.position, tuple([each / factor for each in self.velocity]))
 
 
 def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, top_speed: float = inf) -> JointLimits:
@@ -59,9 +53,9 @@ def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, t
     """
     return replace(
         limits,
-        velocity=fixed([speed * min(each, top_speed) for each in limits.velocity]),
-        acceleration=fixed([acceleration * each for each in limits.acceleration]),
-        jerk=fixed([acceleration * each for each in limits.jerk]),
+        velocity=tuple([speed * min(each, top_speed) for each in limits.velocity]),
+        acceleration=tuple([acceleration * each for each in limits.acceleration]),
+        jerk=tuple([acceleration * each for each in limits.jerk]),
     )
 
 
