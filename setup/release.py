@@ -60,7 +60,7 @@ for name in sys.argv[2:]:
 MOVES_AN_ARM = """
 import yumi
 from pathlib import Path
-from yumi.testing.virtual_yumi import ControllerProcess
+from virtual_irc5.testing.controller_process import ControllerProcess
 with ControllerProcess(Path("controller.log"), {"calibrated": True}) as controller:
     with yumi.connect(**controller.connect_options) as robot:
         goal = yumi.degrees(20, -110, -135, 30, 0, 40, 0)

@@ -181,7 +181,7 @@ class Stage:
         self.recordings.append(self._folder / f"session_{number}.mcap")
         where = ["--robot", f"127.0.0.1:{self.robot.rws_port}", *self.robot.egm_options]
         arguments = ["up", *where, "--record", str(self.recordings[-1])]
-        self.driver = Command("driver", arguments, self._folder / f"driver_{number}.log").__enter__()
+        self.driver = Command("driver", "yumi", arguments, self._folder / f"driver_{number}.log").__enter__()
         self.driver.wait_until_ready(2 * TIMEOUT)
         if number:
             self.application.close()

@@ -49,7 +49,7 @@ class VirtualRobot:
     def start(self) -> None:
         ports = [text for name, port in self._ports.items() for text in (f"--{name.replace('_', '-')}", str(port))]
         arguments = ["controller", "--rws-port", str(self._rws_port), *self._options, *ports]
-        self._command = Command("virtual controller", arguments, self._folder / "controller.log").__enter__()
+        self._command = Command("virtual controller", "yumi", arguments, self._folder / "controller.log").__enter__()
         self._rws_port = int(self._command.wait_until_ready(TIMEOUT).rpartition(":")[2])
 
     def kill(self) -> None:

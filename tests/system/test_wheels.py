@@ -114,7 +114,7 @@ def computed() -> float:
 SCRIPT = """
 import yumi
 from pathlib import Path
-from yumi.testing.virtual_yumi import ControllerProcess
+from virtual_irc5.testing.controller_process import ControllerProcess
 with ControllerProcess(Path("log"), {"calibrated": True}) as controller:
     with yumi.connect(**controller.connect_options) as robot:
         goal = yumi.degrees(20, -110, -135, 30, 0, 40, 0)

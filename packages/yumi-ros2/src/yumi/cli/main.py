@@ -141,8 +141,8 @@ def _load(entry_point: EntryPoint) -> click.Command:
     def missing(arguments: tuple[str, ...]) -> None:
         lack = message("command_installed_in_part", command=entry_point.name, reason=reason)
         if entry_point.value.startswith("yumi_evaluation."):
-            raise missing_extra(lack, "evaluation")
-        raise missing_extra(lack, "virtual")
+            raise missing_extra(lack, "yumi-ros2", "evaluation")
+        raise missing_extra(lack, "yumi-ros2", "virtual")
 
     return missing
 
