@@ -19,6 +19,7 @@ import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = "packages/yumi-ros2/src/yumi/__init__.py"
@@ -68,15 +69,17 @@ with ControllerProcess(Path("controller.log"), {"calibrated": True}) as controll
         assert max(abs(a - b) for a, b in zip(goal, robot.right.position)) < 0.002
 """
 
-CHECKS_RAPID = """
+TESTED = ("test_any_robot.py", "six_axes.mod")
+"""Of examples/: what a user of the virtual controller tests, with the fixtures of pytest."""
+
+STEPS_THROUGH_RAPID = f"""
+import subprocess
 from pathlib import Path
-from virtual_irc5.commands.check import check_program
-file = Path("main.mod")
-move = "MoveAbsJ [[20,10,-10,15,40,25],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;"
-file.write_text(f"MODULE Main\\nPROC main()\\n{move}\\nENDPROC\\nENDMODULE\\n")
-assert check_program([file], robot="irb120") == []
-file.write_text(file.read_text().replace("fine", "unknown_zone"))
-assert len(check_program([file], robot="irb120")) == 1
+from virtual_irc5.testing.controller_process import ControllerProcess
+with ControllerProcess(Path("controller.log"), {{"model": "irb120", "program": "T_ROB1={TESTED[1]}"}}) as controller:
+    debug = ["virtual-irc5", "debug", "T_ROB1", "--yes", "--robot", controller.address]
+    done = subprocess.run(debug, input="main\\nstep\\nwhere\\nquit\\n", capture_output=True, text=True)
+    assert "#0 Main/main, line 4" in done.stdout, done.stdout + done.stderr
 """
 
 
@@ -171,12 +174,13 @@ def checks(new: str, dist: Path) -> Iterator[tuple[str, Callable[[], str]]]:
     def are_installed(*names: str) -> list[str]:
         return ["python", "-c", IS_INSTALLED, new, *names]
 
-    moves, rapid = ["python", "-c", MOVES_AN_ARM], ["python", "-c", CHECKS_RAPID]
+    moves = ["python", "-c", MOVES_AN_ARM]
+    rapid = [["pytest", "-q", TESTED[0]], ["python", "-c", STEPS_THROUGH_RAPID]]
     everything = "yumi-ros2[virtual,evaluation]"
     tries: list[tuple[str, str, list[str], list[list[str]]]] = []  # name, Python, what is installed, commands
     for python in pythons:
         tries += [
-            ("virtual-irc5 from wheels", python, ["virtual-irc5"], [are_installed(*PACKAGES[:3]), rapid]),
+            ("virtual-irc5 from wheels", python, ["virtual-irc5", "pytest"], [are_installed(*PACKAGES[:3]), *rapid]),
             ("yumi-ros2 from wheels", python, [str(plain)], [are_installed(*PACKAGES[:2], "yumi-ros2")]),
             (
                 "all packages from wheels",
@@ -187,8 +191,8 @@ def checks(new: str, dist: Path) -> Iterator[tuple[str, Callable[[], str]]]:
             (
                 "all packages from sources",
                 python,
-                [everything, *(f"--no-binary={name}" for name in PACKAGES)],
-                [are_installed(*PACKAGES), rapid, moves, ["yumi", "tune"]],
+                [everything, "pytest", *(f"--no-binary={name}" for name in PACKAGES)],
+                [are_installed(*PACKAGES), *rapid, moves, ["yumi", "tune"]],
             ),
         ]
     demo = [are_installed(*PACKAGES[:4]), ["yumi", "demo"]]
@@ -229,27 +233,26 @@ def try_out(python: str, dist: Path, installed: list[str], commands: list[list[s
     Raises:
         ReleaseFailed: one of them fails; the message ends with what was printed.
     """
-    folder = ROOT / "build" / "release"
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    environment = folder / "venv"
-    variables = {
-        "PATH": f"{environment / 'bin'}:{os.environ['PATH']}",
-        "PYTHONPATH": "",
-        "VIRTUAL_ENV": str(environment),
-        "UV_PYTHON_DOWNLOADS": "never",
-        "UV_NO_CONFIG": "1",  # that of the clone is for the clone
-    }
-    uv = str(Path(sys.prefix) / "bin" / "uv")
-    _run(
-        "an empty environment", [uv, "venv", "--no-project", "--python", python, str(environment)], folder, **variables
-    )
-    install = [uv, "pip", "install", "--find-links", str(dist), *installed]
-    _run("the installation", install, folder, **variables)
-    size = sum(file.stat().st_size for file in environment.rglob("*") if file.is_file() and not file.is_symlink())
-    packages = len(list(environment.glob("lib/python*/site-packages/*.dist-info")))
-    for command in commands:
-        _run(" ".join(command[:2]), command, folder, **variables)
+    with TemporaryDirectory(prefix="release-") as name:
+        folder = Path(name)
+        for file in TESTED:
+            shutil.copy(ROOT / "examples" / file, folder)
+        environment = folder / "venv"
+        variables = {
+            "PATH": f"{environment / 'bin'}:{os.environ['PATH']}",
+            "PYTHONPATH": "",
+            "VIRTUAL_ENV": str(environment),
+            "UV_PYTHON_DOWNLOADS": "never",
+        }
+        uv = str(Path(sys.prefix) / "bin" / "uv")
+        empty = [uv, "venv", "--no-project", "--python", python, str(environment)]
+        _run("an empty environment", empty, folder, **variables)
+        install = [uv, "pip", "install", "--find-links", str(dist), *installed]
+        _run("the installation", install, folder, **variables)
+        size = sum(file.stat().st_size for file in environment.rglob("*") if file.is_file() and not file.is_symlink())
+        packages = len(list(environment.glob("lib/python*/site-packages/*.dist-info")))
+        for command in commands:
+            _run(" ".join(command[:2]), command, folder, **variables)
     return f"{size / 1e6:.0f} MB, {packages} packages"
 
 

@@ -13,7 +13,7 @@ from abb_protocols.rws.types import ControllerState
 from abb_runtime.clock import comes_true
 from virtual_irc5.testing.virtual_robot import VirtualRobot, robot_settings
 
-PROGRAM = Path(__file__).with_name("six_axes.mod")
+PROGRAM = Path(__file__).parents[3] / "examples" / "six_axes.mod"
 GOAL = tuple(map(radians, (20, 10, -10, 15, 40, 25)))
 
 

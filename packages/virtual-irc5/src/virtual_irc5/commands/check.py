@@ -44,7 +44,7 @@ def check(files: tuple[Path, ...], cfg: tuple[Path, ...], model: str, json_outpu
     \b
     Examples:
       {command} pick.mod
-      {command} --model irb120 main.mod tools.sys
+      {command} --model irb120 pick.mod
       {command} --json pick.mod    a list, for editors
     """
     faults = check_program(files, cfg, model)
