@@ -10,11 +10,11 @@ from typing import Any
 
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws import types as rapid_values
+from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault
 from abb_runtime.process.command import Command
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import free_port
-from yumi.cli.fault import fault as fault_command
 from yumi.driver.state_machine import MAIN, MachineState
 
 TIMEOUT = 60.0

@@ -148,8 +148,7 @@ def controller(
     """Run a virtual IRC5 with a robot.
 
     It has the protocols and the RAPID of a real one, with a YuMi or the robot of --model. It runs the state machine of
-    yumi-ros2, or your own RAPID (--program, --system). GET /virtual/faults lists faults; a POST of
-    /virtual/faults/NAME injects one.
+    yumi-ros2, or your own RAPID (--program, --system). The command fault injects faults.
 
     Only --user may log in. The password is "robotics", ABB's default, unless a file, a prompt or YUMI_PASSWORD gives
     another.

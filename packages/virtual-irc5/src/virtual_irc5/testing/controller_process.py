@@ -94,8 +94,8 @@ class ControllerProcess:
         """Inject a fault; raises as :func:`inject_fault`.
 
         Args:
-            fault: which, or its name, as ``yumi fault`` lists them.
-            choices: ``side``, ``duration`` [s], ``by`` and ``way``, as the options of ``yumi fault``.
+            fault: which, or its name, as ``virtual-irc5 fault`` lists them.
+            choices: ``side``, ``duration`` [s], ``by`` and ``way``, as the options of ``virtual-irc5 fault``.
         """
         name = fault.value.name if isinstance(fault, Fault) else fault
         inject_fault(self.address, name, {key: str(value) for key, value in choices.items()})
