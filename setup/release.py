@@ -75,8 +75,11 @@ TESTED = ("test_any_robot.py", "six_axes.mod")
 STEPS_THROUGH_RAPID = f"""
 import subprocess
 from pathlib import Path
+from abb_runtime.rws.client import RwsClient
 from virtual_irc5.testing.controller_process import ControllerProcess
 with ControllerProcess(Path("controller.log"), {{"model": "irb120", "program": "T_ROB1={TESTED[1]}"}}) as controller:
+    with RwsClient(controller.address) as client:
+        client.set_motors(True)
     debug = ["virtual-irc5", "debug", "T_ROB1", "--yes", "--robot", controller.address]
     done = subprocess.run(debug, input="main\\nstep\\nwhere\\nquit\\n", capture_output=True, text=True)
     assert "#0 Main/main, line 4" in done.stdout, done.stdout + done.stderr
@@ -146,8 +149,7 @@ def make(new: str, root: Path = ROOT) -> Path:
         (dist / f"notes-{new}.md").write_text(notes(text, new), encoding="utf-8")
         build(dist, root)
         for name, check in checks(new, dist):
-            print(f"release: {name}", end="", flush=True)
-            print(f": {check()}", flush=True)
+            print(f"release: {name}: {check()}", flush=True)
     except BaseException:
         _git(root, "reset", "--quiet", "HEAD", "--", *WRITTEN)
         _git(root, "checkout", "--quiet", "HEAD", "--", *WRITTEN)
