@@ -149,7 +149,8 @@ def make(new: str, root: Path = ROOT) -> Path:
         (dist / f"notes-{new}.md").write_text(notes(text, new), encoding="utf-8")
         build(dist, root)
         for name, check in checks(new, dist):
-            print(f"release: {name}: {check()}", flush=True)
+            print(f"release: {name}", flush=True)
+            print(f"  {check()}", flush=True)
     except BaseException:
         _git(root, "reset", "--quiet", "HEAD", "--", *WRITTEN)
         _git(root, "checkout", "--quiet", "HEAD", "--", *WRITTEN)
