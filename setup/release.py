@@ -184,7 +184,12 @@ def checks(new: str, dist: Path) -> Iterator[tuple[str, Callable[[], str]]]:
     for python in pythons:
         tries += [
             ("virtual-irc5 from wheels", python, ["virtual-irc5", "pytest"], [are_installed(*PACKAGES[:3]), *rapid]),
-            ("yumi-ros2 from wheels", python, [str(plain)], [are_installed(*PACKAGES[:2], "yumi-ros2")]),
+            (
+                "yumi-ros2 from wheels",
+                python,
+                [str(plain)],
+                [are_installed(*PACKAGES[:2], "yumi-ros2"), ["yumi", "fault"]],
+            ),
             (
                 "all packages from wheels",
                 python,
