@@ -25,10 +25,10 @@ from threading import Thread
 from abb_protocols.robot.joints import Joints, Side
 from abb_runtime.clock import SystemClock
 from abb_runtime.rws.client import RwsClient
+from virtual_irc5.testing.controller_process import ControllerProcess
 from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.joint_codec import JointCodec
-from yumi.testing.virtual_yumi import ControllerProcess
 
 SO_TIMESTAMPNS = 35  # Linux; Python has no name for it
 BUSY_LOOP = "while True: pass"

@@ -4,8 +4,9 @@ import pytest
 
 import yumi
 from abb_protocols.robot.joints import CYCLE, Side
+from virtual_irc5.testing.controller_process import ControllerProcess
 from yumi.egm.joint_codec import JointCodec
-from yumi.testing.virtual_yumi import ControllerProcess, VirtualYumi
+from yumi.testing.virtual_yumi import VirtualYumi
 
 GOAL = yumi.degrees(20, -110, -135, 30, 0, 40, 0)
 

@@ -3,9 +3,9 @@
     .venv/bin/python setup/release.py 0.1.0
 
 The version is written into each file whose readers cannot derive it. Fragments of changelog.d/ become a section of
-CHANGELOG.md, and dist/ gets both wheels, the sources and the notes. Each is then installed in an empty environment, of
-two Pythons where there are two. Where a step fails, the files of the clone are as before. Commit, tag and upload are
-left to a person; the last lines say how.
+CHANGELOG.md, and dist/ gets the wheels and the sources of each package, and the notes. All are then installed in empty
+environments, of two Pythons where there are two. Where a step fails, the files of the clone are as before. Commit, tag
+and upload are left to a person; the last lines say how.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = "packages/yumi-ros2/src/yumi/__init__.py"
@@ -46,11 +48,20 @@ COPIES = {
 WRITTEN = (SOURCE, *COPIES, "CHANGELOG.md", "changelog.d")
 PYTHONS = ("python3.10", "python3.11", "python3.12", "python3.13", "python3.14")
 
+IS_INSTALLED = """
+import sys
+from importlib.metadata import distribution
+for name in sys.argv[2:]:
+    installed = distribution(name)
+    assert installed.version == sys.argv[1], installed.version
+    (licence,) = (file for file in installed.files if file.match("*.dist-info/licenses/LICENSE"))
+    assert "Apache License" in licence.read_text()
+"""
+
 MOVES_AN_ARM = """
-import sys, yumi
+import yumi
 from pathlib import Path
-from yumi.testing.virtual_yumi import ControllerProcess
-assert yumi.__version__ == sys.argv[1], yumi.__version__
+from virtual_irc5.testing.controller_process import ControllerProcess
 with ControllerProcess(Path("controller.log"), {"calibrated": True}) as controller:
     with yumi.connect(**controller.connect_options) as robot:
         goal = yumi.degrees(20, -110, -135, 30, 0, 40, 0)
@@ -58,18 +69,20 @@ with ControllerProcess(Path("controller.log"), {"calibrated": True}) as controll
         assert max(abs(a - b) for a, b in zip(goal, robot.right.position)) < 0.002
 """
 
+TESTED = ("test_any_robot.py", "six_axes.mod")
+"""Of examples/: what a user of the virtual controller tests, with the fixtures of pytest."""
 
-CHECKS_RAPID = """
-import sys, virtual_irc5
+STEPS_THROUGH_RAPID = f"""
+import subprocess
 from pathlib import Path
-from virtual_irc5.commands.check import check_program
-assert virtual_irc5.__version__ == sys.argv[1], virtual_irc5.__version__
-file = Path("main.mod")
-move = "MoveAbsJ [[20,10,-10,15,40,25],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;"
-file.write_text(f"MODULE Main\\nPROC main()\\n{move}\\nENDPROC\\nENDMODULE\\n")
-assert check_program([file], robot="irb120") == []
-file.write_text(file.read_text().replace("fine", "unknown_zone"))
-assert len(check_program([file], robot="irb120")) == 1
+from abb_runtime.rws.client import RwsClient
+from virtual_irc5.testing.controller_process import ControllerProcess
+with ControllerProcess(Path("controller.log"), {{"model": "irb120", "program": "T_ROB1={TESTED[1]}"}}) as controller:
+    with RwsClient(controller.address) as client:
+        client.set_motors(True)
+    debug = ["virtual-irc5", "debug", "T_ROB1", "--yes", "--robot", controller.address]
+    done = subprocess.run(debug, input="main\\nstep\\nwhere\\nquit\\n", capture_output=True, text=True)
+    assert "#0 Main/main, line 4" in done.stdout, done.stdout + done.stderr
 """
 
 
@@ -137,7 +150,7 @@ def make(new: str, root: Path = ROOT) -> Path:
         build(dist, root)
         for name, check in checks(new, dist):
             print(f"release: {name}", flush=True)
-            check()
+            print(f"  {check()}", flush=True)
     except BaseException:
         _git(root, "reset", "--quiet", "HEAD", "--", *WRITTEN)
         _git(root, "checkout", "--quiet", "HEAD", "--", *WRITTEN)
@@ -153,48 +166,102 @@ def build(dist: Path, root: Path = ROOT) -> None:
     _run("make wheels", ["make", "wheels"], root)
 
 
-def checks(new: str, dist: Path) -> Iterator[tuple[str, Callable[[], None]]]:
-    """What is tried in empty environments, each with its name."""
-    (sources,) = dist.glob("yumi_ros2-*.tar.gz")
+def checks(new: str, dist: Path) -> Iterator[tuple[str, Callable[[], str]]]:
+    """What is tried in empty environments, each with its name; a check returns the size of its environment."""
     (plain,) = dist.glob("yumi_ros2-*-py3-none-*.whl")
     (built,) = dist.glob("yumi_ros2-*-cp3*-cp3*.whl")
-    (virtual,) = dist.glob("virtual_irc5-*.whl")
     pythons = other_pythons()
     if len(pythons) < 2:
         print(f"release: there is no other Python ({', '.join(PYTHONS)}): one is checked.", flush=True)
-    moves, rapid = ["python", "-c", MOVES_AN_ARM, new], ["python", "-c", CHECKS_RAPID, new]
+
+    def are_installed(*names: str) -> list[str]:
+        return ["python", "-c", IS_INSTALLED, new, *names]
+
+    moves = ["python", "-c", MOVES_AN_ARM]
+    rapid = [["pytest", "-q", TESTED[0]], ["python", "-c", STEPS_THROUGH_RAPID]]
+    everything = "yumi-ros2[virtual,evaluation]"
+    tries: list[tuple[str, str, list[str], list[list[str]]]] = []  # name, Python, what is installed, commands
     for python in pythons:
-        yield f"{virtual.name} on {python} checks RAPID", lambda python=python: try_out(python, virtual, "", rapid)  # type: ignore[misc]
-        yield f"{plain.name} on {python} moves an arm", lambda python=python: try_out(python, plain, "[virtual]", moves)  # type: ignore[misc]
-    yield f"{sources.name} moves an arm", lambda: try_out(sys.executable, sources, "[virtual]", moves)
-    yield (
-        f"{built.name} runs the demonstration",
-        lambda: try_out(sys.executable, built, "[virtual,ros,record]", ["yumi", "demo"]),
-    )
+        tries += [
+            ("virtual-irc5 from wheels", python, ["virtual-irc5", "pytest"], [are_installed(*PACKAGES[:3]), *rapid]),
+            (
+                "yumi-ros2 from wheels",
+                python,
+                [str(plain)],
+                [are_installed(*PACKAGES[:2], "yumi-ros2"), ["yumi", "fault"]],
+            ),
+            (
+                "all packages from wheels",
+                python,
+                [f"{plain}[virtual,evaluation]"],
+                [are_installed(*PACKAGES), moves, ["yumi", "tune"]],
+            ),
+            (
+                "all packages from sources",
+                python,
+                [everything, "pytest", *(f"--no-binary={name}" for name in PACKAGES)],
+                [are_installed(*PACKAGES), *rapid, moves, ["yumi", "tune"]],
+            ),
+        ]
+    demo = [are_installed(*PACKAGES[:4]), ["yumi", "demo"]]
+    tries.append((built.name, sys.executable, [f"{built}[virtual,ros,record]"], demo))
+    for name, python, installed, commands in tries:
+        yield f"{name} on {python}", partial(try_out, python, dist, installed, commands)
 
 
 def other_pythons() -> list[str]:
     """This Python, and the newest other one that is supported and installed."""
     here = f"python{sys.version_info.major}.{sys.version_info.minor}"
-    others = [python for name in PYTHONS if name != here and (python := shutil.which(name)) and _runs(python)]
+    others = [python for name in PYTHONS if name != here and (python := _executable(name))]
     return [sys.executable, *others[-1:]]
 
 
-def try_out(python: str, package: Path, extras: str, command: list[str]) -> None:
-    """Install a package of dist/ in an empty environment, away from the clone, and run a command there.
+def _executable(name: str) -> str:
+    """The program of a Python; empty where none starts. A command of pyenv starts the version that a variable names."""
+    program = shutil.which(name)
+    if program is None:
+        return ""
+    variables = {**os.environ, "PYENV_VERSION": name.removeprefix("python")}
+    command = [program, "-c", "import sys; print(sys.executable)"]
+    return subprocess.run(command, env=variables, capture_output=True, text=True, check=False).stdout.strip()
+
+
+def try_out(python: str, dist: Path, installed: list[str], commands: list[list[str]]) -> str:
+    """Install packages of dist/ in an empty environment, away from the clone, and run commands there.
+
+    Args:
+        python: whose environment.
+        dist: the folder of the packages.
+        installed: arguments of uv: requirements, files, options.
+        commands: what is run, one after another.
+
+    Returns:
+        Size of the environment.
 
     Raises:
         ReleaseFailed: one of them fails; the message ends with what was printed.
     """
-    folder = ROOT / "build" / "release"
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    environment = folder / "venv"
-    variables = {"PATH": f"{environment / 'bin'}:{os.environ['PATH']}", "PYTHONPATH": ""}
-    _run("an empty environment", [python, "-m", "venv", str(environment)], folder)
-    own = ["--find-links", str(package.parent)]  # the other packages of this release
-    _run("its installation", ["pip", "install", "--quiet", *own, f"{package}{extras}"], folder, **variables)
-    _run(" ".join(command[:2]), command, folder, **variables)
+    with TemporaryDirectory(prefix="release-") as name:
+        folder = Path(name)
+        for file in TESTED:
+            shutil.copy(ROOT / "examples" / file, folder)
+        environment = folder / "venv"
+        variables = {
+            "PATH": f"{environment / 'bin'}:{os.environ['PATH']}",
+            "PYTHONPATH": "",
+            "VIRTUAL_ENV": str(environment),
+            "UV_PYTHON_DOWNLOADS": "never",
+        }
+        uv = str(Path(sys.prefix) / "bin" / "uv")
+        empty = [uv, "venv", "--no-project", "--python", python, str(environment)]
+        _run("an empty environment", empty, folder, **variables)
+        install = [uv, "pip", "install", "--find-links", str(dist), *installed]
+        _run("the installation", install, folder, **variables)
+        size = sum(file.stat().st_size for file in environment.rglob("*") if file.is_file() and not file.is_symlink())
+        packages = len(list(environment.glob("lib/python*/site-packages/*.dist-info")))
+        for command in commands:
+            _run(" ".join(command[:2]), command, folder, **variables)
+    return f"{size / 1e6:.0f} MB, {packages} packages"
 
 
 def _run(what: str, command: list[str], folder: Path, **variables: str) -> None:
@@ -212,11 +279,6 @@ def _run(what: str, command: list[str], folder: Path, **variables: str) -> None:
     )
     if done.returncode:
         raise ReleaseFailed(f"{what} failed with status {done.returncode}:\n{done.stdout[-3000:]}")
-
-
-def _runs(python: str) -> bool:
-    """Whether it is a Python: pyenv has commands of Pythons that it does not start."""
-    return subprocess.run([python, "-c", ""], capture_output=True, check=False).returncode == 0
 
 
 def _git(root: Path, *arguments: str) -> str:

@@ -8,7 +8,7 @@ from abb_runtime.rws.transport import ConnectionLost
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.subscriptions import Upgrade
-from yumi.testing.virtual_yumi import MemoryChannel, MemoryRws, MemorySocket
+from virtual_irc5.testing.memory_rws import MemoryChannel, MemoryRws, MemorySocket
 
 __all__ = ["PASSWORD", "MemoryChannel", "MemoryHttp", "MemorySocket"]
 

@@ -20,7 +20,7 @@ from rws_examples_2 import Session2
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.subscriptions import Upgrade
 from virtual_irc5.rws.version_2 import HAL, XHTML
-from yumi.testing.virtual_yumi import MemoryChannel
+from virtual_irc5.testing.memory_rws import MemoryChannel
 
 UNIT = "/rw/motionsystem/mechunits/ROB_L"
 SIGNAL = "/rw/iosystem/signals/DeviceNet/D652_10/custom_DO_0"

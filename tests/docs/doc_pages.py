@@ -140,11 +140,13 @@ def pages() -> list[str]:
 def help_examples() -> Iterator[str]:
     """All commands under "Example" in the help of ``yumi`` and its commands."""
     context = click.Context(main)
-    own = [main.get_command(context, name) for name in (*main.commands, "controller", "rapid")]
-    commands = [main, *(each for each in own if each is not None)]
-    commands += [each for group in commands[1:] if isinstance(group, click.Group) for each in group.commands.values()]
-    for command in commands:
-        _, found, examples = (command.help or "").partition("Example")
+    own = {f"yumi {name}": main.get_command(context, name) for name in (*main.commands, "controller", "rapid")}
+    commands = {"yumi": main, **{path: each for path, each in own.items() if each is not None}}
+    for path, group in own.items():
+        if isinstance(group, click.Group):
+            commands |= {f"{path} {name}": each for name, each in group.commands.items()}
+    for path, command in commands.items():
+        _, found, examples = (command.help or "").replace("{command}", path).partition("Example")
         for line in examples.splitlines()[1:] if found else ():
             if not line.strip():
                 break

@@ -58,7 +58,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 def driver(ros: None, robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Command]:
     log = tmp_path_factory.mktemp("driver") / "driver.log"
     arguments = ["up", "--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options]
-    with Command("driver", arguments, log) as command:
+    with Command("driver", "yumi", arguments, log) as command:
         command.wait_until_ready(2 * TIMEOUT)  # three processes start, each with all of Python's modules to read
         yield command
 

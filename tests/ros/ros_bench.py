@@ -53,7 +53,7 @@ class Robot:
         """Start its process, and wait for nothing."""
         arguments = ["controller", "--rws-port", str(self.rws_port), *self._options, *self.egm_options]
         self.stop()
-        self._command = Command("virtual controller", arguments, self._folder / "controller.log").__enter__()
+        self._command = Command("virtual controller", "yumi", arguments, self._folder / "controller.log").__enter__()
 
     def wait_until_ready(self) -> None:
         assert self._command is not None

@@ -23,10 +23,10 @@ from yumi_interfaces.msg import RobotState
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import CYCLE, Joints, Side, joints
 from abb_runtime.clock import SystemClock
+from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault
 from abb_runtime.process.command_process import Command
 from abb_runtime.rws.client import RwsClient
-from yumi.cli.fault import fault as fault_command
 from yumi.control.flight_recorder import Frame
 
 FAR, NEAR, MOVING, THERE = radians(60.0), radians(3.0), radians(1.0), radians(0.5)
@@ -181,7 +181,7 @@ class Stage:
         self.recordings.append(self._folder / f"session_{number}.mcap")
         where = ["--robot", f"127.0.0.1:{self.robot.rws_port}", *self.robot.egm_options]
         arguments = ["up", *where, "--record", str(self.recordings[-1])]
-        self.driver = Command("driver", arguments, self._folder / f"driver_{number}.log").__enter__()
+        self.driver = Command("driver", "yumi", arguments, self._folder / f"driver_{number}.log").__enter__()
         self.driver.wait_until_ready(2 * TIMEOUT)
         if number:
             self.application.close()

@@ -44,7 +44,7 @@ def driver(ros: None, robot: Robot, folder: Path) -> Iterator[Command]:
     settings.write_text(f"recorder: {{folder: {folder / 'flights'}}}\n")
     where = ["--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options]
     what = ["--config", str(settings), "--record", str(folder / "session.mcap")]
-    with Command("driver", ["up", *where, *what], folder / "driver.log") as command:
+    with Command("driver", "yumi", ["up", *where, *what], folder / "driver.log") as command:
         command.wait_until_ready(2 * TIMEOUT)
         yield command
     robot.start()

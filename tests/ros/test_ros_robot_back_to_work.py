@@ -22,10 +22,10 @@ from yumi_interfaces.srv import RunRoutine
 
 from abb_protocols.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
+from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault
 from abb_runtime.process.command_process import Command
 from abb_runtime.rws.client import RwsClient
-from yumi.cli.fault import fault as fault_command
 from yumi.driver.robot_state import Mode
 from yumi.ros.move_and_grab import GOALS, MoveAndGrab
 

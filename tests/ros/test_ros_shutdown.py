@@ -41,7 +41,7 @@ class Driven:
         self.server = server
         port = server.address.rpartition(":")[2]
         arguments = ["up", "--robot", f"127.0.0.1:{port}", *robot.egm_options, *options]
-        self.driver = Command("driver", arguments, folder / "driver.log").__enter__()
+        self.driver = Command("driver", "yumi", arguments, folder / "driver.log").__enter__()
         self.driver.wait_until_ready(2 * TIMEOUT)
         self.client = Client()
 

@@ -210,7 +210,7 @@ def cells(ros: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cells
         drivers = []
         for cell, robot in robots.items():
             address = ["--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options]
-            driver = Command(f"driver {cell}", ["up", *address, *names[cell]], folder / f"{cell}.log")
+            driver = Command(f"driver {cell}", "yumi", ["up", *address, *names[cell]], folder / f"{cell}.log")
             drivers.append(stack.enter_context(driver))
         for driver in drivers:
             driver.wait_until_ready(2 * TIMEOUT)

@@ -42,7 +42,7 @@ def test_driver_without_bringup_sends_nothing_but_reads_and_subscriptions(tmp_pa
 
     with HttpServer(handle, port=0) as server:
         options = ["--robot", f"127.0.0.1:{server.port}", *ports, "--no-bringup"]
-        with Command("driver", ["up", *options], tmp_path / "driver.log") as driver:
+        with Command("driver", "yumi", ["up", *options], tmp_path / "driver.log") as driver:
             driver.wait_until_ready(TIMEOUT)
         assert driver.exit_code == 0
     written = {f"{each.method} {each.target}" for each in requests if each.method != "GET"}

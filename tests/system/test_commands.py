@@ -55,7 +55,9 @@ def driver(robot: VirtualRobot, folder: Path, request: pytest.FixtureRequest) ->
     options = {key: value for key, value in robot.options.items() if key != "address"}
     arguments = ["up", "--robot", f"{host}:{port}"]
     arguments += [text for key, value in options.items() for text in (f"--{key.replace('_', '-')}", str(value))]
-    with Command("driver", [*arguments, *getattr(request, "param", ["--no-ros"])], folder / "driver.log") as driver:
+    with Command(
+        "driver", "yumi", [*arguments, *getattr(request, "param", ["--no-ros"])], folder / "driver.log"
+    ) as driver:
         driver.wait_until_ready(TIMEOUT)
         yield driver
 

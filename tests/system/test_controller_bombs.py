@@ -231,7 +231,7 @@ def arms() -> Iterator[Arms]:
 def address(tmp_path_factory: pytest.TempPathFactory, arms: Arms) -> Iterator[str]:
     ports = [f"--{side.word}-egm-port={arms.port(side)}" for side in Side]
     log = tmp_path_factory.mktemp("controller") / "log"
-    with Command("controller", ["controller", "--rws-port", "0", *ports], Path(log)) as command:
+    with Command("controller", "yumi", ["controller", "--rws-port", "0", *ports], Path(log)) as command:
         address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
         arms.pid = command.pid
         yield address

@@ -25,13 +25,13 @@ PATIENCE = 20.0  # [s]
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     log = tmp_path_factory.mktemp("controller") / "log"
-    with Command("controller", ["controller", "--rws-port", "0"], Path(log)) as command:
+    with Command("controller", "yumi", ["controller", "--rws-port", "0"], Path(log)) as command:
         yield command.wait_until_ready(PATIENCE).rpartition("/")[2]
 
 
 def test_controller_takes_its_password_from_the_environment_and_neither_shows_nor_tells_it(tmp_path: Path) -> None:
     log, secret = tmp_path / "log", "s3cret-4711"
-    with Command("controller", ["controller", "--rws-port", "0"], log, {"YUMI_PASSWORD": secret}) as command:
+    with Command("controller", "yumi", ["controller", "--rws-port", "0"], log, {"YUMI_PASSWORD": secret}) as command:
         address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
         assert secret.encode() not in Path(f"/proc/{command.pid}/cmdline").read_bytes()
         with RwsClient(address, password=secret) as client:
@@ -44,7 +44,7 @@ def test_controller_takes_its_password_from_the_environment_and_neither_shows_no
 def test_controller_refuses_what_its_user_was_not_granted(tmp_path: Path) -> None:
     arguments = ["controller", "--rws-port", "0", "--without-grant", "UAS_IO_WRITE"]
     with (
-        Command("controller", arguments, tmp_path / "log") as command,
+        Command("controller", "yumi", arguments, tmp_path / "log") as command,
         RwsClient(command.wait_until_ready(PATIENCE).rpartition("/")[2]) as client,
     ):
         assert "UAS_IO_WRITE" not in client.grants()
@@ -131,7 +131,7 @@ def test_module_that_is_nested_too_deeply_is_refused(client: RwsClient) -> None:
 def test_controller_that_has_moved_ends_without_a_word(tmp_path: Path) -> None:
     """Not with the complaints of libraries about what was frozen for the collector and never freed."""
     log = tmp_path / "log"
-    with Command("controller", ["controller", "--rws-port", "0"], log) as command:
+    with Command("controller", "yumi", ["controller", "--rws-port", "0"], log) as command:
         address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
         with RwsClient(address) as client:
             client.set_motors(True)

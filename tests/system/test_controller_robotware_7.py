@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from virtual_irc5.rws.version_2 import FORM, HAL
-from yumi.testing.virtual_yumi import ControllerProcess
+from virtual_irc5.testing.controller_process import ControllerProcess
 
 pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
 

@@ -15,12 +15,12 @@ from abb_protocols.egm.codec import MotorState, SensorCodec
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
 from abb_runtime.clock import SystemClock
+from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault, Way
 from soak import tell
 from trajectories import change_rate
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
-from yumi.cli.fault import fault as fault_command
 from yumi.control.motion.robot_response import EGM_GAIN
 
 pytestmark = pytest.mark.timeout(300)

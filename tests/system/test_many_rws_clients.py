@@ -22,8 +22,8 @@ from abb_protocols.robot.joints import CYCLE, Side
 from abb_runtime.clock import SystemClock, wait_until
 from abb_runtime.rws.client import RwsClient
 from soak import tell
+from virtual_irc5.testing.controller_process import ControllerProcess
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
-from yumi.testing.virtual_yumi import ControllerProcess
 
 pytestmark = [pytest.mark.real_time, pytest.mark.heavy]
 SCRIPT = Path(__file__).with_name("rws_load.py")

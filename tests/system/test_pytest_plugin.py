@@ -17,7 +17,7 @@ from abb_protocols.rws.values import ControllerState
 from abb_runtime.faults import Fault
 from abb_runtime.rws.client import RwsClient
 from soak import CONTROLLERS, long, short, tell
-from yumi.testing.virtual_yumi import ControllerProcess
+from virtual_irc5.testing.controller_process import ControllerProcess
 
 pytestmark = pytest.mark.real_time
 

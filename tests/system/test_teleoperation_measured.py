@@ -35,10 +35,12 @@ FASTEST = 1e-2  # [rad/s] an arm that is slower stands
 def recorded_driver(folder: Path, record: Path) -> Iterator[RunningDriver]:
     """A driver with a virtual robot, in processes of their own, that records every cycle."""
     egm = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
-    with Command("controller", ("controller", "--rws-port", "0", *egm), folder / "controller.log") as controller:
+    with Command(
+        "controller", "yumi", ("controller", "--rws-port", "0", *egm), folder / "controller.log"
+    ) as controller:
         host, _, rws = controller.wait_until_ready(60.0).rpartition("/")[2].partition(":")
         where = ("--robot", f"{host}:{rws}", "--no-ros", "--record", str(record), *egm)
-        with Command("driver", ("up", *where), folder / "driver.log") as driver:
+        with Command("driver", "yumi", ("up", *where), folder / "driver.log") as driver:
             driver.wait_until_ready(60.0)
             with yumi.attach() as attached:
                 attached.start_egm()

@@ -47,7 +47,7 @@ def emulated_headset() -> str:
 @contextmanager
 def page_of(chromium: Any, folder: Path, script: str = "") -> Iterator[Any]:
     """The page with control, on the tab Teleoperate; ``script`` runs in it first."""
-    with Command("yumi view", ("view", "--port", "0"), folder / "view.log") as view:
+    with Command("yumi view", "yumi", ("view", "--port", "0"), folder / "view.log") as view:
         page = chromium.new_page(viewport=SMALL)
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from shutil import which
+from shutil import copy, which
 
 import pytest
 
@@ -114,7 +114,7 @@ def computed() -> float:
 SCRIPT = """
 import yumi
 from pathlib import Path
-from yumi.testing.virtual_yumi import ControllerProcess
+from virtual_irc5.testing.controller_process import ControllerProcess
 with ControllerProcess(Path("log"), {"calibrated": True}) as controller:
     with yumi.connect(**controller.connect_options) as robot:
         goal = yumi.degrees(20, -110, -135, 30, 0, 40, 0)
@@ -142,14 +142,6 @@ def test_without_ros_scripts_and_the_virtual_controller_run_and_what_is_missing_
     tell(f"without ROS: {image.installed_in:.0f} s, {image.size:.0f} MB")
 
 
-PROGRAM = """
-MODULE Main
-    PROC main()
-        MoveAbsJ [[20,10,-10,15,40,25],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;
-        TPWrite "arrived";
-    ENDPROC
-ENDMODULE
-"""
 LARGEST = 130.0
 """Of the virtual controller without the page [MB]."""
 
@@ -157,18 +149,20 @@ LARGEST = 130.0
 def test_virtual_controller_runs_a_program_of_six_axes_without_the_driver(wheels: Path, tmp_path: Path) -> None:
     empty = tmp_path / "venv"
     subprocess.run([f"{sys.prefix}/bin/uv", "venv", "--no-project", "--python", sys.executable, str(empty)], check=True)
-    install = [f"{sys.prefix}/bin/uv", "pip", "install", "--find-links", str(wheels), "virtual-irc5"]
-    subprocess.run(install, check=True, env={**os.environ, "VIRTUAL_ENV": str(empty)})
+    install = [f"{sys.prefix}/bin/uv", "pip", "install", "--no-config", "--find-links", str(wheels)]
+    of_environment = {**os.environ, "VIRTUAL_ENV": str(empty)}
+    subprocess.run([*install, "virtual-irc5"], check=True, env=of_environment)
     assert not list(empty.glob("lib/python*/site-packages/yumi*"))
     files = (path for path in empty.rglob("*") if path.is_file() and not path.is_symlink())
     size = sum(path.stat().st_size for path in files) / 1e6
-    (tmp_path / "main.mod").write_text(PROGRAM)
+    for name in ("six_axes.mod", "test_any_robot.py"):
+        copy(ROOT / "examples" / name, tmp_path)
     command = [
         "run",
         "--model",
         "irb120",
         "--program",
-        "T_ROB1=main.mod",
+        "T_ROB1=six_axes.mod",
         "--start",
         "--once",
         "--show",
@@ -190,3 +184,5 @@ def test_virtual_controller_runs_a_program_of_six_axes_without_the_driver(wheels
     assert running.returncode == 0
     tell(f"virtual-irc5: {size:.0f} MB")
     assert size < LARGEST
+    subprocess.run([*install, "pytest"], check=True, env=of_environment)
+    subprocess.run([str(empty / "bin" / "pytest"), "test_any_robot.py"], cwd=tmp_path, check=True)

@@ -16,9 +16,9 @@ from wire_faults import LASTING, SINGLE, Attack, Swing, Tapped, check_limits, ch
 import yumi
 from abb_protocols.robot.joints import CYCLE, ZERO, Joints, Side
 from abb_runtime.clock import SystemClock
+from abb_runtime.fault_command import fault as fault_command
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
-from yumi.cli.fault import fault as fault_command
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(120)]
 

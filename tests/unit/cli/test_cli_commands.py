@@ -34,7 +34,7 @@ def test_help_lists_a_command_that_cannot_be_loaded() -> None:
 def test_command_that_cannot_be_loaded_says_what_to_install(arguments: tuple[str, ...]) -> None:
     result = CliRunner().invoke(cli.main, ["study", *arguments])
     lacks = message("command_installed_in_part", command="study", reason="No module named 'no_such_package'")
-    assert (result.exit_code, result.output) == (1, f"Error: {missing_extra(lacks, 'virtual')}\n")
+    assert (result.exit_code, result.output) == (1, f"Error: {missing_extra(lacks, 'yumi-ros2', 'virtual')}\n")
 
 
 def test_command_line_needs_neither_ros_nor_the_evaluation() -> None:

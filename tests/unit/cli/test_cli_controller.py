@@ -78,7 +78,7 @@ def test_fault_command_says_that_nothing_listens(port: int) -> None:
         code, output = run("collision", "--robot", f"127.0.0.1:{free}")
         assert output == f"Error: What answers at 127.0.0.1:{free} is not a virtual controller of this package.\n"
     code, output = run("collision", "--robot", f"127.0.0.1:{free}")
-    assert (code, output.endswith("A virtual controller is started with `yumi controller`.\n")) == (1, True)
+    assert (code, output.endswith("`virtual-irc5 run` or `yumi controller` starts a virtual one.\n")) == (1, True)
 
 
 @pytest.mark.parametrize(

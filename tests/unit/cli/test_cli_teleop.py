@@ -218,5 +218,5 @@ def test_extra_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None
     result = run("gamepad")
     assert (result.exit_code, result.stderr.strip()) == (
         1,
-        said("extra_missing", what=message("devices_need_evdev"), extra="teleop"),
+        said("extra_missing", what=message("devices_need_evdev"), package="yumi-ros2", extra="teleop"),
     )

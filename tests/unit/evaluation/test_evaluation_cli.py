@@ -21,7 +21,7 @@ def test_missing_extra_is_named_before_anything_is_computed(monkeypatch: pytest.
     result = CliRunner().invoke(main, [command])
     assert result.exit_code == 1
     needs = message("command_needs_packages", packages=("jinja2", "matplotlib"))
-    assert str(missing_extra(needs, "evaluation")) in result.output
+    assert str(missing_extra(needs, "yumi-ros2", "evaluation")) in result.output
 
 
 def test_unknown_contender_and_wake_mode_are_refused_with_those_that_exist() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from abb_protocols.errors import MissingPrerequisite, SettingsError
 from abb_runtime.process import certificate
-from abb_runtime.process.certificate import installation_certificate
+from abb_runtime.process.certificate import installation_certificate, self_signed_context
 from refusals import refused
 
 pytest.importorskip("cryptography", reason="the part robotware7 is not installed")
@@ -53,5 +53,7 @@ def test_installation_without_cryptography_reads_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "cryptography", None)
-    with refused(MissingPrerequisite, "extra_missing", extra="robotware7"):
+    with refused(MissingPrerequisite, "extra_missing", package="yumi-ros2", extra="robotware7"):
         installation_certificate(["127.0.0.1"], tmp_path)
+    with refused(MissingPrerequisite, "extra_missing", package="virtual-irc5", extra="robotware7"):
+        self_signed_context("127.0.0.1")

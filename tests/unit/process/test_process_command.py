@@ -44,7 +44,7 @@ def test_secrets_reach_the_child_by_its_environment_and_not_by_its_arguments(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("KEPT", "yes")
-    with Command("driver", ("up",), tmp_path / "log", {"YUMI_PASSWORD": "s3cret"}):
+    with Command("driver", "yumi", ("up",), tmp_path / "log", {"YUMI_PASSWORD": "s3cret"}):
         pass
     ((arguments, environment),) = started
     assert "s3cret" not in " ".join(arguments)
@@ -56,7 +56,7 @@ def test_secrets_reach_the_child_by_its_environment_and_not_by_its_arguments(
 def test_ready_line_is_taken_and_the_lines_before_it_are_passed_on(tmp_path: Path, ready: str) -> None:
     OUTPUT[:] = ["first", "second", f"{ready}http://127.0.0.1:1", "after"]
     lines: list[str] = []
-    with Command("it", ("up",), tmp_path / "log") as it:
+    with Command("it", "yumi", ("up",), tmp_path / "log") as it:
         assert it.wait_until_ready(5.0, on_line=lines.append) == "http://127.0.0.1:1"
     assert lines == ["first", "second"]
 
@@ -64,6 +64,9 @@ def test_ready_line_is_taken_and_the_lines_before_it_are_passed_on(tmp_path: Pat
 def test_error_of_a_command_is_raised_and_not_passed_on_too(tmp_path: Path) -> None:
     OUTPUT[:] = ["first", "Error: No robot is there.", "INFO one line more"]
     lines: list[str] = []
-    with Command("it", ("up",), tmp_path / "log") as it, pytest.raises(RobotNotReady, match=r"^No robot is there\.$"):
+    with (
+        Command("it", "yumi", ("up",), tmp_path / "log") as it,
+        pytest.raises(RobotNotReady, match=r"^No robot is there\.$"),
+    ):
         it.wait_until_ready(5.0, on_line=lines.append)
     assert lines == ["first", "INFO one line more"]

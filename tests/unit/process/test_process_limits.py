@@ -145,7 +145,7 @@ def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.
         "Popen",
         lambda arguments, **options: start([sys.executable, "-c", script], **options),
     )
-    with Command("child", [], Path("/dev/full")) as child:
+    with Command("child", "yumi", [], Path("/dev/full")) as child:
         assert child.wait_until_ready(20.0) == "there"
 
 
@@ -153,7 +153,7 @@ def test_output_of_a_child_that_cannot_be_written_is_refused_in_a_sentence(tmp_p
     log = tmp_path / "missing" / "log"
     reason = "No such file or directory"
     with refused(SettingsError, "output_not_writable", program="driver", file=str(log), reason=reason):
-        Command("driver", ["up"], log).__enter__()
+        Command("driver", "yumi", ["up"], log).__enter__()
 
 
 class MovingRobots:

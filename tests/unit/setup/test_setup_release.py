@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import runpy
 import subprocess
+import sys
+import tarfile
 from pathlib import Path
 from shutil import copy
+from types import SimpleNamespace
 
 import pytest
 import release
@@ -114,3 +117,31 @@ def test_notes_are_the_section_of_the_version() -> None:
 def test_command_that_fails_ends_with_what_was_printed(tmp_path: Path) -> None:
     with pytest.raises(release.ReleaseFailed, match=r"(?s)its installation failed with status 3.*no such wheel"):
         release._run("its installation", ["sh", "-c", "echo no such wheel; exit 3"], tmp_path)
+
+
+def test_python_that_does_not_start_is_not_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A manager of Pythons has commands of all, and each starts only where its version is chosen."""
+    for name, script in (
+        ("python3.10", '[ "$PYENV_VERSION" = 3.10 ] && echo /opt/3.10/bin/python'),
+        ("python3.14", "exit 127"),
+    ):
+        (tmp_path / name).write_text(f"#!/bin/sh\n{script}\n")
+        (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/bin")
+    monkeypatch.setenv("PYENV_VERSION", "3.11")
+    monkeypatch.setattr(release.sys, "version_info", SimpleNamespace(major=3, minor=11))
+    assert release.other_pythons() == [sys.executable, "/opt/3.10/bin/python"]
+
+
+@pytest.mark.parametrize("name", release.PACKAGES)
+def test_licence_is_a_file_in_the_sources_of_each_package(name: str, tmp_path: Path) -> None:
+    licence = (ROOT / "LICENSE").read_bytes()
+    assert not (ROOT / "packages" / name / "LICENSE").is_symlink()
+    assert (ROOT / "packages" / name / "LICENSE").read_bytes() == licence
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)]
+    subprocess.run(command, cwd=ROOT / "packages" / name, check=True, capture_output=True)
+    (archive,) = tmp_path.iterdir()
+    with tarfile.open(archive) as files:
+        (found,) = (each for each in files.getmembers() if each.name.endswith("/LICENSE"))
+        assert found.isfile()
+        assert found.size == len(licence)

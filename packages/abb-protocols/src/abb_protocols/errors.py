@@ -49,9 +49,9 @@ class MissingPrerequisite(YumiError):
     """The machine lacks something yumi needs; the message says what to install."""
 
 
-def missing_extra(what: Message, extra: str) -> MissingPrerequisite:
-    """That ``what`` is missing, and how ``extra`` brings it, from an index or in a clone."""
-    return MissingPrerequisite(message("extra_missing", what=what, extra=extra))
+def missing_extra(what: Message, package: str, extra: str) -> MissingPrerequisite:
+    """That ``what`` is missing, and how ``extra`` of ``package`` brings it, from an index or in a clone."""
+    return MissingPrerequisite(message("extra_missing", what=what, package=package, extra=extra))
 
 
 class CommandRefused(YumiError):

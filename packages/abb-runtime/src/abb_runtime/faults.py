@@ -210,7 +210,7 @@ def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
             reply = post(f"https://{address}{FAULTS_PATH}/{name}")
     except httpx.HTTPError as error:
         raise NoConnection(
-            f"Nothing answers at {address} ({error}). A virtual controller is started with `yumi controller`."
+            f"Nothing answers at {address} ({error}). `virtual-irc5 run` or `yumi controller` starts a virtual one."
         ) from error
     if not reply.is_success:
         is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")

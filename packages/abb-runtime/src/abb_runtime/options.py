@@ -53,6 +53,13 @@ Command = Callable[..., Any]
 Decorator = Callable[[Command], Command]
 
 
+class SharedCommand(click.Command):
+    """A command of several command lines: ``{command}`` in its help is what starts it, such as ``yumi rapid check``."""
+
+    def get_help(self, ctx: click.Context) -> str:
+        return super().get_help(ctx).replace("{command}", ctx.command_path)
+
+
 # ---- one option for one thing: its name, type and help are the same in every command that has it
 
 until_stdin_closes_option = click.option(

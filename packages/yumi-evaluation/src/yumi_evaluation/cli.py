@@ -362,7 +362,7 @@ def measure(
     """
     _demand_extra()
     if find_spec("mcap") is None:
-        raise missing_extra(message("recordings_need_mcap"), "evaluation")
+        raise missing_extra(message("recordings_need_mcap"), "yumi-ros2", "evaluation")
     from yumi_evaluation import measurement  # noqa: PLC0415 - a quick --help
 
     settings = measurement.settings_for_measuring(settings_of(config, options))
@@ -627,14 +627,14 @@ def _demand_extra() -> None:
     """
     missing = [name for name in ("numpy", "jinja2", "matplotlib") if find_spec(name) is None]
     if missing:
-        raise missing_extra(message("command_needs_packages", packages=tuple(missing)), "evaluation")
+        raise missing_extra(message("command_needs_packages", packages=tuple(missing)), "yumi-ros2", "evaluation")
 
 
 def _demand_ros() -> None:
     if find_spec("rclpy") is None or find_spec("yumi_interfaces") is None:
         raise MissingPrerequisite(message("ros_missing_for_evaluation"))
     if find_spec("mcap") is None:
-        raise missing_extra(message("recordings_need_mcap"), "record")
+        raise missing_extra(message("recordings_need_mcap"), "yumi-ros2", "record")
 
 
 @contextmanager

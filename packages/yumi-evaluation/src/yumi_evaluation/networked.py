@@ -385,7 +385,7 @@ def start_robot(plan: NetworkedPlan, stack: ExitStack, check: Callable[[], None]
         return ("--robot", f"{where.address}:{where.rws_port}")
     ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
     arguments = ("controller", "--rws-port", "0", *ports)
-    command = Command("virtual controller", arguments, plan.folder / "controller.log", plan.secrets)
+    command = Command("virtual controller", "yumi", arguments, plan.folder / "controller.log", plan.secrets)
     address = stack.enter_context(command).wait_until_ready(_READY, check)
     return ("--robot", address.removeprefix("http://"), *ports)
 
@@ -398,7 +398,7 @@ def start_driver(plan: NetworkedPlan, robot: Sequence[str], mode: Mode, check: C
     settings.write_text(f"egm_motion: {{max_speed_deviation: {speed:.1f}}}\n", encoding="utf-8")
     what = ("--config", str(settings), "--record", str(plan.recording(mode)))
     arguments = ("up", *robot, "--user", plan.user, *what)
-    with Command("driver", arguments, plan.folder / f"driver_{mode.word}.log", plan.secrets) as command:
+    with Command("driver", "yumi", arguments, plan.folder / f"driver_{mode.word}.log", plan.secrets) as command:
         command.wait_until_ready(_READY, check)
         yield command
 

@@ -27,13 +27,13 @@ from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import CYCLE, Side
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
+from virtual_irc5.testing.memory_rws import MemoryRws
 from virtual_irc5.world import World
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.driver.bringup import Bringup
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.state_machine import RAPID, RUN_RAPID, EgmMotionSettings
-from yumi.testing.virtual_yumi import MemoryRws
 from yumi_evaluation.experiments import AXIS_6
 from yumi_evaluation.virtual_time import CONTROLLER, VirtualArmRig, moved
 

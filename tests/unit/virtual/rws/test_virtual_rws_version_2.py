@@ -18,7 +18,7 @@ from rws_examples_2 import BASIC, EXAMPLES_2, SIGNALS, SYMBOL, TASK, Session2
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.subscriptions import Upgrade
 from virtual_irc5.rws.version_2 import FORM, HAL, XHTML
-from yumi.testing.virtual_yumi import MemoryChannel
+from virtual_irc5.testing.memory_rws import MemoryChannel
 
 PANEL = "/rw/panel/ctrl-state"
 _DRIFT = {"sys-options": "sys-option"}  # a type that has another name in HAL

@@ -9,6 +9,6 @@ from abb_protocols.catalogue.text import Text
 ERRORS: Mapping[str, Text] = {
     "extra_missing": Text(
         "{what}",
-        "run `pip install 'yumi-ros2[{extra}]'`, or `make setup WITH={extra}` in a clone of yumi-ros2",
+        "run `pip install '{package}[{extra}]'`, or `make setup WITH={extra}` in a clone of yumi-ros2",
     ),
 }

@@ -37,6 +37,7 @@ def self_signed_context(host: str) -> ssl.SSLContext:
     Raises:
         MissingPrerequisite: the package ``cryptography`` is not installed.
     """
+    _check_package("virtual-irc5")
     return _loaded(_made("Virtual controller", (host,))).context
 
 
@@ -49,6 +50,7 @@ def installation_certificate(hosts: Collection[str], folder: Path | None = None)
         MissingPrerequisite: the package ``cryptography`` is not installed.
         SettingsError: the file cannot be read or written.
     """
+    _check_package("yumi-ros2")
     state = folder or Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "yumi"
     file = state / _FILE
     try:
@@ -120,10 +122,16 @@ def _loaded(pem: bytes) -> Certificate:
     return Certificate(context, digest.hex(":").upper())
 
 
+def _check_package(product: str) -> None:
+    """That what makes certificates is there; raises MissingPrerequisite, which names an extra of ``product``."""
+    try:
+        _x509()
+    except ModuleNotFoundError as error:
+        raise missing_extra(message("https_needs_cryptography"), product, "robotware7") from error
+
+
 def _x509() -> Any:
     """The part of the package that makes and reads certificates."""
-    try:
-        from cryptography import x509  # noqa: PLC0415 - of an extra
-    except ModuleNotFoundError as error:
-        raise missing_extra(message("https_needs_cryptography"), "robotware7") from error
+    from cryptography import x509  # noqa: PLC0415 - of an extra
+
     return x509

@@ -1,4 +1,4 @@
-"""``yumi`` as a process of its own, watched for a ready line, and ended in order."""
+"""A command line of ours as a process of its own, watched for a ready line, and ended in order."""
 
 from __future__ import annotations
 
@@ -26,24 +26,30 @@ _POLL_PERIOD = 0.1  # [s]
 
 
 class Command:
-    """``yumi <arguments>`` as a child in a session of its own, so that Ctrl-C reaches its parent only.
+    """``python -m <module> <arguments>`` as a child in a session of its own, so that Ctrl-C reaches its parent only.
 
     The child ends when its standard input does, so a parent that is killed leaves no child behind.
 
     Args:
         name: for sentences.
-        arguments: what follows ``yumi``; every user of the machine can read them.
+        module: the command line, such as ``yumi``.
+        arguments: what follows the module; every user of the machine can read them.
         log: where its output goes.
         environment: variables beside this process's own; where secrets go.
     """
 
     def __init__(
-        self, name: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str] | None = None
+        self,
+        name: str,
+        module: str,
+        arguments: Sequence[str],
+        log: Path,
+        environment: Mapping[str, str] | None = None,
     ) -> None:
         self.name = name
         self.log = log
         self._environment = environment or {}
-        self._arguments = [sys.executable, "-m", "yumi", *arguments, "--until-stdin-closes"]
+        self._arguments = [sys.executable, "-m", module, *arguments, "--until-stdin-closes"]
         self._lines: Queue[str | None] = Queue()
 
     def __enter__(self) -> Command:

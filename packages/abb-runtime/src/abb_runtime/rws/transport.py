@@ -79,7 +79,7 @@ class HttpTransport(httpx.BaseTransport):
     def __init__(self, address: str, clock: Clock | None = None, request_interval: float = INTERVAL) -> None:
         self.address = address
         self.request_interval = request_interval
-        _check_address(address)
+        check_address(address)
         self._clock = clock or SystemClock()
         self._hosts: list[str] = []
         self._lock = Lock()
@@ -265,7 +265,8 @@ def _why_no_connection(address: str, error: OSError | UnicodeError) -> Message:
     return message("address_not_reached", address=address, error=said_by(error))
 
 
-def _check_address(address: str) -> None:
+def check_address(address: str) -> None:
+    """That it is a host with or without a port; raises SettingsError."""
     try:
         parts = urlsplit(f"//{address}")
         host, _ = parts.hostname, parts.port

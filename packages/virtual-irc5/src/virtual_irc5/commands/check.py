@@ -1,4 +1,4 @@
-"""``yumi rapid check``: what in RAPID modules does not fit, found without a controller that runs.
+"""``virtual-irc5 check`` and ``yumi rapid check``: what in RAPID modules does not fit, found without a controller.
 
 A check finds what the language does not allow, and what the virtual controller does not provide.
 """
@@ -17,7 +17,7 @@ import click
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import RapidError, SettingsError
-from abb_runtime.options import FILE, JsonOutput, cfg_option, json_option, model_option
+from abb_runtime.options import FILE, JsonOutput, SharedCommand, cfg_option, json_option, model_option
 
 if TYPE_CHECKING:
     from virtual_irc5.rapid.types import RapidReferenceError
@@ -29,7 +29,7 @@ _ROUTINE_HEAD = re.compile(r"^\s*(?:LOCAL\s+)?(?:TRAP\s+\w+|(?:PROC|FUNC)\b.*\))
 _ROUTINE_ENDS = re.compile(r"^\s*END(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
 
 
-@click.command()
+@click.command(cls=SharedCommand)
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="FILE…")
 @cfg_option
 @model_option
@@ -43,8 +43,9 @@ def check(files: tuple[Path, ...], cfg: tuple[Path, ...], model: str, json_outpu
 
     \b
     Examples:
-      yumi rapid check pick.mod
-      yumi rapid check --json pick.mod          a list, for editors
+      {command} pick.mod
+      {command} --model irb120 pick.mod
+      {command} --json pick.mod    a list, for editors
     """
     faults = check_program(files, cfg, model)
     json_output.write(json.dumps([asdict(fault) for fault in faults], indent=2))
@@ -90,7 +91,6 @@ def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = 
     from virtual_irc5.controller.installed_system import (  # noqa: PLC0415
         ROBOTS,
         delivered_system,
-        factory_system,
         is_user_module,
         with_programs,
     )
@@ -98,9 +98,8 @@ def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = 
     from virtual_irc5.world import World, WorldSettings  # noqa: PLC0415
 
     model = ROBOTS[robot]
-    system = delivered_system() if model.is_yumi else factory_system(model)
     name = model.units[0].task
-    world = World(WorldSettings(system=with_programs(system, {name: ()}, cfg)))
+    world = World(WorldSettings(system=with_programs(delivered_system(model), {name: ()}, cfg)))
     task = world.controller.tasks[name]
     faults, modules = [], []
     for path in files:

@@ -1,4 +1,4 @@
-"""The command line: ``virtual-irc5 run``, ``check`` and ``debug``."""
+"""The command line: ``virtual-irc5 run``, ``check``, ``debug`` and ``fault``."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import click
 
 from abb_protocols.catalogue import FrontEnd, speak_as
 from abb_protocols.errors import SettingsError, YumiError
+from abb_runtime.fault_command import fault
 from abb_runtime.options import ONCE, password_options, robot_option, user_option, with_json_targets, yes_option
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
-from abb_runtime.rws.login import VIRTUAL_RWS_PORT
-from abb_runtime.udp import is_loopback
+from abb_runtime.rws.login import with_usual_port
 from virtual_irc5 import __version__
 from virtual_irc5.commands.check import check
 from virtual_irc5.commands.debugger import run_debugger
@@ -45,6 +45,7 @@ def main() -> None:
       virtual-irc5 run --model irb120 --program T_ROB1=main.mod --start
       virtual-irc5 check --model irb120 main.mod
       virtual-irc5 debug T_ROB1 --yes
+      virtual-irc5 fault emergency-stop
     """
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     logging.getLogger("httpx").setLevel(logging.WARNING)
@@ -67,10 +68,10 @@ def debug(task: str, yes: bool, once: bool, robot: str, user: str, password: str
     Example:
       printf "main\\nstep\\nwhere\\n" | virtual-irc5 debug T_ROB1 --yes
     """
-    address = f"{robot}:{VIRTUAL_RWS_PORT}" if ":" not in robot and is_loopback(robot) else robot
-    with RwsClient(address, user=user, password=password or DEFAULT_PASSWORD) as client:
+    with RwsClient(with_usual_port(robot), user=user, password=password or DEFAULT_PASSWORD) as client:
         run_debugger(client, task, yes, once)
 
 
 main.add_command(controller, "run")
 main.add_command(check)
+main.add_command(fault)

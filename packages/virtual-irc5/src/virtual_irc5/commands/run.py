@@ -1,4 +1,4 @@
-"""``yumi controller``: a virtual controller with a virtual robot, as a process."""
+"""``virtual-irc5 run`` and ``yumi controller``: a virtual controller with a virtual robot, as a process."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from abb_runtime.options import (
     FILE,
     ONCE,
     Measure,
+    SharedCommand,
     cfg_option,
     egm_port_options,
     end_flag,
@@ -33,7 +34,7 @@ _SPEED = Measure("factor", 0.01, 100.0, is_open=False)
 _ARM_TASKS = {side.word: side.task for side in Side}
 
 
-@click.command()
+@click.command(cls=SharedCommand)
 @click.option(
     "--rws-port",
     type=click.IntRange(0, MAX_PORT),
@@ -73,7 +74,9 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 @click.option("--right-leak", type=_LEAK, help="An object lies under the right gripper's cups.")
 @click.option("--calibrated", is_flag=True, help="The grippers are calibrated already.")
 @click.option(
-    "--factory", is_flag=True, help="As it leaves the factory: nothing of this package is on it; see `yumi install`."
+    "--factory",
+    is_flag=True,
+    help="As it leaves the factory: without the programs that `yumi install` of yumi-ros2 brings.",
 )
 @click.option(
     "--program",
@@ -90,7 +93,9 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     help="A backup of a controller, as RobotStudio writes it: its tasks, modules, signals and HOME.",
 )
 @click.option(
-    "--dynamics", type=FILE, help="Settings with which its arms follow EGM, as `yumi compare` has written them."
+    "--dynamics",
+    type=FILE,
+    help="Settings with which its arms follow EGM, as `yumi compare` of yumi-ros2 has written them.",
 )
 @click.option("--start", is_flag=True, help="Switch the motors on and start RAPID.")
 @click.option("--once", is_flag=True, help=ONCE)
@@ -140,17 +145,18 @@ def controller(
     password: str | None,
     until_stdin_closes: bool,
 ) -> None:
-    """Run a virtual IRC5 with a YuMi.
+    """Run a virtual IRC5 with a robot.
 
-    It has the protocols and the RAPID of a real one; `yumi fault` injects faults. It runs the state machine of this
-    package, or your own RAPID (--program, --system).
+    It has the protocols and the RAPID of a real one, with a YuMi or the robot of --model. It runs the state machine of
+    yumi-ros2, or your own RAPID (--program, --system). The command fault injects faults.
 
     Only --user may log in. The password is "robotics", ABB's default, unless a file, a prompt or YUMI_PASSWORD gives
     another.
 
     \b
-    Example:
-      yumi controller --left-object 0.02
+    Examples:
+      {command} --left-object 0.02
+      {command} --model irb120 --program T_ROB1=main.mod --start
       curl --digest -u "Default User:robotics" "127.0.0.1:8080/rw/panel/ctrlstate?json=1"
     """
     from virtual_irc5.controller.installed_system import (  # noqa: PLC0415
@@ -165,7 +171,7 @@ def controller(
     if once and not start:
         raise click.UsageError("--once is for --start: give both.")
     kind = ROBOTS[model]
-    delivered = delivered_system() if kind.is_yumi and not factory else factory_system(kind)
+    delivered = factory_system(kind) if factory else delivered_system(kind)
     begin = read_backup(system, kind) if system else delivered
     settings = world_settings(
         robot_name=robot_name or f"Virtual_{kind.system_name}",

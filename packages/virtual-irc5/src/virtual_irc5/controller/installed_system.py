@@ -196,8 +196,10 @@ class System:
         return configuration
 
 
-def delivered_system() -> System:
-    """The state machine in both tasks."""
+def delivered_system(robot: Robot = YUMI) -> System:
+    """The state machine in both tasks of a YuMi; any other robot as it leaves the factory."""
+    if not robot.is_yumi:
+        return factory_system(robot)
     folder = Path(next(iter(abb_protocols.controller_files.__path__)))
     modules = sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])
     cfg = [path.read_text(encoding="ascii") for path in sorted(folder.glob("*.cfg"))]

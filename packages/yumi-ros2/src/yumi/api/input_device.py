@@ -45,7 +45,7 @@ def _evdev() -> Any:
     try:
         import evdev  # noqa: PLC0415 - the extra brings it
     except ImportError as error:
-        raise missing_extra(message("devices_need_evdev"), "teleop") from error
+        raise missing_extra(message("devices_need_evdev"), "yumi-ros2", "teleop") from error
     return evdev
 
 

@@ -82,9 +82,9 @@ def _can_draw(*, is_asked: bool) -> bool:
     """Whether there can be a picture; raises MissingPrerequisite where there cannot and it was asked for."""
     can_draw = find_spec("matplotlib") is not None
     if is_asked and not can_draw:
-        raise missing_extra(message("picture_needs_matplotlib"), "plot")
+        raise missing_extra(message("picture_needs_matplotlib"), "yumi-ros2", "plot")
     if not can_draw:
-        click.echo(missing_extra(message("no_picture_without_matplotlib"), "plot"), err=True)
+        click.echo(missing_extra(message("no_picture_without_matplotlib"), "yumi-ros2", "plot"), err=True)
     return can_draw
 
 
@@ -137,14 +137,14 @@ def run_demo(
             progress.step("start the virtual controller")
             ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
             arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
-            controller = Command("virtual controller", arguments, plan.logs / "controller.log", plan.secrets)
+            controller = Command("virtual controller", "yumi", arguments, plan.logs / "controller.log", plan.secrets)
             stack.enter_context(controller)
             import_module("yumi.ros.move_and_grab")  # takes a second, as the start of the controller does
             address = controller.wait_until_ready(_READY_TIMEOUT, check)
             progress.note(address)
             where = ("--robot", address.removeprefix("http://"), *ports)
         progress.step("start the driver")
-        command = Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
+        command = Command("driver", "yumi", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
         driver = stack.enter_context(command)
         progress.note(driver.wait_until_ready(_READY_TIMEOUT, check, show_announcement))
         approaches = not plan.robot and read_settings().collision.enabled  # as the driver's own

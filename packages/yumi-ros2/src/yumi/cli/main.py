@@ -17,12 +17,12 @@ import click
 
 from abb_protocols.catalogue import FrontEnd, message, speak_as
 from abb_protocols.errors import SettingsError, YumiError, missing_extra
+from abb_runtime.fault_command import fault
 from abb_runtime.options import with_json_targets
 from yumi import __version__
 from yumi.cli.answer import answer
 from yumi.cli.demo import demo
 from yumi.cli.driver_options import ROS_ARGUMENTS
-from yumi.cli.fault import fault
 from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.install import doctor, install, uninstall
 from yumi.cli.moveit import moveit_config
@@ -141,8 +141,8 @@ def _load(entry_point: EntryPoint) -> click.Command:
     def missing(arguments: tuple[str, ...]) -> None:
         lack = message("command_installed_in_part", command=entry_point.name, reason=reason)
         if entry_point.value.startswith("yumi_evaluation."):
-            raise missing_extra(lack, "evaluation")
-        raise missing_extra(lack, "virtual")
+            raise missing_extra(lack, "yumi-ros2", "evaluation")
+        raise missing_extra(lack, "yumi-ros2", "virtual")
 
     return missing
 

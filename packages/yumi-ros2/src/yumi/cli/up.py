@@ -623,7 +623,7 @@ def _started(name: str, arguments: tuple[str, ...], logs: Path, is_over: Flag) -
         click.echo(line, err=True)
 
     logs.mkdir(parents=True, exist_ok=True)
-    command: Any = Command(name, arguments, logs / f"{name.replace(' ', '_')}.log")
+    command: Any = Command(name, "yumi", arguments, logs / f"{name.replace(' ', '_')}.log")
     with command:
         yield command.wait_until_ready(_READY_TIMEOUT, check, show)
 

@@ -135,7 +135,7 @@ class Planner:
         limits: JointLimits = YUMI_LIMITS,
     ) -> None:
         if find_spec("roboplan") is None or find_spec("roboplan.rrt") is None:
-            raise missing_extra(message("planning_needs_roboplan"), "planning")
+            raise missing_extra(message("planning_needs_roboplan"), "yumi-ros2", "planning")
         self.limits, self.obstacles, self._tools = limits, tuple(obstacles), tools
         self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
         self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)

@@ -254,7 +254,7 @@ def _messages(file: Path) -> Iterator[tuple[str, str, str, int, bytes] | None]:
         from mcap.stream_reader import MAGIC_SIZE, StreamReader  # noqa: PLC0415
         from zstandard import ZstdError  # noqa: PLC0415 - comes with mcap
     except ImportError as error:
-        raise missing_extra(message("recordings_need_mcap"), "record") from error
+        raise missing_extra(message("recordings_need_mcap"), "yumi-ros2", "record") from error
     try:
         with file.open("rb") as stream:
             reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LARGEST_RECORD)

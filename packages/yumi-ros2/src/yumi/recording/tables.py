@@ -104,7 +104,7 @@ def read_recording(file: Path | str, what: TableName = "cycles") -> pd.DataFrame
     try:
         import pandas  # noqa: PLC0415 - an extra; nothing else needs it
     except ImportError as error:
-        raise missing_extra(message("data_frame_needs_pandas"), "data") from error
+        raise missing_extra(message("data_frame_needs_pandas"), "yumi-ros2", "data") from error
     columns: dict[str, list[Any]] = {}
     for count, row in enumerate(rows(Path(file), what)):
         for name, value in row.items():
@@ -140,7 +140,7 @@ def export(file: Path, output: Path, what: TableName = "cycles") -> int:
         try:
             table.to_parquet(output)
         except ImportError as error:
-            raise missing_extra(message("parquet_needs_pandas"), "data") from error
+            raise missing_extra(message("parquet_needs_pandas"), "yumi-ros2", "data") from error
         return len(table)
     count = 0
     with output.open("w", encoding="utf-8", newline="") as stream:
@@ -394,5 +394,5 @@ def _figure(width: float, height: float) -> Any:
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - an extra; nothing else needs it
     except ImportError as error:
-        raise missing_extra(message("pictures_need_matplotlib"), "plot") from error
+        raise missing_extra(message("pictures_need_matplotlib"), "yumi-ros2", "plot") from error
     return Figure(figsize=(width, height), layout="constrained")

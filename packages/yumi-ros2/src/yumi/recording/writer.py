@@ -74,7 +74,7 @@ class RecordingWriter:
         try:
             from mcap.writer import Writer  # noqa: PLC0415 - an extra; nothing else needs it
         except ImportError as error:
-            raise missing_extra(message("recordings_need_mcap"), "record") from error
+            raise missing_extra(message("recordings_need_mcap"), "yumi-ros2", "record") from error
         file.parent.mkdir(parents=True, exist_ok=True)
         self._stream = file.open("wb")
         self._epoch = epoch

@@ -1,4 +1,4 @@
-"""Fixtures of pytest for tests against an ABB YuMi that is not there: pytest finds them where yumi-ros2 is installed.
+"""The fixture ``virtual_yumi`` of pytest, beside those of virtual-irc5: found where yumi-ros2 is installed.
 
 ::
 
@@ -9,34 +9,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:  # every run of pytest loads this file; the robot is loaded by the tests that want one
-    from yumi.testing.virtual_yumi import ControllerProcess, VirtualYumi
+    from yumi.testing.virtual_yumi import VirtualYumi
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Declare the marks by which a test chooses what its robot is like."""
-    config.addinivalue_line(
-        "markers", "abb_controller(**options): options of `yumi controller` for the fixture, as left_object=0.02"
-    )
+    """Declare the mark by which a test chooses what its robot is like."""
     config.addinivalue_line("markers", "virtual_yumi(**settings): fields of WorldSettings for the fixture")
-
-
-@pytest.fixture
-def abb_controller(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[ControllerProcess]:
-    """A virtual IRC5 with a YuMi in a process of its own: Robot Web Services and EGM on free ports, in real time."""
-    from yumi.testing.virtual_yumi import ControllerProcess  # noqa: PLC0415 - see above
-
-    mark = request.node.get_closest_marker("abb_controller")
-    log = tmp_path_factory.mktemp("abb_controller") / "controller.log"
-    with ControllerProcess(log, mark.kwargs if mark else {}) as controller:
-        yield controller
 
 
 @pytest.fixture

@@ -80,7 +80,4 @@ DRIVER: Mapping[str, Text] = {
     "reference_not_finite": Text("reference refused: {name} has {value}; the robot takes finite numbers only"),
     "rapid_data_too_long": Text("data refused: {count} numbers; a RAPID program takes {limit}"),
     "correction_of_other_age": Text("correction refused: age is {age} s; a measurement is 0 to {limit:g} s old"),
-    # ---- the virtual robot in memory
-    "memory_gave_no_answer": Text("memory closed the connection without an HTTP answer"),
-    "memory_opened_no_websocket": Text("memory does not open a WebSocket"),
 }

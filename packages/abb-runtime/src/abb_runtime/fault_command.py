@@ -1,4 +1,4 @@
-"""``yumi fault``: injects faults into a virtual controller."""
+"""``virtual-irc5 fault`` and ``yumi fault``: injects faults into a virtual controller."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import json
 import click
 
 from abb_runtime.faults import Fault, FaultKind, Way, inject_fault
-from abb_runtime.options import JsonOutput, arm_option, json_option, robot_option
-from yumi.cli.driver_options import settings_of
+from abb_runtime.options import JsonOutput, SharedCommand, arm_option, json_option, robot_option
+from abb_runtime.rws.login import with_usual_port
 
 _FAULT_WIDTH = 120
 
@@ -38,6 +38,7 @@ _FAULTS = _fault_table([fault.value for fault in Fault])
 
 
 @click.command(
+    cls=SharedCommand,
     epilog="\b\nFaults:\n" + _FAULTS,
     context_settings={"max_content_width": _FAULT_WIDTH},
 )
@@ -65,12 +66,12 @@ def fault(
 
     \b
     Examples:
-      yumi fault emergency-stop
-      yumi fault egm-silence --arm left --duration 1
-      yumi fault egm-loss --by 50 --duration 2
-      yumi fault egm-loss --way to-robot --duration 0.5    robot receives nothing
-      yumi fault egm-delay --by 20 --arm right --duration 2
-      yumi fault warm-restart --robot 127.0.0.1:8080
+      {command} emergency-stop
+      {command} egm-silence --arm left --duration 1
+      {command} egm-loss --by 50 --duration 2
+      {command} egm-loss --way to-robot --duration 0.5    robot receives nothing
+      {command} egm-delay --by 20 --arm right --duration 2
+      {command} warm-restart --robot 127.0.0.1:8080
     """
     if name is None:
         json_output.write(json.dumps({kind.name: kind.meaning for kind in (fault.value for fault in Fault)}, indent=2))
@@ -80,8 +81,11 @@ def fault(
     numbers = {"duration": duration, "by": by}
     chosen = {"side": arm, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
     given = {key: text for key, text in chosen.items() if text is not None}
-    where = settings_of(None, {"robot": robot}).robot
-    inject_fault(f"{where.address}:{where.rws_port}", name, given)
+    from abb_runtime.rws.transport import check_address  # noqa: PLC0415 - a quick --help
+
+    address = with_usual_port(robot)
+    check_address(address)
+    inject_fault(address, name, given)
     json_output.write(json.dumps({"fault": name, **given}))
     if not json_output.is_printed:
         click.echo(f"{name}: done")
