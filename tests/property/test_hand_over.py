@@ -18,7 +18,7 @@ from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.joints import Joints, Side, joints
 from cartesian_bench import shares
 from refusals import refused
-from soak import long, short, tell
+from soak import HAND_OVERS, SEED, long, short, tell
 from system.teleoperation_bench import (
     LEFT_START,
     RATE,
@@ -205,11 +205,11 @@ def pool() -> Iterator[ThreadPoolExecutor]:
         yield pool
 
 
-@pytest.mark.parametrize("count", [short(2, pytest.mark.timeout(60)), long(1000, 10800.0)])
+@pytest.mark.parametrize("count", [short(2, pytest.mark.timeout(60)), long(HAND_OVERS, 10800.0)])
 def test_no_hand_over_steps_and_nothing_resumes_by_itself(
     driver: Driver, operator: Operator, pool: ThreadPoolExecutor, count: int
 ) -> None:
-    generator = np.random.default_rng(70)
+    generator = np.random.default_rng((70, SEED))
     scene, worst = Scene(driver, operator, generator, pool), np.zeros(3)
     for number in range(1, 1 + count):
         operator.settings = DeviceSettings(cutoff=float(generator.choice([0.0, 3.0])), speed=0.3)
