@@ -95,7 +95,9 @@ class Robot:
         return f"<yumi.Robot at {self._address}, {'' if self._is_connected else 'not '}connected>"
 
     def open(self, confirm: str = "") -> Robot:
-        """Connect, switch the motors on, start EGM and calibrate grippers that need it; a notebook's ``with``.
+        """Connect, bring the robot to ready where that is named, and start EGM; a notebook's ``with``.
+
+        See ``bringup`` of :func:`yumi.connect`. A person who confirms a stop has the robot brought to ready, too.
 
         Args:
             confirm: the stop that a person has looked at and confirms: ``stop`` of the error of an earlier attempt.

@@ -376,15 +376,16 @@ class PpToMain(PanelCommand, frozen=True):
 
 
 class RunRoutine(PanelCommand, frozen=True):
-    """Run a RAPID routine in an arm's task and wait for its end."""
+    """Run a RAPID routine in an arm's task and wait for its end; the limiter does not act on its motions."""
 
     arm: Arm
     routine: str
+    unchecked: bool = False
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
         with robot.control.hand_over.holding(side, Commander.RAPID):
-            return robot.manager.run_routine(side, self.routine)
+            return robot.manager.run_routine(side, self.routine, is_unchecked=self.unchecked)
 
 
 class LoadModule(PanelCommand, frozen=True):
@@ -399,17 +400,20 @@ class LoadModule(PanelCommand, frozen=True):
 
 
 class RunModule(PanelCommand, frozen=True):
-    """Load a module and run one of its routines."""
+    """Load a module and run one of its routines; the limiter does not act on its motions."""
 
     arm: Arm
     file_name: str
     text: str
     routine: str
+    unchecked: bool = False
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
         with robot.control.hand_over.holding(side, Commander.RAPID):
-            return robot.manager.run_module(side, self.file_name, self.text, self.routine)
+            return robot.manager.run_module(
+                side, self.file_name, self.text, self.routine, is_unchecked=self.unchecked
+            )
 
 
 class SetTool(PanelCommand, frozen=True):

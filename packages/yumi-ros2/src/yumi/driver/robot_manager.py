@@ -33,6 +33,7 @@ from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
 from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
+from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.robot_state import Mode, Report, RobotState
@@ -60,12 +61,16 @@ class RobotManager:
         watchdog: whether the robot stops when this program is silent, and when.
         stops: what stopped the robot, where an earlier connection knows it already.
         recovery: whether it recovers by itself where no person was involved.
+        is_real: whether the robot moves nothing, its fingers included, that no call names.
+        rapid_check: of motions by RAPID; None: they are not checked.
 
     Attributes:
         monitor: what is known of the robot.
         panel: the controller's motors, program, signals and variables; what may move the robot goes through the
             methods here instead.
         watchdog: on the robot, and our heartbeats to it.
+        is_real: as above.
+        may_calibrate: whether grippers that need it may be calibrated when the robot becomes ready.
         has_acted: whether it was asked to change anything on the robot; before, it has only read.
         is_unattended: whether it recovers without having been asked: a gripper does not close its fingers then.
         grippers: of both arms; their jogs end when a stop comes.
@@ -82,15 +87,20 @@ class RobotManager:
         watchdog: WatchdogSettings = WatchdogSettings(),  # noqa: B008 - it is frozen
         stops: StopLog | None = None,
         recovery: RecoverySettings = RecoverySettings(),  # noqa: B008 - it is frozen
+        *,
+        is_real: bool = False,
+        rapid_check: RapidMotionCheck | None = None,
     ) -> None:
         client = bringup.client
+        self.is_real, self.may_calibrate = is_real, not is_real
         self.speed, self.panel = bringup.speed, bringup.panel
         self.watchdog = Watchdog(client, control.check, watchdog)
         self._stops = stops or StopLog(clock)
         self.monitor = RobotMonitor(client, control, clock, self._stops, self.speed)
         self._client = client
         self._bringup = bringup
-        self._routines = RapidRoutines(client, bringup.panel, bringup.machines, clock)
+        self._rapid_check = rapid_check
+        self._routines = RapidRoutines(client, bringup.panel, bringup.machines, clock, rapid_check)
         self._egm = EgmControl(bringup, control, clock, default, self.watchdog)
         self._recovery = Recovery(bringup, self._egm, control, clock, self._stops)
         self.automatic_recovery = AutomaticRecovery(self, self._log, recovery)
@@ -125,6 +135,19 @@ class RobotManager:
         It calls :meth:`step` before each thing it does to the robot.
         """
         self._bringup.when_ready = prepare
+
+    @contextmanager
+    def starting(self, *, brings_up: bool) -> Iterator[None]:
+        """The start of a driver: within, a robot is brought to ready with calibrated grippers, or must be ready.
+
+        Args:
+            brings_up: whether the call, or the settings, name bring-up. Without, what would have to be done is refused.
+        """
+        self.may_calibrate, self._bringup.only_if_ready = brings_up, not brings_up
+        try:
+            yield
+        finally:
+            self.may_calibrate, self._bringup.only_if_ready = not self.is_real, False
 
     def step(self, name: str) -> None:
         """Report what is done to the robot next, within :meth:`when_ready`.
@@ -356,8 +379,10 @@ class RobotManager:
         return "The motors are off"
 
     def start_rapid(self) -> str:
-        """Start the program where its pointers are. Raises YumiError."""
+        """Start the program where its pointers are; a real robot's, where that moves nothing. Raises YumiError."""
         with self._moving():
+            if self._rapid_check is not None:
+                self._rapid_check.check_start()
             self.panel.start_rapid()
         return "The RAPID program runs"
 
@@ -385,10 +410,10 @@ class RobotManager:
             self.monitor.refresh()
         return f"The speed ratio is {percent} %"
 
-    def run_routine(self, side: Side, name: str) -> str:
+    def run_routine(self, side: Side, name: str, *, is_unchecked: bool = False) -> str:
         """Run a RAPID routine in one arm's task and wait for its end, see :meth:`RapidRoutines.run`."""
         with self._moving():
-            self._routines.run(side, name)
+            self._routines.run(side, name, is_unchecked=is_unchecked)
         return f"Routine {name} of {side.task} has run"
 
     def load_module(self, side: Side, file_name: str, text: str) -> str:
@@ -397,10 +422,12 @@ class RobotManager:
             self._routines.load_module(side, file_name, text)
         return f"{side.task} has loaded HOME:/{file_name}"
 
-    def run_module(self, side: Side, file_name: str, text: str, routine: str) -> str:
+    def run_module(
+        self, side: Side, file_name: str, text: str, routine: str, *, is_unchecked: bool = False
+    ) -> str:
         """Load a module and run one of its routines; both may raise."""
         self.load_module(side, file_name, text)
-        return self.run_routine(side, routine)
+        return self.run_routine(side, routine, is_unchecked=is_unchecked)
 
     def set_tool(self, side: Side, tcp: Pose, load: Mass) -> str:
         """Have the next EGM motion of an arm use a tool. Raises YumiError."""
@@ -606,10 +633,11 @@ def bring_up(
             manager.report_remarks()
             log(logging.INFO, "The robot is left as it is until start_egm, set_mode or recover is called.")
             return None
-        steps = [*manager.steps_to_ready(), *setup.steps(is_tested=is_tested)]
-        if steps:
-            log(logging.WARNING, f"{ANNOUNCEMENT}{', '.join(steps)}.")
-        manager.make_ready()
+        with manager.starting(brings_up=True):
+            steps = [*manager.steps_to_ready(), *setup.steps(is_tested=is_tested)]
+            if steps:
+                log(logging.WARNING, f"{ANNOUNCEMENT}{', '.join(steps)}.")
+            manager.make_ready()
         if is_tested:
             close_as_test(
                 grippers,
