@@ -22,6 +22,7 @@ from yumi.api.robot_arm import Arm
 from yumi.api.tool import Frames, Gripper, PoseLike, boxes_from, poses_from, waypoints_from
 from yumi.control.chunk_commands import MOST_JUMP
 from yumi.control.goals import Tracking, stream_delay
+from yumi.control.hand_over import Commander
 from yumi.driver import gripper as driver
 from yumi.driver.gripper_follower import closed_of
 from yumi.driver.robot_state import RobotState
@@ -245,6 +246,7 @@ class Robot:
         if not goals and not closed:
             raise CommandRefused(message("stream_empty"))
         speeds = {_side(arm): velocity for arm, velocity in (velocities or {}).items()}
+        self.executor.control.hand_over.check_all(closed, Commander.STREAM)
         self.executor.stream(goals, speeds, time, stream_delay(tracking, delay), blend)
         if closed:
             self._connected.follow_with_grippers(closed)

@@ -411,9 +411,7 @@ class RunModule(PanelCommand, frozen=True):
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
         with robot.control.hand_over.holding(side, Commander.RAPID):
-            return robot.manager.run_module(
-                side, self.file_name, self.text, self.routine, is_unchecked=self.unchecked
-            )
+            return robot.manager.run_module(side, self.file_name, self.text, self.routine, is_unchecked=self.unchecked)
 
 
 class SetTool(PanelCommand, frozen=True):

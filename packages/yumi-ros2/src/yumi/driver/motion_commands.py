@@ -229,6 +229,7 @@ class Stream(Command[str], frozen=True):
             raise CommandRefused(message("another_move_under_way"))
         try:
             caller.check()
+            robot.control.hand_over.check_all(closed, Commander.STREAM)
             if robot.mover.stream(self.goals, velocities, self.time, delay, self.blend):  # a controller was switched
                 robot.on_change()
         finally:

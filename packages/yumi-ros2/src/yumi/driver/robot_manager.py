@@ -422,9 +422,7 @@ class RobotManager:
             self._routines.load_module(side, file_name, text)
         return f"{side.task} has loaded HOME:/{file_name}"
 
-    def run_module(
-        self, side: Side, file_name: str, text: str, routine: str, *, is_unchecked: bool = False
-    ) -> str:
+    def run_module(self, side: Side, file_name: str, text: str, routine: str, *, is_unchecked: bool = False) -> str:
         """Load a module and run one of its routines; both may raise."""
         self.load_module(side, file_name, text)
         return self.run_routine(side, routine, is_unchecked=is_unchecked)
