@@ -34,7 +34,7 @@ def checked(system: System, *, is_real: bool) -> RobotManager:
         MARGIN,
         is_real=is_real,
     )
-    manager = RobotManager(system.bringup, system.control, system, rapid_check=check)
+    manager = RobotManager(system.bringup, system.control, system, is_real=is_real, rapid_check=check)
     manager.make_ready()
     return manager
 
@@ -156,3 +156,10 @@ def test_program_of_a_real_robot_is_started_from_main_and_not_in_the_middle_of_a
     manager.pp_to_main()
     manager.start_rapid()
     assert system.client.execution() is ExecutionState.RUNNING
+
+
+def test_signal_that_runs_a_routine_is_not_written_past_the_check(system: System, manager: RobotManager) -> None:
+    for name in ("RUN_RAPID_ROUTINE", "run_rapid_routine", "EtherNetIP/device/RUN_RAPID_ROUTINE"):
+        with refused(CommandRefused, "rapid_signal_not_written"):
+            manager.write_signal(name, 1)
+    assert system.bringup.state(RIGHT) is MachineState.IDLE

@@ -37,6 +37,7 @@ from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.robot_state import Mode, Report, RobotState
+from yumi.driver.state_machine import RUN_RAPID
 from yumi.driver.stops import StopLog
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 
@@ -501,12 +502,15 @@ class RobotManager:
         """Set an I/O signal. Raises YumiError; nothing was changed then.
 
         What starts a motion of the robot's program, or moves fingers, is refused while a stop waits for a person's
-        confirmation. Stopping fingers is not.
+        confirmation. Stopping fingers is not. The signal that runs a RAPID routine is not written at a real robot: what
+        :meth:`run_routine` checks would be left out.
         """
         signal = name.rpartition("/")[2].upper()  # also written as network/device/signal; RAPID's names know no case
         is_finger_stop = signal.startswith("HAND_CMDGRIPPER") and str(value) == str(int(ServoCommand.GO_TO_READY))
         if signal.startswith(("EGM_START", "RUN_", "HAND_CMD")) and not is_finger_stop:
             self._stops.check_confirmed(self._client, "")
+        if self.is_real and signal == RUN_RAPID:
+            raise CommandRefused(message("rapid_signal_not_written", signal=signal))
         self.panel.write_signal(name, value)
 
     # Turns

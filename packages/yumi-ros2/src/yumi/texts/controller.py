@@ -94,6 +94,9 @@ CONTROLLER: Mapping[str, Text] = {
     "rapid_beside_moving_arm": Text(
         "the {arm} arm may move while {routine} runs, on which the limiter does not act", "{stop_egm} first"
     ),
+    "rapid_signal_not_written": Text(
+        "{signal} would run a RAPID routine of a real robot unchecked", "call run_routine, which checks the path"
+    ),
     "rapid_start_in_routine": Text(
         "the program of {task} stands in {place}, whose motion would go on; the limiter does not act on it",
         "move the program pointers to main (pp_to_main), or start the program at the FlexPendant",
