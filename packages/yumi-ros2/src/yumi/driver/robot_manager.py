@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from threading import Lock
 
-from abb_protocols.catalogue import Message, message
+from abb_protocols.catalogue import Message, headline, message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.gripper import ServoCommand
@@ -242,7 +242,7 @@ class RobotManager:
             if confirmed:
                 self._stops.check_unchanged(self._client, confirmed)
                 self._stops.close(confirmed)
-        return "The robot is ready"
+        return headline(message("robot_is_ready"))
 
     def start_egm(
         self,
@@ -274,7 +274,7 @@ class RobotManager:
         """Deactivate what commands the arms and stop EGM; they come to rest. Raises YumiError."""
         with self._stopping():
             self._egm.stop()
-        return "EGM has ended on both arms"
+        return headline(message("egm_has_ended"))
 
     def go_to(self, mode: Mode, report: Report, check: Callable[[], None] = lambda: None) -> str:
         """Bring the robot to a mode; ``report`` and ``check`` as of :meth:`start_egm`.
@@ -290,7 +290,7 @@ class RobotManager:
                 return self._start_egm(mode.arms)
             self._egm.stop_if_running()
             self._bringup.make_ready()
-            return "The robot is ready, EGM does not run"
+            return headline(message("robot_is_ready_without_egm"))
 
     def recover(self, report: Report, check: Callable[[], None] = lambda: None, confirmed: str = "") -> str:
         """Say what stopped the robot and bring it back, to EGM with its controllers if EGM was to run.
@@ -365,7 +365,7 @@ class RobotManager:
         """Motors on. Raises YumiError."""
         with self._moving():
             self.panel.switch_motors_on()
-        return "The motors are on"
+        return headline(message("motors_switched_on"))
 
     def motors_off(self, report: Report = lambda step: None, check: Callable[[], None] = lambda: None) -> str:
         """Motors off; EGM is ended before, so that the arms come to rest gently where they can.
@@ -377,7 +377,7 @@ class RobotManager:
             self._come_to_rest()
             self._bringup.step("motors off")
             self.panel.switch_motors_off()
-        return "The motors are off"
+        return headline(message("motors_switched_off"))
 
     def start_rapid(self) -> str:
         """Start the program where its pointers are; a real robot's, where that moves nothing. Raises YumiError."""
@@ -385,20 +385,20 @@ class RobotManager:
             if self._rapid_check is not None:
                 self._rapid_check.check_start()
             self.panel.start_rapid()
-        return "The RAPID program runs"
+        return headline(message("rapid_runs"))
 
     def stop_rapid(self) -> str:
         """Stop the program; EGM is ended before, so that the arms come to rest gently if they can. Raises YumiError."""
         with self._stopping(frozenset({PROGRAM_STOPPED})):
             self._come_to_rest()
             self.panel.stop_rapid()
-        return "The RAPID program is stopped"
+        return headline(message("rapid_is_stopped"))
 
     def pp_to_main(self) -> str:
         """Program pointers to main; the program must be stopped. Raises YumiError."""
         with self._changing():
             self.panel.move_pp_to_main()
-        return "The program pointers are at main"
+        return headline(message("pointers_at_main"))
 
     def set_speed_ratio(self, percent: int) -> str:
         """Override of the speeds of RAPID motions, 0 to 100 %; it does not change EGM motions. Raises YumiError.
@@ -409,19 +409,19 @@ class RobotManager:
             self.panel.set_speed_ratio(percent)
         finally:
             self.monitor.refresh()
-        return f"The speed ratio is {percent} %"
+        return headline(message("speed_ratio_is", percent=percent))
 
     def run_routine(self, side: Side, name: str, *, is_unchecked: bool = False) -> str:
         """Run a RAPID routine in one arm's task and wait for its end, see :meth:`RapidRoutines.run`."""
         with self._moving():
             self._routines.run(side, name, is_unchecked=is_unchecked)
-        return f"Routine {name} of {side.task} has run"
+        return headline(message("routine_has_run", routine=name, task=side.task))
 
     def load_module(self, side: Side, file_name: str, text: str) -> str:
         """Write a RAPID module onto the controller and load it, see :meth:`RapidRoutines.load_module`."""
         with self._changing():
             self._routines.load_module(side, file_name, text)
-        return f"{side.task} has loaded HOME:/{file_name}"
+        return headline(message("module_is_loaded", task=side.task, file=file_name))
 
     def run_module(self, side: Side, file_name: str, text: str, routine: str, *, is_unchecked: bool = False) -> str:
         """Load a module and run one of its routines; both may raise."""
@@ -453,10 +453,8 @@ class RobotManager:
             tool = change(machines.tool(side))
             machines.set_tool(side, tool)
         centre = ", ".join(f"{1e3 * value:.1f}" for value in tool.total.centre)
-        return (
-            f"EGM will start on the {side.word} arm with {tool.total.mass:.3f} kg at [{centre}] mm from tool0: tool "
-            f"{tool.load.mass:.3f} kg, payload {tool.payload.mass:.3f} kg"
-        )
+        masses = {"total": tool.total.mass, "tool": tool.load.mass, "payload": tool.payload.mass}
+        return headline(message("tool_is_set", arm=side.word, centre=centre, **masses))
 
     def allow_collision(self, part: str, other: str, seconds: float) -> str:
         """Let two parts touch for a time [s], slowly: see :meth:`yumi.api.robot.Robot.allow_collision`.
@@ -467,12 +465,12 @@ class RobotManager:
             RobotNotReady: the control process has ended.
         """
         self._control.call(Commands.allow_collision, part, other, seconds)
-        return f"{part} and {other} may touch for {seconds:g} s, and the arms are slow as long"
+        return headline(message("contact_allowed", part=part, other=other, duration=seconds))
 
     def end_allowed_collision(self, part: str, other: str) -> str:
         """Keep two parts apart again; nothing where they are. Raises CommandRefused for no parts, RobotNotReady."""
         self._control.call(Commands.end_allowed_collision, part, other)
-        return f"{part} and {other} are kept apart"
+        return headline(message("contact_ended", part=part, other=other))
 
     def tcp(self, side: Side) -> Pose:
         """The frame of an arm's tool in tool0 [m], by :meth:`set_tool` or the settings."""
