@@ -45,7 +45,7 @@ def aim(system: System, goal: Joints) -> None:
     unused = [9e9] * 5
     target = rapid_values.encode((robax, (seventh, *unused)))
     system.client.set_symbol(RIGHT.task, "TRobRAPID", "move_jointtarget_input", target)
-    system.client.set_symbol(RIGHT.task, "TRobRAPID", "move_speed_input", "[1000,500,1000,500]")
+    system.client.set_symbol(RIGHT.task, "TRobRAPID", "move_speed_input", "[500,50,500,50]")
 
 
 def where(system: System) -> Joints:

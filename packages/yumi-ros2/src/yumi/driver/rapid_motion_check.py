@@ -143,8 +143,7 @@ class RapidMotionCheck:
         count = max(1, ceil(float(np.abs(way).sum()) / _STEP))
         with self._lock:
             for share in np.linspace(0.0, 1.0, count + 1):
-                here = {**starts, side: start + share * way}
-                both = np.concatenate([here[each] for each in Side])
+                both = np.concatenate([start + share * way if it is side else np.array(starts[it]) for it in Side])
                 for alone in (None, side):
                     for near in self._model.contacts(both, _WITHIN, alone):
                         one, other = near["parts"]
