@@ -4,7 +4,7 @@
 
     ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1
     ros2 launch yumi_ros2 yumi.launch.py virtual:=true
-    ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1 bringup:=false       # touch nothing until it is asked
+    ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1 bringup:=true        # motors on, grippers calibrated
     ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1 namespace:=cell1     # one of several robots
 
 The password of a robot is read from the environment variable YUMI_PASSWORD, or from a file. Included in a group with
@@ -41,7 +41,11 @@ ARGUMENTS = (
         "Controller that commands the arms after EGM has started; empty: as in the settings.",
     ),
     ("record", "", "Record every cycle of both arms to this MCAP file."),
-    ("bringup", "true", "Whether the driver brings the robot to ready at start; else it only reads until it is asked."),
+    (
+        "bringup",
+        "",
+        "Whether the driver brings the robot to ready at start, or only reads until it is asked; empty: only a virtual one.",
+    ),
     ("namespace", "", "Of this robot among several in one ROS graph, such as cell1; all its nodes are under it."),
     ("prefix", "", "What stands before the names of all joints and links, such as a_."),
     ("frame_prefix", "", "What stands before the names of frames on /tf; empty: the namespace and a slash."),
@@ -79,7 +83,8 @@ def _start(context: Any) -> list[Any]:
 
 def _driver(given: dict[str, str]) -> Node:
     options = _options(given, PASSED_ON)
-    options.append("--bringup" if given["bringup"].lower() == "true" else "--no-bringup")
+    if given["bringup"]:
+        options.append("--bringup" if given["bringup"].lower() == "true" else "--no-bringup")
     if given["network"].lower() == "true":
         options.append("--network")
     return _command("up", options, ["--log-level", given["log_level"]])

@@ -25,6 +25,11 @@ FUZZ_REQUESTS = int(os.environ.get("YUMI_FUZZ_REQUESTS", "20000"))
 CONTROLLERS = int(os.environ.get("YUMI_SOAK_CONTROLLERS", "50"))
 """Virtual controllers, one after another."""
 
+HAND_OVERS = int(os.environ.get("YUMI_HAND_OVERS", "1000"))
+"""Random sequences of people, programs, devices and links that want the arms."""
+
+SEED = int(os.environ.get("YUMI_SEED", "0"))
+"""Of those: a long form is run in pieces with different ones."""
 
 COLLISION_CYCLES = int(os.environ.get("YUMI_COLLISION_CYCLES", "1000000"))
 """In which both arms are driven at each other and at what stands around them."""

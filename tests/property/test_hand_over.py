@@ -18,7 +18,7 @@ from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.joints import Joints, Side, joints
 from cartesian_bench import shares
 from refusals import refused
-from soak import long, short, tell
+from soak import HAND_OVERS, SEED, long, short, tell
 from system.teleoperation_bench import (
     LEFT_START,
     RATE,
@@ -40,7 +40,7 @@ from yumi.driver.device_frame import DeviceHand, DeviceSettings
 from yumi.driver.teleoperated_arm import LINK_LOST
 
 LEFT = Side.LEFT
-HOLDS = 1e-3  # [rad] a stop of an arm that stands has it hold where it is measured, not where it was sent
+HOLDS = 1e-3  # [rad] the virtual robot creeps as little under loads
 STARTS = {RIGHT: START, LEFT: LEFT_START}
 REFUSED = {"arm_commanded_by_another", "arm_reserved_for_person"}
 BUSY = {"goal_not_reached", "stream_begins_elsewhere", "interrupted_while_planned", "goal_refused"}
@@ -100,8 +100,9 @@ class Scene:
         self.scripts = {side: Program(None, "script", pool) for side in Side}
         self._late: list[tuple[float, DeviceHand, DeviceHand]] = []
         self._silent_until = 0.0
-        self._let_go: dict[Side, float] = {}
-        self._still: dict[Side, Joints] = {}
+        self._reserved_since: dict[Side, float] = {}
+        self._let_go: dict[Side, float] = {}  # when it was seen first with nothing that takes it over
+        self._still: dict[Side, tuple[np.ndarray, np.ndarray]] = {}  # lowest and highest that joints may be sent
         driver.hand_over._on_event = self._note
 
     def _note(self, event: Event) -> None:
@@ -135,14 +136,22 @@ class Scene:
             self._driver.wait(1.0 / RATE)
 
     def _check_holds(self, side: Side, step: int) -> None:
-        """See that an arm that a person has let go stays where it has come to rest."""
-        command, sent = self._driver.hand_over.of(side), self._driver.snapshot(side).sent
-        if command.who is not Commander.NONE or not command.is_reserved or command.since != self._let_go.get(side):
-            self._let_go[side] = command.since
+        """See that an arm that a person has let go stays where it has come to rest.
+
+        The robot is behind what it was sent by up to 0.01 rad when it counts as standing. A stop that comes late then
+        has it hold where it is, so it only goes less far. The stop of a person who has pressed and let go at once is
+        waited for: it comes from a thread that has less time than the robot here.
+        """
+        snapshot = self._driver.snapshot(side)
+        command, sent = self._driver.hand_over.of(side), snapshot.sent
+        is_held = command.who is Commander.NONE and command.is_reserved and not self._operator.is_taking_over
+        if not is_held or command.since != self._reserved_since.get(side):
+            self._reserved_since[side], self._let_go[side] = command.since, self._driver.now()
             self._still.pop(side, None)
-        elif self._driver.now() - command.since > STILL:
-            still = self._still.setdefault(side, sent)
-            assert sent == pytest.approx(still, abs=HOLDS), (step, side)
+        elif self._driver.now() - self._let_go[side] > STILL:
+            ends = np.array([sent, snapshot.position])
+            lowest, highest = self._still.setdefault(side, (ends.min(axis=0) - HOLDS, ends.max(axis=0) + HOLDS))
+            assert np.all((lowest <= sent) & (sent <= highest)), (step, side, lowest, sent, highest)
 
     def _send(self, *, is_mixed: bool) -> None:
         for hand in self._hands.values():
@@ -205,11 +214,11 @@ def pool() -> Iterator[ThreadPoolExecutor]:
         yield pool
 
 
-@pytest.mark.parametrize("count", [short(2, pytest.mark.timeout(60)), long(1000, 10800.0)])
+@pytest.mark.parametrize("count", [short(2, pytest.mark.timeout(60)), long(HAND_OVERS, 10800.0)])
 def test_no_hand_over_steps_and_nothing_resumes_by_itself(
     driver: Driver, operator: Operator, pool: ThreadPoolExecutor, count: int
 ) -> None:
-    generator = np.random.default_rng(70)
+    generator = np.random.default_rng((70, SEED))
     scene, worst = Scene(driver, operator, generator, pool), np.zeros(3)
     for number in range(1, 1 + count):
         operator.settings = DeviceSettings(cutoff=float(generator.choice([0.0, 3.0])), speed=0.3)

@@ -88,6 +88,11 @@ class Operator:
         self.hold(seconds, lambda time: DeviceHand())
 
     @property
+    def is_taking_over(self) -> bool:
+        """Whether another thread takes an arm over, which lasts longer there than here."""
+        return not all(work.done() for work in self._pending)
+
+    @property
     def clutch(self) -> str:
         return self.report.right.clutch
 

@@ -157,3 +157,30 @@ def test_stop_of_a_script_is_open_to_it_while_a_person_commands(clients: Clients
     before = clients.driver.snapshot(RIGHT).sent
     clients.driver.wait(0.3)
     assert clients.driver.snapshot(RIGHT).sent == pytest.approx(before, abs=1e-9)
+
+
+def test_grippers_of_a_stream_are_refused_as_the_arm_itself_is(clients: Clients) -> None:
+    driver = clients.driver
+    clients.jog(0.3)
+    fingers = {side: driver.world.grippers[side].position for side in Side}
+    grips = Stream(grippers={"right": 0.02, "left": 0.02})
+    with refused(CommandRefused, "arm_commanded_by_another", arm="right", who="page"):
+        clients.done(grips, SCRIPT)
+    driver.wait(1.0)
+    turned = Stream(left=(*LEFT_START[:6], LEFT_START[6] + 0.01), grippers={"right": 0.02})
+    for stream in (grips, turned):  # all of it is refused, also for the other arm
+        with refused(CommandRefused, "arm_reserved_for_person", arm="right"):
+            clients.done(stream, SCRIPT)
+    driver.wait(1.0)
+    assert {side: driver.world.grippers[side].position for side in Side} == fingers
+    assert driver.snapshot(Side.LEFT).sent == pytest.approx(LEFT_START, abs=1e-9)
+    clients.done(GiveBack(arms=("right",)), PAGE)
+    clients.done(grips, SCRIPT)
+    driver.wait(1.0)
+    assert all(driver.world.grippers[side].position != fingers[side] for side in Side)
+
+
+def test_line_to_a_pose_that_no_arm_reaches_leaves_the_arm_to_other_clients(clients: Clients) -> None:
+    with pytest.raises(CommandRefused):
+        clients.done(Move(right=(3.0, 0.0, 0.3), is_pose=True, is_linear=True), SCRIPT)
+    assert command(clients) == (Commander.NONE, False)

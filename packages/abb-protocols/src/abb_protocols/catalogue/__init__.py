@@ -133,10 +133,13 @@ def sentence(said: Message, front_end: FrontEnd | None = None) -> str:
     """A message as one or more whole sentences."""
     if said.code == "text":  # what others have said, as they said it
         return str(said.values["text"])
-    text = _full(said, front_end)
-    if _begins_with_a_word(said):
-        text = text[:1].upper() + text[1:]
+    text = _begun(said, _full(said, front_end))
     return text if text.endswith((".", "!", "?", ":")) else f"{text}."
+
+
+def headline(said: Message, front_end: FrontEnd | None = None) -> str:
+    """What was done or is so, as a line of its own, without a full stop and without what to do."""
+    return _begun(said, clause(said, front_end))
 
 
 def clause(said: Message, front_end: FrontEnd | None = None) -> str:
@@ -218,6 +221,11 @@ _ACTION_FIELDS: Mapping[str, Action] = {
 
 def _template(said: Message) -> Text:
     return all_texts()[said.code]
+
+
+def _begun(said: Message, text: str) -> str:
+    """The words of a message as a sentence begins."""
+    return text[:1].upper() + text[1:] if _begins_with_a_word(said) else text
 
 
 def _begins_with_a_word(said: Message) -> bool:

@@ -51,6 +51,7 @@ def connect(
     default_speed_scale: float = 0.5,
     acceleration: float = 0.5,
     speed_scale: float | None = None,
+    bringup: bool | None = None,
     rws_port: int | None = None,
     left_egm_port: int | None = None,
     right_egm_port: int | None = None,
@@ -64,13 +65,14 @@ def connect(
 
     ::
 
-        with yumi.connect("192.168.125.1") as robot:
+        with yumi.connect("192.168.125.1", bringup=True) as robot:
             robot.right.move_to(yumi.degrees(0, -130, -135, 30, 0, 40, 0))
             robot.left.gripper.open()
             robot.left.gripper.grasp(force=10.0)
 
-    On entry the robot is brought to ready: motors on, RAPID program running, grippers calibrated, EGM on the arms. On
-    exit, also after an error or Ctrl-C, the arms come to rest first, then EGM ends.
+    On entry the robot is brought to ready where ``bringup`` says so: motors on, RAPID program running, grippers
+    calibrated. Then EGM starts, and the arms hold. On exit, also after an error or Ctrl-C, the arms come to rest first,
+    then EGM ends.
 
     Args:
         address: the controller's, ``host`` or ``host:port``; None takes the settings'. Without a port it is 80, on this
@@ -81,6 +83,8 @@ def connect(
         acceleration: the same for accelerations and jerks.
         speed_scale: factor on the speed of every motion, 0.01 to 1; None takes the settings': 1 for a robot on this
             machine, 0.1 for any other. See :attr:`yumi.api.robot.Robot.speed_scale`.
+        bringup: whether the robot is brought to ready; without, one that is not ready is refused, with what it lacks,
+            and nothing is changed. None takes the settings': only a robot on this machine.
         rws_port: HTTP port of Robot Web Services.
         left_egm_port: UDP port where the left arm's datagrams arrive; and the right arm's:
         right_egm_port: as above.
@@ -96,7 +100,7 @@ def connect(
     where = {"left_port": left_egm_port, "right_port": right_egm_port}
     password = password_of_environment() if password is None else password
     robot = {"user": user, "password": password, "speed_scale": speed_scale}
-    settings = settings_for(address, rws_port, robot, where, config)
+    settings = settings_for(address, rws_port, robot, where, config, bringup)
     return Robot(
         settings,
         controllers_for(settings, default_speed_scale, acceleration, controllers),
@@ -129,13 +133,15 @@ def settings_for(
     login: Given | None = None,
     egm: Given | None = None,
     config: Path | str | None = None,
+    bringup: bool | None = None,
 ) -> Settings:
     """The settings with what was given to ``connect`` on top; None leaves a value as it is.
 
     Raises:
         SettingsError: a value is wrong.
     """
-    values = {"robot": {**_address(address, rws_port), **(login or {})}, "egm": egm or {}}
+    values: dict[str, Given] = {"robot": {**_address(address, rws_port), **(login or {})}, "egm": egm or {}}
+    values["ros"] = {"bringup": bringup}
     given = {
         group: {key: value for key, value in entries.items() if value is not None} for group, entries in values.items()
     }

@@ -39,7 +39,7 @@ from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
 from yumi.driver.teleoperation import Elsewhere
-from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
+from yumi.driver.wiring import Controllers, DriverParts, brings_up, make_parts, only_at_robot
 from yumi.recording.message_types import STATE
 from yumi.recording.recorder import FullRecorder, Source, Sources
 
@@ -133,11 +133,12 @@ class Connection:
         self._note: Callable[[Event], None] = lambda event: None
         self._failures = Failures()
 
-    def open(self, confirm: str = "") -> None:
-        """Connect, bring the robot to ready, calibrate grippers that need it and start EGM on its arms.
+    def open(self, confirm: str = "", *, is_named: bool = False) -> None:
+        """Connect, bring the robot to ready where that is named, and start EGM on its arms, which hold where they are.
 
         Args:
-            confirm: id of the stop that a person has confirmed.
+            confirm: id of the stop that a person has confirmed, who thereby has the robot brought to ready, too.
+            is_named: whether bring-up is named here, whatever the settings say.
 
         Raises:
             StopNotConfirmed: a stop waits for a person's confirmation; everything is as before.
@@ -152,15 +153,19 @@ class Connection:
             stack.callback(atexit.unregister, self.close)
             stack.callback(self._end_motion)
             # As a warning, which a script without logging shows, too.
-            is_tested = self._settings.gripper.test_at_start and not self._were_tested
-            steps = [*self.manager.steps_to_ready(), *self._gripper_setup.steps(is_tested=is_tested)]
-            start = f"start EGM on {arms_in_words(self._arms)} (to hold where they are)"
-            log.warning("%s%s.", ANNOUNCEMENT, ", ".join([*steps, start]))
-            self.manager.make_ready(confirm)
-            if is_tested:  # not while EGM runs
-                self._were_tested = True
-                close_as_test(self.grippers, log.info, log.warning)
-            self.manager.start_egm()
+            is_named = is_named or bool(confirm) or brings_up(self._settings)
+            is_tested = is_named and self._settings.gripper.test_at_start and not self._were_tested
+            with self.manager.starting(brings_up=is_named):
+                if not is_named:
+                    self.manager.make_ready()  # refused where there is anything to do
+                steps = [*self.manager.steps_to_ready(), *self._gripper_setup.steps(is_tested=is_tested)]
+                start = f"start EGM on {arms_in_words(self._arms)} (to hold where they are)"
+                log.warning("%s%s.", ANNOUNCEMENT, ", ".join([*steps, start]))
+                self.manager.make_ready(confirm)
+                if is_tested:  # not while EGM runs
+                    self._were_tested = True
+                    close_as_test(self.grippers, log.info, log.warning)
+                self.manager.start_egm()
             stack.enter_context(self._endpoint())
             self._stack = stack.pop_all()
 
@@ -223,6 +228,7 @@ class Connection:
             manager.step,
             log.warning,
             is_allowed=settings.gripper.calibrate is CalibrateWhen.AT_START,
+            is_named=lambda: manager.may_calibrate,
             is_confirmed=lambda: not manager.is_unattended,
         )
         manager.when_ready(self._gripper_setup.run)
@@ -269,7 +275,7 @@ class Connection:
             self._control.check()
         except RobotNotReady:
             self.close()
-            self.open(confirm)
+            self.open(confirm, is_named=True)
             done = "The robot was connected anew."
         else:
             self._come_to_rest()

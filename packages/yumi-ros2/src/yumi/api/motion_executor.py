@@ -235,7 +235,12 @@ class MotionExecutor(ArmStreams):
         for side in sides:
             self.streaming.pop(side, None)
         before = {side: self.control.snapshot(side).command_epoch for side in sides}
-        plans = plan(self.control.call(Commands.commanded_positions, *sides))
+        try:
+            plans = plan(self.control.call(Commands.commanded_positions, *sides))
+        except CommandRefused:  # found only now, where the arms stand: other clients need not wait for nothing
+            for side in sides:
+                self.control.hand_over.let_go(side)
+            raise
         check()
         for side, epoch in before.items():  # planning takes a while
             if self.control.snapshot(side).command_epoch != epoch:

@@ -22,6 +22,7 @@ from yumi.api.robot_arm import Arm
 from yumi.api.tool import Frames, Gripper, PoseLike, boxes_from, poses_from, waypoints_from
 from yumi.control.chunk_commands import MOST_JUMP
 from yumi.control.goals import Tracking, stream_delay
+from yumi.control.hand_over import Commander
 from yumi.driver import gripper as driver
 from yumi.driver.gripper_follower import closed_of
 from yumi.driver.robot_state import RobotState
@@ -95,7 +96,9 @@ class Robot:
         return f"<yumi.Robot at {self._address}, {'' if self._is_connected else 'not '}connected>"
 
     def open(self, confirm: str = "") -> Robot:
-        """Connect, switch the motors on, start EGM and calibrate grippers that need it; a notebook's ``with``.
+        """Connect, bring the robot to ready where that is named, and start EGM; a notebook's ``with``.
+
+        See ``bringup`` of :func:`yumi.connect`. A person who confirms a stop has the robot brought to ready, too.
 
         Args:
             confirm: the stop that a person has looked at and confirms: ``stop`` of the error of an earlier attempt.
@@ -243,6 +246,7 @@ class Robot:
         if not goals and not closed:
             raise CommandRefused(message("stream_empty"))
         speeds = {_side(arm): velocity for arm, velocity in (velocities or {}).items()}
+        self.executor.control.hand_over.check_all(closed, Commander.STREAM)
         self.executor.stream(goals, speeds, time, stream_delay(tracking, delay), blend)
         if closed:
             self._connected.follow_with_grippers(closed)

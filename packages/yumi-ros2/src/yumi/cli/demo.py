@@ -352,6 +352,7 @@ def demo(
         click.echo(ahead, err=is_quiet)
         if not yes:
             click.confirm(f"This moves the robot at {robot}. Is its workspace free?", abort=True, err=is_quiet)
+        options = (*options, "--bringup")
     is_over = end_flag()
     with DemoScreen(is_quiet=json_output.is_printed) as screen:
         confirm = (lambda *_: False) if yes else screen.confirm

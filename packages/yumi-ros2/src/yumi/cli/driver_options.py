@@ -26,6 +26,14 @@ config_option = click.option(
 )
 
 
+bringup_option = click.option(
+    "--bringup/--no-bringup",
+    default=None,
+    help="Bring the robot to ready: motors on, RAPID started, grippers calibrated. Unless given, a robot on this "
+    "machine is brought to ready, and a real one is not.",
+)
+
+
 def robot_options(without: str = OF_SETTINGS) -> Decorator:
     """Options that say where the robot is and who logs in, see :func:`settings_of`."""
 

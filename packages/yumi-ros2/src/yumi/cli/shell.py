@@ -16,7 +16,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import RobotNotReady
 from abb_runtime.options import OF_DRIVER, egm_port_options, speed_scale_option
 from yumi.api.attach import attach
-from yumi.cli.driver_options import robot_options
+from yumi.cli.driver_options import bringup_option, robot_options
 
 _HISTORY = Path.home() / ".yumi_history"
 
@@ -25,6 +25,7 @@ _HISTORY = Path.home() / ".yumi_history"
 @robot_options(OF_DRIVER)
 @egm_port_options()
 @speed_scale_option()
+@bringup_option
 def shell(**options: Any) -> None:
     """Open a Python prompt with the driver or a robot.
 
@@ -33,7 +34,7 @@ def shell(**options: Any) -> None:
     \b
     Examples:
       yumi shell                          driver.move_to(right="home")
-      yumi shell --robot 192.168.125.1    robot.right.move_to("home")
+      yumi shell --robot 192.168.125.1 --bringup    robot.right.move_to("home")
     """
     if options["robot"] is None:
         if any(value is not None for value in options.values()):

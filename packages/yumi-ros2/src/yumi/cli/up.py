@@ -59,6 +59,7 @@ from yumi.api.connection import commanded_robot, motion_executor, recorded_sourc
 from yumi.api.motion_registry import MotionRegistry
 from yumi.cli.driver_options import (
     ROS_ARGUMENTS,
+    bringup_option,
     config_option,
     demand_ros,
     limit_discovery,
@@ -75,7 +76,7 @@ from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, RobotSettings, Settings, read_controllers, read_settings
-from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
+from yumi.driver.wiring import Controllers, DriverParts, brings_up, make_parts, only_at_robot
 from yumi.recording.reader import read_recording
 from yumi.recording.recorder import Recorder
 
@@ -122,12 +123,7 @@ _SIGNALS = 1.0  # [s] between two attempts to subscribe to the grippers' signals
     help="Controller that commands the arms after EGM has started; else joint_position_controller.",
 )
 @click.option("--record", type=NEW_FILE, help="Record every cycle to this MCAP file.")
-@click.option(
-    "--bringup/--no-bringup",
-    default=None,
-    help="Bring the robot to ready at start: motors on, RAPID started, grippers calibrated. Without, the driver "
-    "connects and only reads until start_egm, set_mode or recover is called.",
-)
+@bringup_option
 @click.option(
     "--namespace", help="Of this robot among several in one ROS graph, such as cell1; all its nodes are under it."
 )
@@ -146,17 +142,17 @@ def up(
     until_stdin_closes: bool,
     **options: Any,
 ) -> None:
-    """Run the driver: it brings the robot to ready.
+    """Run the driver; with --bringup it brings the robot to ready.
 
     It serves ROS 2, the commands of yumi and scripts that attach to it, and prints what it will do to the robot
     beforehand.
 
     \b
     Examples:
-      yumi up --robot 192.168.125.1
+      yumi up --robot 192.168.125.1            only reads at first
+      yumi up --robot 192.168.125.1 --bringup  motors on, grippers calibrated
       yumi up --robot 127.0.0.1            `yumi controller` in another terminal
       yumi up --robot 127.0.0.1 --wait     the controller may start later
-      yumi up --robot 192.168.125.1 --no-bringup         only reads at first
       yumi up --robot 192.168.125.1 --namespace cell1    /cell1/r/joint_states
       yumi up --robot 192.168.125.1 --no-ros             no ROS 2 is needed
       yumi state                           what it does, in another terminal
@@ -228,7 +224,7 @@ def run_driver(
 ) -> None:
     """The driver: connect, bring the robot to ready, serve until ``is_over``; leaves the robot without EGM.
 
-    Without ``ros.bringup`` it connects and reads, and changes nothing on the robot until it is asked to.
+    Unless ``ros.bringup`` names it, a real robot is left as it is until the driver is asked for more.
 
     Args:
         settings: where the robot is, and how it moves.
@@ -299,7 +295,7 @@ def run_driver(
             log(logging.INFO, sentence)
         log(logging.DEBUG, control.started_as)
         log(*_speed_line(manager, with_ros=with_ros))
-        reason = front.bring_up(is_reading_only=not settings.ros.bringup)
+        reason = front.bring_up(is_reading_only=not brings_up(settings))
         settle_memory()
         on_ready(reason)
         is_over.wait()
@@ -361,6 +357,7 @@ class DriverWithoutRos:
             manager.step,
             lambda said: self.log(logging.ERROR, str(said)),
             is_allowed=own.calibrate is CalibrateWhen.AT_START,
+            is_named=lambda: manager.may_calibrate,
             is_confirmed=lambda: not manager.is_unattended,
         )
         self._is_over = Flag()

@@ -42,6 +42,13 @@ DISTANCES = 20_000
 _SEVEN = Struct("7d")
 
 
+def declared_margins(model: CollisionModel, margin: float) -> NDArray[np.float64]:
+    """How near any two parts may come to each other [m], (parts, parts)."""
+    is_near = model.frames == 0  # the shoulders are as near to the other arm as to the body, and bolted to it
+    is_near[model.body] = True
+    return np.where(is_near[:, None] | is_near, min(margin, BODY_MARGIN), margin)
+
+
 class CollisionLimiter:
     """Keeps both arms apart; :meth:`arm` is what the limiter of one arm uses.
 
@@ -78,10 +85,7 @@ class CollisionLimiter:
         self.is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
         for side, parts in model.arms.items():
             self.is_of[side][parts] = True
-        # The shoulders are as near to the other arm as to the body, and bolted to it.
-        is_near = model.frames == 0
-        is_near[model.body] = True
-        self._declared = np.where(is_near[:, None] | is_near, min(margin, BODY_MARGIN), margin)
+        self._declared = declared_margins(model, margin)
         self.library = load()
         numbers = {name: number for number, name in enumerate(model.names)}
         names = np.array([numbers[name] for name in model.names])

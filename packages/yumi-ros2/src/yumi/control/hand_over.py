@@ -213,8 +213,7 @@ class HandOver:
         """
         with ExitStack() as gates:
             ordered = self._entered(gates, sides)
-            for side in ordered:
-                self.check(side, kind)
+            self.check_all(ordered, kind)
             return frozenset(side for side in ordered if self.take(side, kind, lasts))
 
     def check(self, side: Side, kind: Commander) -> None:
@@ -222,6 +221,11 @@ class HandOver:
         requester = _requester.get()
         with self._reporting():
             self._check(side, self._current(side).command, requester.who or kind, requester.client)
+
+    def check_all(self, sides: Collection[Side], kind: Commander) -> None:
+        """See that the requester could take arms, for what comes beside their goals. Raises as :meth:`take`."""
+        for side in sides:
+            self.check(side, kind)
 
     @contextmanager
     def writing(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
-from abb_protocols.catalogue import Message
+from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
@@ -58,6 +58,7 @@ class Bringup:
             not be done any more.
         when_ready: called each time the robot has become ready, and before EGM starts: what needs the program running
             and no EGM.
+        only_if_ready: whether :meth:`make_ready` refuses where it would have to do something to the robot.
         misdirected: where an arm's datagrams go elsewhere by the controller's configuration, and what to do.
     """
 
@@ -77,6 +78,7 @@ class Bringup:
         self.machines = StateMachines(client, motion, clock, self.speed)
         self.before_step: Report = lambda step: None
         self.when_ready: Callable[[], None] = lambda: None
+        self.only_if_ready = False
         self.misdirected: Mapping[Side, Message] = {}
         self._reports = [report]
         self._warn = warn or report
@@ -139,14 +141,18 @@ class Bringup:
         """Motors on, program running, both state machines idle.
 
         Raises:
-            RobotNotReady: a step was not done in time; the message says which and what to do.
+            RobotNotReady: a step was not done in time, or is needed with :attr:`only_if_ready`; the message says which
+                and what to do.
         """
         if not self._is_checked:
             self.check_controller()
         self.report_remarks()
         state = self.panel.state()
         check_request(ConditionalRequest.BRING_UP, state)
-        for step in self._steps(state):
+        steps = self._steps(state)
+        if steps and self.only_if_ready:
+            raise RobotNotReady(message("bring_up_not_named", steps=tuple(step.name for step in steps)))
+        for step in steps:
             self.step(step.name)
             step.do()
         self.when_ready()

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd, message
+from abb_protocols.catalogue import FrontEnd, headline, message
 from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.gripper_values import MAX_FORCE, TRAVEL, Direction, go_to, grip
@@ -212,7 +212,9 @@ class GiveBack(Command[str], frozen=True):
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         given = robot.control.hand_over.give_back(sides_of(self.arms) or tuple(Side))
-        return f"Programs may command {arms_in_words(given)} again" if given else "No arm is reserved for a person"
+        if not given:
+            return headline(message("no_arm_reserved"))
+        return headline(message("arms_given_back", arms=arms_in_words(given)))
 
 
 # ---- grippers
@@ -240,8 +242,9 @@ class Calibrate(Command[str], frozen=True):
             for side in sides:
                 stack.enter_context(robot.grippers[side].alone())
             robot.calibrate(sides, caller.check)
-        words = " and ".join(side.word for side in sides)
-        return f"The {words} gripper{'s are' if len(sides) > 1 else ' is'} calibrated"
+        if len(set(sides)) > 1:
+            return headline(message("grippers_now_calibrated"))
+        return headline(message("gripper_now_calibrated", arm=sides[0].word))
 
 
 class Grip(Command[GripReport], frozen=True):
@@ -299,7 +302,7 @@ class SwitchControllers(Command[str], frozen=True):
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
         done = robot.control.call(Commands.switch_controllers, side, self.activate, self.deactivate)
-        return done or f"The controllers of the {side.word} arm are switched"
+        return done or headline(message("controllers_switched", arm=side.word))
 
 
 class AllowCollision(Command[str], frozen=True):
@@ -376,15 +379,16 @@ class PpToMain(PanelCommand, frozen=True):
 
 
 class RunRoutine(PanelCommand, frozen=True):
-    """Run a RAPID routine in an arm's task and wait for its end."""
+    """Run a RAPID routine in an arm's task and wait for its end; the limiter does not act on its motions."""
 
     arm: Arm
     routine: str
+    unchecked: bool = False
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
         with robot.control.hand_over.holding(side, Commander.RAPID):
-            return robot.manager.run_routine(side, self.routine)
+            return robot.manager.run_routine(side, self.routine, is_unchecked=self.unchecked)
 
 
 class LoadModule(PanelCommand, frozen=True):
@@ -399,17 +403,18 @@ class LoadModule(PanelCommand, frozen=True):
 
 
 class RunModule(PanelCommand, frozen=True):
-    """Load a module and run one of its routines."""
+    """Load a module and run one of its routines; the limiter does not act on its motions."""
 
     arm: Arm
     file_name: str
     text: str
     routine: str
+    unchecked: bool = False
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
         with robot.control.hand_over.holding(side, Commander.RAPID):
-            return robot.manager.run_module(side, self.file_name, self.text, self.routine)
+            return robot.manager.run_module(side, self.file_name, self.text, self.routine, is_unchecked=self.unchecked)
 
 
 class SetTool(PanelCommand, frozen=True):
@@ -454,7 +459,7 @@ class WriteSignal(PanelCommand, frozen=True):
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         robot.manager.write_signal(self.name, self.value)
-        return f"Signal {self.name} is {self.value}"
+        return headline(message("signal_is", signal=self.name, value=self.value))
 
 
 class ReadVariable(PanelCommand, frozen=True):
@@ -482,7 +487,9 @@ class WriteVariable(PanelCommand, frozen=True):
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         robot.manager.panel.write_variable(self.task, self.module, self.name, self.value)
-        return f"{self.task}/{self.module}/{self.name} is {self.value}"
+        return headline(
+            message("variable_is", task=self.task, module=self.module, variable=self.name, value=self.value)
+        )
 
 
 COMMANDS: tuple[type[Command[Any]], ...] = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from abb_protocols.catalogue import Message, clause, message
+from abb_protocols.catalogue import Message, clause, headline, message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import Clock, wait_until
@@ -115,7 +115,7 @@ class EgmControl:
             if not self._control.snapshot(side).is_commanded:
                 self._activate(side)
             self._deactivated.pop(side, None)
-        return f"EGM runs on {arms_in_words(arms)}, the controllers are active"
+        return headline(message("egm_runs", arms=arms_in_words(arms)))
 
     def stop(self) -> None:
         """Deactivate what commands the arms and stop EGM; they come to rest.

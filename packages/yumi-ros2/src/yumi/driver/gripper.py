@@ -523,6 +523,7 @@ class GripperSetup:
         warn: gets which gripper cannot be used, why, and what to do; once, until that changes.
         is_allowed: whether they may be calibrated without being asked for (``gripper.calibrate``).
         why_not: why a gripper may not move now; None when it may.
+        is_named: whether what makes the robot ready names the calibration, as a call that only resumes does not.
         is_confirmed: whether nothing that stopped the robot waits for a person: an uncalibrated gripper does not know
             what is between its fingers.
     """
@@ -535,6 +536,7 @@ class GripperSetup:
         *,
         is_allowed: bool = True,
         why_not: Callable[[Side], Message | None] = lambda side: None,
+        is_named: Callable[[], bool] = lambda: True,
         is_confirmed: Callable[[], bool] = lambda: True,
     ) -> None:
         self._grippers = grippers
@@ -542,6 +544,7 @@ class GripperSetup:
         self._warn = warn
         self._is_allowed = is_allowed
         self._why_not = why_not
+        self._is_named = is_named
         self._is_confirmed = is_confirmed
         self._warnings: dict[Side, Message] = {}
 
@@ -589,6 +592,8 @@ class GripperSetup:
     def _why_not_now(self, gripper: Gripper) -> Message | None:
         if not self._is_allowed:
             return message("calibration_not_allowed_by_settings")
+        if not self._is_named():
+            return message("calibration_not_named")
         if not self._is_confirmed():
             return message("gripper_may_hold_something_after_stop")
         return self._why_not(gripper.side) or gripper.why_not_calibrate()

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd, message
+from abb_protocols.catalogue import FrontEnd, headline, message
 from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import Joints, Side
@@ -229,6 +229,7 @@ class Stream(Command[str], frozen=True):
             raise CommandRefused(message("another_move_under_way"))
         try:
             caller.check()
+            robot.control.hand_over.check_all(closed, Commander.STREAM)
             if robot.mover.stream(self.goals, velocities, self.time, delay, self.blend):  # a controller was switched
                 robot.on_change()
         finally:
@@ -337,7 +338,7 @@ def _move(
             robot.control.hand_over.let_go(side)
     finally:
         robot.moving.release()
-    return f"The {' and the '.join(side.word for side in sides)} arm stand{'' if len(sides) > 1 else 's'} at the goal"
+    return headline(message("arms_at_goal") if len(sides) > 1 else message("arm_at_goal", arm=sides[0].word))
 
 
 def _give_back(robot: CommandedRobot, commanding: Mapping[Side, tuple[str, ...]]) -> None:

@@ -11,6 +11,7 @@ from abb_protocols.rws import values as rapid_values
 from abb_runtime.clock import Clock, wait_until
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.controller_panel import RAPID_NAME, ControllerPanel
+from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.readiness import ConditionalRequest, check_request
 from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import RAPID, RUN_RAPID, MachineState, StateMachines
@@ -30,34 +31,51 @@ class RapidRoutines:
         panel: of the same controller.
         machines: the state machines.
         clock: for waiting.
+        check: of the motions; None: they are not checked.
 
     Attributes:
         is_running: whether the end of one is awaited.
     """
 
-    def __init__(self, client: RwsClient, panel: ControllerPanel, machines: StateMachines, clock: Clock) -> None:
+    def __init__(
+        self,
+        client: RwsClient,
+        panel: ControllerPanel,
+        machines: StateMachines,
+        clock: Clock,
+        check: RapidMotionCheck | None = None,
+    ) -> None:
         self._client = client
         self._panel = panel
         self._machines = machines
         self._clock = clock
+        self._check = check
         self.is_running = False
 
-    def run(self, side: Side, name: str) -> None:
-        """Run a routine in one arm's task and wait for its end.
+    def run(self, side: Side, name: str, *, is_unchecked: bool = False) -> None:
+        """Run a routine in one arm's task and wait for its end. The limiter does not act on motions by RAPID.
 
         Args:
             side: whose task.
             name: of the state machine's own (``runMoveToCalibrationPosition``, ``runMoveJ``, ``runMoveAbsJ``,
                 ``runCallByVar``), of your ``TRobSystem``, or of any procedure without parameters in the task.
+            is_unchecked: whether a routine may run whose path is not known, see :class:`.RapidMotionCheck`.
 
         Raises:
-            CommandRefused: it is not a name of a routine; nothing was changed.
+            CommandRefused: it is not a name of a routine, or its path is not clear or not known; nothing was changed.
             RobotNotReady: the program does not run, the arm is busy, or the routine did not end in time.
         """
         if not RAPID_NAME.fullmatch(name):
             raise CommandRefused(message("no_routine_name", name=name))
         self._check_free(side, ConditionalRequest.RUN_ROUTINE)
+        if self._check is None:
+            self._run(side, name)
+            return
+        self._check.check_routine(side, name, is_unchecked=is_unchecked)
+        with self._check.slow_first(side, name):
+            self._run(side, name)
 
+    def _run(self, side: Side, name: str) -> None:
         def why_not_ended() -> Message:
             code = "routine_not_ended" if self._client.speed_ratio() > 0 else "routine_without_speed"
             return message(code, routine=name, task=side.task, duration=LONGEST_ROUTINE)
@@ -106,6 +124,8 @@ class RapidRoutines:
                 raise CommandRefused(message("module_from_other_file", task=side.task, module=module))
         self._client.upload(path, text)
         self._run_with_file(side, "runModuleLoad", path)
+        if self._check is not None:
+            self._check.note_loaded(side)
         if not self._has_module(side, module):
             raise CommandRefused(message("module_not_loaded", task=side.task, path=path))
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from threading import Event as Flag
 from typing import Protocol
 
-from abb_protocols.catalogue import message
+from abb_protocols.catalogue import headline, message
 from abb_protocols.errors import (
     ControllerRefused,
     NoConnection,
@@ -186,7 +186,7 @@ class Recovery:
             return self._egm.start(desired)
         self._egm.stop_if_running()
         self._bringup.make_ready()
-        return "The robot is ready"
+        return headline(message("robot_is_ready"))
 
 
 class Recoverable(Protocol):

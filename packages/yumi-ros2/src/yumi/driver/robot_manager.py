@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from threading import Lock
 
-from abb_protocols.catalogue import Message, message
+from abb_protocols.catalogue import Message, headline, message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.gripper_values import ServoCommand
@@ -33,9 +33,11 @@ from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
 from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
+from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.robot_state import Mode, Report, RobotState
+from yumi.driver.state_machine import RUN_RAPID
 from yumi.driver.stops import StopLog
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 
@@ -60,12 +62,16 @@ class RobotManager:
         watchdog: whether the robot stops when this program is silent, and when.
         stops: what stopped the robot, where an earlier connection knows it already.
         recovery: whether it recovers by itself where no person was involved.
+        is_real: whether the robot moves nothing, its fingers included, that no call names.
+        rapid_check: of motions by RAPID; None: they are not checked.
 
     Attributes:
         monitor: what is known of the robot.
         panel: the controller's motors, program, signals and variables; what may move the robot goes through the
             methods here instead.
         watchdog: on the robot, and our heartbeats to it.
+        is_real: as above.
+        may_calibrate: whether grippers that need it may be calibrated when the robot becomes ready.
         has_acted: whether it was asked to change anything on the robot; before, it has only read.
         is_unattended: whether it recovers without having been asked: a gripper does not close its fingers then.
         grippers: of both arms; their jogs end when a stop comes.
@@ -82,15 +88,20 @@ class RobotManager:
         watchdog: WatchdogSettings = WatchdogSettings(),  # noqa: B008 - it is frozen
         stops: StopLog | None = None,
         recovery: RecoverySettings = RecoverySettings(),  # noqa: B008 - it is frozen
+        *,
+        is_real: bool = False,
+        rapid_check: RapidMotionCheck | None = None,
     ) -> None:
         client = bringup.client
+        self.is_real, self.may_calibrate = is_real, not is_real
         self.speed, self.panel = bringup.speed, bringup.panel
         self.watchdog = Watchdog(client, control.check, watchdog)
         self._stops = stops or StopLog(clock)
         self.monitor = RobotMonitor(client, control, clock, self._stops, self.speed)
         self._client = client
         self._bringup = bringup
-        self._routines = RapidRoutines(client, bringup.panel, bringup.machines, clock)
+        self._rapid_check = rapid_check
+        self._routines = RapidRoutines(client, bringup.panel, bringup.machines, clock, rapid_check)
         self._egm = EgmControl(bringup, control, clock, default, self.watchdog)
         self._recovery = Recovery(bringup, self._egm, control, clock, self._stops)
         self.automatic_recovery = AutomaticRecovery(self, self._log, recovery)
@@ -125,6 +136,19 @@ class RobotManager:
         It calls :meth:`step` before each thing it does to the robot.
         """
         self._bringup.when_ready = prepare
+
+    @contextmanager
+    def starting(self, *, brings_up: bool) -> Iterator[None]:
+        """The start of a driver: within, a robot is brought to ready with calibrated grippers, or must be ready.
+
+        Args:
+            brings_up: whether the call, or the settings, name bring-up. Without, what would have to be done is refused.
+        """
+        self.may_calibrate, self._bringup.only_if_ready = brings_up, not brings_up
+        try:
+            yield
+        finally:
+            self.may_calibrate, self._bringup.only_if_ready = not self.is_real, False
 
     def step(self, name: str) -> None:
         """Report what is done to the robot next, within :meth:`when_ready`.
@@ -218,7 +242,7 @@ class RobotManager:
             if confirmed:
                 self._stops.check_unchanged(self._client, confirmed)
                 self._stops.close(confirmed)
-        return "The robot is ready"
+        return headline(message("robot_is_ready"))
 
     def start_egm(
         self,
@@ -250,7 +274,7 @@ class RobotManager:
         """Deactivate what commands the arms and stop EGM; they come to rest. Raises YumiError."""
         with self._stopping():
             self._egm.stop()
-        return "EGM has ended on both arms"
+        return headline(message("egm_has_ended"))
 
     def go_to(self, mode: Mode, report: Report, check: Callable[[], None] = lambda: None) -> str:
         """Bring the robot to a mode; ``report`` and ``check`` as of :meth:`start_egm`.
@@ -266,7 +290,7 @@ class RobotManager:
                 return self._start_egm(mode.arms)
             self._egm.stop_if_running()
             self._bringup.make_ready()
-            return "The robot is ready, EGM does not run"
+            return headline(message("robot_is_ready_without_egm"))
 
     def recover(self, report: Report, check: Callable[[], None] = lambda: None, confirmed: str = "") -> str:
         """Say what stopped the robot and bring it back, to EGM with its controllers if EGM was to run.
@@ -341,7 +365,7 @@ class RobotManager:
         """Motors on. Raises YumiError."""
         with self._moving():
             self.panel.switch_motors_on()
-        return "The motors are on"
+        return headline(message("motors_switched_on"))
 
     def motors_off(self, report: Report = lambda step: None, check: Callable[[], None] = lambda: None) -> str:
         """Motors off; EGM is ended before, so that the arms come to rest gently where they can.
@@ -353,26 +377,28 @@ class RobotManager:
             self._come_to_rest()
             self._bringup.step("motors off")
             self.panel.switch_motors_off()
-        return "The motors are off"
+        return headline(message("motors_switched_off"))
 
     def start_rapid(self) -> str:
-        """Start the program where its pointers are. Raises YumiError."""
+        """Start the program where its pointers are; a real robot's, where that moves nothing. Raises YumiError."""
         with self._moving():
+            if self._rapid_check is not None:
+                self._rapid_check.check_start()
             self.panel.start_rapid()
-        return "The RAPID program runs"
+        return headline(message("rapid_runs"))
 
     def stop_rapid(self) -> str:
         """Stop the program; EGM is ended before, so that the arms come to rest gently if they can. Raises YumiError."""
         with self._stopping(frozenset({PROGRAM_STOPPED})):
             self._come_to_rest()
             self.panel.stop_rapid()
-        return "The RAPID program is stopped"
+        return headline(message("rapid_is_stopped"))
 
     def pp_to_main(self) -> str:
         """Program pointers to main; the program must be stopped. Raises YumiError."""
         with self._changing():
             self.panel.move_pp_to_main()
-        return "The program pointers are at main"
+        return headline(message("pointers_at_main"))
 
     def set_speed_ratio(self, percent: int) -> str:
         """Override of the speeds of RAPID motions, 0 to 100 %; it does not change EGM motions. Raises YumiError.
@@ -383,24 +409,24 @@ class RobotManager:
             self.panel.set_speed_ratio(percent)
         finally:
             self.monitor.refresh()
-        return f"The speed ratio is {percent} %"
+        return headline(message("speed_ratio_is", percent=percent))
 
-    def run_routine(self, side: Side, name: str) -> str:
+    def run_routine(self, side: Side, name: str, *, is_unchecked: bool = False) -> str:
         """Run a RAPID routine in one arm's task and wait for its end, see :meth:`RapidRoutines.run`."""
         with self._moving():
-            self._routines.run(side, name)
-        return f"Routine {name} of {side.task} has run"
+            self._routines.run(side, name, is_unchecked=is_unchecked)
+        return headline(message("routine_has_run", routine=name, task=side.task))
 
     def load_module(self, side: Side, file_name: str, text: str) -> str:
         """Write a RAPID module onto the controller and load it, see :meth:`RapidRoutines.load_module`."""
         with self._changing():
             self._routines.load_module(side, file_name, text)
-        return f"{side.task} has loaded HOME:/{file_name}"
+        return headline(message("module_is_loaded", task=side.task, file=file_name))
 
-    def run_module(self, side: Side, file_name: str, text: str, routine: str) -> str:
+    def run_module(self, side: Side, file_name: str, text: str, routine: str, *, is_unchecked: bool = False) -> str:
         """Load a module and run one of its routines; both may raise."""
         self.load_module(side, file_name, text)
-        return self.run_routine(side, routine)
+        return self.run_routine(side, routine, is_unchecked=is_unchecked)
 
     def set_tool(self, side: Side, tcp: Pose, load: Mass) -> str:
         """Have the next EGM motion of an arm use a tool. Raises YumiError."""
@@ -427,10 +453,8 @@ class RobotManager:
             tool = change(machines.tool(side))
             machines.set_tool(side, tool)
         centre = ", ".join(f"{1e3 * value:.1f}" for value in tool.total.centre)
-        return (
-            f"EGM will start on the {side.word} arm with {tool.total.mass:.3f} kg at [{centre}] mm from tool0: tool "
-            f"{tool.load.mass:.3f} kg, payload {tool.payload.mass:.3f} kg"
-        )
+        masses = {"total": tool.total.mass, "tool": tool.load.mass, "payload": tool.payload.mass}
+        return headline(message("tool_is_set", arm=side.word, centre=centre, **masses))
 
     def allow_collision(self, part: str, other: str, seconds: float) -> str:
         """Let two parts touch for a time [s], slowly: see :meth:`yumi.api.robot.Robot.allow_collision`.
@@ -441,12 +465,12 @@ class RobotManager:
             RobotNotReady: the control process has ended.
         """
         self._control.call(Commands.allow_collision, part, other, seconds)
-        return f"{part} and {other} may touch for {seconds:g} s, and the arms are slow as long"
+        return headline(message("contact_allowed", part=part, other=other, duration=seconds))
 
     def end_allowed_collision(self, part: str, other: str) -> str:
         """Keep two parts apart again; nothing where they are. Raises CommandRefused for no parts, RobotNotReady."""
         self._control.call(Commands.end_allowed_collision, part, other)
-        return f"{part} and {other} are kept apart"
+        return headline(message("contact_ended", part=part, other=other))
 
     def tcp(self, side: Side) -> Pose:
         """The frame of an arm's tool in tool0 [m], by :meth:`set_tool` or the settings."""
@@ -476,12 +500,15 @@ class RobotManager:
         """Set an I/O signal. Raises YumiError; nothing was changed then.
 
         What starts a motion of the robot's program, or moves fingers, is refused while a stop waits for a person's
-        confirmation. Stopping fingers is not.
+        confirmation. Stopping fingers is not. The signal that runs a RAPID routine is not written at a real robot: what
+        :meth:`run_routine` checks would be left out.
         """
         signal = name.rpartition("/")[2].upper()  # also written as network/device/signal; RAPID's names know no case
         is_finger_stop = signal.startswith("HAND_CMDGRIPPER") and str(value) == str(int(ServoCommand.GO_TO_READY))
         if signal.startswith(("EGM_START", "RUN_", "HAND_CMD")) and not is_finger_stop:
             self._stops.check_confirmed(self._client, "")
+        if self.is_real and signal == RUN_RAPID:
+            raise CommandRefused(message("rapid_signal_not_written", signal=signal))
         self.panel.write_signal(name, value)
 
     # Turns
@@ -606,10 +633,11 @@ def bring_up(
             manager.report_remarks()
             log(logging.INFO, "The robot is left as it is until start_egm, set_mode or recover is called.")
             return None
-        steps = [*manager.steps_to_ready(), *setup.steps(is_tested=is_tested)]
-        if steps:
-            log(logging.WARNING, f"{ANNOUNCEMENT}{', '.join(steps)}.")
-        manager.make_ready()
+        with manager.starting(brings_up=True):
+            steps = [*manager.steps_to_ready(), *setup.steps(is_tested=is_tested)]
+            if steps:
+                log(logging.WARNING, f"{ANNOUNCEMENT}{', '.join(steps)}.")
+            manager.make_ready()
         if is_tested:
             close_as_test(
                 grippers,

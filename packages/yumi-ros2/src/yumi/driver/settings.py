@@ -290,6 +290,7 @@ class RosSettings:
     Attributes:
         merged_rate: how often ``joint_states`` of both arms and fingers is published [Hz].
         bringup: whether the driver brings the robot to ready at start; else it only reads until it is asked for more.
+            None (``auto``) is a robot on this machine only: a real one is brought up where a call or a file says so.
         initial_joint_controller: the controller that commands an arm after EGM has started, unless another one did
             before EGM ended by itself.
         namespace: of the robot, before ``r`` and ``l``, such as ``cell1``; empty for the only robot of a ROS graph.
@@ -303,7 +304,7 @@ class RosSettings:
     """
 
     merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
-    bringup: bool = True
+    bringup: bool | None = None
     initial_joint_controller: str = POSITION_CONTROLLER
     namespace: str = ""
     prefix: str = ""

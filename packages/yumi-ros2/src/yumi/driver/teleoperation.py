@@ -233,6 +233,7 @@ class Teleoperation:
         self._grippers[side].refusal = None
         try:
             self._robot.begin_following(side, follower)
+            self._grippers[side].forget()  # what a stream has sent before, and waits for the gripper
         except YumiError as error:
             with self._lock:
                 if arm.press == press:

@@ -63,6 +63,7 @@ from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.launch_checks import EgmAddress
+from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
@@ -144,7 +145,26 @@ def make_parts(
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
-    manager = RobotManager(bringup, control, clock, first, arms, settings.watchdog, stops, settings.recovery)
+    is_real = not is_on_this_machine(settings)
+    manager = RobotManager(
+        bringup,
+        control,
+        clock,
+        first,
+        arms,
+        settings.watchdog,
+        stops,
+        settings.recovery,
+        is_real=is_real,
+        rapid_check=RapidMotionCheck(
+            client,
+            bringup.panel,
+            bringup.machines,
+            settings.collision.model(plan.grippers) if settings.collision.enabled else None,
+            settings.collision.margin,
+            is_real=is_real,
+        ),
+    )
     if settings.collision.enabled:  # an arm without EGM is kept clear of, too
         manager.monitor.keeps_apart = True
         manager.monitor.on_joints = lambda side, states: control.buffers[side].read_joints.write(states)
@@ -158,7 +178,17 @@ def first_speed_scale(settings: Settings) -> float:
     """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
     if settings.robot.speed_scale is not None:
         return settings.robot.speed_scale
-    return FULL if ip_address(resolve(settings.robot.address)).is_loopback else FIRST_SPEED_SCALE
+    return FULL if is_on_this_machine(settings) else FIRST_SPEED_SCALE
+
+
+def is_on_this_machine(settings: Settings) -> bool:
+    """Whether the robot is on this machine, and so no real one."""
+    return ip_address(resolve(settings.robot.address)).is_loopback
+
+
+def brings_up(settings: Settings) -> bool:
+    """Whether a driver brings the robot to ready when it starts: a real one only where that is named."""
+    return is_on_this_machine(settings) if settings.ros.bringup is None else settings.ros.bringup
 
 
 def build_grippers(

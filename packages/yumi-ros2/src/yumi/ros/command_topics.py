@@ -284,6 +284,7 @@ class JointStreamTopic:
     def take(self, received: Any, waited: float = 0.0) -> None:
         """Pass on a point that was received ``waited`` [s] ago; raises CommandRefused, and nothing was changed."""
         time, (parts, closed) = self._now() - waited, _split(received)
+        self._hand_over.check_all(closed, Commander.STREAM)
         writes = [self._arms[side].point(part, time) for side, part in parts.items()]
         with self._hand_over.writing(parts, Commander.STREAM):
             for write in writes:

@@ -189,6 +189,7 @@ class RosDriver:
             manager.step,
             lambda said: log_error(str(said)),
             is_allowed=grippers.settings.calibrate is CalibrateWhen.AT_START,
+            is_named=lambda: manager.may_calibrate,
             is_confirmed=lambda: not manager.is_unattended,
         )
         manager.when_ready(self._gripper_setup.run)

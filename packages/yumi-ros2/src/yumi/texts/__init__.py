@@ -15,6 +15,7 @@ from yumi.texts.motions import CONTROLLERS, MOTIONS
 from yumi.texts.page import PAGE
 from yumi.texts.planning import PLANNING
 from yumi.texts.recordings import RECORDINGS
+from yumi.texts.results import RESULTS
 from yumi.texts.robot_controller import ROBOT_CONTROLLER
 from yumi.texts.robot_state import ROBOT_STATE
 from yumi.texts.ros import ROS
@@ -40,5 +41,6 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "Controllers": CONTROLLERS,
     "Scripts": SCRIPT,
     "Teleoperation": TELEOPERATION,
+    "Results of commands": RESULTS,
 }
 """The texts by subject, as the documentation lists them."""

@@ -52,6 +52,7 @@ GRIPPERS: Mapping[str, Text] = {
     ),
     "gripper_presses_on_something": Text("it presses on something"),
     "gripper_fingers_move": Text("its fingers move"),
+    "calibration_not_named": Text("the fingers of a real robot close only where a call names it"),
     "calibration_not_allowed_by_settings": Text(
         "the setting gripper.calibrate is 'never'",
     ),

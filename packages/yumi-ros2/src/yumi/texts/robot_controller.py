@@ -82,6 +82,25 @@ ROBOT_CONTROLLER: Mapping[str, Text] = {
         "motion goes on",
         "look at the robot, then raise the speed ratio (set_speed_ratio, or at the FlexPendant)",
     ),
+    "rapid_path_unknown": Text(
+        "the path of routine {routine} of {task} is not known, so it is not checked, and the limiter does not act on "
+        "motions by RAPID",
+        "look that nothing is in the way of both arms, then call it with unchecked: true",
+    ),
+    "rapid_path_too_near": Text(
+        "routine {routine} would bring {part} and {other} too near to each other, after {share:.0f} % of its way",
+        "choose another goal, or move the other arm away first",
+    ),
+    "rapid_beside_moving_arm": Text(
+        "the {arm} arm may move while {routine} runs, on which the limiter does not act", "{stop_egm} first"
+    ),
+    "rapid_signal_not_written": Text(
+        "{signal} would run a RAPID routine of a real robot unchecked", "call run_routine, which checks the path"
+    ),
+    "rapid_start_in_routine": Text(
+        "the program of {task} stands in {place}, whose motion would go on; the limiter does not act on it",
+        "move the program pointers to main (pp_to_main), or start the program at the FlexPendant",
+    ),
     "routine_unknown": Text("task {task} has no routine {routine}", "load a module that has it"),
     "module_from_other_file": Text(
         "task {task} has a module {module} from another file", "unload that, or rename yours"

@@ -39,6 +39,10 @@ ROBOT_STATE: Mapping[str, Text] = {
     "not_ready": Text("the robot is not ready. {reasons:sentence}"),
     "not_ready_after_stop": Text("the robot is not ready: it was stopped by {causes}. {reasons:sentence}"),
     "cannot_bring_up": Text("the robot cannot be made ready: {reason}", "{reason:remedy}"),
+    "bring_up_not_named": Text(
+        "connecting moves nothing on a real robot, and it is not ready; missing: {steps}",
+        "connect with bringup=True when no person is near the arms",
+    ),
     "cannot_start_rapid": Text("the RAPID program cannot start: {reason}", "{reason:remedy}"),
     "cannot_run_routine": Text("a RAPID routine cannot run: {reason}", "{reason:remedy}"),
     "cannot_load_module": Text("a RAPID module cannot be loaded: {reason}", "{reason:remedy}"),

@@ -273,12 +273,7 @@ class ViewServer:
                 code=WSCloseCode.TRY_AGAIN_LATER, message=f"{MAX_PAGES} pages are open already; close one.".encode()
             )
             return socket
-        page = _Page(
-            socket,
-            is_local=is_loopback(request.remote or ""),
-            is_encrypted=request.secure,
-            is_paired=request.secure and self._pairing.is_paired(request.query.get("paired", "")),
-        )
+        page = self._page(socket, request.remote or "", request.query.get("paired", ""), is_encrypted=request.secure)
         self._pages.add(page)
         self._shown.watch(True)
         self._introduce(page)
@@ -295,6 +290,11 @@ class ViewServer:
             with suppress(asyncio.CancelledError, ConnectionError):
                 await sending
         return socket
+
+    def _page(self, socket: web.WebSocketResponse, remote: str, key: str, *, is_encrypted: bool) -> _Page:
+        """A page at an address, with the key of a pairing, which over HTTP counts for nothing: others may read it."""
+        is_paired = is_encrypted and self._pairing.is_paired(key)
+        return _Page(socket, is_local=is_loopback(remote), is_encrypted=is_encrypted, is_paired=is_paired)
 
     async def _take(self, page: _Page, data: str) -> None:
         """Carry out a message of a page, or have its operator do so."""

@@ -1,0 +1,145 @@
+"""A real robot moves nothing that no call names: not by connecting, attaching, recovering or ending."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from abb_protocols.catalogue import Message
+from abb_protocols.errors import RobotNotReady, YumiError
+from abb_protocols.robot.joints import Joints, Side
+from abb_protocols.rws.types import ControllerState
+from refusals import refused
+from system.test_endpoint_in_virtual_time import Driver
+from system.virtual_time_bench import System
+from yumi.api.attach import attach
+from yumi.api.connect import settings_for
+from yumi.driver.gripper import GripperSetup
+from yumi.driver.wiring import brings_up, is_on_this_machine
+
+STEPS = ("switch the motors on", "move the program pointers to main", "start the RAPID program")
+CREEP = 1e-4  # [rad] of the virtual robot under loads
+
+
+class RealRobot(System):
+    """A virtual robot that a driver takes for a real one, with the grippers' set-up.
+
+    Attributes:
+        complaints: of the set-up.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.complaints: list[Message] = []
+        manager = self.manager
+        manager.is_real, manager.may_calibrate = True, False
+        setup = GripperSetup(
+            self.grippers, manager.step, self.complaints.append, is_named=lambda: manager.may_calibrate
+        )
+        manager.when_ready(setup.run)
+
+    @property
+    def are_calibrated(self) -> list[bool]:
+        return [gripper.is_calibrated() for gripper in self.grippers.values()]
+
+    @property
+    def measured(self) -> dict[Side, Joints]:
+        return {side: self.control.snapshot(side).position for side in Side}
+
+
+@pytest.fixture
+def robot() -> RealRobot:
+    return RealRobot()
+
+
+@pytest.mark.parametrize(
+    ("address", "given", "expected"),
+    [
+        ("192.168.125.1", None, False),
+        ("192.168.125.1", True, True),
+        ("192.168.125.1", False, False),
+        ("127.0.0.1", None, True),
+        ("127.0.0.1", False, False),
+    ],
+)
+def test_real_robot_is_brought_up_only_where_that_is_named(address: str, given: bool | None, expected: bool) -> None:
+    settings = settings_for(address, bringup=given)
+    assert brings_up(settings) is expected
+    assert is_on_this_machine(settings) is (address == "127.0.0.1")
+
+
+def test_robot_that_is_not_ready_is_left_as_it_is_where_bringup_is_not_named(robot: RealRobot) -> None:
+    before = len(robot.client.events())
+    with (
+        refused(RobotNotReady, "bring_up_not_named", steps=STEPS),
+        robot.manager.starting(brings_up=False),
+    ):
+        robot.manager.make_ready()
+    assert (robot.steps, len(robot.client.events())) == ([], before)
+    assert robot.client.controller_state() is ControllerState.MOTORS_OFF
+
+
+def test_robot_that_is_ready_gets_egm_alone_where_bringup_is_not_named(robot: RealRobot) -> None:
+    robot.bringup.make_ready()
+    robot.steps.clear()
+    with robot.manager.starting(brings_up=False):
+        robot.manager.make_ready()
+        robot.manager.start_egm()
+    assert robot.steps[0] == "start EGM on both arms"
+    assert robot.are_calibrated == [False, False]
+
+
+def test_fingers_close_only_in_a_bringup_that_is_named(robot: RealRobot) -> None:
+    robot.manager.start_egm()
+    robot.manager.stop_egm()
+    robot.manager.recover(lambda step: None)
+    assert robot.are_calibrated == [False, False]
+    assert {said.values["reason"].code for said in robot.complaints} == {"calibration_not_named"}
+    with robot.manager.starting(brings_up=True):
+        robot.manager.make_ready()
+    assert robot.are_calibrated == [True, True]
+
+
+def test_arms_stand_through_start_recovery_and_end_of_egm(robot: RealRobot) -> None:
+    robot.manager.start_egm()
+    still = robot.measured
+    robot.wait(0.5)
+    robot.manager.stop_egm()
+    robot.manager.recover(lambda step: None)
+    robot.manager.start_egm()
+    robot.wait(0.5)
+    robot.manager.end_motion()
+    robot.wait(0.5)
+    for side, position in robot.measured.items():
+        assert position == pytest.approx(still[side], abs=CREEP)
+
+
+@pytest.fixture
+def driver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Driver]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    driver = Driver(are_calibrated=True)
+    driver.client.connect()
+    driver.server.start()
+    yield driver
+    driver.server.stop()
+    with suppress(YumiError):
+        driver.client.close()
+
+
+def test_attaching_and_detaching_changes_nothing(driver: Driver) -> None:
+    events = len(driver.client.events())
+    with attach() as attached:
+        assert attached.state.arms["right"].command.who == "none"
+    assert driver.client.controller_state() is ControllerState.MOTORS_OFF
+    driver.start_egm()
+    still = {side: driver.snapshot(side).sent for side in Side}
+    events = len(driver.client.events())
+    with attach() as attached:
+        assert attached.state.arms["right"].command.who == "none"
+        driver.wait(0.2)
+    driver.wait(0.5)
+    assert len(driver.client.events()) == events
+    assert {side: driver.snapshot(side).sent for side in Side} == still
