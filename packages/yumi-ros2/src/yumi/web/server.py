@@ -4,8 +4,8 @@ Who may do what: a page of this machine sees the robot; through another interfac
 only with the token. The files of the page are for everyone, the robot and a recording are not. A page of a foreign
 origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot, after it has
 taken control: a virtual one always, a real one where the server was started to operate it and the page is opened on
-the same machine, or on another one over HTTPS after it was paired (:mod:`yumi.web.pairing`). Where a real robot may be
-operated, every page may stop it.
+the same machine, or on another one over HTTPS after it was paired (:mod:`yumi.web.pairing`). What a proxy forwards is
+of another machine, wherever the proxy runs. Every page that shows a driver's robot may stop it.
 
 A page draws the robot's description, which it gets as JSON (:mod:`yumi.web.robot_model`), and moves it as the driver's
 state, a controller without a driver (:mod:`yumi.web.controller`) or a recording (:mod:`yumi.web.page_recording`) says.
@@ -60,6 +60,9 @@ from yumi.web.robot_model import controller_model, robot_model
 
 ALL_ADDRESSES = ("0.0.0.0", "::")
 """To listen on all of this machine."""
+
+FORWARDED = ("Forwarded", "Via", "X-Forwarded-For", "X-Forwarded-Host", "X-Forwarded-Proto", "X-Real-IP")
+"""Headers with which a proxy says that it forwards a request."""
 
 MAX_PAGES = 8
 """So many pages are served at once."""
@@ -274,7 +277,7 @@ class ViewServer:
             return socket
         page = _Page(
             socket,
-            is_local=is_loopback(request.remote or ""),
+            is_local=is_loopback(request.remote or "") and not any(each in request.headers for each in FORWARDED),
             is_encrypted=request.secure,
             is_paired=request.secure and self._pairing.is_paired(request.query.get("paired", "")),
         )
@@ -424,8 +427,8 @@ class ViewServer:
 
     @property
     def _may_stop(self) -> bool:
-        """Whether every page may stop the robot, without control and not paired, too."""
-        return self._why_none_operates() is None
+        """Whether there is a robot that every page may stop: without control, not paired, and where none may operate."""
+        return self._settings.recording is None and self._controller is None and self._live.why_not is None
 
     def _may_pair(self, page: _Page) -> bool:
         why_not = self._why_not_operated(page)
