@@ -63,7 +63,7 @@ class Operator:
         who: object = None,
         seen: float | None = None,
     ) -> None:
-        """A frame with the hand of the right arm, made at ``time`` [s], else now, by a device that has ``seen`` a time."""
+        """A frame of the right hand, made at ``time`` [s], else now; the device had ``seen`` a time by then."""
         made_at = self.driver.now() if time is None else time
         frame = DeviceFrame(time=made_at, seen=seen, right=hand, left=left, settings=self.settings)
         frame.check()

@@ -113,9 +113,9 @@ class DeviceFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     Attributes:
         time: on the device's own clock [s], when it was where it reports: the newest counts, older ones are dropped.
-        seen: on the clock of the driver's machine [s], a time that the device had been sent when it made the frame, such
-            as that of the newest state: it bounds how old the frame is. None for a device of the driver's own machine,
-            whose frames take no time.
+        seen: on the clock of the driver's machine [s], a time that the device had been sent when it made the frame, as
+            that of the newest state: how old the frame may be. None for a device of the driver's own machine, whose
+            frames take no time.
         right: for the right arm.
         left: for the left arm.
         settings: how the tools follow.

@@ -26,7 +26,7 @@ TELEOPERATION: Mapping[str, Text] = {
     "teleoperation_begins": Text("the clutch was held already when the device connected", _AGAIN),
     "teleoperation_link_lost": Text("no frame of the device came for a while; the arm holds", _AGAIN),
     "teleoperation_link_slow": Text(
-        "the link to the device is slow: a frame may be {age:.2f} s old when it comes, at most {most:.1f} s are allowed; "
+        "the link to the device is slow: a frame may be {age:.2f} s old when it comes, allowed are {most:.1f} s; "
         "the arm holds",
         "use a faster network, then release the clutch and press it again",
     ),

@@ -427,7 +427,7 @@ class ViewServer:
 
     @property
     def _may_stop(self) -> bool:
-        """Whether there is a robot that every page may stop: without control, not paired, and where none may operate."""
+        """Whether every page may stop the robot: one without control, not paired, where none may operate, too."""
         return self._settings.recording is None and self._controller is None and self._live.why_not is None
 
     def _may_pair(self, page: _Page) -> bool:
