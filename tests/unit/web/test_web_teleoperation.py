@@ -147,6 +147,16 @@ def test_page_whose_frames_are_too_old_when_they_come_moves_nothing(driver: Fake
     run(story, may_operate=True)
 
 
+def test_frame_of_a_page_without_the_time_of_a_state_is_refused(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await page.send(type="teleoperate", frame={"time": 1.0, "right": at(0.0)})
+            assert "`seen`" in (await page.until("refused"))["sentence"]
+
+    run(story, may_operate=True)
+
+
 @pytest.mark.parametrize(
     ("held", "reach_the_driver"),
     [
