@@ -211,6 +211,7 @@ class Frames:
         self._page = page
         page.click("#tab-teleop")
         page.focus("#keys")
+        self.next("!right.clutch")  # a clutch counts that is pressed from now on
 
     def next(self, is_meant: str) -> dict[str, Any]:
         """The next frame of which an expression in JavaScript is true; five others may come before."""
@@ -264,6 +265,7 @@ def test_frames_wait_for_no_connection_that_is_behind_and_the_clutch_must_be_pre
         page.wait_for_function("() => frames_sent.length > 5", polling=20)
         assert not page.evaluate("frames_sent.some(({ right }) => right.clutch)")
         keys.up(" ")
+        frames.next("!right.clutch")
         keys.down(" ")
         frames.next("right.clutch")
     assert errors == []
