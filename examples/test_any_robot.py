@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from abb_runtime.rws.client import RwsClient
 from virtual_irc5.commands.check import check_program
 from virtual_irc5.testing.controller_process import ControllerProcess

@@ -15,7 +15,7 @@ import pytest
 from soak import HAND_OVERS, SEED, long, short
 from yumi.driver.commands import StartEgm, StopEgm
 from yumi.driver.device_frame import DeviceFrame, DeviceHand
-from yumi.web import server
+from yumi.web import view_server
 from yumi.web.page_messages import (
     Ask,
     DeviceMessage,
@@ -26,7 +26,7 @@ from yumi.web.page_messages import (
     TakeControl,
 )
 from yumi.web.pairing import LONGEST_PAUSE, Pairing
-from yumi.web.server import ViewServer, ViewSettings
+from yumi.web.view_server import ViewServer, ViewSettings
 
 HELD = DeviceFrame(time=1.0, right=DeviceHand(clutch=True, twist=(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)))
 MOTIONS: tuple[ForOperator, ...] = (

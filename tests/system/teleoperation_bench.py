@@ -55,11 +55,17 @@ class Operator:
         self._pending: set[Future[None]] = set()
 
     def send(
-        self, hand: DeviceHand, time: float | None = None, *, left: DeviceHand = RELEASED, who: object = None
+        self,
+        hand: DeviceHand,
+        time: float | None = None,
+        *,
+        left: DeviceHand = RELEASED,
+        who: object = None,
+        seen: float | None = None,
     ) -> None:
-        """A frame with the hand of the right arm, made at ``time`` [s], else now."""
+        """A frame of the right hand, made at ``time`` [s], else now; the device had ``seen`` a time by then."""
         made_at = self.driver.now() if time is None else time
-        frame = DeviceFrame(time=made_at, right=hand, left=left, settings=self.settings)
+        frame = DeviceFrame(time=made_at, seen=seen, right=hand, left=left, settings=self.settings)
         frame.check()
         self.report = self.teleoperation.take(frame, who or self, self._begin)
         if self._pending:  # else time goes by here faster than there

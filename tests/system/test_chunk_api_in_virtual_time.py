@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
 from queue import Queue
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -109,6 +110,44 @@ def test_chunk_after_a_wait_begins_where_the_arms_stand(driver: Driver, chunks: 
     driver.wait(0.8)  # the points are exhausted after 0.45 s of it
     assert chunks.start_for(observed) == pytest.approx(observed + 0.35, abs=0.01)
     driver.wait(0.5)
+
+
+class BusyGripper:
+    """A gripper that takes its goal until a test lets it end."""
+
+    def __init__(self) -> None:
+        self.is_busy, self.may_end = Event(), Event()
+
+    def take(self, closed: float) -> Callable[[], None]:
+        def work() -> None:
+            self.is_busy.set()
+            assert self.may_end.wait(10.0)
+
+        return work
+
+    def forget(self) -> None:
+        """Nothing waits."""
+
+
+def test_arms_stand_before_the_end_of_a_block_waits_for_a_gripper(driver: Driver) -> None:
+    gripper = BusyGripper()
+    chunks = ChunkFollower(driver.mover, tuple(Side), YUMI_LIMITS, {Side.RIGHT: gripper})  # type: ignore[dict-item]
+    while_time_goes_by(driver, chunks.__enter__)
+    wave = 0.1 * (1.0 - np.cos(0.25 * np.arange(240) * PERIOD))  # for 12 s no joint stands
+    path = np.array(driver.snapshot(Side.RIGHT).sent) + wave[:, None]
+    chunks.send(Chunk(PERIOD, right=path, right_gripper=[1.0] * len(path)))
+    driver.wait(2.0)
+    assert gripper.is_busy.wait(10.0)
+    assert max(map(abs, driver.snapshot(Side.RIGHT).velocity)) > 5e-3
+    with ThreadPoolExecutor(1) as other:
+        ending = other.submit(chunks.__exit__, None, None, None)
+        driver.until(lambda: max(map(abs, driver.snapshot(Side.RIGHT).velocity)) < 1e-4, 8.0)
+        assert driver.now() < chunks.state.until  # it was stopped; its points are not exhausted
+        assert not ending.done()
+        gripper.may_end.set()
+        while not ending.done():
+            driver.wait(0.02)
+        ending.result()
 
 
 def test_arm_that_something_else_has_taken_over_follows_no_chunk(driver: Driver, chunks: ChunkFollower) -> None:

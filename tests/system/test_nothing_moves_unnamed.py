@@ -11,7 +11,7 @@ import pytest
 from abb_protocols.catalogue import Message
 from abb_protocols.errors import RobotNotReady, YumiError
 from abb_protocols.robot.joints import Joints, Side
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from refusals import refused
 from system.test_endpoint_in_virtual_time import Driver
 from system.virtual_time_bench import System

@@ -32,14 +32,15 @@ FASTEST = 1e-2  # [rad/s] an arm that is slower stands
 
 
 @contextmanager
-def recorded_driver(folder: Path, record: Path, *, with_ros: bool = False) -> Iterator[RunningDriver]:
-    """A driver with a virtual robot, in processes of their own, that records every cycle."""
+def recorded_driver(folder: Path, record: Path | None, *, with_ros: bool = False) -> Iterator[RunningDriver]:
+    """A driver with a virtual robot, in processes of their own, that records every cycle, if a file is given."""
     egm = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
     with Command(
         "controller", "yumi", ("controller", "--rws-port", "0", *egm), folder / "controller.log"
     ) as controller:
         host, _, rws = controller.wait_until_ready(60.0).rpartition("/")[2].partition(":")
-        where = ("--robot", f"{host}:{rws}", *(() if with_ros else ("--no-ros",)), "--record", str(record), *egm)
+        recording = () if record is None else ("--record", str(record))
+        where = ("--robot", f"{host}:{rws}", *(() if with_ros else ("--no-ros",)), *recording, *egm)
         with Command("driver", "yumi", ("up", *where), folder / "driver.log") as driver:
             driver.wait_until_ready(60.0)
             with yumi.attach() as attached:

@@ -237,6 +237,44 @@ def test_cap_that_rests_reports_no_changes_any_more(monkeypatch: pytest.MonkeyPa
     assert right(device, 1.15).twist == pytest.approx(ZERO[:6])
 
 
+def test_space_mouse_that_falls_silent_away_from_rest_moves_nothing_and_soon_lets_the_clutch_go(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mouse = fake_evdev.space_mouse()
+    device = opened(monkeypatch, mouse)
+
+    def state(now: float) -> tuple[bool, float]:
+        hand = right(device, now)
+        assert hand.twist is not None
+        return hand.clutch, hand.twist[0]
+
+    mouse.events.append([button("BTN_0", 1), axis("Y", -350), axis("X", -35)])
+    assert state(1.0) == state(1.19) == (True, pytest.approx(0.2))
+    assert state(1.21) == (True, 0.0)  # its cap may be held still to a count: the kernel reports changes alone
+    mouse.events.append([axis("X", -36)])
+    assert state(1.3) == (True, pytest.approx(0.2))
+    assert state(2.31) == (False, 0.0)  # it is out of range
+    mouse.events.append([axis("X", -37)])
+    assert state(2.4) == (False, pytest.approx(0.2))  # the clutch may have been let go meanwhile
+    mouse.events.append([button("BTN_0", 0), button("BTN_0", 1)])
+    assert state(2.41) == (True, pytest.approx(0.2))
+
+
+def test_clutch_of_a_space_mouse_at_rest_is_held_however_long_it_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    mouse = fake_evdev.space_mouse()
+    device = opened(monkeypatch, mouse)
+    mouse.events.append([button("BTN_0", 1), axis("Y", -350), axis("Y", -5)])
+    assert right(device, 1.0).clutch
+    assert right(device, 60.0).clutch
+
+
+def test_gamepad_whose_stick_is_held_still_moves_the_tool_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    pad = fake_evdev.gamepad()
+    device = opened(monkeypatch, pad)
+    pad.events.append([button("BTN_TR", 1), axis("Y", -32768)])
+    assert right(device, 1.0).twist == right(device, 60.0).twist == pytest.approx((0.2, 0, 0, 0, 0, 0), abs=1e-4)
+
+
 def test_button_of_a_space_mouse_closes_and_opens_the_gripper(monkeypatch: pytest.MonkeyPatch) -> None:
     mouse = fake_evdev.space_mouse()
     device = opened(monkeypatch, mouse)

@@ -18,9 +18,10 @@ from yumi.api.attach import RunningDriver, attach
 from yumi.control.loop_commands import ControllerCommand
 from yumi.control.tool_goal import ToolGoal
 from yumi.control.trajectory_commands import CancelTrajectory
-from yumi.driver import motion_commands
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, TeleoperatedArmReport
 from yumi.driver.motion_commands import Teleoperate
+from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.driver.teleoperation import Teleoperation
 
 
 @pytest.fixture
@@ -36,7 +37,7 @@ def driver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[FakeDriv
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """The driver takes no link for lost by its own clock."""
-    monkeypatch.setattr(motion_commands, "LINK_LOST", 60.0)
+    monkeypatch.setattr(Teleoperation, "lasts", lambda teleoperation: 60.0)
 
 
 class Device:
@@ -114,7 +115,7 @@ def test_arm_brakes_when_no_frame_comes_any_more(driver: FakeDriver, monkeypatch
     with attach() as attached:
         device = Device(driver, attached)
         device.engage()
-        monkeypatch.setattr(motion_commands, "LINK_LOST", 0.2)
+        monkeypatch.setattr(Teleoperation, "lasts", lambda teleoperation: LINK_LOST)
         device.send()
         Device.until(lambda: len(brakes(driver)) == 1)
         report = device.send()

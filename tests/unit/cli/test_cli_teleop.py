@@ -21,7 +21,7 @@ from fake_evdev import Event, FakeInputDevice, axis, button
 from yumi.api import input_device
 from yumi.cli.main import main
 from yumi.control.tool_goal import ToolGoal
-from yumi.driver import motion_commands
+from yumi.driver.teleoperation import Teleoperation
 
 PRESSED = [button("BTN_TR", 1)]
 RELEASED = [button("BTN_TR", 0)]
@@ -32,7 +32,7 @@ UNTIL_ENGAGED: Sequence[Event] = ()
 @pytest.fixture
 def driver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[FakeDriver]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(motion_commands, "LINK_LOST", 60.0)  # by the clock of this machine
+    monkeypatch.setattr(Teleoperation, "lasts", lambda teleoperation: 60.0)  # by the clock of this machine
     driver = FakeDriver()
     driver.robot.control.on_command = driver.robot.rest
     driver.server.start()

@@ -41,7 +41,7 @@ def test_page_over_https_prints_its_certificate_and_a_code_where_other_machines_
     with Command("yumi view", "yumi", ("view", "--operate", "--https", "--listen", listen, "--port", "0"), log) as view:
         assert re.match(r"https://.+:\d+/#token=.{24}$", view.wait_until_ready(60.0))
     printed = log.read_text()
-    assert re.search(r"SHA-256 ([0-9A-F]{2}:){31}[0-9A-F]{2}\n", printed)
+    assert re.search(r"SHA-256 ([0-9A-F]{2}:){31}[0-9A-F]{2}\nIt was made now, for a year: ", printed)
     codes = re.findall(r"Code for a page on another machine, for one page: \d{6}\n", printed)
     assert len(codes) == (listen == "0.0.0.0")
     assert (tmp_path / "yumi" / "certificate.pem").stat().st_mode & 0o077 == 0

@@ -24,13 +24,15 @@ def test_certificate_is_made_once_and_kept_for_its_user_alone(tmp_path: Path) ->
     assert file.stat().st_mode & 0o077 == folder.stat().st_mode & 0o077 == 0
     assert list(folder.iterdir()) == [file]
     assert len(first.fingerprint.split(":")) == 32
-    assert installation_certificate(["robot-pc"], folder).fingerprint == first.fingerprint
+    kept = installation_certificate(["robot-pc"], folder)
+    assert (first.is_new, kept.is_new, kept.fingerprint) == (True, False, first.fingerprint)
     assert isinstance(first.context, ssl.SSLContext)
 
 
-def test_certificate_is_made_anew_for_a_host_that_it_does_not_name(tmp_path: Path) -> None:
-    first = installation_certificate(["127.0.0.1"], tmp_path)
-    assert installation_certificate(["127.0.0.1", "192.168.1.20"], tmp_path).fingerprint != first.fingerprint
+def test_certificate_is_kept_when_the_address_of_the_machine_changes(tmp_path: Path) -> None:
+    first = installation_certificate(["robot-pc", "192.168.1.20"], tmp_path)
+    then = installation_certificate(["robot-pc", "192.168.1.31"], tmp_path)
+    assert (then.fingerprint, then.is_new) == (first.fingerprint, False)
 
 
 def test_certificate_is_made_anew_before_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -38,6 +40,7 @@ def test_certificate_is_made_anew_before_it_ends(tmp_path: Path, monkeypatch: py
     first = installation_certificate(["127.0.0.1"], tmp_path)
     monkeypatch.undo()
     second = installation_certificate(["127.0.0.1"], tmp_path)
+    assert second.is_new
     assert second.fingerprint != first.fingerprint
     assert installation_certificate(["127.0.0.1"], tmp_path).fingerprint == second.fingerprint
 

@@ -9,7 +9,7 @@ import pytest
 
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.types import ControllerState
+from abb_protocols.rws.values import ControllerState
 from abb_runtime.clock import comes_true
 from virtual_irc5.testing.virtual_robot import VirtualRobot, robot_settings
 

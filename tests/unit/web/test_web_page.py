@@ -65,9 +65,10 @@ def running() -> Iterator[FakeDriver]:
         driver.server.stop()
 
 
-def operated(chromium: Any, url: str, errors: list[str]) -> Any:
-    """A page that has control; what it logs as an error is appended."""
+def operated(chromium: Any, url: str, errors: list[str], script: str = "") -> Any:
+    """A page that has control, in which a script ran first; what it logs as an error is appended."""
     page = chromium.new_page(viewport={"width": 1280, "height": 900})
+    page.add_init_script(script)
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(url)
     page.wait_for_function("() => document.querySelector('#verdict').innerText.includes('Ready')", polling=50)
@@ -186,6 +187,87 @@ def test_part_that_is_held_is_drawn_and_buttons_that_cannot_work_say_why(
         becomes(f"document.querySelector('#recover').title.startsWith({json.dumps(pressed)})")
         assert page.is_disabled("#recover")
         assert page.is_hidden("#remedy-button")  # of a real robot: a person releases it
+    assert errors == []
+
+
+FRAMES = """
+window.frames_sent = [];
+window.backlog = 0;
+const { send } = WebSocket.prototype;
+WebSocket.prototype.send = function (data) {
+  const { type, frame } = JSON.parse(data);
+  if (type === "teleoperate") frames_sent.push(frame);
+  send.call(this, data);
+};
+Object.defineProperty(WebSocket.prototype, "bufferedAmount", { get: () => backlog });
+"""
+"""Notes the frames of the page's device; ``backlog`` is what seems to wait in its connection."""
+
+
+class Frames:
+    """The frames that a page sends of its keyboard."""
+
+    def __init__(self, page: Any) -> None:
+        self._page = page
+        page.click("#tab-teleop")
+        page.focus("#keys")
+        self.next("!right.clutch")  # a clutch counts that is pressed from now on
+
+    def next(self, is_meant: str) -> dict[str, Any]:
+        """The next frame of which an expression in JavaScript is true; five others may come before."""
+        self._page.evaluate("frames_sent.length = 0")
+        self._page.wait_for_function(
+            f"() => frames_sent.length > 5 || frames_sent.some(({{ right }}) => {is_meant})", polling=20
+        )
+        found = self._page.evaluate(f"frames_sent.find(({{ right }}) => {is_meant}) ?? null")
+        assert found, self._page.evaluate("frames_sent")
+        right: dict[str, Any] = found["right"]
+        return right
+
+
+@pytest.mark.timeout(120)
+def test_command_key_of_a_mac_lets_every_key_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    errors: list[str] = []
+    with browser() as chromium, running(), served() as url:
+        page = operated(chromium, url, errors, FRAMES)
+        frames, keys = Frames(page), page.keyboard
+        for key in (" ", "r"):
+            keys.down(key)
+        assert frames.next("right.clutch && right.twist[2] > 0")["twist"][2] == pytest.approx(0.15)
+        keys.down("Meta")
+        frames.next("!right.clutch")
+        page.evaluate("frames_sent.length = 0")
+        keys.up("Meta")  # R and Space were let go meanwhile, of which a Mac reports nothing
+        page.wait_for_function("() => frames_sent.length > 5", polling=20)
+        assert not page.evaluate("frames_sent.some(({ right }) => right.clutch)")
+        keys.up(" ")
+        keys.down(" ")
+        assert frames.next("right.clutch")["twist"] == [0.0] * 6
+    assert errors == []
+
+
+@pytest.mark.timeout(120)
+def test_frames_wait_for_no_connection_that_is_behind_and_the_clutch_must_be_pressed_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    errors: list[str] = []
+    with browser() as chromium, running(), served() as url:
+        page = operated(chromium, url, errors, FRAMES)
+        frames, keys = Frames(page), page.keyboard
+        keys.down(" ")
+        frames.next("right.clutch")
+        page.evaluate("() => { backlog = 5000; frames_sent.length = 0; }")
+        page.wait_for_timeout(300)  # eighteen frames' time
+        assert page.evaluate("frames_sent.length") == 0
+        page.evaluate("backlog = 0")  # a release may have been among them
+        page.wait_for_function("() => frames_sent.length > 5", polling=20)
+        assert not page.evaluate("frames_sent.some(({ right }) => right.clutch)")
+        keys.up(" ")
+        frames.next("!right.clutch")
+        keys.down(" ")
+        frames.next("right.clutch")
     assert errors == []
 
 

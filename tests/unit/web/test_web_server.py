@@ -69,7 +69,7 @@ class Page:
         self.seen = 0.0
 
     async def send(self, **message: Any) -> None:
-        if message["type"].startswith("jog") or message["type"] == "teleoperate":
+        if message["type"].startswith("jog"):
             message = {"seen": self.seen, **message}
         await self.socket.send_str(json.dumps(message))
 
@@ -108,12 +108,13 @@ class Site:
         self.server, self.session = server, session
         self.base = f"http://127.0.0.1:{server.port}"
 
-    def connect(self, token: str = "secret", paired: str = "") -> Any:
-        return self.session.ws_connect(f"{self.base}/ws?token={token}&paired={paired}", headers={"Origin": self.base})
+    def connect(self, token: str = "secret", paired: str = "", **headers: str) -> Any:
+        own = {"Origin": self.base, **headers}
+        return self.session.ws_connect(f"{self.base}/ws?token={token}&paired={paired}", headers=own)
 
     @asynccontextmanager
-    async def page(self, paired: str = "") -> AsyncIterator[Page]:
-        async with self.connect(paired=paired) as socket:
+    async def page(self, paired: str = "", **headers: str) -> AsyncIterator[Page]:
+        async with self.connect(paired=paired, **headers) as socket:
             yield Page(socket)
 
     async def why_closed(self, token: str) -> str | None:
@@ -336,12 +337,21 @@ def test_real_robot_is_only_looked_at(driver: FakeDriver) -> None:
             await page.until("state")
             await page.send(type="take_control")
             assert (await page.until("refused"))["sentence"] == on_page("page_only_shows")
-            for request in ("stop_egm", "start_egm"):
-                assert (await page.ask(request))["error"]["code"] == "page_only_shows"
+            assert (await page.ask("start_egm"))["error"]["code"] == "page_only_shows"
             await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
             assert (await page.until("jog_refused"))["error"]["code"] == "page_only_shows"
         assert driver.manager.asked == []
         assert driver.robot.speeds[Side.RIGHT].read() is None
+
+    run(story)
+
+
+def test_real_robot_is_stopped_by_a_page_that_only_looks(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.until("view", lambda view: view["may_stop"] and view["why_not_operated"])
+            assert (await page.ask("stop_egm"))["type"] == "done"
+        assert driver.manager.asked == ["stop"]
 
     run(story)
 
@@ -359,7 +369,7 @@ def test_page_that_has_control_operates_and_another_one_does_not(driver: FakeDri
             assert opened["error"]["code"] == "force_while_opening"
             await other.until("view", lambda view: view["control"] == "elsewhere")
             assert (await other.ask("start_egm"))["error"]["code"] == "control_not_taken"
-            assert (await other.ask("stop_egm"))["type"] == "done"  # a stop is for every page that may operate
+            assert (await other.ask("stop_egm"))["type"] == "done"  # a stop is for every page
             await page.send(type="inject", id=3, name="emergency-stop")
             failed = await page.until("failed")
             assert failed["error"]["code"] == "faults_only_virtual"

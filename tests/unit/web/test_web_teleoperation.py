@@ -19,9 +19,9 @@ from unit.web.test_web_server import SOON, SPEEDS, Page, Site, eventually, on_pa
 from yumi.api.arm_access import CARTESIAN_CONTROLLER
 from yumi.control.loop_commands import ControllerCommand
 from yumi.control.trajectory_commands import CancelTrajectory
-from yumi.driver import motion_commands
-from yumi.driver.teleoperation import OPERATOR_HOLDS
-from yumi.web import page_device, view_server
+from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.driver.teleoperation import OPERATOR_HOLDS, Teleoperation
+from yumi.web import view_server
 from yumi.web.pairing import WRONG_CODES
 from yumi.web.view_server import ViewServer, ViewSettings
 
@@ -37,12 +37,17 @@ def _a_folder_of_its_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
 @pytest.fixture
 def driver(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeDriver]:
     """One that takes no link for lost by its own clock."""
-    monkeypatch.setattr(motion_commands, "LINK_LOST", 60.0)
+    monkeypatch.setattr(Teleoperation, "lasts", lambda teleoperation: 60.0)
     driver = FakeDriver()
     driver.robot.control.on_command = driver.robot.rest
     driver.server.start()
     yield driver
     driver.server.stop()
+
+
+def frame_at(time: float, hand: dict[str, Any], age: float = 0.0) -> dict[str, Any]:
+    """A frame of the right hand that a page makes after a state that is so old [s] when the frame comes."""
+    return {"time": time, "seen": time - age, "right": hand}
 
 
 class Device:
@@ -51,11 +56,11 @@ class Device:
     def __init__(self, driver: FakeDriver, page: Page) -> None:
         self._driver, self._page = driver, page
 
-    async def send(self, hand: dict[str, Any]) -> Any:
-        """A frame of the right hand; what became of it."""
+    async def send(self, hand: dict[str, Any], age: float = 0.0) -> Any:
+        """A frame of the right hand, that was made after a state that is so old [s]; what became of it."""
         clock = self._driver.robot.clock
         clock.advance(1.0 / RATE)
-        await self._page.send(type="teleoperate", frame={"time": clock.now(), "right": hand})
+        await self._page.send(type="teleoperate", frame=frame_at(clock.now(), hand, age))
         return await self._page.until("teleoperated", lambda message: message["time"] == clock.now())
 
     async def engage(self, hand: dict[str, Any]) -> None:
@@ -127,20 +132,27 @@ def test_page_gets_in_its_words_why_a_held_clutch_moves_nothing(driver: FakeDriv
     run(story, may_operate=True)
 
 
-def test_frames_of_a_page_that_was_shown_no_state_for_long_move_nothing(
-    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_page_whose_frames_are_too_old_when_they_come_moves_nothing(driver: FakeDriver) -> None:
     async def story(site: Site) -> None:
         async with site.page() as page:
             await page.take_control()
             device = Device(driver, page)
-            await device.engage(at(0.0))
-            begin = goal(driver)
-            monkeypatch.setattr(page_device, "OLDEST_SEEN", -1.0)  # as if what was sent had waited in a tunnel
-            assert (await device.send(at(0.2)))["error"]["code"] == "page_too_slow_to_teleoperate"
-            assert goal(driver) == begin
-            assert (await device.send(RELEASED))["error"] is None  # letting go is never too late
-            assert len(brakes(driver)) == 1
+            for hand in (RELEASED, at(0.0)):  # each of them has been on the way for as long
+                report = await device.send(hand, age=LINK_LOST + 0.1)
+            arm = report["arms"]["right"]
+            assert (arm["clutch"], arm["why"]["code"], report["dropped"]) == ("inert", "teleoperation_link_slow", 2)
+            assert goal(driver) is None
+            await device.engage(at(0.0))  # the link is better
+
+    run(story, may_operate=True)
+
+
+def test_frame_of_a_page_without_the_time_of_a_state_is_refused(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await page.send(type="teleoperate", frame={"time": 1.0, "right": at(0.0)})
+            assert "`seen`" in (await page.until("refused"))["sentence"]
 
     run(story, may_operate=True)
 
@@ -173,10 +185,10 @@ def test_newest_frame_and_each_press_of_the_clutch_wait_while_the_driver_takes_a
             monkeypatch.setattr(teleoperation, "take", slowly)
             first = driver.robot.clock.now()
             frames = [first + (1 + count) / RATE for count in range(5)]
-            await page.send(type="teleoperate", frame={"time": frames[0], "right": at(0.0)})
+            await page.send(type="teleoperate", frame=frame_at(frames[0], at(0.0)))
             await eventually(lambda: len(taken) == 1)
             for time, is_held in zip(frames[1:], held, strict=True):
-                await page.send(type="teleoperate", frame={"time": time, "right": {**at(0.0), "clutch": is_held}})
+                await page.send(type="teleoperate", frame=frame_at(time, {**at(0.0), "clutch": is_held}))
             assert (await pair(page, ""))["type"] == "failed"  # the server has read them all
             may_go_on.set()
             await page.until("teleoperated", lambda message: message["time"] == frames[-1])
@@ -298,6 +310,18 @@ def test_codes_cannot_be_tried_one_after_another(driver: FakeDriver, elsewhere: 
         assert len(elsewhere.codes) == 2
 
     elsewhere.run(story)
+
+
+@pytest.mark.parametrize("header", view_server.FORWARDED)
+def test_page_behind_a_proxy_of_this_machine_is_one_of_another_machine(driver: FakeDriver, header: str) -> None:
+    async def story(site: Site) -> None:
+        async with site.page(**{header: "192.168.1.30"}) as page:
+            assert await refusal(page) == on_page("operated_elsewhere_over_https")
+            assert (await page.ask("start_egm"))["error"]["code"] == "operated_elsewhere_over_https"
+            assert (await page.ask("stop_egm"))["type"] == "done"
+        assert driver.manager.asked == ["stop"]
+
+    run(story, may_operate=True)
 
 
 def test_page_on_this_machine_needs_no_code(driver: FakeDriver) -> None:

@@ -25,10 +25,12 @@ class Certificate(NamedTuple):
     Attributes:
         context: TLS for a server.
         fingerprint: SHA-256 of the certificate, as browsers show it, such as ``3F:A0:…``.
+        is_new: whether it was made just now.
     """
 
     context: ssl.SSLContext
     fingerprint: str
+    is_new: bool
 
 
 def self_signed_context(host: str) -> ssl.SSLContext:
@@ -38,13 +40,15 @@ def self_signed_context(host: str) -> ssl.SSLContext:
         MissingPrerequisite: the package ``cryptography`` is not installed.
     """
     _check_package("virtual-irc5")
-    return _loaded(_made("Virtual controller", (host,))).context
+    return _loaded(_made("Virtual controller", (host,)), is_new=True).context
 
 
 def installation_certificate(hosts: Collection[str], folder: Path | None = None) -> Certificate:
-    """The certificate of this installation for ``hosts``: a browser that trusts it need not be asked again.
+    """The certificate of this installation: a browser that has accepted it need not be asked again.
 
-    It is made where there is none, where it ends soon, or where a host is new, in a file that only its user can read.
+    It is made for ``hosts`` where there is none or it ends soon, in a file that only its user can read. A host that is
+    new, such as another address of this machine, makes no other one: a browser asks about an address that the
+    certificate does not name as it asks about any certificate that signs itself, and the other devices are not asked.
 
     Raises:
         MissingPrerequisite: the package ``cryptography`` is not installed.
@@ -55,25 +59,22 @@ def installation_certificate(hosts: Collection[str], folder: Path | None = None)
     file = state / _FILE
     try:
         kept = file.read_bytes() if file.is_file() else b""
-        if not kept or not _is_good(kept, hosts):
+        is_new = not kept or _ends_soon(kept)
+        if is_new:
             kept = _made("yumi view", hosts)
             state.mkdir(parents=True, exist_ok=True, mode=0o700)
             trial = file.with_suffix(f".{os.getpid()}")
             with open(trial, "wb", opener=lambda path, flags: os.open(path, flags | os.O_EXCL, 0o600)) as written:
                 written.write(kept)
             trial.replace(file)
-        return _loaded(kept)
+        return _loaded(kept, is_new=is_new)
     except (OSError, ValueError) as error:
         raise SettingsError(message("certificate_failed", file=str(file), why=said_by(error))) from error
 
 
-def _is_good(pem: bytes, hosts: Collection[str]) -> bool:
-    """Whether a kept certificate names these hosts and does not end soon."""
-    x509 = _x509()
-    certificate = x509.load_pem_x509_certificate(pem)
-    names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    is_new = certificate.not_valid_after_utc - datetime.now(timezone.utc) > _RENEWED
-    return is_new and set(_names(hosts)) <= set(names)
+def _ends_soon(pem: bytes) -> bool:
+    end: datetime = _x509().load_pem_x509_certificate(pem).not_valid_after_utc
+    return end - datetime.now(timezone.utc) <= _RENEWED
 
 
 def _names(hosts: Collection[str]) -> list[Any]:
@@ -109,7 +110,7 @@ def _made(owner: str, hosts: Collection[str]) -> bytes:
     return private + public
 
 
-def _loaded(pem: bytes) -> Certificate:
+def _loaded(pem: bytes, *, is_new: bool) -> Certificate:
     from cryptography.hazmat.primitives import hashes  # noqa: PLC0415
 
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
@@ -119,7 +120,7 @@ def _loaded(pem: bytes) -> Certificate:
         path.write_bytes(pem)
         context.load_cert_chain(path)
     digest = _x509().load_pem_x509_certificate(pem).fingerprint(hashes.SHA256())
-    return Certificate(context, digest.hex(":").upper())
+    return Certificate(context, digest.hex(":").upper(), is_new)
 
 
 def _check_package(product: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from abb_protocols.robot.joints import Side
 from abb_runtime.faults import Fault, inject_fault
-from abb_runtime.process.command import Command
+from abb_runtime.process.command_process import Command
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from abb_runtime.udp import free_port
 

@@ -14,7 +14,7 @@ from abb_runtime.rws.transport import ConnectionLost
 from abb_runtime.rws.web_socket import Listener
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.service import RwsService
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import Upgrade
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from glob import glob
+from math import inf
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from abb_protocols.catalogue import message, said_by
@@ -17,6 +18,8 @@ Kind = Literal["gamepad", "spacemouse"]
 
 _DEAD = 0.1  # of an axis: so far from its middle it rests
 _FORGOTTEN = 0.1  # [s] a SpaceMouse that reports changes reports no more where its cap rests
+_SILENT = 0.2  # [s] a SpaceMouse whose cap is not at rest reports each 8 to 16 ms: a silent one may be out of range
+_LOST = 1.0  # [s] the kernel leaves out what has not changed, but no hand holds all six axes still for so long
 _FARTHEST = 350.0  # where the cap of a SpaceMouse that reports changes is at its end
 _SIX = ("X", "Y", "Z", "RX", "RY", "RZ")
 _3DCONNEXION = 0x256F
@@ -91,7 +94,7 @@ def open_device(path: str = "", kind: Kind | None = None) -> tuple[FoundDevice, 
     if found is None or kind not in (None, found):
         device.close()
         raise RobotNotReady(message("input_device_of_other_kind", path=path, name=device.name, kind=kind or "gamepad"))
-    return FoundDevice(path, device.name, found), OpenDevice(device)
+    return FoundDevice(path, device.name, found), OpenDevice(device, reports_on=found == "spacemouse")
 
 
 def _kind_of(device: InputDevice) -> Kind | None:
@@ -123,10 +126,16 @@ class OpenDevice:
     """A gamepad or SpaceMouse that is open: its newest axes and buttons.
 
     A button that is held when it is opened counts, which the driver sees: nothing moves until it is released.
+
+    Args:
+        device: as the library has it.
+        reports_on: whether the device reports on and on while an axis is not at rest, as a SpaceMouse does. When such a
+            one falls silent, its axes count as at rest, and soon its buttons as let go, until they are pressed again.
     """
 
-    def __init__(self, device: InputDevice) -> None:
-        self._device, self._ecodes = device, _evdev().ecodes
+    def __init__(self, device: InputDevice, *, reports_on: bool = False) -> None:
+        self._device, self._ecodes, self._reports_on = device, _evdev().ecodes, reports_on
+        self._moved = -inf  # when an axis was reported last
         self._codes = _codes_of(device)
         self._ranges = {code: device.absinfo(code) for code in self._codes.get(self._ecodes.EV_ABS, {})}
         self._axes: dict[str, float] = {}
@@ -146,7 +155,13 @@ class OpenDevice:
         for name, came in self._came.items():
             if now - came > _FORGOTTEN:
                 self._axes[name] = 0.0
-        return Inputs(dict(self._axes), frozenset(self._pressed))
+        axes, silence = dict(self._axes), now - self._moved
+        if self._reports_on and any(axes.values()):
+            if silence > _SILENT:
+                axes = dict.fromkeys(axes, 0.0)
+            if silence > _LOST:
+                self._pressed.clear()
+        return Inputs(axes, frozenset(self._pressed))
 
     def _take_events(self, now: float) -> None:
         ecodes, is_incomplete = self._ecodes, False
@@ -164,9 +179,10 @@ class OpenDevice:
                 elif event.type == ecodes.EV_KEY and name:
                     (self._pressed.add if event.value else self._pressed.discard)(name)
                 elif event.type == ecodes.EV_ABS and name:
+                    self._moved = now
                     self._axes[name] = self._deflection(event.code, event.value)
                 elif event.type == ecodes.EV_REL and name:
-                    self._came[name] = now
+                    self._came[name] = self._moved = now
                     self._axes[name] = _without_rest(max(-1.0, min(1.0, event.value / _FARTHEST)))
 
     def _read_all(self) -> None:

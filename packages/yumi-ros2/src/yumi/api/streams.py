@@ -350,10 +350,10 @@ class ArmStreams(ArmAccess):
         self._begin_stream(side, controller, kind=Commander.DEVICE)
         self._followed[side] = _number(self._stream_of(side)[1])
 
-    def follow_device(self, side: Side, goal: MotionGoal, time: float) -> None:
+    def follow_device(self, side: Side, goal: MotionGoal, time: float, until: float) -> None:
         """Give an arm that follows a device the next goal; it was made at ``time`` [s].
 
-        The control process has the arm come to rest when no next one has come for :data:`.LINK_LOST`.
+        The control process has the arm come to rest when no next one has come ``until`` then [s].
         """
         (_, session, activation), buffer = self._stream_of(side)
         if isinstance(goal, JointsGoal):
@@ -365,7 +365,7 @@ class ArmStreams(ArmAccess):
                 desired = twist_goal(session, goal.twist, FINGERTIPS, is_in_tool=goal.is_in_tool, time=time)
             buffer.write(desired._replace(speed=goal.speed, turning=goal.turning))
         self._followed[side] = _number(buffer)
-        self.control.buffers[side].deadline.write(Deadline(self.clock.now(), LINK_LOST, activation))
+        self.control.buffers[side].deadline.write(Deadline(until - LINK_LOST, LINK_LOST, activation))
 
     def is_following(self, side: Side) -> bool:
         """Whether an arm follows the goals of its device, and nothing else has given it any."""

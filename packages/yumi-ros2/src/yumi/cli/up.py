@@ -536,15 +536,15 @@ def view(
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
             stack.enter_context(_started_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
-        is_real = operate and not virtual  # a virtual one is operated anyway
+        may_operate = operate and not virtual  # a virtual robot is operated anyway
         settings = ViewSettings(
             robot=robot,
             host=listen,
             port=port,
-            may_operate=is_real,
+            may_operate=may_operate,
             tls=_tls_of(listen) if https else None,
             show_code=lambda code: click.echo(f"Code for a page on another machine, for one page: {code}"),
-            token=secrets.token_urlsafe(18) if is_real or not is_loopback(listen) else "",
+            token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
             recording=None if recording is None else page_recording(recording),
             controller=controller,
         )
@@ -561,6 +561,8 @@ def _tls_of(listen: str) -> ssl.SSLContext:
     hosts = ["127.0.0.1", "::1", node, own, f"{own}.local", *(() if listen in ALL_ADDRESSES else (listen,))]
     certificate = installation_certificate([host for host in hosts if host])
     click.echo(f"Certificate of this installation, SHA-256 {certificate.fingerprint}")
+    if certificate.is_new:
+        click.echo("It was made now, for a year: a device that has accepted an older one is asked again.")
     click.echo("A browser warns of it until it is trusted: compare the fingerprint there.")
     return certificate.context
 

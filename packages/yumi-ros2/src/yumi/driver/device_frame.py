@@ -113,12 +113,16 @@ class DeviceFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     Attributes:
         time: on the device's own clock [s], when it was where it reports: the newest counts, older ones are dropped.
+        seen: on the clock of the driver's machine [s], a time that the device had been sent when it made the frame, as
+            that of the newest state: how old the frame may be. None for a device of the driver's own machine, whose
+            frames take no time.
         right: for the right arm.
         left: for the left arm.
         settings: how the tools follow.
     """
 
     time: float
+    seen: float | None = None
     right: DeviceHand = DeviceHand()
     left: DeviceHand = DeviceHand()
     settings: DeviceSettings = DeviceSettings()
@@ -130,8 +134,9 @@ class DeviceFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     def check(self) -> None:
         """See that the values go together; raises CommandRefused."""
-        if not isfinite(self.time):
-            raise CommandRefused(message("device_time_not_finite", time=str(self.time)))
+        for time in (self.time, 0.0 if self.seen is None else self.seen):
+            if not isfinite(time):
+                raise CommandRefused(message("device_time_not_finite", time=str(time)))
         self.settings.check()
         for side, hand in self.by_arm.items():
             hand.check(side.word)

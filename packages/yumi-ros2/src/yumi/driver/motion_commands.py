@@ -34,7 +34,6 @@ from yumi.driver.command import (
 from yumi.driver.device_frame import DeviceFrame, TeleoperationReport
 from yumi.driver.gripper_follower import closed_of
 from yumi.driver.reports import MotionReport
-from yumi.driver.teleoperated_arm import LINK_LOST
 
 JOG_HOLDS = 0.06
 """A jog moves an arm for so long, unless the next one comes [s]: braking from the page's highest speed takes 0.12 s."""
@@ -244,8 +243,8 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
     """Have tools or joints follow a person's device, of which ``frame`` is the newest report.
 
     A device sends its frames again and again, such as 60 times a second, over one connection. An arm moves while its
-    clutch is held. The driver brakes the arms when no frame has come for 0.2 s, or the connection ends; the clutch must
-    then be released and pressed again. One device at a time moves the arms.
+    clutch is held. The driver brakes the arms when the newest frame is older than 0.2 s, or the connection ends; the
+    clutch must then be released and pressed again. One device at a time moves the arms.
     """
 
     lane = Lane.JOG
@@ -265,7 +264,8 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
         try:
             return robot.teleoperation.take(self.frame, caller.client, caller.elsewhere, who)
         finally:
-            caller.hold("teleoperation", lambda: robot.teleoperation.lose(caller.client), LINK_LOST)
+            teleoperation = robot.teleoperation
+            caller.hold("teleoperation", lambda: teleoperation.lose(caller.client), teleoperation.lasts())
 
 
 def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bool]) -> str:

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, suppress
 from functools import partial
 from math import inf
 from threading import Lock
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, YumiError
@@ -45,8 +45,23 @@ _WORDS: Mapping[Clutch, ClutchWord] = {
 }
 
 
+class Made(NamedTuple):
+    """When a frame was made, on the clock here [s].
+
+    Attributes:
+        at: as if the frame that came fastest had taken no time.
+        earliest: the frame was not made before.
+    """
+
+    at: float
+    earliest: float
+
+
 class DeviceClock:
-    """The clock of a device, seen from here: from the frames that came fastest.
+    """The clock of a device, seen from here: bounds of what it is behind, of all frames.
+
+    A frame was made before it came, and after whatever time from here the device had seen by then. The frame that came
+    fastest gives the one bound, and the one that was made soonest after such a time came there the other one.
 
     Attributes:
         newest: the time of the newest frame, on the device's clock [s].
@@ -54,14 +69,21 @@ class DeviceClock:
 
     def __init__(self) -> None:
         self.newest = -inf
-        self._offset = inf
+        self._behind = (-inf, inf)  # at least, at most [s]
         self._now = -inf
 
-    def here(self, time: float, now: float) -> float:
-        """When a frame that came ``now`` was made, on the clock here [s]."""
-        drift = _CLOCKS_DIFFER * (now - self._now) if self._offset < inf else 0.0
-        self._offset, self._now = min(self._offset + drift, now - time), now
-        return time + self._offset
+    def here(self, time: float, now: float, seen: float | None = None) -> Made:
+        """When a frame that came ``now`` was made, which a device made that had ``seen`` a time from here by then."""
+        drift = _CLOCKS_DIFFER * (now - self._now) if self._now > -inf else 0.0
+        self._now = now
+        least, most = self._behind
+        least, most = least - drift, min(most + drift, now - time)
+        if seen is not None:
+            least = max(least, seen - time)
+            if least > most:  # the device's clock was set, or stood while the device slept
+                least, most = seen - time, now - time
+        self._behind = least, most
+        return Made(time + most, time + (most if seen is None else least))
 
 
 class TeleoperatedArms(Protocol):
@@ -71,7 +93,7 @@ class TeleoperatedArms(Protocol):
 
     def begin_following(self, side: Side, follower: Follower) -> None: ...
 
-    def follow_device(self, side: Side, goal: MotionGoal, time: float) -> None: ...
+    def follow_device(self, side: Side, goal: MotionGoal, time: float, until: float) -> None: ...
 
     def is_following(self, side: Side) -> bool: ...
 
@@ -119,6 +141,7 @@ class Teleoperation:
         self._arms = {side: _Arm(side) for side in Side}
         self._operator: Hashable = None
         self._came_at = -inf
+        self._until = -inf  # then the newest frame is so old that the link counts as lost
         self._clock = DeviceClock()
         self._dropped = 0
 
@@ -140,18 +163,21 @@ class Teleoperation:
         steps: dict[Side, Step] = {}
         with self._lock:
             self._check_operator(operator, now)
-            if operator is not self._operator:
+            is_new = operator is not self._operator
+            if is_new:
                 self._operator, self._dropped, self._clock = operator, 0, DeviceClock()
+            made = self._clock.here(frame.time, now, frame.seen)
+            is_in_time = now - made.earliest <= LINK_LOST and (frame.seen is None or frame.seen <= now)
+            if is_new or now > self._until:
                 # Nothing moves by connecting: who begins with a held clutch has to press it again, too.
-                steps |= self._end_all(message("teleoperation_begins"))
-            elif now - self._came_at > LINK_LOST:
-                steps |= self._end_all(message("teleoperation_link_lost"))
-            made_at = self._clock.here(frame.time, now)
-            if frame.time <= self._clock.newest or now - made_at > LINK_LOST:
+                why = "teleoperation_begins" if is_new else "teleoperation_link_lost"
+                slow = message("teleoperation_link_slow", age=now - made.earliest, most=LINK_LOST)
+                steps |= self._end_all(message(why) if is_in_time else slow)
+            if frame.time <= self._clock.newest or not is_in_time:
                 self._dropped += 1
             else:
-                self._clock.newest, self._came_at = frame.time, now
-                steps |= self._move(frame, now, made_at)
+                self._clock.newest, self._came_at, self._until = frame.time, now, made.earliest + LINK_LOST
+                steps |= self._move(frame, now, made.at)
             presses = {side: self._arms[side].press for side in steps}
         for side, step in steps.items():
             self._carry_out(side, step, presses[side], elsewhere, partial(requested_by, who, operator, who.value))
@@ -168,17 +194,22 @@ class Teleoperation:
             state = ArmNow(self._control.snapshot(side).sent, is_taken)
             step = arm.teleoperated.take(hand, frame.settings, frame.time, now, state)
             if step.goal is not None:
-                self._robot.follow_device(side, step.goal, made_at)
+                self._robot.follow_device(side, step.goal, made_at, self._until)
             if step.take_over is not None:
                 arm.press += 1
             if step.brakes or step.take_over is not None or step.gripper is not None:
                 steps[side] = step
         for side, arm in self._arms.items():
             if arm.teleoperated.clutch in (Clutch.ENGAGING, Clutch.ENGAGED):
-                self._control.hand_over.renew(side, LINK_LOST)
+                self._control.hand_over.renew(side, self._until - now)
             else:
                 self._control.hand_over.let_go(side)
         return steps
+
+    def lasts(self) -> float:
+        """How long the link counts as alive if no other frame comes [s]."""
+        with self._lock:
+            return max(0.0, self._until - self._robot.clock.now())
 
     def lose(self, operator: Hashable) -> None:
         """No more frames come from the operator: the arms that follow brake, and their clutches are inert."""

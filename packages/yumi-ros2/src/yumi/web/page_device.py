@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 import msgspec
 
-from abb_protocols.catalogue import message
-from abb_protocols.errors import CommandRefused
 from yumi.driver.device_frame import DeviceFrame, TeleoperationReport
 from yumi.driver.motion_commands import Teleoperate
 from yumi.driver.reports import Said
 from yumi.web.page_messages import DeviceMessage
-
-OLDEST_SEEN = 0.8
-"""A page that was shown no state since this time moves nothing [s]: its messages may come late, and all at once."""
 
 _MOST_WAITING = 4
 """Frames in which a clutch was let go or pressed again; with more, the oldest is left out."""
@@ -67,9 +61,6 @@ class PageDevice:
             if not self._waiting:
                 self._has_frame.clear()
             try:
-                is_held = any(hand.clutch for hand in device.frame.by_arm.values())
-                if is_held and not time.monotonic() - device.seen <= OLDEST_SEEN:  # NaN too
-                    raise CommandRefused(message("page_too_slow_to_teleoperate"))
                 answer = await self._ask(Teleoperate(frame=device.frame, is_headset=device.is_headset))
                 self._show(self._shown(device.frame.time, _report_decoder.decode(answer)))
             except Exception as error:  # a fault of ours, too: a page must not hold a clutch in vain

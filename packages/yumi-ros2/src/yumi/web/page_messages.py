@@ -127,11 +127,14 @@ class ToolJog(PageMessage, frozen=True, tag="jog_tool"):
 
 
 class DeviceMessage(PageMessage, frozen=True, tag="teleoperate"):
-    """A frame of the device with which the person at the page teleoperates; ``seen`` as in a jog."""
+    """A frame of the device with which the person at the page teleoperates; the page has seen the newest state."""
 
-    seen: float
     frame: DeviceFrame
     is_headset: bool = False
+
+    def __post_init__(self) -> None:
+        if self.frame.seen is None:  # else the driver takes it for one of this machine, which takes no time
+            raise ValueError("A frame of a page has `seen`, the time of the newest state that the page was sent.")
 
 
 class Pair(PageMessage, frozen=True, tag="pair"):

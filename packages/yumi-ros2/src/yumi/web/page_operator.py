@@ -29,7 +29,7 @@ from yumi.driver.reports import MotionReport
 from yumi.driver.surroundings import limits_of, shapes_of
 from yumi.web.driver_link import DriverLink
 from yumi.web.live import Jogged, LiveRobot
-from yumi.web.page_device import OLDEST_SEEN, PageDevice
+from yumi.web.page_device import PageDevice
 from yumi.web.page_messages import (
     MAX_JOINT_SPEED,
     AnyJog,
@@ -52,6 +52,9 @@ PLANNED_SPEED_SCALE = 0.5
 """Share of the joints' speeds that a page plans for, before speed_scale."""
 
 _PLANNING_TIMEOUT = 20.0  # [s] for one plan
+
+OLDEST_SEEN = 0.8
+"""A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
 
 STALE = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""

@@ -4,8 +4,8 @@ Who may do what: a page of this machine sees the robot; through another interfac
 only with the token. The files of the page are for everyone, the robot and a recording are not. A page of a foreign
 origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot, after it has
 taken control: a virtual one always, a real one where the server was started to operate it and the page is opened on
-the same machine, or on another one over HTTPS after it was paired (:mod:`yumi.web.pairing`). Where a real robot may be
-operated, every page may stop it.
+the same machine, or on another one over HTTPS after it was paired (:mod:`yumi.web.pairing`). What a proxy forwards is
+of another machine, wherever the proxy runs. Every page that shows a driver's robot may stop it.
 
 A page draws the robot's description, which it gets as JSON (:mod:`yumi.web.robot_model`), and moves it as the driver's
 state, a controller without a driver (:mod:`yumi.web.controller_view`) or a recording (:mod:`yumi.web.page_recording`)
@@ -61,6 +61,9 @@ from yumi.web.robot_model import controller_model, robot_model
 
 ALL_ADDRESSES = ("0.0.0.0", "::")
 """To listen on all of this machine."""
+
+FORWARDED = ("Forwarded", "Via", "X-Forwarded-For", "X-Forwarded-Host", "X-Forwarded-Proto", "X-Real-IP")
+"""Headers with which a proxy says that it forwards a request."""
 
 MAX_PAGES = 8
 """So many pages are served at once."""
@@ -273,7 +276,12 @@ class ViewServer:
                 code=WSCloseCode.TRY_AGAIN_LATER, message=f"{MAX_PAGES} pages are open already; close one.".encode()
             )
             return socket
-        page = self._page(socket, request.remote or "", request.query.get("paired", ""), is_encrypted=request.secure)
+        page = self._page(
+            socket,
+            request.query.get("paired", ""),
+            is_local=is_loopback(request.remote or "") and not any(each in request.headers for each in FORWARDED),
+            is_encrypted=request.secure,
+        )
         self._pages.add(page)
         self._shown.watch(True)
         self._introduce(page)
@@ -291,10 +299,10 @@ class ViewServer:
                 await sending
         return socket
 
-    def _page(self, socket: web.WebSocketResponse, remote: str, key: str, *, is_encrypted: bool) -> _Page:
-        """A page at an address, with the key of a pairing, which over HTTP counts for nothing: others may read it."""
+    def _page(self, socket: web.WebSocketResponse, key: str, *, is_local: bool, is_encrypted: bool) -> _Page:
+        """A page with the key of a pairing, which over HTTP counts for nothing: others may read it."""
         is_paired = is_encrypted and self._pairing.is_paired(key)
-        return _Page(socket, is_local=is_loopback(remote), is_encrypted=is_encrypted, is_paired=is_paired)
+        return _Page(socket, is_local=is_local, is_encrypted=is_encrypted, is_paired=is_paired)
 
     async def _take(self, page: _Page, data: str) -> None:
         """Carry out a message of a page, or have its operator do so."""
@@ -425,8 +433,8 @@ class ViewServer:
 
     @property
     def _may_stop(self) -> bool:
-        """Whether every page may stop the robot, without control and not paired, too."""
-        return self._why_none_operates() is None
+        """Whether every page may stop the robot: one without control, not paired, where none may operate, too."""
+        return self._settings.recording is None and self._controller is None and self._live.why_not is None
 
     def _may_pair(self, page: _Page) -> bool:
         why_not = self._why_not_operated(page)

@@ -8,6 +8,7 @@ export const STICK_TURNING = 0.5;
 
 const DEAD = 0.12; // a stick that is let go rests nearer to 0 than this
 const CAP_END = 350; // counts of a SpaceMouse at the end of an axis
+const SILENT = 0.2; // [s] a SpaceMouse whose cap is not at rest reports each 8 to 16 ms: a silent one is out of range, or gone
 const SPACEMOUSE_VENDORS = [0x256f, 0x046d]; // 3Dconnexion, and Logitech of older ones
 
 export interface Device {
@@ -146,6 +147,10 @@ export class SpaceMouse implements Device {
   private readonly axes = [0, 0, 0, 0, 0, 0]; // x to the right, y towards the person, z down; turns about them
   private buttons = 0;
   private gripper: number | undefined;
+  private moved = -Infinity; // when the cap was reported last [s]
+
+  /** @param now the time [s]. */
+  constructor(private readonly now: () => number = () => performance.now() / 1000) {}
 
   get name(): string {
     return this.device?.productName ?? "";
@@ -166,6 +171,11 @@ export class SpaceMouse implements Device {
 
   private forget(): void {
     this.device = null;
+    this.letGo();
+  }
+
+  /** Whatever is held must be pressed again. */
+  private letGo(): void {
     this.axes.fill(0);
     this.buttons = 0;
     this.gripper = undefined;
@@ -181,6 +191,7 @@ export class SpaceMouse implements Device {
       return;
     }
     const first = report === 1 ? 0 : report === 2 ? 3 : 6;
+    if (first < 6) this.moved = this.now();
     const count = Math.min(6 - first, Math.floor(data.byteLength / 2));
     for (let index = 0; index < count; index += 1) {
       this.axes[first + index] = Math.max(-1, Math.min(1, data.getInt16(2 * index, true) / CAP_END));
@@ -192,6 +203,7 @@ export class SpaceMouse implements Device {
   }
 
   hands(arms: readonly Side[]): Hands {
+    if (this.axes.some((each) => beyondRest(each) !== 0) && this.now() - this.moved > SILENT) this.letGo();
     const [right, back, down, tilt, roll, twist] = this.axes.map(beyondRest) as [number, number, number, number, number, number];
     const hand = handOf(Boolean(this.buttons & 1), twistOf([-back, -right, -down], [-roll, -tilt, -twist]), 0, this.gripper);
     return Object.fromEntries(arms.map((side) => [side, hand]));

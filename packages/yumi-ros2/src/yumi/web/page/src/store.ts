@@ -47,7 +47,7 @@ export interface Page {
   teleoperatedArms: "both" | "right" | "left"; // by it
   scale: number; // of what the person's hand does
   yaw: number; // [rad] how the person is turned from the robot: 0 stands behind it, pi opposite
-  teleoperated: TeleoperatedMessage | null; // what became of a frame
+  teleoperated: (TeleoperatedMessage & { delay: number }) | null; // what became of a frame, and how long that took to come [s]
   plan: (Plan & { time: number }) | null; // and the time of it that is shown [s]
   workObject: Frame | null;
   events: readonly LogEvent[]; // the newest first

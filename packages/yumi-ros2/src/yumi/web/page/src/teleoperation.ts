@@ -12,7 +12,7 @@ import { showTeleoperation } from "./teleoperation_panel";
 import { toast } from "./toast";
 
 const PERIOD = 16; // [ms] between two frames, of a device that does not pace them itself
-const IDLE = 0.1; // [s] between two frames without a held clutch; the driver takes a link without one for 0.2 s as lost
+const IDLE = 0.05; // [s] between two frames without a held clutch; the driver takes the link as lost when the newest is 0.2 s old
 const BACKLOG = 4096; // [bytes] that wait here: more frames would come late
 const SHOWN = 0.25; // [s] between two times that the link is shown
 const PULSE = 0.15; // [s] between two pulses of a device that feels a limit
@@ -59,10 +59,9 @@ export class Teleoperation {
       this.gate.pass({}, false); // what is held now must be pressed again
       if (isNew) toast(message.error.sentence);
     }
-    at("teleop-link").dataset.delay = (1000 * Math.max(0, now - message.time)).toFixed(1);
     if (isNew || now - this.shownAt > SHOWN) {
       this.shownAt = now;
-      store.change({ teleoperated: message });
+      store.change({ teleoperated: { ...message, delay: Math.max(0, now - message.time) } });
     }
     this.showAtHands(message, now);
   }
@@ -114,8 +113,8 @@ export class Teleoperation {
     this.sentAt = time;
     const isHeadset = page.device === "headset";
     const settings = { scale: page.scale, yaw: page.yaw, ...(isHeadset ? {} : { speed: 0.2, turning: 1 }) };
-    const frame = { time, ...passed, settings };
-    this.connection.send({ type: "teleoperate", seen: page.stateTime, frame, is_headset: isHeadset });
+    const frame = { time, seen: page.stateTime, ...passed, settings };
+    this.connection.send({ type: "teleoperate", frame, is_headset: isHeadset });
   }
 
   /** Let go of every clutch, whatever is held. */
@@ -126,7 +125,7 @@ export class Teleoperation {
     this.isHeld = false;
     const time = Math.max(performance.now() / 1000, this.sentAt + 1e-6);
     this.sentAt = time;
-    if (this.connection.isOpen) this.connection.send({ type: "teleoperate", seen: this.store.page.stateTime, frame: { time } });
+    if (this.connection.isOpen) this.connection.send({ type: "teleoperate", frame: { time, seen: this.store.page.stateTime } });
   }
 
   private bindChoices(): void {

@@ -63,5 +63,5 @@ function linkWords(page: Page): string {
   if (!teleoperated) return `${who}; no frame was answered yet.`;
   if (teleoperated.error) return `${who}; the driver refuses: ${teleoperated.error.sentence}`;
   const dropped = teleoperated.dropped ? `, ${teleoperated.dropped} frames came too late` : "";
-  return `${who}; link ${at("teleop-link").dataset.delay ?? "–"} ms to the driver and back${dropped}.`;
+  return `${who}; link ${(1000 * teleoperated.delay).toFixed(1)} ms to the driver and back${dropped}.`;
 }

@@ -141,6 +141,32 @@ test("SpaceMouse reports translation and turn, apart or together, in axes of its
   assert.equal(mouse.hands(["left"]).left!.twist![4], -STICK_TURNING);
 });
 
+test("SpaceMouse that falls silent away from rest lets everything go, and one at rest does not", () => {
+  let now = 1;
+  const mouse = new SpaceMouse(() => now);
+  const state = (): [boolean, number] => {
+    const { clutch, twist } = mouse.hands(["right"]).right!;
+    return [clutch, Math.abs(twist![0]!)];
+  };
+  const press = () => mouse.take(3, new DataView(new Uint8Array([1]).buffer));
+  press();
+  mouse.take(1, report(0, 0, 0));
+  now = 60; // the cap rests
+  assert.deepEqual(state(), [true, 0]);
+  mouse.take(1, report(0, -350, 0));
+  now += 0.19;
+  assert.deepEqual(state(), [true, STICK_SPEED]);
+  mouse.take(1, report(0, -350, 0)); // a SpaceMouse whose cap is held still reports on
+  now += 0.19;
+  assert.deepEqual(state(), [true, STICK_SPEED]);
+  now += 0.02;
+  assert.deepEqual(state(), [false, 0]); // out of range
+  mouse.take(1, report(0, -350, 0));
+  assert.deepEqual(state(), [false, STICK_SPEED]); // the clutch may have been let go meanwhile
+  press();
+  assert.deepEqual(state(), [true, STICK_SPEED]);
+});
+
 test("SpaceMouse's right button closes and opens the gripper in turn while the clutch is held", () => {
   const mouse = new SpaceMouse();
   const after = (...buttons: number[]) => {
