@@ -195,7 +195,7 @@ def test_page_that_may_not_operate_moves_nothing_and_any_page_stops_the_robot(
     monkeypatch: pytest.MonkeyPatch, count: int
 ) -> None:
     operators, done = Operators(), Counter[str]()
-    monkeypatch.setattr(server, "Operator", operators.make)
+    monkeypatch.setattr(view_server, "Operator", operators.make)
     monkeypatch.setattr(ViewServer, "_introduce_all", lambda self: None)
 
     async def give_back() -> None:
