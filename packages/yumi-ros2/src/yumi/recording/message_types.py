@@ -134,7 +134,7 @@ ERROR_SCHEMA: Mapping[str, object] = {
 """JSON schema of how far the arms are from what was sent to them."""
 
 _FIELDS = get_type_hints(Frame)
-_Vector: Any = tuple[(float | None,) * JOINT_COUNT]  # as JSON has it: null is not a number
+_Vector = tuple[float | None, float | None, float | None, float | None, float | None, float | None, float | None]
 _VECTORS: Mapping[Any, Any] = {Joints: _Vector, Joints | None: _Vector | None}
 VECTORS = tuple(name for name, kind in _FIELDS.items() if kind in _VECTORS)
 """Fields of a cycle with a value for each joint."""
