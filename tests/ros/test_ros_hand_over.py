@@ -25,8 +25,9 @@ from abb_protocols.robot.joints import Joints, Side, joint_names
 from browser import browser
 from cartesian_bench import shares
 from soak import long, short, tell
+from system.teleoperation_bench import LEFT_START, START
 from system.test_hand_over_measured import ARMS, WITHIN, commanding, teleoperate, unbroken, wait_for
-from system.test_teleoperation_measured import ROOM, recorded_driver
+from system.test_teleoperation_measured import recorded_driver
 from system.test_view_teleoperation import GAMEPAD, page_of
 from yumi.api.attach import RunningDriver
 from yumi.recording.message_types import EVENTS
@@ -34,8 +35,6 @@ from yumi.recording.reader import recorded_messages
 
 RATE = 50.0  # [Hz] of the policies
 LEADING = "joint_position_controller"
-LEFT_ROOM = (-ROOM[0], ROOM[1], -ROOM[2], ROOM[3], -ROOM[4], ROOM[5], -ROOM[6])
-"""As far from the body as the right arm [rad]."""
 BUMPERS = (4, 5)  # of the gamepad: the clutches of the left and of the right arm
 
 
@@ -198,7 +197,7 @@ def test_no_take_over_steps_whether_policy_and_person_come_over_ros_page_or_pyth
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     record, makers = tmp_path / "take_overs.mcap", (PythonSender, RosSender)
     with recorded_driver(tmp_path, record, with_ros=True) as driver:
-        driver.move_to(left=LEFT_ROOM)
+        driver.move_to(right=START, left=LEFT_START)  # away from the body: an arm at a limit takes longer to stand
         services = Client()
 
         def give_back_by_ros() -> None:
@@ -209,7 +208,7 @@ def test_no_take_over_steps_whether_policy_and_person_come_over_ros_page_or_pyth
             for maker in makers:
                 with Policy(maker) as policy:
                     for number in range(times // 4):
-                        turn = -0.2 if number % 2 else 0.2  # back again: an arm at a limit takes longer to stand
+                        turn = -0.2 if number % 2 else 0.2  # and back again
                         pass_on(driver, take_over, give_back_by_ros if number % 2 else driver.give_back, turn)
                 assert policy.refusals[REFUSED[maker]] > 0, policy.refusals
                 wait_for(driver, "none")  # its stream is over
