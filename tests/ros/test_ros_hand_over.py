@@ -25,6 +25,7 @@ from abb_protocols.robot.joints import Joints, Side, joint_names
 from browser import browser
 from cartesian_bench import shares
 from soak import long, short, tell
+from system.teleoperation_bench import LEFT_START, START
 from system.test_hand_over_measured import ARMS, WITHIN, commanding, teleoperate, unbroken, wait_for
 from system.test_teleoperation_measured import recorded_driver
 from system.test_view_teleoperation import GAMEPAD, page_of
@@ -153,8 +154,8 @@ def hold(page: Any, *, is_held: bool) -> None:
         page.evaluate(f"pad.hold({bumper}, {str(is_held).lower()})")
 
 
-def teleoperate_at_the_page(page: Any, driver: RunningDriver) -> None:
-    """Take both arms with the gamepad, turn the tools a little, and let go."""
+def teleoperate_at_the_page(page: Any, driver: RunningDriver, turn: float) -> None:
+    """Take both arms with the gamepad, move the tools a little, and let go."""
 
     def press() -> None:
         if {each.who for each in commanding(driver)} != {"device"}:
@@ -164,17 +165,19 @@ def teleoperate_at_the_page(page: Any, driver: RunningDriver) -> None:
         page.wait_for_timeout(400)
 
     wait_for(driver, "device", act=press)
-    page.evaluate("pad.axes[1] = -0.3")
+    page.evaluate(f"pad.axes[1] = {turn}")
     page.wait_for_timeout(400)
     page.evaluate("pad.axes[1] = 0")
     hold(page, is_held=False)
 
 
-def pass_on(driver: RunningDriver, take_over: Callable[[], None], give_back: Callable[[], object]) -> None:
+def pass_on(
+    driver: RunningDriver, take_over: Callable[[float], None], give_back: Callable[[], object], turn: float
+) -> None:
     """From the policy to a person, who lets go; then the policy gets the arms back."""
     wait_for(driver, "stream")
     time.sleep(0.5)
-    take_over()
+    take_over(turn)
     wait_for(driver, "none")
     assert all(each.is_reserved for each in commanding(driver))
     time.sleep(0.4)
@@ -194,24 +197,26 @@ def test_no_take_over_steps_whether_policy_and_person_come_over_ros_page_or_pyth
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     record, makers = tmp_path / "take_overs.mcap", (PythonSender, RosSender)
     with recorded_driver(tmp_path, record, with_ros=True) as driver:
+        driver.move_to(right=START, left=LEFT_START)  # away from the body: an arm at a limit takes longer to stand
         services = Client()
 
         def give_back_by_ros() -> None:
             assert services.call(Trigger, "/yumi_robot_manager/give_back").success
 
-        def run(take_over: Callable[[], None]) -> None:
+        def run(take_over: Callable[[float], None]) -> None:
             """Half of the take-overs, with a policy over Python and one over ROS."""
             for maker in makers:
                 with Policy(maker) as policy:
                     for number in range(times // 4):
-                        pass_on(driver, take_over, give_back_by_ros if number % 2 else driver.give_back)
+                        turn = -0.2 if number % 2 else 0.2  # and back again
+                        pass_on(driver, take_over, give_back_by_ros if number % 2 else driver.give_back, turn)
                 assert policy.refusals[REFUSED[maker]] > 0, policy.refusals
                 wait_for(driver, "none")  # its stream is over
 
-        run(lambda: teleoperate(driver))
+        run(lambda turn: teleoperate(driver, turn))
         with browser() as chromium, page_of(chromium, tmp_path, GAMEPAD) as page:
             page.select_option("#device", "gamepad")
-            run(lambda: teleoperate_at_the_page(page, driver))
+            run(lambda turn: teleoperate_at_the_page(page, driver, turn))
         services.close()
     values = list(recorded_messages(record))
     kinds = Counter(value.kind for topic, _, value in values if topic == EVENTS)

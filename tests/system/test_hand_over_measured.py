@@ -82,8 +82,8 @@ def wait_for(driver: RunningDriver, who: str, *, act: Callable[[], object] = lam
         act()
 
 
-def teleoperate(driver: RunningDriver) -> None:
-    """Take both arms with a device, turn the hands a little, and let go."""
+def teleoperate(driver: RunningDriver, turn: float = 0.2) -> None:
+    """Take both arms with a device, turn the hands a little [rad/s], and let go."""
 
     def send(*, clutch: bool, turn: float = 0.0) -> None:
         time.sleep(1.0 / RATE)
@@ -94,7 +94,7 @@ def teleoperate(driver: RunningDriver) -> None:
     send(clutch=False)
     wait_for(driver, "device", act=lambda: send(clutch=True))
     for _ in range(30):
-        send(clutch=True, turn=0.2)
+        send(clutch=True, turn=turn)
     send(clutch=False)
 
 
