@@ -16,9 +16,11 @@ from abb_protocols.egm.codec import MciState, MotorState, RapidState
 from abb_protocols.robot.joints import CYCLE, Side, abb_from_chain, chain_from_abb
 from abb_protocols.robot.kinematics import euler_zyx, tool0_to_body
 from abb_runtime.udp import UdpClient
-from virtual_irc5.mechanics.egm_client import VIRTUAL_CYCLE, EgmOptions, EgmOutcome, RobotWare
+from virtual_irc5.mechanics.egm_client import EgmOptions, EgmOutcome, RobotWare
 from virtual_irc5.mechanics.egm_motion import EgmActivation, ExternalMotionData, StopMode
 from virtual_irc5.world import World, WorldSettings
+
+VIRTUAL_CYCLE = 0.004  # of ABB's own virtual controller [s]
 
 
 @pytest.fixture

@@ -107,13 +107,6 @@ def test_outward_grip_on_nothing_ends_wide_open(gripper):
     assert (gripper.position, gripper.is_holding) == (0.025, False)
 
 
-def test_grip_to_a_position_ends_there(gripper):
-    gripper = opened()
-    gripper.grip_in(position=0.010)
-    finish(gripper)
-    assert (gripper.position, gripper.state) == (0.010, ServoState.ACTION_COMPLETED)
-
-
 def test_stop_lets_go():
     gripper = opened(CUBE)
     gripper.grip_in()

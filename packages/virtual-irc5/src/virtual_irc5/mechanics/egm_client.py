@@ -29,9 +29,6 @@ from virtual_irc5.mechanics.egm_motion import (
 )
 from virtual_irc5.mechanics.path import Passage
 
-VIRTUAL_CYCLE = 0.004
-"""Period of ABB's own virtual controller [s]."""
-
 
 class RobotWare(Enum):
     """Whose datagrams the arm sends (reference/egm.md §1.4)."""

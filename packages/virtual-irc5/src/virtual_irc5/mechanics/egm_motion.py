@@ -33,9 +33,9 @@ class StopMode(Enum):
     RAMP_DOWN = 1
 
 
-def same_band(low: float, high: float, count: int = JOINT_COUNT) -> Bands:
+def same_band(low: float, high: float) -> Bands:
     """One convergence band [rad] for all joints."""
-    return ((low, high),) * count
+    return ((low, high),) * JOINT_COUNT
 
 
 DEFAULT_BANDS = same_band(radians(-0.5), radians(0.5))

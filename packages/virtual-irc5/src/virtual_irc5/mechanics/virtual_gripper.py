@@ -446,17 +446,16 @@ class VirtualGripper:
             self._max_position = position
             self._execute(ServoCommand.FREE_MOVE_TO_MAX_POS)
 
-    def grip_in(self, hold_force: float | None = None, position: float = 0.0) -> None:
-        """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m]."""
-        self._check_target(position)
-        self._min_position = position
+    def grip_in(self, hold_force: float | None = None) -> None:
+        """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found."""
+        self._check_target(0.0)
+        self._min_position = 0.0
         self._grip(ServoCommand.AGILE_GRIP_INWARD, hold_force)
 
-    def grip_out(self, hold_force: float | None = None, position: float | None = None) -> None:
-        """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m]."""
-        widest = self.physical_limit if position is None else position
-        self._check_target(widest)
-        self._max_position = widest
+    def grip_out(self, hold_force: float | None = None) -> None:
+        """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found."""
+        self._check_target(self.physical_limit)
+        self._max_position = self.physical_limit
         self._grip(ServoCommand.AGILE_GRIP_OUTWARD, hold_force)
 
     def _grip(self, command: ServoCommand, hold_force: float | None) -> None:

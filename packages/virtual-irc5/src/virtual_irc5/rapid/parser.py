@@ -228,11 +228,11 @@ def parse_parameters(text: str) -> tuple[Parameter, ...]:
     return parameters
 
 
-def parse_expression(text: str, filename: str = "<value>") -> Expression:
+def parse_expression(text: str) -> Expression:
     if len(text) > LONGEST_EXPRESSION:
         sentence = f"a value has up to {LONGEST_EXPRESSION} characters, this one has {len(text)}."
-        raise RapidSyntaxError(sentence, filename=filename, line=1, column=1)
-    expression: Expression = _remembered(text, "expression", filename)
+        raise RapidSyntaxError(sentence, filename="<value>", line=1, column=1)
+    expression: Expression = _remembered(text, "expression", "<value>")
     return expression
 
 

@@ -117,10 +117,10 @@ class RapidRuntimeError(RapidError):
         number: the value of ERRNO, or None until the task has looked the name up.
     """
 
-    def __init__(self, name: str, sentence: str, *, number: float | None = None) -> None:
+    def __init__(self, name: str, sentence: str) -> None:
         super().__init__(sentence)
         self.name = name
-        self.number = number
+        self.number: float | None = None
 
 
 # ABB does not publish the values, and programs compare names only; the library counts them up from here.

@@ -69,8 +69,7 @@ log = logging.getLogger(__name__)
 class RwsService:
     """Answers requests for ``controller`` from clients that know ``user`` and ``password``.
 
-    ``granted`` is what the user may do; ``make_secret`` gives 64 random hexadecimal digits; ``hang_up`` breaks every
-    connection to the server.
+    ``granted`` is what the user may do; ``hang_up`` breaks every connection to the server.
 
     Attributes:
         scheme, default_port: of its addresses.
@@ -91,14 +90,13 @@ class RwsService:
         user: str,
         password: str,
         granted: Collection[Grant] = GRANTS,
-        make_secret: Callable[[], str] = secrets.token_hex,
         hang_up: Callable[[], None] = lambda: None,
     ) -> None:
         self._controller = controller
         self._user = user
         self._password = password
-        self._sessions = SessionTable(make_secret)
-        self._nonce_secret = make_secret()[:16]
+        self._sessions = SessionTable()
+        self._nonce_secret = secrets.token_hex()[:16]
         self._nonces = 0
         self._users = Users(granted)
         self._mastership = Mastership(self._users, self.domains)

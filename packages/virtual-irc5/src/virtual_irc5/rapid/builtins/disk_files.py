@@ -138,11 +138,11 @@ def _path(call: Call, name: str = "Path") -> str:
     return full_path(call[name])
 
 
-def _file(call: Call, name: str = "IODevice", *, to_read: bool = False, to_write: bool = False) -> OpenFile:
+def _file(call: Call, *, to_read: bool = False, to_write: bool = False) -> OpenFile:
     """The open file; raises ERR_FILEACC where it is closed or opened for something else."""
-    file: OpenFile = call[name]
+    file: OpenFile = call["IODevice"]
     if not file.path:
-        sentence = f"{call.name}: the file {call.reference(name).name} is closed; Open opens it."
+        sentence = f"{call.name}: the file {call.reference('IODevice').name} is closed; Open opens it."
         raise RapidRuntimeError("ERR_FILEACC", sentence)
     if (to_read and not file.is_readable) or (to_write and not file.is_writable):
         raise RapidRuntimeError("ERR_FILEACC", f"{call.name}: {file.path} was not opened for this.")

@@ -137,12 +137,12 @@ def _dialog(call: Call, kind: DialogKind, lines: Sequence[str], **more: Any) -> 
     return Dialog(call.task.name, call.name, kind, call.get("Header", ""), tuple(lines), **more)
 
 
-def _button_set(call: Call, default: float = 0.0) -> tuple[Choice, ...]:
+def _button_set(call: Call) -> tuple[Choice, ...]:
     r"""Those of \BtnArray, whose values count from 1, or of \Buttons; raises ERR_UI_BUTTONS where there is none."""
     array = call.get("BtnArray")
     if array is not None and any(array):
         return _numbered(array)
-    chosen: float = call.get("Buttons", default)
+    chosen: float = call.get("Buttons", 0.0)
     for value, names in BUTTON_SETS.values():
         if value == chosen and array is None:
             return tuple(Choice(name, float(BUTTON_RESULTS[name])) for name in names)

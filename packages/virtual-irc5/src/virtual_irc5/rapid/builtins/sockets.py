@@ -98,11 +98,11 @@ def _call_network(call: Call, device: SocketDevice, action: Callable[[], T]) -> 
         raise RapidRuntimeError(name, f"{call.name}: {error.strerror or error}.") from error
 
 
-def _open_socket(call: Call, name: str = "Socket") -> tuple[SocketDevice, Socket]:
+def _open_socket(call: Call) -> tuple[SocketDevice, Socket]:
     """The socketdev and its socket; raises ERR_SOCK_CLOSED where it has none."""
-    device: SocketDevice = call[name]
+    device: SocketDevice = call["Socket"]
     if device.socket is None:
-        variable = call.reference(name).name
+        variable = call.reference("Socket").name
         raise RapidRuntimeError("ERR_SOCK_CLOSED", f"{call.name}: {variable} is closed; SocketCreate makes a socket.")
     return device, device.socket
 
