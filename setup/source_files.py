@@ -21,7 +21,6 @@ LONG = 700
 REASONS = {
     "yumi/cli/up.py": "not split yet: up, view and record",
     "yumi/driver/gripper.py": "not split yet: the gripper and its two interfaces",
-    "yumi/ros/controller_manager_node.py": "one callback a service of ros2_control",
     "yumi/ros/messages.py": "one function a message",
     "virtual_irc5/controller/irc5.py": "not split yet: modes, execution and arms",
     "yumi/web/controller_view.py": "one method a request of the page",

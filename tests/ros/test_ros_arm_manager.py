@@ -65,7 +65,6 @@ pytestmark = pytest.mark.ros
 KIND = "tests/Watcher"
 P = ParamSpec("P")
 T = TypeVar("T")
-RATE = 250  # [Hz]
 SPEEDS = ("slow", "fast")
 WEIGHTS = {"parameter": "weights", "lowest": 0.0, "highest": 9.0, "unit": "kg"}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -452,9 +451,7 @@ def test_event_of_all_reaches_every_controller_although_the_first_one_fails(
     interfaces["first"].on_event.side_effect = ValueError("a fault of ours")
     control = Mock()
     control.call.return_value = ()
-    nodes = ControllerNodes(
-        Side.RIGHT, "/apart", control, Mock(), {KIND: lambda node, side, name: interfaces[name]}, RATE
-    )
+    nodes = ControllerNodes(Side.RIGHT, "/apart", control, Mock(), {KIND: lambda node, side, name: interfaces[name]})
     for name in interfaces:
         nodes.add(ControllerInfo(name, KIND, State.ACTIVE, (), ()))
     ended = ControlProcessEnded(Side.RIGHT, 1)

@@ -60,7 +60,7 @@ def test_what_is_no_state_to_be_in_is_refused(number: int, label: str) -> None:
 @pytest.mark.parametrize("state", list(State))
 def test_controller_reports_what_it_requires_only_once_it_is_configured(state: State) -> None:
     info = ControllerInfo("one", "tests/One", state, ("a/position",), (), ("a/velocity",))
-    told = messages.controller_state(info, 248)
+    told = messages.controller_state(info)
     wanted = ["a/position"] if state in {State.INACTIVE, State.ACTIVE} else []
     assert list(told.required_command_interfaces) == wanted
     assert bool(told.required_state_interfaces) is bool(wanted)
@@ -97,13 +97,13 @@ def test_tolerance_that_is_nan_is_refused(which: str, field: str) -> None:
 def test_trajectory_of_too_many_points_is_refused_before_they_are_read() -> None:
     trajectory = JointTrajectory(joint_names=[FIRST], points=[JointTrajectoryPoint(effort=[1.0])] * (MOST_POINTS + 1))
     with refused(TrajectoryRefused, "trajectory_too_long", points=20001, most=20000):
-        trajectory_of(trajectory, None)
+        trajectory_of(trajectory)
 
 
 def test_points_with_efforts_are_refused() -> None:
     trajectory = JointTrajectory(joint_names=[FIRST], points=[JointTrajectoryPoint(positions=[0.0], effort=[1.0])])
     with refused(TrajectoryRefused, "trajectory_with_efforts"):
-        trajectory_of(trajectory, None)
+        trajectory_of(trajectory)
 
 
 EPOCH = 1_700_000_000_000_000_000
@@ -165,7 +165,7 @@ def test_time_with_more_nanoseconds_than_a_second_is_refused(nanosec: int) -> No
     point, late = JointTrajectoryPoint(positions=[0.0] * 7), JointTrajectoryPoint(positions=[0.0] * 7)
     late.time_from_start = Duration(sec=1, nanosec=nanosec)
     with refuses("time_from_start of point 2"):
-        trajectory_of(JointTrajectory(points=[point, late]), None)
+        trajectory_of(JointTrajectory(points=[point, late]))
     goal = FollowJointTrajectory.Goal(goal_time_tolerance=Duration(nanosec=nanosec))
     with refuses("goal_time_tolerance"):
         tolerances_of(goal, [Side.RIGHT])
@@ -191,7 +191,7 @@ LONG = "x" * 1_000_000
         lambda: messages.side_of(LONG),
         lambda: messages.mode_of(LONG),
         lambda: messages.state_of(SimpleNamespace(id=9, label=LONG)),
-        lambda: plan_trajectory(trajectory_of(JointTrajectory(joint_names=[LONG]), None), [Side.RIGHT], YUMI_LIMITS),
+        lambda: plan_trajectory(trajectory_of(JointTrajectory(joint_names=[LONG])), [Side.RIGHT], YUMI_LIMITS),
         lambda: ControllerManager(joint_names(Side.RIGHT), {}, "ROB_R").load_kind(LONG, LONG),
     ],
 )

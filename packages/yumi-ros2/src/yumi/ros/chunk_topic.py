@@ -25,6 +25,7 @@ from yumi.control.loop_commands import CommandPort, Commands, ControllerCommand
 from yumi.control.trajectory_commands import ResultCode, refused
 from yumi.planning.chunk_plan import plan_chunk
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
+from yumi.planning.trajectory_request import check_joints
 from yumi.ros.messages import RefusalLog, check_wait, stamp_of, trajectory_of, waited_for
 
 
@@ -72,7 +73,7 @@ class ChunkTopic:
         self._states.publish(Float64MultiArray(data=[float(late), float(replaced), joined, until]))
 
     def _take(self, received: Any) -> list[ChunkTaken]:
-        trajectory, stamped, now = trajectory_of(received, None), stamp_of(received), self._clock.now()
+        trajectory, stamped, now = trajectory_of(received), stamp_of(received), self._clock.now()
         start = now + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9 if stamped else now
         number = next(self._numbers)
         commands = [
@@ -90,14 +91,7 @@ def plans_of(trajectory: Trajectory, sides: Sequence[Side], limits: JointLimits)
         CommandRefused: it names other joints, or an arm in part, or its points cannot be followed.
     """
     given, known = trajectory.joint_names, [name for side in sides for name in joint_names(side)]
-    if not given:
-        raise refused(message("trajectory_without_joints", joints=tuple(known)), ResultCode.INVALID_JOINTS)
-    for number, name in enumerate(given):
-        if name in given[:number]:
-            raise refused(message("trajectory_joint_twice", joint=name), ResultCode.INVALID_JOINTS)
-        if name not in known:
-            said = message("trajectory_joint_unknown", joint=name, joints=tuple(known))
-            raise refused(said, ResultCode.INVALID_JOINTS)
+    check_joints(given, known, may_leave_out=True)
     for number, point in enumerate(trajectory.points, 1):
         if len(point.position) != len(given):
             raise refused(

@@ -33,19 +33,19 @@ from controller_manager_msgs.srv import (
     SwitchController,
     UnloadController,
 )
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import Executor
 from std_msgs.msg import String
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
-from abb_protocols.robot.joints import CYCLE, Side, joint_names
+from abb_protocols.robot.joints import Side, joint_names
 from abb_runtime.clock import Clock
 from abb_runtime.parameters import Values
 from abb_runtime.process.supervision import Failures
 from yumi.control.controller import State
-from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo, Statistics
+from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.loop_commands import CommandPort, Commands
 from yumi.control.loop_events import (
     ControllerReport,
@@ -59,6 +59,7 @@ from yumi.control.loop_events import (
 from yumi.control.manager.controller_switch import Strictness
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
+from yumi.ros.manager_diagnostics import ERROR, WARN, Status, controllers_status, hardware_status, manager_status
 from yumi.ros.messages import (
     ACTIVITY,
     LATCHED,
@@ -74,10 +75,10 @@ from yumi.ros.messages import (
     state_of,
 )
 from yumi.ros.nodes import (
+    COMMON_PARAMETERS,
     ManagerParameters,
     Presets,
     TimerThread,
-    common_parameters,
     declare_parameters,
     pass_on_changes,
     remarks_on,
@@ -88,15 +89,8 @@ try:
 except ImportError:  # installations from before December 2025
     CleanupController = None
 
-RATE = round(1.0 / CYCLE)
-"""``update_rate`` [Hz]: the robot's own, 4.032 ms a cycle."""
-
 BASE_CLASS = "controller_interface::ControllerInterface"
 HARDWARE_ID = "ros2_control"
-
-OK: bytes = DiagnosticStatus.OK
-WARN: bytes = DiagnosticStatus.WARN
-ERROR: bytes = DiagnosticStatus.ERROR
 
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _REMINDER = 2.0  # [s] between two that the description is still waited for
@@ -164,8 +158,8 @@ class ArmManager:
         self._log = self.node.get_logger()
         self._clock = self.node.get_clock()
         self._name = self.node.get_fully_qualified_name()  # both arms' managers have the same bare name
-        self._parameters = ManagerParameters(self.node, RATE)
-        self._nodes = ControllerNodes(side, namespace, control, executor, interfaces, RATE)
+        self._parameters = ManagerParameters(self.node)
+        self._nodes = ControllerNodes(side, namespace, control, executor, interfaces)
         self._controllers = ArmControllers(side, control, self._nodes, self._parameters, known, self._log)
         self._hardware = ArmHardware(side, control)
         self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
@@ -216,9 +210,7 @@ class ArmManager:
         except YumiError as error:
             self._log.error(f"The controllers cannot be served: {error}")
             return
-        self._services = ControllerManagerServices(
-            self.node, self._controllers, self._hardware, RATE, self._activity.update
-        )
+        self._services = ControllerManagerServices(self.node, self._controllers, self._hardware, self._activity.update)
         self._activity.update()
 
     def _publish_diagnostics(self) -> None:
@@ -242,8 +234,8 @@ class ArmManager:
         threshold = self._parameters.threshold
         return [
             ("Controllers Activity", controllers_status(controllers, threshold)),
-            ("Hardware Components Activity", hardware_status(hardware, RATE, threshold)),
-            ("Controller Manager Activity", manager_status(hardware, RATE, threshold)),
+            ("Hardware Components Activity", hardware_status(hardware, threshold)),
+            ("Controller Manager Activity", manager_status(hardware, threshold)),
         ]
 
 
@@ -391,7 +383,6 @@ class ControllerNodes:
         control: where the controllers are commanded.
         executor: what spins the nodes.
         interfaces: what controllers of a type offer besides parameters.
-        rate: of the controller manager [Hz].
     """
 
     def __init__(
@@ -401,14 +392,12 @@ class ControllerNodes:
         control: CommandPort,
         executor: Executor,
         interfaces: Mapping[str, MakeInterface],
-        rate: int,
     ) -> None:
         self._side = side
         self._namespace = namespace
         self._control = control
         self._executor = executor
         self._make_interface = interfaces
-        self._rate = rate
         self._nodes: dict[str, tuple[Any, ControllerInterface | None]] = {}
         self._failures = Failures()
 
@@ -439,7 +428,7 @@ class ControllerNodes:
             # The controller gets what its parameter files set now, and what is set on the node later.
             infos: tuple[ParameterInfo, ...] = self._control.call(Commands.list_parameters, self._side, name)
             files = [Path(word) for option, word in pairwise(arguments) if option == "--params-file"]
-            every = (*common_parameters(self._rate), *infos)
+            every = (*COMMON_PARAMETERS, *infos)
             changed = declare_parameters(node, every, presets or {})
             for remark in remarks_on(node, every, presets or {}, files):
                 node.get_logger().warning(remark)
@@ -567,7 +556,6 @@ class ControllerManagerServices:
         node: the controller manager's node.
         controllers: the arm's controllers.
         hardware: the arm as a hardware component.
-        rate: how often controllers are updated [Hz].
         on_change: called after each requested change.
     """
 
@@ -576,7 +564,6 @@ class ControllerManagerServices:
         node: Any,
         controllers: ArmControllers,
         hardware: ArmHardware,
-        rate: int,
         on_change: Callable[[], None],
     ) -> None:
         self._log = node.get_logger()
@@ -596,7 +583,7 @@ class ControllerManagerServices:
         lists: Mapping[str, tuple[Any, Callable[[], Mapping[str, object]]]] = {
             "list_controllers": (
                 ListControllers,
-                lambda: {"controller": [controller_state(info, rate) for info in controllers.list()]},
+                lambda: {"controller": [controller_state(info) for info in controllers.list()]},
             ),
             "list_controller_types": (
                 ListControllerTypes,
@@ -604,7 +591,7 @@ class ControllerManagerServices:
             ),
             "list_hardware_components": (
                 ListHardwareComponents,
-                lambda: {"component": [hardware_state(hardware.info(), rate)]},
+                lambda: {"component": [hardware_state(hardware.info())]},
             ),
             "list_hardware_interfaces": (
                 ListHardwareInterfaces,
@@ -704,123 +691,3 @@ class ActivityTopic:
             if states != self._last:
                 self._last = states
                 self._publisher.publish(activity(controllers, hardware, self._clock.now().nanoseconds))
-
-
-Threshold = Callable[[str, str], tuple[float, float]]
-"""From a subject and a quantity to where a warning and an error begin, [Hz] or [µs]."""
-
-Status = tuple[bytes, str, list[KeyValue]]
-"""Level, sentence and values."""
-
-
-def controllers_status(controllers: Iterable[ControllerInfo], threshold: Threshold) -> Status:
-    """The controllers' states, and how long the updates of the active ones take."""
-    infos = tuple(controllers)
-    if not infos:
-        return WARN, "No controllers are currently loaded", []
-    pairs, faults = [], []
-    for info in infos:
-        pairs.append(KeyValue(key=f"{info.name}.state", value=info.state.value))
-        if info.state is State.ACTIVE and info.execution_time.count:
-            pairs.append(KeyValue(key=f"{info.name}.execution_time", value=_times_text(info.execution_time)))
-            faults += _time_faults(f"an update of {info.name}", info.execution_time, "controllers", threshold)
-    is_all = all(info.state is State.ACTIVE for info in infos)
-    level, sentence = _judged("All controllers are active" if is_all else "Not all controllers are active", faults)
-    return level, sentence, pairs
-
-
-def hardware_status(hardware: HardwareInfo, rate: int, threshold: Threshold) -> Status:
-    """The component's state, how long reading and writing take, and how often."""
-    pairs = [KeyValue(key=f"{hardware.name}.state", value=hardware.state.value)]
-    if hardware.state is not State.ACTIVE:
-        return ERROR, "No hardware components are active", pairs
-    faults = _rate_faults(hardware.period, rate, "hardware_components", threshold)
-    mean, deviation, slowest, fastest = _in_hertz(hardware.period)
-    rates = f"Avg: {mean:.1f} [{slowest:.1f} - {fastest:.1f}] Hz, StdDev: {deviation:.1f}"
-    for word, times in (("read", hardware.read_time), ("write", hardware.write_time)):
-        if times.count:
-            cycle = f"{hardware.name}.{word}_cycle"
-            pairs.append(KeyValue(key=f"{cycle}.execution_time", value=_times_text(times)))
-            pairs.append(KeyValue(key=f"{cycle}.periodicity", value=rates))
-            faults += _time_faults(f"a {word}", times, "hardware_components", threshold)
-    level, sentence = _judged("All hardware components are active", faults)
-    return level, sentence, pairs
-
-
-def manager_status(hardware: HardwareInfo, rate: int, threshold: Threshold) -> Status:
-    """How often the controllers are updated; the robot's datagrams are what makes it."""
-    pairs, period = [KeyValue(key="update_rate", value=str(rate))], hardware.period
-    if period.count:
-        names = ("average", "standard_deviation", "min", "max")
-        figures = zip(names, _in_hertz(period), strict=True)
-        pairs += [KeyValue(key=f"periodicity.{name}", value=f"{value:.2f}") for name, value in figures]
-    faults = _rate_faults(period, rate, "controller_manager", threshold)
-    level, sentence = _judged("Controller Manager is running", faults)
-    return level, sentence, pairs
-
-
-def _times_text(times: Statistics) -> str:
-    mean, lowest, highest, deviation = (
-        value * 1e6 for value in (times.mean, times.minimum, times.maximum, times.deviation)
-    )
-    return f"Avg: {mean:.1f} [{lowest:.1f} - {highest:.1f}] us, StdDev: {deviation:.1f}"
-
-
-def _in_hertz(period: Statistics) -> tuple[float, float, float, float]:
-    """Mean, standard deviation (to first order), lowest and highest rate of some periods [Hz]."""
-    if not period.count or period.mean <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    fastest = 1.0 / period.minimum if period.minimum > 0.0 else 0.0
-    return 1.0 / period.mean, period.deviation / period.mean**2, 1.0 / period.maximum, fastest
-
-
-_Fault = tuple[bytes, str]
-"""Level, and why it is not OK."""
-
-
-def _time_faults(what: str, times: Statistics, subject: str, threshold: Threshold) -> list[_Fault]:
-    mean, deviation = times.mean * 1e6, times.deviation * 1e6
-    return [
-        *_fault(f"{what} takes {mean:.0f} us", mean, threshold(subject, "execution_time.mean_error"), "us"),
-        *_fault(
-            f"the time of {what} varies by {deviation:.0f} us",
-            deviation,
-            threshold(subject, "execution_time.standard_deviation"),
-            "us",
-        ),
-    ]
-
-
-def _rate_faults(period: Statistics, rate: int, subject: str, threshold: Threshold) -> list[_Fault]:
-    if not period.count:
-        return []
-    mean, deviation, _, _ = _in_hertz(period)
-    return [
-        *_fault(
-            f"the rate is {mean:.1f} Hz instead of {rate} Hz",
-            abs(mean - rate),
-            threshold(subject, "periodicity.mean_error"),
-            "Hz",
-        ),
-        *_fault(
-            f"the rate varies by {deviation:.1f} Hz",
-            deviation,
-            threshold(subject, "periodicity.standard_deviation"),
-            "Hz",
-        ),
-    ]
-
-
-def _fault(sentence: str, value: float, limits: tuple[float, float], unit: str) -> list[_Fault]:
-    """None where ``value`` is below both limits."""
-    warn, error = limits
-    if value <= min(warn, error):
-        return []
-    level, limit = (ERROR, error) if value > error else (WARN, warn)
-    return [(level, f"{sentence} (limit {limit:g} {unit})")]
-
-
-def _judged(sentence: str, faults: Iterable[_Fault]) -> _Fault:
-    """The worst level, and all reasons after ``sentence``."""
-    known = list(faults)
-    return max([OK, *(level for level, _ in known)]), "; ".join([sentence, *(reason for _, reason in known)])

@@ -31,7 +31,7 @@ from abb_protocols.catalogue import Message, clause, quoted, remedy_of
 from abb_protocols.catalogue import message as said  # a message here is one of ROS
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
-from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
+from abb_protocols.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
 from abb_protocols.rws.documents import Event
 from abb_protocols.rws.values import EventType
 from abb_runtime.clock import Clock
@@ -53,6 +53,9 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """So many calls may wait for their answer; of more than 10, ROS 2's default, it would lose some without a word."""
+
+RATE = round(1.0 / CYCLE)
+"""``update_rate`` [Hz]: the robot's own, 4.032 ms a cycle."""
 
 _NS = 1_000_000_000
 
@@ -338,7 +341,7 @@ def how_to_activate(namespace: str, side: Side, name: str, instead_of: Sequence[
     return f"yumi switch {side.word} {name} (in ROS: ros2 control switch_controllers -c {manager} {options})"
 
 
-def controller_state(info: ControllerInfo, update_rate: int) -> ControllerState:
+def controller_state(info: ControllerInfo) -> ControllerState:
     """One controller in ``list_controllers``; required interfaces only from configuring on, as upstream."""
     is_configured = info.state in {State.INACTIVE, State.ACTIVE}
     return filled(
@@ -347,7 +350,7 @@ def controller_state(info: ControllerInfo, update_rate: int) -> ControllerState:
         state=info.state.value,
         type=info.kind,
         is_async=False,
-        update_rate=update_rate,
+        update_rate=RATE,
         claimed_interfaces=list(info.claimed),
         required_command_interfaces=list(info.required) if is_configured else [],
         required_state_interfaces=list(info.required_state) if is_configured else [],
@@ -356,14 +359,14 @@ def controller_state(info: ControllerInfo, update_rate: int) -> ControllerState:
     )
 
 
-def hardware_state(info: HardwareInfo, rate: int) -> HardwareComponentState:
-    """An arm in ``list_hardware_components``; ``rate`` in [Hz]."""
+def hardware_state(info: HardwareInfo) -> HardwareComponentState:
+    """An arm in ``list_hardware_components``."""
     return filled(
         HardwareComponentState(),
         name=info.name,
         type="system",
         is_async=False,
-        rw_rate=rate,
+        rw_rate=RATE,
         plugin_name=PLUGIN,
         state=lifecycle_state(info.state),
         command_interfaces=hardware_interfaces(info.command_interfaces),
@@ -396,8 +399,8 @@ def activity(controllers: Iterable[ControllerInfo], hardware: HardwareInfo, time
     return message
 
 
-def trajectory_of(given: Any, start: float | None) -> JointTrajectory:
-    """The trajectory in a trajectory_msgs/JointTrajectory that starts at ``start`` on the monotonic clock [s].
+def trajectory_of(given: Any) -> JointTrajectory:
+    """The trajectory in a trajectory_msgs/JointTrajectory.
 
     Raises:
         TrajectoryRefused: it has too many points, or one has efforts.
@@ -411,7 +414,7 @@ def trajectory_of(given: Any, start: float | None) -> JointTrajectory:
         fields = (point.positions, point.velocities, point.accelerations)
         time = seconds(point.time_from_start, f"Trajectory refused: time_from_start of point {len(points) + 1}")
         points.append(TrajectoryPoint(time, *map(tuple, fields)))
-    return JointTrajectory(tuple(given.joint_names), tuple(points), start)
+    return JointTrajectory(tuple(given.joint_names), tuple(points))
 
 
 def stamp_of(message: Any) -> int:

@@ -34,6 +34,7 @@ from abb_runtime.process.supervision import Failures, SupervisedThread, no_threa
 from yumi.control.controller import find_parameter
 from yumi.control.controller_info import ParameterInfo
 from yumi.control.manager.controller_switch import Strictness
+from yumi.ros.messages import RATE
 
 _THREADS = 8  # so many slow callbacks of a family run side by side
 _SPIN_TIMEOUT = 0.5  # [s] how soon a failed callback is logged
@@ -379,18 +380,16 @@ def pass_on_changes(node: Any, names: Iterable[str], change: Callable[[Values], 
     node.add_on_set_parameters_callback(on_set)
 
 
-def common_parameters(rate: int) -> tuple[ParameterInfo, ...]:
-    """What every controller of ros2_control has; ``rate`` of the controller manager in [Hz]."""
-    in_step = "every controller runs in each cycle of the robot"
-    fixed = (
-        Parameter("update_rate", rate, unit="Hz", description="Rate of its updates.", fixed=in_step),
-        Parameter("is_async", default=False, description="Whether it runs in a thread of its own.", fixed=in_step),
-        Parameter("thread_priority", (), fixed=in_step),
-        Parameter("async_parameters", (), fixed=in_step),
-        Parameter("fallback_controllers", (), fixed="when a controller fails the arm holds"),
-    )
-    return tuple(ParameterInfo(each, each.default) for each in fixed)
-
+_IN_STEP = "every controller runs in each cycle of the robot"
+_FIXED = (
+    Parameter("update_rate", RATE, unit="Hz", description="Rate of its updates.", fixed=_IN_STEP),
+    Parameter("is_async", default=False, description="Whether it runs in a thread of its own.", fixed=_IN_STEP),
+    Parameter("thread_priority", (), fixed=_IN_STEP),
+    Parameter("async_parameters", (), fixed=_IN_STEP),
+    Parameter("fallback_controllers", (), fixed="when a controller fails the arm holds"),
+)
+COMMON_PARAMETERS = tuple(ParameterInfo(each, each.default) for each in _FIXED)
+"""What every controller of ros2_control has."""
 
 _STRICTNESS = "defaults.switch_controller.strictness"
 _STRICTNESSES = {"best_effort": Strictness.BEST_EFFORT, "strict": Strictness.STRICT}
@@ -418,13 +417,12 @@ class ManagerParameters:
 
     Args:
         node: the controller manager's node.
-        rate: how often controllers are updated [Hz].
     """
 
-    def __init__(self, node: Any, rate: int) -> None:
+    def __init__(self, node: Any) -> None:
         self._node = node
         fixed = {
-            "update_rate": (rate, "How often controllers are updated [Hz]: the robot's own rate."),
+            "update_rate": (RATE, "How often controllers are updated [Hz]: the robot's own rate."),
             "enforce_command_limits": (True, "Whether commands are kept within the joints' limits: always."),
             "handle_exceptions": (True, "Whether a controller that fails is deactivated: always."),
             "defaults.allow_controller_activation_with_inactive_hardware": (False, "Never: EGM must run."),
@@ -442,10 +440,10 @@ class ManagerParameters:
         # same holds for how long an update takes: one that had to wait for a processor must not be a warning for ever.
         thresholds: list[tuple[str, float, float, str]] = [
             *((f"{subject}.periodicity.mean_error", 5.0, 10.0, "Hz") for subject in _SUBJECTS),
-            *((f"{subject}.periodicity.standard_deviation", 0.5 * rate, 1.0 * rate, "Hz") for subject in _SUBJECTS),
+            *((f"{subject}.periodicity.standard_deviation", 0.5 * RATE, 1.0 * RATE, "Hz") for subject in _SUBJECTS),
             *((f"{subject}.execution_time.mean_error", 1000.0, 2000.0, "µs") for subject in _SUBJECTS[1:]),
             *(
-                (f"{subject}.execution_time.standard_deviation", 0.5e6 / rate, 1.0e6 / rate, "µs")
+                (f"{subject}.execution_time.standard_deviation", 0.5e6 / RATE, 1.0e6 / RATE, "µs")
                 for subject in _SUBJECTS[1:]
             ),
         ]

@@ -270,7 +270,7 @@ class TrajectoryAction:
             if names <= set(message.joint_names)
             else self._control.call(Commands.commanded_positions, *self._sides)
         )
-        trajectory, smoothed_from = self._smoothed(trajectory_of(message, None))
+        trajectory, smoothed_from = self._smoothed(trajectory_of(message))
         plans = plan_trajectory(trajectory, self._sides, self._limits, held, smoothed_from)
         number, stamped, start = next(self._numbers), stamp_of(message), None  # None is at once
         if stamped:  # on the monotonic clock as it is now: to plan a long trajectory takes time
