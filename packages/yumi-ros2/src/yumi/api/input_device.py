@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 from collections.abc import Mapping
 from glob import glob
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -23,7 +22,6 @@ _SIX = ("X", "Y", "Z", "RX", "RY", "RZ")
 _3DCONNEXION = 0x256F
 _LOGITECH = 0x046D  # its SpaceNavigators and SpacePilots are older than 3Dconnexion's own number
 _NODES = "/dev/input/event*"
-_GONE = (errno.ENODEV, errno.EIO, errno.EBADF)
 
 
 class FoundDevice(NamedTuple):

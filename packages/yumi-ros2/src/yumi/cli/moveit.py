@@ -17,7 +17,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.description import FINGER_SPEED
 from abb_protocols.robot.gripper_values import GripperModules
-from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Side, finger_names, joint_names
+from abb_protocols.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 from abb_protocols.robot.urdf import robot_description
 from abb_runtime.options import gripper_options
 
@@ -111,21 +111,14 @@ def write_moveit_config(folder: Path, grippers: Mapping[Side, GripperModules] | 
         file.write_text(text, encoding="utf-8")
 
 
-def moveit_files(
-    grippers: Mapping[Side, GripperModules] | None = None, limits: JointLimits = YUMI_LIMITS
-) -> Mapping[str, str]:
-    """The package's files, text by path.
-
-    Args:
-        grippers: the modules of each arm's gripper.
-        limits: of the joints; MoveIt plans with them.
-    """
+def moveit_files(grippers: Mapping[Side, GripperModules] | None = None) -> Mapping[str, str]:
+    """The package's files, text by path; ``grippers`` are the modules of each arm's gripper."""
     from yumi.planning.scene_description import GROUPS, semantic_description  # noqa: PLC0415 - a quick --help
 
     modules = grippers or dict.fromkeys(Side, GripperModules.SERVO)
     joint_limits: dict[str, Any] = {}
     for side in Side:
-        rows = zip(joint_names(side), limits.velocity, limits.acceleration, limits.jerk, strict=True)
+        rows = zip(joint_names(side), YUMI_LIMITS.velocity, YUMI_LIMITS.acceleration, YUMI_LIMITS.jerk, strict=True)
         for name, velocity, acceleration, jerk in rows:
             joint_limits[name] = {
                 "has_velocity_limits": True,
@@ -182,7 +175,7 @@ def moveit_files(
         "CMakeLists.txt": _CMAKE,
         ".setup_assistant": _SETUP_ASSISTANT,
         "launch/move_group.launch.py": _LAUNCH,
-        "config/yumi.urdf": robot_description(limits, modules),
+        "config/yumi.urdf": robot_description(YUMI_LIMITS, modules),
         "config/yumi.srdf": semantic_description(),
         "config/kinematics.yaml": _yaml({name: solver for name, sides in GROUPS.items() if len(sides) == 1}),
         "config/joint_limits.yaml": _yaml(

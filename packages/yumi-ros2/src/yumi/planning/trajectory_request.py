@@ -72,7 +72,7 @@ def plan_trajectory(
     """
     check_count(len(trajectory.points))
     column_of = {name: column for column, name in enumerate(trajectory.joint_names)}
-    _check_joints(trajectory.joint_names, [name for side in sides for name in joint_names(side)], held is not None)
+    check_joints(trajectory.joint_names, [name for side in sides for name in joint_names(side)], held is not None)
     _check_points(trajectory)
     plans = {}
     for side in sides:
@@ -107,7 +107,12 @@ def timed(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
     return replace(trajectory, points=tuple(points))
 
 
-def _check_joints(given: Sequence[str], known: Sequence[str], may_leave_out: bool) -> None:
+def check_joints(given: Sequence[str], known: Sequence[str], may_leave_out: bool) -> None:
+    """Check the joints that a request names.
+
+    Raises:
+        TrajectoryRefused: it names none, one twice, one that is not known, or not all where it may leave none out.
+    """
     if not given:
         raise refused(message("trajectory_without_joints", joints=tuple(known)), ResultCode.INVALID_JOINTS)
     for number, name in enumerate(given):

@@ -64,14 +64,13 @@ class RecordingWriter:
     Args:
         file: where to; its folder is made, a file of that name is replaced.
         epoch: time of day when the monotonic clock was 0 [s since 1970].
-        description: the robot's URDF; by default that of a YuMi with the usual grippers.
 
     Raises:
         MissingPrerequisite: the library is not installed.
         OSError: the file cannot be written; so do the methods.
     """
 
-    def __init__(self, file: Path, epoch: float, description: str | None = None) -> None:
+    def __init__(self, file: Path, epoch: float) -> None:
         try:
             from mcap.writer import Writer  # noqa: PLC0415 - an extra; nothing else needs it
         except ImportError as error:
@@ -103,7 +102,7 @@ class RecordingWriter:
             self._channels[cycle_topic(side)] = self._writer.register_channel(cycle_topic(side), "json", cycle, names)
             topic = f"{side.value}/joint_states"
             self._channels[topic] = self._writer.register_channel(topic, "cdr", joint_state)
-        self._description = description or robot_description()
+        self._description = robot_description()
         self._frames = read_frames(self._description)
         self._is_begun = False
         self._arms: dict[Side, JointStates] = {}
