@@ -5,9 +5,10 @@ from __future__ import annotations
 from virtual_irc5.controller.file_store import FileStore
 from virtual_irc5.controller.rapid_devices import RapidDisk
 from virtual_irc5.program_sockets import ProgramNetwork
-from virtual_irc5.rapid import InstructionSet, Task, TaskEvent
+from virtual_irc5.rapid import InstructionSet
 from virtual_irc5.rapid.devices import Devices
-from virtual_irc5.rapid.states import Severity
+from virtual_irc5.rapid.states import Severity, TaskEvent
+from virtual_irc5.rapid.task import Task
 
 
 class RecordingHost:

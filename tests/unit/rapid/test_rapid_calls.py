@@ -3,7 +3,7 @@
 import pytest
 from rapid_bench import Bench, error_of, evaluated, started
 
-from virtual_irc5.rapid import RapidReferenceError
+from virtual_irc5.rapid.types import RapidReferenceError
 
 
 def refusal(body: str, declarations: str) -> str:

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 from rapid_bench import RecordingHost
 
-from virtual_irc5.rapid import InstructionSet, Task
+from virtual_irc5.rapid import InstructionSet
+from virtual_irc5.rapid.task import Task
 
 FOLDER = Path(__file__).parents[2] / "rapid_corpus"
 PROGRAMS = sorted(FOLDER.glob("*.mod"))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from rapid_bench import Bench
 
-from virtual_irc5.rapid import EventKind, RapidReferenceError, RapidValueError, UnknownSymbol
+from virtual_irc5.rapid.states import EventKind
+from virtual_irc5.rapid.types import RapidReferenceError, RapidValueError, UnknownSymbol
 
 LOOP = "n := 0;\nWHILE TRUE DO\nn := n + 1;\nWaitTime 0.1;\nENDWHILE"
 CALLS = """VAR num n;

@@ -3,7 +3,8 @@
 import pytest
 from rapid_bench import Bench, error_of, started
 
-from virtual_irc5.rapid import EventKind, Execution, RapidReferenceError
+from virtual_irc5.rapid.states import EventKind, Execution
+from virtual_irc5.rapid.types import RapidReferenceError
 
 FAILING = "PROC fail() RAISE 7; ENDPROC"
 

@@ -3,7 +3,8 @@
 import pytest
 from rapid_bench import started
 
-from virtual_irc5.rapid import Call, InstructionSet, RapidReferenceError, RapidRuntimeError, RapidSyntaxError, Wait
+from virtual_irc5.rapid import Call, InstructionSet, RapidRuntimeError, Wait
+from virtual_irc5.rapid.types import RapidReferenceError, RapidSyntaxError
 
 
 class Identity:

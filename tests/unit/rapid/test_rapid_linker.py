@@ -3,7 +3,7 @@
 import pytest
 from rapid_bench import Bench, started
 
-from virtual_irc5.rapid import RapidReferenceError
+from virtual_irc5.rapid.types import RapidReferenceError
 
 
 def refusal(declarations: str) -> str:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from virtual_irc5.rapid import InstructionSet, RapidValueError
+from virtual_irc5.rapid import InstructionSet
 from virtual_irc5.rapid.literals import format_number, format_value, parse_value
-from virtual_irc5.rapid.types import BOOL, DNUM, NUM, STRING, ArrayType, Type
+from virtual_irc5.rapid.types import BOOL, DNUM, NUM, STRING, ArrayType, RapidValueError, Type
 
 
 def type_named(name: str) -> Type:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from virtual_irc5.rapid import RapidSyntaxError, parse_module
 from virtual_irc5.rapid import ast as s
-from virtual_irc5.rapid.parser import parse_expression, parse_parameters, parse_reference
+from virtual_irc5.rapid.parser import parse_expression, parse_module, parse_parameters, parse_reference
+from virtual_irc5.rapid.types import RapidSyntaxError
 
 
 def in_main(statements: str) -> tuple[s.Statement, ...]:

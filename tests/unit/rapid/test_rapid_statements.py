@@ -3,7 +3,8 @@
 import pytest
 from rapid_bench import Bench, error_of, started
 
-from virtual_irc5.rapid import EventKind, RapidReferenceError
+from virtual_irc5.rapid.states import EventKind
+from virtual_irc5.rapid.types import RapidReferenceError
 
 
 def test_if_takes_the_first_true_branch() -> None:

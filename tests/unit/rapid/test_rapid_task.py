@@ -4,7 +4,9 @@ import pytest
 from rapid_bench import Bench, started
 
 from abb_protocols.errors import RobotNotReady
-from virtual_irc5.rapid import EventKind, Execution, ModuleInfo, RapidReferenceError, RapidValueError, UnknownSymbol
+from virtual_irc5.rapid.states import EventKind, Execution
+from virtual_irc5.rapid.task import ModuleInfo
+from virtual_irc5.rapid.types import RapidReferenceError, RapidValueError, UnknownSymbol
 
 DATA = """
 LOCAL RECORD OwnSettings

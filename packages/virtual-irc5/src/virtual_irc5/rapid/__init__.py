@@ -6,7 +6,6 @@ A host registers the robot's instructions in an `InstructionSet`, on top of thos
 
 from importlib.resources import files
 
-from virtual_irc5.rapid.ast import Module
 from virtual_irc5.rapid.builtins.absent_options import OPTIONS
 from virtual_irc5.rapid.builtins.clocks_and_stops import SYSTEM
 from virtual_irc5.rapid.builtins.data import CONSTANTS, DATA
@@ -24,41 +23,17 @@ from virtual_irc5.rapid.builtins.rawbytes import RAWBYTES
 from virtual_irc5.rapid.builtins.sockets import SOCKETS
 from virtual_irc5.rapid.builtins.strings import STRINGS
 from virtual_irc5.rapid.call import Call, Wait
-from virtual_irc5.rapid.devices import Host
-from virtual_irc5.rapid.parser import parse_module
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.states import EventKind, Execution, TaskEvent
-from virtual_irc5.rapid.task import ModuleInfo, Task
-from virtual_irc5.rapid.types import (
-    RapidReferenceError,
-    RapidRuntimeError,
-    RapidSyntaxError,
-    RapidValueError,
-    Signal,
-    UnknownSymbol,
-)
+from virtual_irc5.rapid.types import RapidRuntimeError
 
 __all__ = [
     "ROBOTWARE_NAMES",
     "STANDARD",
     "Call",
-    "EventKind",
-    "Execution",
-    "Host",
     "InstructionSet",
     "Library",
-    "Module",
-    "ModuleInfo",
-    "RapidReferenceError",
     "RapidRuntimeError",
-    "RapidSyntaxError",
-    "RapidValueError",
-    "Signal",
-    "Task",
-    "TaskEvent",
-    "UnknownSymbol",
     "Wait",
-    "parse_module",
 ]
 
 STANDARD = Library(DATA)
@@ -95,5 +70,5 @@ for _section in files("virtual_irc5.rapid.builtins").joinpath("names.txt").read_
 class InstructionSet(Library):
     """The names every module of a task sees: RAPID's own, and what the host registers on top of them."""
 
-    def __init__(self, base: Library = STANDARD) -> None:
-        super().__init__(base)
+    def __init__(self) -> None:
+        super().__init__(STANDARD)
