@@ -134,13 +134,14 @@ ERROR_SCHEMA: Mapping[str, object] = {
 }
 """JSON schema of how far the arms are from what was sent to them."""
 
-_VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
+VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
+"""Fields of a cycle with a value for each joint."""
 
 
 def frame_message(frame: Frame) -> dict[str, object]:
     """The object of a cycle; what is not a finite number becomes null, which JSON has."""
     message: dict[str, object] = {name: getattr(frame, name) for name in CYCLE_SCHEMA["properties"]}
-    for name in _VECTORS:
+    for name in VECTORS:
         values = getattr(frame, name)
         message[name] = None if values is None else [value if isfinite(value) else None for value in values]
     message["stages"] = {name: getattr(frame.stages, name) for name in STAGES}
@@ -198,7 +199,7 @@ def decode_cycle(data: bytes) -> Frame:
     """
     message = _cycle_decoder.decode(data)
     values = {name: getattr(message, name) for name in CYCLE_SCHEMA["properties"]}
-    for name in _VECTORS:
+    for name in VECTORS:
         if values[name] is not None:
             values[name] = joints([nan if value is None else value for value in values[name]])
     return Frame(**values)

@@ -14,7 +14,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, missing_extra
 from abb_protocols.robot.joints import CHAIN_AXES, Joints, Side
 from yumi.control.flight_recorder import Frame
-from yumi.recording.message_types import EVENTS, STAGES, STATE
+from yumi.recording.message_types import EVENTS, STAGES, STATE, VECTORS
 from yumi.recording.reader import AFTER, Recording, recorded_messages
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ TableName = Literal["cycles", "events", "grippers", "state"]
 
 _TABLES: tuple[TableName, ...] = get_args(TableName)
 """The tables of a recording."""
-
-_VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
 
 
 def rows(file: Path, what: TableName = "cycles") -> Iterator[Mapping[str, Any]]:
@@ -72,7 +70,7 @@ def rows(file: Path, what: TableName = "cycles") -> Iterator[Mapping[str, Any]]:
             row["arm"] = side.word if side else ""
         if what == "cycles":
             row |= {"number": value.number, "dt": value.dt, "session": value.session, "is_running": value.is_running}
-            for name in _VECTORS:
+            for name in VECTORS:
                 vector = getattr(value, name) or (nan,) * len(CHAIN_AXES)
                 row |= {f"{name}_{axis}": each for axis, each in zip(CHAIN_AXES, vector, strict=True)}
             row |= {f"stage_{name}": getattr(value.stages, name) for name in STAGES}
@@ -207,7 +205,7 @@ def recording_document(recording: Recording, side: Side, cycles: int) -> dict[st
     """What :func:`recording_table` shows, for programs: SI units, times from the event, joints in chain order."""
     frames, stop = recording.frames.get(side, ()), recording.stop
     zero = stop.time if stop else frames[-1].time if frames else 0.0
-    names = ("number", "dt", "session", "is_running", *_VECTORS)
+    names = ("number", "dt", "session", "is_running", *VECTORS)
     return {
         "arm": side.word,
         "stop": {"kind": stop.kind, "sentence": stop.sentence} if stop else None,
