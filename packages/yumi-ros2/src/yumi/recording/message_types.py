@@ -21,22 +21,21 @@ compare.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from enum import Enum, IntEnum
 from math import isfinite, nan
-from typing import Any
+from typing import Any, get_type_hints
 
 import msgspec
 
 from abb_protocols.catalogue import Message
-from abb_protocols.robot.joints import JOINT_COUNT, Side, joints
+from abb_protocols.robot.joints import JOINT_COUNT, Joints, Side, joints
 from yumi.control.flight_recorder import Frame
 from yumi.control.loop_events import Event, is_fault
 from yumi.control.stage_times import StageTimes
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedEvent:
+class RecordedEvent(msgspec.Struct, frozen=True, rename={"sentence": "message"}):
     """Something that happened to an arm.
 
     Attributes:
@@ -134,13 +133,18 @@ ERROR_SCHEMA: Mapping[str, object] = {
 }
 """JSON schema of how far the arms are from what was sent to them."""
 
-VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
+_FIELDS = get_type_hints(Frame)
+_Vector = tuple[float | None, float | None, float | None, float | None, float | None, float | None, float | None]
+_VECTORS: Mapping[Any, Any] = {Joints: _Vector, Joints | None: _Vector | None}
+VECTORS = tuple(name for name, kind in _FIELDS.items() if kind in _VECTORS)
 """Fields of a cycle with a value for each joint."""
+
+_CycleMessage = msgspec.defstruct("_CycleMessage", [(name, _VECTORS.get(kind, kind)) for name, kind in _FIELDS.items()])
 
 
 def frame_message(frame: Frame) -> dict[str, object]:
     """The object of a cycle; what is not a finite number becomes null, which JSON has."""
-    message: dict[str, object] = {name: getattr(frame, name) for name in CYCLE_SCHEMA["properties"]}
+    message: dict[str, object] = {name: getattr(frame, name) for name in _FIELDS}
     for name in VECTORS:
         values = getattr(frame, name)
         message[name] = None if values is None else [value if isfinite(value) else None for value in values]
@@ -148,45 +152,16 @@ def frame_message(frame: Frame) -> dict[str, object]:
     return message
 
 
-_Vector = tuple[float | None, float | None, float | None, float | None, float | None, float | None, float | None]
 _Flat = bool | int | float | str | list[bool | int | float | str | None] | None
 _Object = dict[str, _Flat | dict[str, _Flat | dict[str, _Flat]]]
 """What was seen of a gripper or the robot; so deep and no deeper, because it is read recursively."""
-
-
-class _CycleMessage(msgspec.Struct):
-    """A cycle as a recording has it."""
-
-    number: int
-    time: float
-    dt: float
-    session: int
-    is_running: bool
-    position: _Vector
-    velocity: _Vector
-    planned: _Vector
-    desired: _Vector | None
-    sent: _Vector
-    sent_velocity: _Vector
-    reference: _Vector | None
-    stages: StageTimes
-
-
-class _EventMessage(msgspec.Struct):
-    """An event as a recording has it."""
-
-    time: float
-    side: Side | None
-    kind: str
-    message: str
-    is_fault: bool
 
 
 class _Timed(msgspec.Struct):
     time: float
 
 
-_cycle_decoder, _event_decoder = msgspec.json.Decoder(_CycleMessage), msgspec.json.Decoder(_EventMessage)
+_cycle_decoder, _event_decoder = msgspec.json.Decoder(_CycleMessage), msgspec.json.Decoder(RecordedEvent)
 _time_decoder, _object_decoder = msgspec.json.Decoder(_Timed), msgspec.json.Decoder(_Object)
 
 
@@ -198,7 +173,7 @@ def decode_cycle(data: bytes) -> Frame:
         RecursionError: it is nested deeper than anything that is recorded.
     """
     message = _cycle_decoder.decode(data)
-    values = {name: getattr(message, name) for name in CYCLE_SCHEMA["properties"]}
+    values = {name: getattr(message, name) for name in _FIELDS}
     for name in VECTORS:
         if values[name] is not None:
             values[name] = joints([nan if value is None else value for value in values[name]])
@@ -206,8 +181,7 @@ def decode_cycle(data: bytes) -> Frame:
 
 
 def decode_event(data: bytes) -> RecordedEvent:
-    message = _event_decoder.decode(data)
-    return RecordedEvent(message.time, message.side, message.kind, message.message, message.is_fault)
+    return _event_decoder.decode(data)
 
 
 def decode_object(data: bytes) -> Mapping[str, Any]:

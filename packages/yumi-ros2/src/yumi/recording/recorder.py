@@ -10,13 +10,15 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from heapq import merge
 from math import inf
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
+
+import msgspec
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import SettingsError, YumiError
@@ -33,7 +35,7 @@ from yumi.recording.writer import RecordingWriter
 
 def _described(event: RecordedEvent, sentence: Future[Message]) -> RecordedEvent:
     """``event`` with what is said of it, as far as that is known by now."""
-    return replace(event, sentence=str(sentence.result())) if sentence.done() else event
+    return msgspec.structs.replace(event, sentence=str(sentence.result())) if sentence.done() else event
 
 
 CYCLES_PERIOD = 0.02
