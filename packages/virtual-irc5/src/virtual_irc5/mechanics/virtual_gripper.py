@@ -448,11 +448,13 @@ class VirtualGripper:
 
     def grip_in(self, hold_force: float | None = None) -> None:
         """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found."""
+        self._check_target(0.0)
         self._min_position = 0.0
         self._grip(ServoCommand.AGILE_GRIP_INWARD, hold_force)
 
     def grip_out(self, hold_force: float | None = None) -> None:
         """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found."""
+        self._check_target(self.physical_limit)
         self._max_position = self.physical_limit
         self._grip(ServoCommand.AGILE_GRIP_OUTWARD, hold_force)
 
