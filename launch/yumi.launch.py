@@ -44,7 +44,7 @@ ARGUMENTS = (
     (
         "bringup",
         "",
-        "Whether the driver brings the robot to ready at start, or only reads until it is asked; empty: only a virtual one.",
+        "Whether the driver brings the robot to ready at start, or only reads until asked; empty: only a virtual one.",
     ),
     ("namespace", "", "Of this robot among several in one ROS graph, such as cell1; all its nodes are under it."),
     ("prefix", "", "What stands before the names of all joints and links, such as a_."),
