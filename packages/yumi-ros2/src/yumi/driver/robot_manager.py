@@ -16,7 +16,6 @@ from abb_protocols.robot.joints import Pose, Side
 from abb_protocols.robot.load import Tool
 from abb_protocols.rws.types import ControllerState
 from abb_runtime.clock import Clock
-from abb_runtime.rws.client import RwsClient
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import (
     AllowedCollisionsChanged,
