@@ -90,9 +90,7 @@ def test_names_and_ports_reach_driver_and_virtual_robot(launch_file: dict[str, A
     assert (options["namespace"], options["prefix"]) == ("cell1", "a_")
 
 
-def test_driver_decides_about_bringup_and_is_found_on_this_machine_alone_unless_told_otherwise(
-    launch_file: dict[str, Any],
-) -> None:
+def test_driver_decides_about_bringup_and_is_local_unless_told_otherwise(launch_file: dict[str, Any]) -> None:
     (driver,) = start(launch_file)
     assert [parse(driver)[name] for name in ("bringup", "network")] == [None, False]
     (driver,) = start(launch_file, bringup="false", network="true")

@@ -74,7 +74,8 @@ from yumi.driver.control_process import ControlProcess
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import GripperSetup
-from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
+from yumi.driver.robot_connection import RobotConnection
+from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, RobotSettings, Settings, read_controllers, read_settings
 from yumi.driver.wiring import Controllers, DriverParts, brings_up, make_parts, only_at_robot
 from yumi.recording.reader import read_recording
