@@ -154,6 +154,8 @@ def wear_headset(page: Any, save: Callable[[Any, str], None]) -> None:
         page.wait_for_timeout(1500)  # an arm that another controller commanded is taken over first
         if page.locator("#teleop-arms-list li[data-clutch=engaged]").count() == 2:
             break
+    else:
+        raise RuntimeError("The arms were not taken over: the machine had no time for the frames of the headset.")
     page.evaluate(LOOK_DOWN_ONCE)
     save(page, "headset")
 
