@@ -121,23 +121,10 @@ def teleoperate(film: Film, save: Callable[[Any, str], None]) -> None:
     page.keyboard.up(" ")
 
 
-LOOK_DOWN_ONCE = """() => new Promise((done) => {
-  const ask = XRSession.prototype.requestAnimationFrame;
-  let left = 2; // the head is turned with the first
-  XRSession.prototype.requestAnimationFrame = function (draw) {
-    left -= 1;
-    return left < 0 ? (setTimeout(done, 300), 0) : ask.call(this, draw);
-  };
-  person.device.quaternion.set(-0.17, 0, 0, 0.985);
-})"""
-"""The picture of a person who looks down to the robot stays: software draws it so slowly that the next one would show a
-clutch that was lost meanwhile."""
-
-
 def wear_headset(page: Any, save: Callable[[Any, str], None]) -> None:
-    """What one eye of an emulated headset sees when the person looks down to the robot, and both grips are squeezed.
+    """What one eye of an emulated headset sees when the person looks down to the robot, and holds no clutch.
 
-    The grips are squeezed while the person looks up, where there is nothing to be drawn.
+    Software draws the robot so slowly that a clutch would be lost.
     """
     Film(page).wait("#take", "Take control")
     page.click("#take")
@@ -145,16 +132,9 @@ def wear_headset(page: Any, save: Callable[[Any, str], None]) -> None:
     page.select_option("#device", "headset")
     page.click("#enter-vr")
     page.wait_for_function("() => person.frames.length > 1", polling=50)
-    page.evaluate("person.device.quaternion.set(0.7071, 0, 0, 0.7071)")
     page.evaluate("person.put('right', [0.25, 1.25, -0.6]); person.put('left', [-0.25, 1.25, -0.6])")
-    for _ in range(20):
-        page.evaluate("person.squeeze('right', 0); person.squeeze('left', 0)")
-        page.wait_for_timeout(300)
-        page.evaluate("person.squeeze('right', 1); person.squeeze('left', 1)")
-        page.wait_for_timeout(1500)  # an arm that another controller commanded is taken over first
-        if page.locator("#teleop-arms-list li[data-clutch=engaged]").count() == 2:
-            break
-    page.evaluate(LOOK_DOWN_ONCE)
+    page.evaluate("person.device.quaternion.set(-0.17, 0, 0, 0.985)")
+    page.wait_for_timeout(1500)
     save(page, "headset")
 
 
@@ -170,6 +150,7 @@ def teleoperation(opened: Callable[..., Any], save: Callable[[Any, str], None]) 
         page = opened(EYE, script=run_script("person"))
         wear_headset(page, save)
         page.close()
+        driver.give_back()  # the arms are reserved for the person who has teleoperated them
         driver.move_to(right="home", left="home")
         driver.stop_egm()
 
