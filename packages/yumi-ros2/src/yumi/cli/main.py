@@ -21,10 +21,11 @@ from abb_runtime.options import with_json_targets
 from yumi import __version__
 from yumi.cli.answer import answer
 from yumi.cli.demo import demo
+from yumi.cli.doctor import doctor
 from yumi.cli.driver_options import ROS_ARGUMENTS
 from yumi.cli.fault import fault
 from yumi.cli.graph import GRAPH_COMMANDS
-from yumi.cli.install import doctor, install, uninstall
+from yumi.cli.install import install, uninstall
 from yumi.cli.moveit import moveit_config
 from yumi.cli.robot import DRIVER_COMMANDS
 from yumi.cli.rws import rws
