@@ -18,7 +18,7 @@ from string import Formatter, ascii_lowercase
 from types import MappingProxyType
 from typing import Any
 
-from abb_protocols.catalogue.actions import ACTIONS
+from abb_protocols.catalogue.actions import ACTIONS, Action
 from abb_protocols.catalogue.text import Text
 
 Value = Any
@@ -36,24 +36,6 @@ class FrontEnd(Enum):
     SHELL = "shell"
     PAGE = "page"
     VIRTUAL_PAGE = "virtual_page"
-
-
-class Action(Enum):
-    """What a person can do about something; the values are the names in the texts and on the wire."""
-
-    START_EGM = "start_egm"
-    STOP_EGM = "stop_egm"
-    RESTART_EGM = "restart_egm"
-    RECOVER = "recover"
-    CONFIRM_STOP = "confirm_stop"
-    CALIBRATE = "calibrate"
-    MOTORS_ON = "motors_on"
-    TURN_TO_AUTO = "turn_to_auto"
-    RELEASE_STOP = "release_stop"
-    RETREAT = "retreat"
-    SWITCH = "switch"
-    GIVE_RADIANS = "give_radians"
-    GIVE_BACK = "give_back"
 
 
 @dataclass(frozen=True, slots=True)
