@@ -14,8 +14,7 @@ from abb_protocols.catalogue import FrontEnd, Message, message, sentence
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE
 from abb_protocols.rws.documents import Pairs
-from abb_protocols.rws.operations.rapid import RunCycle
-from abb_protocols.rws.types import Code
+from abb_protocols.rws.types import Code, RunCycle
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from memory_http import MemoryHttp

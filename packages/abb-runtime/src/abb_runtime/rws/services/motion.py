@@ -10,16 +10,8 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ORIGIN, Joints, Pose, abb_from_chain, chain_from_abb, joints
 from abb_protocols.rws.documents import JointTarget, RobTarget
 from abb_protocols.rws.operations import motion as table
-from abb_protocols.rws.operations.motion import (
-    Calibration,
-    Coordinates,
-    Increment,
-    JogMode,
-    MechanicalUnitState,
-    MotionSystem,
-    Solution,
-    Supervision,
-)
+from abb_protocols.rws.operations.motion import Calibration, MechanicalUnitState, MotionSystem, Solution, Supervision
+from abb_protocols.rws.types import Coordinates, Increment, JogMode
 from abb_runtime.rws.services.service import Service
 
 _MM = 1000.0
