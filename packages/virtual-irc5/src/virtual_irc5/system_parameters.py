@@ -1,4 +1,4 @@
-"""The system parameters of a controller, from ABB's cfg files: domains, types and instances (reference/rws.md §9)."""
+"""The system parameters of a controller: domains, types, instances and their defaults (reference/rws.md §9)."""
 
 from __future__ import annotations
 

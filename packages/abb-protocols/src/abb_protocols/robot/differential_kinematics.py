@@ -1,4 +1,4 @@
-"""Differential kinematics: how the tool of one arm moves with the joints, fast enough for every control cycle.
+"""Differential kinematics: how the wrist and the tool of one arm move with the joints, fast enough for every cycle.
 
 :func:`wrist_of` is forward kinematics with all derivatives, :class:`DifferentialSolver` the step of the joints that
 makes up for what is missing to a target, and :func:`posture_near` repeats that step. A pose and an arm angle are seven

@@ -1,4 +1,4 @@
-"""Values of Robot Web Services: states, grants and codes, what is subscribed, RAPID values, system parameters.
+"""Values of Robot Web Services: enumerations, grants, return codes, subscribed resources, RAPID values, cfg files.
 
 States are spelled as on the wire (reference/rws.md §5-6), return codes as in ABB's table (§3.4-3.5). RAPID values are
 literals without blanks (§6.5):

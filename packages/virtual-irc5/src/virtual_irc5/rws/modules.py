@@ -1,4 +1,4 @@
-"""``/rw/rapid/modules`` and ``/rw/rapid/symbol``: modules, their texts, and data (reference/rws.md §6.4-6.7)."""
+"""The virtual controller's answers on ``/rw/rapid/modules``, ``/rw/rapid/symbol``: modules, texts, data (rws.md §6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``/rw/motionsystem``: mechanical units, their positions, and calculations with them (reference/rws.md §8)."""
+"""The virtual controller's answers on ``/rw/motionsystem``: mechanical units, positions, calculations (rws.md §8)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``/rw/rapid``: execution, tasks, programs, pointers, questions to the operator (reference/rws.md §6).
+"""The virtual controller's answers on ``/rw/rapid``: execution, tasks, programs, pointers (reference/rws.md §6).
 
 Modules and symbols are in ``symbols``.
 """

@@ -1,4 +1,4 @@
-"""The functions that give a script its robot: ``connect`` with its address and options, and its asyncio twin.
+"""``yumi.connect``: the functions that give a script its robot with its address and options, and the twin for asyncio.
 
 The classes for asyncio are derived from :mod:`yumi.api.robot`: each method is awaited, nothing is decided here.
 """

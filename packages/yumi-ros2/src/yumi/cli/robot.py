@@ -1,4 +1,4 @@
-"""Commands for a robot whose driver runs that have more on the command line than in the table of commands.
+"""``yumi state``, ``mode``, ``move``, ``recover``, ``retreat``, ``switch``, ``speed-scale``, ``controllers``.
 
 The others come from the table by themselves, see :mod:`yumi.cli.from_table`. All use the driver's local endpoint.
 """

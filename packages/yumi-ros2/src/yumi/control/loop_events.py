@@ -1,4 +1,4 @@
-"""Events of the control loop: what happened to an arm, in the order in which it happened.
+"""Events of the control loop: sessions, followed commands, failures, commanders; what happened to an arm, in order.
 
 They come through the pipe of the control process.
 """

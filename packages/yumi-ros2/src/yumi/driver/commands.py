@@ -1,4 +1,4 @@
-"""The table of commands to a driver: endpoint, ``attach``, command line, ROS and page take them from here.
+"""The table of commands to a driver (start, stop, recover, grip, RAPID, signals, tools) for all front ends.
 
 A new command is a class with its arguments and ``run``, and its line in :data:`COMMANDS`: each front end that it is for
 then has it. Those that move arms are in :mod:`yumi.driver.motion_commands`.

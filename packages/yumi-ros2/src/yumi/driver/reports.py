@@ -1,4 +1,4 @@
-"""Reports of a driver: its arms, controllers, grippers and log as clients get them, in SI units and chain order."""
+"""Reports of a driver: states of arms, controllers, grippers, motions and log as clients get them, in SI units."""
 
 from __future__ import annotations
 

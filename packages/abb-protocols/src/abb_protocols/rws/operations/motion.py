@@ -1,4 +1,4 @@
-"""Mechanical units, their positions, supervision and calibration, and calculations with them (reference/rws.md §8)."""
+"""Operations on mechanical units, their positions and calibration (``/rw/motionsystem``; reference/rws.md §8)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""RAPID's execution, tasks, programs, pointers and dialogs."""
+"""Operations on the execution of RAPID, tasks, programs, pointers and dialogs (``/rw/rapid``)."""
 
 from __future__ import annotations
 

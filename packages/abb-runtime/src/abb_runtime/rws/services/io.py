@@ -1,4 +1,4 @@
-"""The I/O system of a controller: networks, devices and signals."""
+"""The client's service for the I/O system: networks, devices and signals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion system: mechanical units, positions, kinematics, supervision, jogging; metres and radians."""
+"""The client's service for the motion system: mechanical units, positions, kinematics, supervision, jogging; in SI."""
 
 from __future__ import annotations
 

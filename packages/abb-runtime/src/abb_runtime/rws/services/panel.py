@@ -1,4 +1,4 @@
-"""The controller's panel: motors, operating mode, speed, collision detection, and the restart of RobotWare."""
+"""The client's service for the panel: motors, operating mode, speed, collision detection, restart of RobotWare."""
 
 from __future__ import annotations
 

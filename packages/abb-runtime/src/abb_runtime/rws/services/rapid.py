@@ -1,4 +1,4 @@
-"""RAPID of a controller: its execution, tasks, programs, program pointers and dialogs."""
+"""The client's service for RAPID: its execution, tasks, programs, program pointers and dialogs."""
 
 from __future__ import annotations
 

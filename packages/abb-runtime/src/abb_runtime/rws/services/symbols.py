@@ -1,4 +1,4 @@
-"""RAPID's symbols: values, types, properties and search of RAPID data."""
+"""The client's service for RAPID symbols: values, types, properties and search of RAPID data."""
 
 from __future__ import annotations
 

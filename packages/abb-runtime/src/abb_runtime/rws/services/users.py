@@ -1,4 +1,4 @@
-"""Users of a controller: who they are, their grants, masterships, and the remote manual mode privilege (RMMP)."""
+"""The client's service for users: grants, masterships, and the remote manual mode privilege (RMMP)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The limits of a spline: whether the joints keep them, between the points too, and where a joint is farthest beyond.
+"""The limits of a spline: whether the joints keep them, by the extremes of its polynomials between the points.
 
 A polynomial is the sequence of its coefficients, the constant one first. Without numpy: its linear algebra starts
 threads, not wanted in the control process, where blends are checked.
