@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import cache
 from importlib import import_module
 from math import degrees
@@ -18,7 +17,7 @@ from string import Formatter, ascii_lowercase
 from types import MappingProxyType
 from typing import Any
 
-from abb_protocols.catalogue.actions import ACTIONS, Action
+from abb_protocols.catalogue.actions import ACTIONS, Action, FrontEnd
 from abb_protocols.catalogue.text import Text
 
 Value = Any
@@ -26,16 +25,6 @@ Value = Any
 
 _WORDED = {"arm", "changes", "reason", "what", "text"}  # values that are words of a sentence, wherever they stand
 _LONGEST_QUOTE = 80  # of what others have sent [characters]
-
-
-class FrontEnd(Enum):
-    """Who reads a message, and by what means they act."""
-
-    ROS = "ros"
-    SCRIPT = "script"
-    SHELL = "shell"
-    PAGE = "page"
-    VIRTUAL_PAGE = "virtual_page"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,16 @@ from enum import Enum
 from typing import NamedTuple
 
 
+class FrontEnd(Enum):
+    """Who reads a message, and by what means they act."""
+
+    ROS = "ros"
+    SCRIPT = "script"
+    SHELL = "shell"
+    PAGE = "page"
+    VIRTUAL_PAGE = "virtual_page"
+
+
 class Action(Enum):
     """What a person can do about something; the values are the names in the texts and on the wire."""
 
