@@ -201,7 +201,7 @@ _CFG_PARTS = 3  # /DOMAIN/TYPE/instance
 
 
 class SystemParameters:
-    """The configuration as ReadCfgData and WriteCfgData name it (:class:`virtual_irc5.rapid.devices.Configuration`)."""
+    """The configuration as ReadCfgData names it (:class:`virtual_irc5.rapid.devices.Configuration`)."""
 
     def __init__(self, configuration: Configuration) -> None:
         self._configuration = configuration

@@ -186,7 +186,7 @@ def target_error(now: Wrist, target: WristTarget) -> Row:
 
 
 class DifferentialSolver:
-    """Changes of the joints that make desired changes of position, rotation and arm angle, see :func:`target_error`.
+    """Changes of the joints for desired changes of position, rotation and arm angle, see :func:`target_error`.
 
     The pose comes first, the arm angle takes what freedom is left. Away from singularities both are exact. Where the
     pose cannot change in a direction, its changes are damped; where the elbow cannot turn with the pose held, it gives

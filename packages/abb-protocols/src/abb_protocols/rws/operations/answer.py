@@ -92,7 +92,7 @@ def pair(type: str, first: str, second: str) -> Answer[tuple[int, int]]:
 
 
 def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> Answer[T]:
-    """An answer with the fields of a dataclass, some of them spelled as said here; ``type`` as for :func:`single`.
+    """An answer with the fields of a dataclass, some spelled as given; ``type`` as for :func:`single`.
 
     What has a default may be missing where it is read.
     """
