@@ -10,7 +10,8 @@ from contextlib import nullcontext
 import pytest
 from click.testing import CliRunner
 
-from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.catalogue import Message, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE
 from abb_protocols.rws.documents import Pairs

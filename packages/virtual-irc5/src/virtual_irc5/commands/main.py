@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from abb_protocols.catalogue import FrontEnd, speak_as
+from abb_protocols.catalogue import speak_as
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import SettingsError, YumiError
 from abb_runtime.options import ONCE, password_options, robot_option, user_option, with_json_targets, yes_option
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient

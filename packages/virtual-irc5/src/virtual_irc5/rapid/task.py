@@ -676,11 +676,10 @@ def tasks_of(call: Call) -> Mapping[str, Task]:
 def task_named(call: Call, name: str) -> Task:
     """A task of the controller by its name; raises ERR_TASKNAME."""
     tasks = tasks_of(call)
-    found = next((task for key, task in tasks.items() if key.lower() == name.lower()), None)
-    if found is None:
-        sentence = f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}."
-        raise RapidRuntimeError("ERR_TASKNAME", sentence)
-    return found
+    for key, task in tasks.items():
+        if key.lower() == name.lower():
+            return task
+    raise RapidRuntimeError("ERR_TASKNAME", f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}.")
 
 
 def task_meant(call: Call) -> Task:

@@ -75,7 +75,7 @@ def doctor(
     from yumi.driver.commissioning.machine_checks import examine_machine  # noqa: PLC0415
     from yumi.driver.commissioning.stream_checks import obstacle_to_stream  # noqa: PLC0415
 
-    client, remote, addresses = commissioned_controller(config, options)
+    client, remote, addresses = controller_for_doctor(config, options)
     try:
         findings = [*examine_controller(client, addresses), *examine_machine(remote, addresses)]
         if stream and (obstacle := obstacle_to_stream(findings)) is not None:
@@ -121,7 +121,7 @@ def _examine_stream(client: RwsClient, addresses: Mapping[Side, EgmAddress]) -> 
     from yumi.driver.commissioning.stream_checks import examine_stream  # noqa: PLC0415 - a quick --help
 
     try:
-        streams, stands = receive_streams(client, addresses, _EXAMINED_TIME, lambda text: click.echo(text, err=True))
+        streams, stands = streams_for_doctor(client, addresses, _EXAMINED_TIME, lambda text: click.echo(text, err=True))
     except YumiError as error:
         return [problem("EGM stream", error)]
     return list(examine_stream(streams, stands, addresses))
@@ -148,7 +148,7 @@ def _show(findings: Sequence[Finding], console: Console) -> None:
     console.print(f"{summary}, {notes} note{'s' * (notes != 1)}.")
 
 
-def commissioned_controller(
+def controller_for_doctor(
     config: Path | None, options: Mapping[str, Any]
 ) -> tuple[RwsClient, str, dict[Side, EgmAddress]]:
     """A client, not connected yet; the controller's IP address; and where each arm's datagrams are awaited."""
@@ -162,7 +162,7 @@ def commissioned_controller(
     return client, remote, {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
 
 
-def receive_streams(
+def streams_for_doctor(
     client: RwsClient, addresses: Mapping[Side, EgmAddress], seconds: float, report: Callable[[str], None]
 ) -> tuple[Mapping[Side, ArmStream], Mapping[Side, Joints]]:
     """What comes of both arms' position streams, and where the controller says that the arms stand."""

@@ -28,7 +28,7 @@ from abb_runtime.options import (
 )
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import network_cards
-from yumi.cli.doctor import commissioned_controller, receive_streams
+from yumi.cli.doctor import controller_for_doctor, streams_for_doctor
 from yumi.cli.driver_options import config_option, robot_options
 from yumi.driver.launch_checks import EgmAddress, LaunchChecks
 
@@ -242,7 +242,7 @@ def _session(config: Path | None, json_output: JsonOutput, options: dict[str, An
     from yumi.driver.commissioning.installation import Installation  # noqa: PLC0415 - a quick --help
     from yumi.driver.commissioning.installation_record import Record  # noqa: PLC0415 - a quick --help
 
-    client, remote, addresses = commissioned_controller(config, options)
+    client, remote, addresses = controller_for_doctor(config, options)
     try:
         system = client.connect()
         LaunchChecks(client).check_robot(system)
@@ -287,7 +287,7 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
         NoConnection: an arm's datagrams do not arrive.
         RobotNotReady: they are those of the other arm, or many are lost.
     """
-    streams, stands = receive_streams(session.client, session.addresses, _INSTALLED_TIME, session.say)
+    streams, stands = streams_for_doctor(session.client, session.addresses, _INSTALLED_TIME, session.say)
     for side, stream in streams.items():
         address = session.addresses[side]
         if stream.position is None:

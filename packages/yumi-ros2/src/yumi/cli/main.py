@@ -15,7 +15,8 @@ from typing import Any
 
 import click
 
-from abb_protocols.catalogue import FrontEnd, message, speak_as
+from abb_protocols.catalogue import message, speak_as
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import SettingsError, YumiError, missing_extra
 from abb_runtime.options import with_json_targets
 from yumi import __version__

@@ -13,7 +13,8 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd, message
+from abb_protocols.catalogue import message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.gripper import MAX_FORCE, TRAVEL, Direction, go_to, grip
