@@ -51,7 +51,7 @@ def main() -> None:
     logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
-@main.command()
+@main.command("debug")
 @click.argument("task")
 @yes_option
 @click.option("--once", is_flag=True, help=ONCE)
