@@ -1,4 +1,4 @@
-"""Events of the control loop: sessions, followed commands, failures, commanders; what happened to an arm, in order.
+"""Events of the control loop in order: sessions, feedback, followed commands, failures, commanders of an arm.
 
 They come through the pipe of the control process.
 """
