@@ -1,4 +1,4 @@
-"""Operations on the execution of RAPID, tasks, programs, pointers and dialogs (``/rw/rapid``)."""
+"""Operations on RAPID (``/rw/rapid``): its execution, tasks, programs, pointers, breakpoints and dialogs."""
 
 from __future__ import annotations
 
