@@ -16,7 +16,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from abb_protocols.catalogue import FrontEnd, speak_as
+from abb_protocols.catalogue import speak_as
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.joints import Joints, joints
 from abb_runtime.clock import ManualClock
 

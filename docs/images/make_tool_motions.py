@@ -30,7 +30,8 @@ from abb_protocols.robot.joints import (
 )
 from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
 from abb_protocols.robot.urdf import robot_description
-from yumi.api.tool import boxes_from, posture_for
+from yumi.api.obstacles import boxes_from
+from yumi.api.postures import posture_for
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport

@@ -13,19 +13,29 @@ from abb_protocols.robot.joints import Joints, Pose, Side, home
 from abb_protocols.robot.kinematics import tool0_to_body
 from abb_protocols.rws.documents import Pairs, RobTarget
 from abb_protocols.rws.operations import motion
-from abb_protocols.rws.operations.motion import Coordinates, Increment, JogMode, Supervision
+from abb_protocols.rws.operations.motion import Supervision
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.operations.rapid import Range, RunCycle
-from abb_protocols.rws.values import Code, OperatingMode, SignalType
+from abb_protocols.rws.operations.rapid import Range
+from abb_protocols.rws.values import (
+    Code,
+    Coordinates,
+    Increment,
+    JogMode,
+    OperatingMode,
+    Privilege,
+    RestartMode,
+    RmmpStatus,
+    RunCycle,
+    SignalChange,
+    SignalType,
+    Step,
+    StopMode,
+    SymbolKind,
+)
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import OPERATING_MODE, RwsClient
-from abb_runtime.rws.services.io import SignalChange
-from abb_runtime.rws.services.panel import RestartMode
 from abb_runtime.rws.services.queues import QueueMessage
-from abb_runtime.rws.services.rapid import Step, StopMode
-from abb_runtime.rws.services.symbols import SymbolKind
-from abb_runtime.rws.services.users import Privilege, RmmpStatus
 from memory_http import MemoryHttp
 from refusals import refused
 from virtual_irc5.rws.router import Route

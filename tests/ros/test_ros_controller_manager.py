@@ -28,7 +28,8 @@ from ros_bench import Client, begin_egm
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.joints import Side, joint_names
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

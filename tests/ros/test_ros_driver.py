@@ -19,7 +19,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from abb_protocols.catalogue import FrontEnd, clause, message, sentence
+from abb_protocols.catalogue import clause, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.joints import CYCLE, Side, finger_names, home, joint_names
 from abb_runtime.process.command_process import Command
 

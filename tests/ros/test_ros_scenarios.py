@@ -18,7 +18,8 @@ import pytest
 from ros_clients import RobotManagerClient
 from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 
-from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.gripper_values import TRAVEL, Outcome
 from abb_protocols.robot.joints import Side

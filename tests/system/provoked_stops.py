@@ -17,7 +17,8 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from abb_protocols.catalogue import FrontEnd, Message, said_by, sentence
+from abb_protocols.catalogue import Message, said_by, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.description import HAND
 from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripperGoal, go_to, grip

@@ -18,7 +18,8 @@ from click.testing import CliRunner
 from script_bench import TIMEOUT, VirtualRobot
 
 import yumi
-from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, named_pose
 from abb_runtime.faults import Fault

@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from abb_protocols.catalogue import Action, Message, clause, message, remedy_of
+from abb_protocols.catalogue import Message, clause, message, remedy_of
+from abb_protocols.catalogue.actions import Action
 from abb_protocols.errors import ControllerRefused
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import OperatingMode

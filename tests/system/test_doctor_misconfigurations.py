@@ -23,7 +23,7 @@ from refusals import assert_says, refused
 from virtual_irc5.controller.installed_system import delivered_system
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.world import World, WorldSettings
-from yumi.cli.install import _examine_stream
+from yumi.cli.doctor import _examine_stream
 from yumi.driver.commissioning.controller_checks import examine_controller
 from yumi.driver.commissioning.delivery import delivered_modules
 from yumi.driver.commissioning.findings import Finding, Verdict
@@ -568,7 +568,7 @@ def test_task_that_stays_switched_off_is_a_problem_of_the_doctor(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     yumi = with_another_task()
-    monkeypatch.setattr("yumi.cli.install.SystemClock", lambda: yumi)
+    monkeypatch.setattr("yumi.cli.doctor.SystemClock", lambda: yumi)
     monkeypatch.setattr("yumi.driver.commissioning.stream_checks.listen", lambda *_: listen(yumi.egm, yumi, 0.1))
     with yumi.client() as client:
         refuse_switching_on(client, monkeypatch)

@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from abb_protocols.catalogue import FrontEnd, from_wire, message, sentence
+from abb_protocols.catalogue import from_wire, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, named_pose

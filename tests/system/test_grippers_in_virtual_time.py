@@ -8,7 +8,8 @@ from typing import Any, cast
 
 import pytest
 
-from abb_protocols.catalogue import Action, Message, message
+from abb_protocols.catalogue import Message, message
+from abb_protocols.catalogue.actions import Action
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.gripper_values import (
     ATMOSPHERE,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from abb_protocols.catalogue import FrontEnd
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.joints import Joints, Side, joints
 from cartesian_bench import shares

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from abb_protocols.catalogue import Action, Message, message
+from abb_protocols.catalogue import Message, message
+from abb_protocols.catalogue.actions import Action
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import ControllerState

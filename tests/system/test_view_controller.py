@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import LoginRefused, NoConnection
 from abb_runtime.process.command_process import Command
 from browser import browser

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 import yumi
-from abb_protocols.catalogue import FrontEnd, Message, clause, message
+from abb_protocols.catalogue import Message, clause, message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import StopNotConfirmed
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Joints, Pose, Side, home, joints

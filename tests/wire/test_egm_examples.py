@@ -16,7 +16,8 @@ from typing import Any
 import pytest
 from egm_robots import ObedientRobot, VirtualArmRig, Wired
 
-from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_runtime.udp import free_port
 from virtual_irc5.mechanics.egm_motion import EgmRun
 from yumi import EgmServer

@@ -11,8 +11,8 @@ import yumi
 from abb_protocols.robot.joints import Side, home
 from fake_robot import FakeRobot
 from yumi.api.connect import print_step
+from yumi.api.gripper import Gripper
 from yumi.api.robot_arm import Arm
-from yumi.api.tool import Gripper
 
 
 def test_pendants_numbers_are_put_in_chain_order() -> None:

@@ -15,10 +15,10 @@ from abb_protocols.robot.joints import Side, home
 from fake_robot import FakeRobot
 from refusals import refused
 from yumi.api.connect import AsyncArm, AsyncGripper, AsyncRobot
+from yumi.api.gripper import Gripper
 from yumi.api.motion_registry import Motion
 from yumi.api.robot import Robot
 from yumi.api.robot_arm import Arm
-from yumi.api.tool import Gripper
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.driver import gripper as driver
 

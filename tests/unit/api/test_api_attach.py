@@ -21,7 +21,8 @@ from typing import Any
 import pytest
 
 import yumi
-from abb_protocols.catalogue import FrontEnd, from_wire, message, sentence
+from abb_protocols.catalogue import from_wire, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.gripper_values import Outcome
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints, named_pose

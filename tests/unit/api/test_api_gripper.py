@@ -11,7 +11,7 @@ from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
 from abb_protocols.robot.gripper_values import Direction, GripperGoal, Outcome, VacuumState, go_to, grip
 from abb_protocols.robot.joints import Side
 from refusals import refused
-from yumi.api.tool import Grip, Gripper
+from yumi.api.gripper import Grip, Gripper
 from yumi.driver import gripper as driver
 
 

@@ -9,8 +9,8 @@ from abb_protocols.robot.joints import ZERO, Side, home, joint_names
 from abb_protocols.robot.kinematics import tool0_to_body
 from fake_robot import FakeRobot
 from refusals import refused
+from yumi.api.gripper import Gripper
 from yumi.api.robot_arm import Arm
-from yumi.api.tool import Gripper
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.loop_events import SessionLost
 from yumi.control.shared_state import Snapshot

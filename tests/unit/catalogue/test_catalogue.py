@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 
 from abb_protocols.catalogue import (
-    Action,
-    FrontEnd,
     Message,
     all_texts,
     clause,
@@ -26,7 +24,7 @@ from abb_protocols.catalogue import (
     subjects,
     to_wire,
 )
-from abb_protocols.catalogue.actions import ACTIONS
+from abb_protocols.catalogue.actions import ACTIONS, Action, FrontEnd
 
 SOURCES = Path(__file__).parents[3] / "packages"
 page = runpy.run_path(str(SOURCES.parent / "setup" / "messages.py"))["page"]  # with the texts of all packages

@@ -10,12 +10,12 @@ from contextlib import nullcontext
 import pytest
 from click.testing import CliRunner
 
-from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.catalogue import Message, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE
 from abb_protocols.rws.documents import Pairs
-from abb_protocols.rws.operations.rapid import RunCycle
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import Code, RunCycle
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from memory_http import MemoryHttp

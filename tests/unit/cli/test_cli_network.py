@@ -11,7 +11,8 @@ from unittest.mock import MagicMock
 import pytest
 from click.testing import CliRunner
 
-from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.catalogue import Message, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.joints import Side
 from yumi.api.motion_registry import MotionRegistry
 from yumi.cli import demo

@@ -13,7 +13,8 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.catalogue import Message, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import LoginRefused, NoConnection
 from abb_protocols.robot.joints import Side
 from abb_runtime.udp import resolve

@@ -18,7 +18,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from abb_protocols.catalogue import Action, FrontEnd, clause, message, sentence
+from abb_protocols.catalogue import clause, message, sentence
+from abb_protocols.catalogue.actions import Action, FrontEnd
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, chain_from_abb, home, joint_names, named_pose
 from fake_driver import ROBOT, FakeDriver

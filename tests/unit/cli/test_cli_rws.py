@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.catalogue import Message, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from contract.rws_bench import PlainController, serving
 from yumi.cli.main import main
 

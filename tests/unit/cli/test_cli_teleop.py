@@ -13,7 +13,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 import fake_evdev
-from abb_protocols.catalogue import FrontEnd, all_texts, message, sentence
+from abb_protocols.catalogue import all_texts, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.gripper_values import Direction, grip
 from abb_protocols.robot.joints import Joints, Side, home
 from fake_driver import FakeDriver

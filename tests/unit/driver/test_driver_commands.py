@@ -8,7 +8,7 @@ import click
 import msgspec
 import pytest
 
-from abb_protocols.catalogue import FrontEnd
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.gripper_values import Outcome
 from yumi.cli.from_table import command_from
 from yumi.cli.main import SECTIONS

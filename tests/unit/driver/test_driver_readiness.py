@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from abb_protocols.catalogue import FrontEnd, Message, clause, message, remedy_of
+from abb_protocols.catalogue import Message, clause, message, remedy_of
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from abb_protocols.catalogue import Action
+from abb_protocols.catalogue.actions import Action
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE, Side
 from refusals import assert_says, refused

@@ -7,7 +7,8 @@ import importlib.util
 import pytest
 from click.testing import CliRunner
 
-from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import missing_extra
 from yumi.cli.main import main
 from yumi_evaluation import cli

@@ -12,7 +12,8 @@ import pytest
 from click.testing import CliRunner, Result
 from virtual_logs import HOME, VirtualRobot, motions, times
 
-from abb_protocols.catalogue import FrontEnd, clause, message
+from abb_protocols.catalogue import clause, message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_parameters import read_egm_parameters

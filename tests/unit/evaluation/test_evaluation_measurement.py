@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from abb_protocols.catalogue import FrontEnd, Message, message, sentence
+from abb_protocols.catalogue import Message, message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, joint_names, joints, named_pose
 from refusals import assert_says, refused

@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.gripper_values import GripperState, ServoState
 from abb_protocols.robot.joints import ZERO, Joints, Side, home, joints
 from abb_protocols.rws.values import ControllerState

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import yumi
-from abb_protocols.catalogue import FrontEnd, message, sentence
+from abb_protocols.catalogue import message, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import StopNotConfirmed
 from abb_protocols.robot.joints import Side, joint_names, named_pose
 from abb_protocols.robot.urdf import MESHES, robot_description

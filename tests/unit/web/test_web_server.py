@@ -15,8 +15,9 @@ import aiohttp
 import pytest
 from msgspec.structs import replace
 
-from abb_protocols.catalogue import FrontEnd, Message, sentence
+from abb_protocols.catalogue import Message, sentence
 from abb_protocols.catalogue import message as say
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import posture_near, wrist_of, wrist_target

@@ -1,4 +1,4 @@
-"""UDP sockets for EGM: our end, which listens and answers, the robot's end, which sends first, and waiting for both."""
+"""UDP sockets for EGM of both ends, waiting for both, and this machine's addresses, ports and network cards."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The system parameters of a controller, from ABB's cfg files: domains, types and instances (reference/rws.md §9)."""
+"""The system parameters of a controller: domains, types, instances and their defaults (reference/rws.md §9)."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ _CFG_PARTS = 3  # /DOMAIN/TYPE/instance
 
 
 class SystemParameters:
-    """The configuration as ReadCfgData and WriteCfgData name it (:class:`virtual_irc5.rapid.devices.Configuration`)."""
+    """The configuration as ReadCfgData names it (:class:`virtual_irc5.rapid.devices.Configuration`)."""
 
     def __init__(self, configuration: Configuration) -> None:
         self._configuration = configuration

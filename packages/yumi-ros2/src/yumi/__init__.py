@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from yumi.api.chunks import Chunk
     from yumi.api.connect import connect, connect_async
     from yumi.api.joint_positions import abb_degrees, degrees, in_degrees
-    from yumi.api.tool import pose
+    from yumi.api.poses import pose
     from yumi.driver.egm_server import EgmServer
     from yumi.recording.tables import read_recording
 
@@ -42,7 +42,7 @@ _OFFERS = {
     "connect_async": "yumi.api.connect",
     "degrees": "yumi.api.joint_positions",
     "in_degrees": "yumi.api.joint_positions",
-    "pose": "yumi.api.tool",
+    "pose": "yumi.api.poses",
     "read_recording": "yumi.recording.tables",
 }
 

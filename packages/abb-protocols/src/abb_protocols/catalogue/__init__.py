@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import cache
 from importlib import import_module
 from math import degrees
@@ -18,7 +17,7 @@ from string import Formatter, ascii_lowercase
 from types import MappingProxyType
 from typing import Any
 
-from abb_protocols.catalogue.actions import ACTIONS
+from abb_protocols.catalogue.actions import ACTIONS, Action, FrontEnd
 from abb_protocols.catalogue.text import Text
 
 Value = Any
@@ -26,34 +25,6 @@ Value = Any
 
 _WORDED = {"arm", "changes", "reason", "what", "text"}  # values that are words of a sentence, wherever they stand
 _LONGEST_QUOTE = 80  # of what others have sent [characters]
-
-
-class FrontEnd(Enum):
-    """Who reads a message, and by what means they act."""
-
-    ROS = "ros"
-    SCRIPT = "script"
-    SHELL = "shell"
-    PAGE = "page"
-    VIRTUAL_PAGE = "virtual_page"
-
-
-class Action(Enum):
-    """What a person can do about something; the values are the names in the texts and on the wire."""
-
-    START_EGM = "start_egm"
-    STOP_EGM = "stop_egm"
-    RESTART_EGM = "restart_egm"
-    RECOVER = "recover"
-    CONFIRM_STOP = "confirm_stop"
-    CALIBRATE = "calibrate"
-    MOTORS_ON = "motors_on"
-    TURN_TO_AUTO = "turn_to_auto"
-    RELEASE_STOP = "release_stop"
-    RETREAT = "retreat"
-    SWITCH = "switch"
-    GIVE_RADIANS = "give_radians"
-    GIVE_BACK = "give_back"
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import Enum
+from typing import NamedTuple
 
-from abb_protocols.catalogue.text import Words
+
+class FrontEnd(Enum):
+    """Who reads a message, and by what means they act."""
+
+    ROS = "ros"
+    SCRIPT = "script"
+    SHELL = "shell"
+    PAGE = "page"
+    VIRTUAL_PAGE = "virtual_page"
+
+
+class Action(Enum):
+    """What a person can do about something; the values are the names in the texts and on the wire."""
+
+    START_EGM = "start_egm"
+    STOP_EGM = "stop_egm"
+    RESTART_EGM = "restart_egm"
+    RECOVER = "recover"
+    CONFIRM_STOP = "confirm_stop"
+    CALIBRATE = "calibrate"
+    MOTORS_ON = "motors_on"
+    TURN_TO_AUTO = "turn_to_auto"
+    RELEASE_STOP = "release_stop"
+    RETREAT = "retreat"
+    SWITCH = "switch"
+    GIVE_RADIANS = "give_radians"
+    GIVE_BACK = "give_back"
+
+
+class Words(NamedTuple):
+    """An action in the words of one front end.
+
+    Attributes:
+        do: as an order.
+        name: what it is called.
+    """
+
+    do: str
+    name: str
+
 
 _ON_PAGE: dict[str, Words] = {
     "start_egm": Words("press “Start EGM”", "“Start EGM”"),

@@ -15,15 +15,3 @@ class Text(NamedTuple):
 
     what: str
     remedy: str = ""
-
-
-class Words(NamedTuple):
-    """An action in the words of one front end.
-
-    Attributes:
-        do: as an order.
-        name: what it is called.
-    """
-
-    do: str
-    name: str

@@ -1,4 +1,4 @@
-"""Robot arms as data: a chain of turning axes with its limits and its place, of the arms of any robot.
+"""Robot arms as data: a chain of turning axes with its limits and its place, and the paths of poses it can follow.
 
 An `Arm` says where tool0 is for joint positions, which postures have a pose, and which joint positions follow a path of
 poses from a posture. Everything is seen from the robot's base frame, which RAPID calls world here, for many postures at

@@ -1,4 +1,4 @@
-"""Differential kinematics: how the tool of one arm moves with the joints, fast enough for every control cycle.
+"""Differential kinematics: how the wrist and the tool of one arm move with the joints, fast enough for every cycle.
 
 :func:`wrist_of` is forward kinematics with all derivatives, :class:`DifferentialSolver` the step of the joints that
 makes up for what is missing to a target, and :func:`posture_near` repeats that step. A pose and an arm angle are seven
@@ -186,7 +186,7 @@ def target_error(now: Wrist, target: WristTarget) -> Row:
 
 
 class DifferentialSolver:
-    """Changes of the joints that make desired changes of position, rotation and arm angle, see :func:`target_error`.
+    """Changes of the joints for desired changes of position, rotation and arm angle, see :func:`target_error`.
 
     The pose comes first, the arm angle takes what freedom is left. Away from singularities both are exact. Where the
     pose cannot change in a direction, its changes are damped; where the elbow cannot turn with the pose held, it gives

@@ -1,4 +1,4 @@
-"""The Smart Gripper: its ranges and modules, its state, the goals it can get and how they can end; SI throughout."""
+"""The Smart Gripper as values: ranges, modules, states made of its signals, goals and their outcomes; SI throughout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inverse kinematics of one arm: every posture that brings tool0 to a pose with a given arm angle.
+"""Inverse kinematics of one arm: every posture that brings tool0 to a pose with a given arm angle, and the Jacobian.
 
 The pose and the arm angle are seven equations for seven joints. No two neighbouring axes of this arm meet, so there is
 no closed form, but three facts reduce the seven unknowns to two (lengths as in :mod:`abb_protocols.robot.kinematics`):

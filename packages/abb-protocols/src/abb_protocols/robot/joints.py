@@ -1,4 +1,4 @@
-"""The one table of joint orders and names: chain order inside, ABB's axis order and EGM's split on the wire.
+"""The joints of both sides of the robot: names, orders and limits; poses, and the state and command of an arm.
 
 Chain order lists the axes from body to flange in ABB's numbers: 1, 2, 7, 3, 4, 5, 6. RAPID and EGM keep axis 7
 apart: ``robax`` (EGM ``joints``) holds axes 1-6 and ``extax.eax_a`` (EGM ``externalJoints[0]``) axis 7

@@ -1,4 +1,4 @@
-"""Forward kinematics of one arm in plain numbers, and the poses and rotations of its tool.
+"""Forward kinematics of one arm in plain numbers, and the arithmetic of poses and quaternions.
 
 In the all-zero pose every axis of the arm is parallel to an axis of the arm's foot frame: 1 z, 2 y, 7 z, 3 y,
 4 x, 5 y, 6 x. So the chain is seven plane rotations with an offset in front of each (reference/yumi.md §1.4; it

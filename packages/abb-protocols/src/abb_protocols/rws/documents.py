@@ -1,4 +1,4 @@
-"""Documents of Robot Web Services: the values of requests and responses, free of their format, and the formats.
+"""Documents of Robot Web Services: pages, states and forms, and values read from them: signals, targets, events.
 
 From inside out: forms, pages with their states, the XHTML they come in (reference/rws.md §1, §3), and what the pages
 say to a client: typed values, or a refusal with ABB's code.

@@ -1,4 +1,4 @@
-"""Values of Robot Web Services: states, grants and codes, what is subscribed, RAPID values, system parameters.
+"""Values of Robot Web Services: enumerations, grants, return codes, subscribed resources, RAPID values, cfg files.
 
 States are spelled as on the wire (reference/rws.md §5-6), return codes as in ABB's table (§3.4-3.5). RAPID values are
 literals without blanks (§6.5):
@@ -71,6 +71,19 @@ class CollisionState(Enum):
     TRIGGERED_ACKNOWLEDGED = "TRIGGERED_ACK"
 
 
+class RestartMode(Enum):
+    """What a restart keeps."""
+
+    WARM = "restart"
+    """All: programs and configuration; a changed configuration takes effect."""
+    RESET_SYSTEM = "istart"
+    """Nothing: the system becomes as it was installed."""
+    RESET_RAPID = "pstart"
+    """The configuration; programs are removed."""
+    LAST_SAVED = "bstart"
+    """The state of the last good shutdown."""
+
+
 class ExecutionState(Enum):
     """Whether RAPID runs, ``/rw/rapid/execution``."""
 
@@ -85,6 +98,44 @@ class TaskExecution(Enum):
     STOPPED = "stop"
     STARTED = "star"
     UNINITIALIZED = "unin"
+
+
+class RunCycle(Enum):
+    """Whether a program begins again at its end."""
+
+    FOREVER = "forever"
+    AS_IS = "asis"
+    ONCE = "once"
+    ONCE_DONE = "oncedone"
+
+
+class Regain(Enum):
+    """What happens first where a robot has left its path."""
+
+    CONTINUE = "continue"
+    REGAIN = "regain"
+    CLEAR = "clear"
+
+
+class Step(Enum):
+    """How far a start executes."""
+
+    CONTINUE = "continue"
+    IN = "stepin"
+    OVER = "stepover"
+    OUT = "stepout"
+    BACK = "stepback"
+    LAST = "steplast"
+    MOTION = "stepmotion"
+
+
+class StopMode(Enum):
+    """Where execution stops: at the end of the cycle, of the instruction, at once on the path, or beside it."""
+
+    CYCLE = "cycle"
+    INSTRUCTION = "instr"
+    STOP = "stop"
+    QUICK = "qstop"
 
 
 class SignalType(Enum):
@@ -104,6 +155,66 @@ class SignalType(Enum):
     @property
     def is_digital(self) -> bool:
         return self.value.startswith("D")
+
+
+class SignalChange(Enum):
+    """How a write changes a signal."""
+
+    VALUE = "value"
+    INVERT = "invert"
+    PULSE = "pulse"
+    TOGGLE = "toggle"
+    DELAY = "delay"
+
+
+class SymbolKind(Enum):
+    """What a RAPID symbol is."""
+
+    ATOMIC = "atm"
+    RECORD = "rec"
+    ALIAS = "ali"
+    COMPONENT = "rcp"
+    CONSTANT = "con"
+    VARIABLE = "var"
+    PERSISTENT = "per"
+    PARAMETER = "par"
+    LABEL = "lab"
+    FOR = "for"
+    FUNCTION = "fun"
+    PROCEDURE = "prc"
+    TRAP = "trp"
+    MODULE = "mod"
+    TASK = "tsk"
+    ANY = "any"
+
+
+class Coordinates(Enum):
+    """In which coordinates a position is."""
+
+    BASE = "Base"
+    WORLD = "World"
+    TOOL = "Tool"
+    WORK_OBJECT = "Wobj"
+
+
+class JogMode(Enum):
+    """What the axes of a joystick move."""
+
+    AXES_1_TO_3 = "AxisGroup1"
+    AXES_4_TO_6 = "AxisGroup2"
+    CARTESIAN = "Cartesian"
+    ALIGN = "Align"
+    GO_TO_POSITION = "GoToPos"
+    CONFIGURATION = "ConfigurationJog"
+
+
+class Increment(Enum):
+    """Length of a step when jogging."""
+
+    SMALL = "Small"
+    MEDIUM = "Medium"
+    LARGE = "Large"
+    USER = "User"
 
 
 class EventType(IntEnum):
@@ -174,6 +285,23 @@ class Grant(Enum):
 
     SYSTEM_ADMINISTRATION = "UAS_SYSTEM_ADMINISTRATION"
     """Install and select systems, and restart with another state than the present one."""
+
+
+class Privilege(Enum):
+    """What a client may do in manual mode."""
+
+    MODIFY = "modify"
+    """Write data and programs."""
+    EXECUTE = "exec"
+    """Start programs, too."""
+
+
+class RmmpStatus(Enum):
+    """What became of a request for the remote manual mode privilege."""
+
+    PENDING = "PENDING"
+    GRANTED = "GRANTED"
+    DENIED = "DENIED"
 
 
 GRANTS = tuple(each for each in Grant if each is not Grant.FULL_ACCESS)

@@ -1,4 +1,4 @@
-"""Robot Web Services of a controller in typed calls, one method a resource; SI and chain order come out.
+"""The client of Robot Web Services: a controller in typed calls, and subscriptions; SI and chain order come out.
 
 One client holds one session: build it, ``connect`` and ``close`` it, or use it as a context manager. The calls of
 each service are in a module of :mod:`abb_runtime.rws.services`; here are the session, subscriptions and restarts.

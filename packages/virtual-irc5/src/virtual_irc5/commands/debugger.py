@@ -11,12 +11,19 @@ import click
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, ControllerRefused, YumiError
-from abb_protocols.rws.operations.rapid import Range, RunCycle
-from abb_protocols.rws.values import Code, ControllerState, ExecutionState, TaskExecution, meaning_of
+from abb_protocols.rws.operations.rapid import Range
+from abb_protocols.rws.values import (
+    Code,
+    ControllerState,
+    ExecutionState,
+    RunCycle,
+    Step,
+    SymbolKind,
+    TaskExecution,
+    meaning_of,
+)
 from abb_runtime.clock import Clock, SystemClock, comes_true
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.rws.services.rapid import Step
-from abb_runtime.rws.services.symbols import SymbolKind
 
 _STEP_TIMEOUT = 30.0  # [s]: a step that takes longer, such as a wait, goes on while others are entered
 _CONTINUE_TIMEOUT = 1.0  # [s]: then `stop` can be entered

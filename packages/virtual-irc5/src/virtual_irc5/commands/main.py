@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from abb_protocols.catalogue import FrontEnd, speak_as
+from abb_protocols.catalogue import speak_as
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import SettingsError, YumiError
 from abb_runtime.fault_command import fault
 from abb_runtime.options import ONCE, password_options, robot_option, user_option, with_json_targets, yes_option
@@ -51,7 +52,7 @@ def main() -> None:
     logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
-@main.command()
+@main.command("debug")
 @click.argument("task")
 @yes_option
 @click.option("--once", is_flag=True, help=ONCE)

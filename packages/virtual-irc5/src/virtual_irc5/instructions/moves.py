@@ -50,7 +50,8 @@ from virtual_irc5.mechanics.path_geometry import (
 )
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
-from virtual_irc5.rapid.builtins.information import OF_TASK, task_meant
+from virtual_irc5.rapid.builtins.information import OF_TASK
+from virtual_irc5.rapid.task import task_meant
 
 SpeedRatio = Callable[[], float]
 Build = Callable[[Joints, Zone], Leg]

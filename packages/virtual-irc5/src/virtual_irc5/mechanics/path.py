@@ -1,4 +1,4 @@
-"""The path of an arm: the legs its program has planned ahead, and how fast it goes along them.
+"""The motion along a planned path of an arm: passages of its legs, triggers, speed limits, and paths put aside.
 
 The arm keeps to the geometry of the path whatever happens to its speed: it slows down, stops, goes on at another
 override along the same samples. Its speed is the programmed one where acceleration and speed of the joints allow it;

@@ -16,7 +16,8 @@ from typing import Any
 from abb_protocols.errors import RapidError
 from abb_protocols.robot.joints import Pose, Side
 from abb_protocols.robot.kinematics import compose
-from abb_protocols.rws.operations.motion import Coordinates, JogMode, MechanicalUnitState
+from abb_protocols.rws.operations.motion import MechanicalUnitState
+from abb_protocols.rws.values import Coordinates, JogMode
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.dynamics import ArmDynamics
 from virtual_irc5.mechanics.egm_client import EgmClient

@@ -1,4 +1,4 @@
-"""The compiler: statements to the steps of a routine, and declarations to data with their types and first values."""
+"""The compiler and linker: statements to the steps of a routine, declarations to data with types and first values."""
 
 from __future__ import annotations
 

@@ -671,3 +671,18 @@ def task_of(call: Call) -> Task:
 def tasks_of(call: Call) -> Mapping[str, Task]:
     """All tasks of the controller by name."""
     return {name: task for name, task in call.task.host.devices.tasks().items() if isinstance(task, Task)}
+
+
+def task_named(call: Call, name: str) -> Task:
+    """A task of the controller by its name; raises ERR_TASKNAME."""
+    tasks = tasks_of(call)
+    for key, task in tasks.items():
+        if key.lower() == name.lower():
+            return task
+    raise RapidRuntimeError("ERR_TASKNAME", f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}.")
+
+
+def task_meant(call: Call) -> Task:
+    r"""The task that \TaskRef or \TaskName names, the caller's without them; raises ERR_TASKNAME."""
+    name = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", call.task.name)
+    return task_of(call) if name.lower() == call.task.name.lower() else task_named(call, name)

@@ -1,4 +1,4 @@
-"""``/rw/cfg``: the system parameters; what is changed acts after a restart (reference/rws.md §9)."""
+"""The virtual controller's answers on ``/rw/cfg``: system parameters; changes act after a restart (rws.md §9)."""
 
 from __future__ import annotations
 

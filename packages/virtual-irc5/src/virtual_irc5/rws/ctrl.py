@@ -1,4 +1,4 @@
-"""``/ctrl`` and ``/progress``: clock, identity, network, backup, restart and the rest (reference/rws.md §4.2)."""
+"""The virtual controller's answers on ``/ctrl`` and ``/progress``: clock, identity, network, backup, restart."""
 
 from __future__ import annotations
 

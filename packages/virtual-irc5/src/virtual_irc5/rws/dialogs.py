@@ -1,4 +1,4 @@
-"""``/rw/rapid/uiinstr``: questions of programs to the operator, and what programs have written (rws.md §6)."""
+"""The virtual controller's answers on ``/rw/rapid/uiinstr``: questions of programs to the operator, and the display."""
 
 from __future__ import annotations
 

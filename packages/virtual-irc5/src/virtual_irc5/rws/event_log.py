@@ -1,4 +1,4 @@
-"""``/rw/elog``: the event log (reference/rws.md §12)."""
+"""The virtual controller's answers on ``/rw/elog``: the event log (reference/rws.md §12)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``/fileservice``: the controller's disk (reference/rws.md §11)."""
+"""The virtual controller's answers on ``/fileservice``: its disk (reference/rws.md §11)."""
 
 from __future__ import annotations
 

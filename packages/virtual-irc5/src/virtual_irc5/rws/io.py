@@ -1,4 +1,4 @@
-"""``/rw/iosystem``: networks, devices and signals (reference/rws.md §7)."""
+"""The virtual controller's answers on ``/rw/iosystem``: networks, devices and signals (reference/rws.md §7)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``/rw/mastership``: which client holds what one at a time may change (reference/rws.md §10)."""
+"""The virtual controller's answers on ``/rw/mastership``: which client holds what one at a time may change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``/rw/rapid/modules`` and ``/rw/rapid/symbol``: modules, their texts, and data (reference/rws.md §6.4-6.7)."""
+"""The virtual controller's answers on ``/rw/rapid/modules``, ``/rw/rapid/symbol``: modules, texts, data (rws.md §6)."""
 
 from __future__ import annotations
 
@@ -141,6 +141,9 @@ def _search(text: str, wanted: str, call: Call) -> tuple[int, int]:
     return text.count("\n", 0, found) + 1, found - text.rfind("\n", 0, found)
 
 
+_DECLARED = {s.Record: "Record", s.Alias: "Alias", s.Data: "Data", s.Routine: "Routine"}
+
+
 def _object(task: Task, module: LoadedModule, call: Call) -> State:
     """What stands at a row: the declaration it is in."""
     row = _position(call, "startrow")
@@ -153,7 +156,7 @@ def _object(task: Task, module: LoadedModule, call: Call) -> State:
     node = max(before, key=lambda each: each.line)
     fields = {
         **table.TEXT_OBJECT.write(Range(node.line, node.column, node.line, -1)),
-        "type": type(node).__name__,
+        "type": _DECLARED[type(node)],
         "list-num": str(declared.index(node) + 1),
         "list-len": str(len(declared)),
         "data-type-id": node.name,

@@ -1,4 +1,4 @@
-"""``/rw/motionsystem``: mechanical units, their positions, and calculations with them (reference/rws.md §8)."""
+"""The virtual controller's answers on ``/rw/motionsystem``: mechanical units, positions, calculations (rws.md §8)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain
 from abb_protocols.robot.kinematics import compose, inverse, matrix
 from abb_protocols.rws.documents import JointTarget, Link, Page, RobTarget, State, first_value
 from abb_protocols.rws.operations import motion as table
-from abb_protocols.rws.values import Code, decode
+from abb_protocols.rws.values import Code, Coordinates, JogMode, decode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.instructions.robot_data import pose_from_rapid, robtarget, wobj_from_rapid
 from virtual_irc5.mechanics.arm import VirtualArm
@@ -330,8 +330,8 @@ def set_unit(controller: Irc5, call: Call) -> None:
         payload=call.parameter("payload", unit.payload),
         total_payload=call.parameter("total-payload", unit.total_payload),
         is_active=mode == "Activated" if mode else unit.is_active,
-        jog_mode=table.JogMode(call.parameter("jog-mode", unit.jog_mode.value)),
-        coordinates=table.Coordinates("World" if system == "Word" else system),
+        jog_mode=JogMode(call.parameter("jog-mode", unit.jog_mode.value)),
+        coordinates=Coordinates("World" if system == "Word" else system),
     )
     controller.units = tuple(changed if each.name == unit.name else each for each in controller.units)
     _changed(controller)

@@ -1,4 +1,4 @@
-"""``/rw/panel``: motors, operating mode, speed ratio, collision detection, restart (reference/rws.md §5)."""
+"""The virtual controller's answers on ``/rw/panel``: motors, mode, speed ratio, collision detection, restart."""
 
 from __future__ import annotations
 

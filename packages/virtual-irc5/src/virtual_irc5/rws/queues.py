@@ -1,4 +1,4 @@
-"""``/rw/dipc``: message queues between clients and RAPID tasks (reference/rws.md §13)."""
+"""The virtual controller's answers on ``/rw/dipc``: message queues between clients and tasks (reference/rws.md §13)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``/rw/rapid``: execution, tasks, programs, pointers, questions to the operator (reference/rws.md §6).
+"""The virtual controller's answers on ``/rw/rapid``: execution, tasks, programs, pointers (reference/rws.md §6).
 
 Modules and symbols are in ``symbols``.
 """
@@ -16,7 +16,7 @@ from abb_protocols.rws.documents import JointTarget, Link, Page, RobTarget, Stat
 from abb_protocols.rws.operations import rapid as table
 from abb_protocols.rws.operations.modules import quoted
 from abb_protocols.rws.operations.motion import UNIT
-from abb_protocols.rws.values import Code, ExecutionState, TaskExecution
+from abb_protocols.rws.values import Code, ExecutionState, RunCycle, TaskExecution
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller.tasks import InstalledTask
 from virtual_irc5.rapid import ast as s
@@ -45,7 +45,7 @@ ROUTES = Routes()
 def execution_of(controller: Irc5) -> table.Execution:
     """Whether RAPID runs, and its cycle."""
     state = ExecutionState.RUNNING if controller.is_running else ExecutionState.STOPPED
-    return table.Execution(state, table.RunCycle(controller.cycle))
+    return table.Execution(state, RunCycle(controller.cycle))
 
 
 def find_task(controller: Irc5, name: str) -> Task:

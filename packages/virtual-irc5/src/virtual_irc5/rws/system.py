@@ -1,4 +1,4 @@
-"""``/``, ``/rw/system``, ``/rw/retcode``, ``/rw/devices``: services, RobotWare, codes (reference/rws.md §4)."""
+"""The virtual controller's answers on ``/rw/system``, ``/rw/retcode`` and ``/rw/devices``: RobotWare, codes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``/users``: who a client is, what it may do, and what it may change in manual mode (reference/rws.md §10)."""
+"""The virtual controller's answers on ``/users``: who a client is, what it may change in manual mode (rws.md §10)."""
 
 from __future__ import annotations
 

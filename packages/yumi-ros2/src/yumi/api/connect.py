@@ -1,4 +1,4 @@
-"""The functions that give a script its robot: ``connect`` with its address and options, and its asyncio twin.
+"""``yumi.connect``: the functions that give a script its robot with its address and options, and the twin for asyncio.
 
 The classes for asyncio are derived from :mod:`yumi.api.robot`: each method is awaited, nothing is decided here.
 """
@@ -21,11 +21,12 @@ from abb_protocols.robot.joints import Side
 from abb_runtime.parameters import Entry
 from abb_runtime.rws.login import password_of_environment
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
+from yumi.api.gripper import Gripper
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion
+from yumi.api.poses import PoseLike
 from yumi.api.robot import Robot
 from yumi.api.robot_arm import Arm
-from yumi.api.tool import Gripper, PoseLike
 from yumi.driver.settings import (
     ControllerSettings,
     Settings,
@@ -399,7 +400,7 @@ class AsyncArm:
 
 
 class AsyncGripper:
-    """A gripper, as :class:`yumi.api.tool.Gripper`; measured values are awaited, too."""
+    """A gripper, as :class:`yumi.api.gripper.Gripper`; measured values are awaited, too."""
 
     def __init__(self, gripper: Gripper) -> None:
         self.sync = gripper

@@ -15,8 +15,9 @@ from abb_runtime.clock import Clock
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.joint_positions import Position, TimedPosition, checked_goal, checked_scale, timed_points
 from yumi.api.motion_registry import Motion, MotionRegistry, Way
+from yumi.api.poses import pose_from
+from yumi.api.postures import posture_for
 from yumi.api.streams import ArmStreams
-from yumi.api.tool import pose_from, posture_for
 from yumi.control.controllers.joint_goal import JointGoal
 from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand

@@ -15,11 +15,13 @@ from abb_protocols.robot.joints import Pose, Side
 from abb_runtime.rws.client import RwsClient
 from yumi.api.chunks import ChunkFollower
 from yumi.api.connection import Connection
+from yumi.api.gripper import Gripper
 from yumi.api.joint_positions import Position, TimedPosition, checked_goal
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE, MotionExecutor
 from yumi.api.motion_registry import Motion
+from yumi.api.obstacles import boxes_from
+from yumi.api.poses import Frames, PoseLike, poses_from, waypoints_from
 from yumi.api.robot_arm import Arm
-from yumi.api.tool import Frames, Gripper, PoseLike, boxes_from, poses_from, waypoints_from
 from yumi.control.chunk_commands import MOST_JUMP
 from yumi.control.goals import Tracking, stream_delay
 from yumi.control.hand_over import Commander

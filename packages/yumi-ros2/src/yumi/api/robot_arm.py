@@ -24,22 +24,12 @@ from abb_protocols.robot.joints import (
     joints,
 )
 from abb_protocols.robot.kinematics import compose, inverse, tool0_to_body
+from yumi.api.gripper import Gripper
 from yumi.api.joint_positions import Position, TimedPosition, in_degrees
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion
-from yumi.api.tool import (
-    TOOL0,
-    Frames,
-    Gripper,
-    PoseLike,
-    ToolPose,
-    checked_angle,
-    numbers_from,
-    pose_from,
-    posture_for,
-    postures_of,
-    waypoints_from,
-)
+from yumi.api.poses import TOOL0, Frames, PoseLike, ToolPose, checked_angle, numbers_from, pose_from, waypoints_from
+from yumi.api.postures import posture_for, postures_of
 from yumi.control.goals import Tracking, stream_delay
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_goal import check_twist, pose_goal, twist_goal

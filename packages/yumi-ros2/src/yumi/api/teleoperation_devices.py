@@ -1,4 +1,4 @@
-"""Devices with which a person teleoperates without a browser: gamepads, SpaceMice and leader arms.
+"""Devices with which a script lets a person teleoperate: gamepads, SpaceMice and leader arms.
 
 A device is read again and again, see :func:`teleoperate`. What its axes and buttons mean is decided here, from values
 alone; where the values come from is :mod:`yumi.api.input_device`.

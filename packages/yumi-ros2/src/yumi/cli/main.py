@@ -15,16 +15,18 @@ from typing import Any
 
 import click
 
-from abb_protocols.catalogue import FrontEnd, message, speak_as
+from abb_protocols.catalogue import message, speak_as
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import SettingsError, YumiError, missing_extra
 from abb_runtime.fault_command import fault
 from abb_runtime.options import with_json_targets
 from yumi import __version__
 from yumi.cli.answer import answer
 from yumi.cli.demo import demo
+from yumi.cli.doctor import doctor
 from yumi.cli.driver_options import ROS_ARGUMENTS
 from yumi.cli.graph import GRAPH_COMMANDS
-from yumi.cli.install import doctor, install, uninstall
+from yumi.cli.install import install, uninstall
 from yumi.cli.moveit import moveit_config
 from yumi.cli.robot_commands import DRIVER_COMMANDS
 from yumi.cli.rws_command import rws

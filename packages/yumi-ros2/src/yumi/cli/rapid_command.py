@@ -1,4 +1,4 @@
-"""``yumi rapid``: RAPID programs, checked here or stepped through on a controller."""
+"""``yumi rapid check`` and ``yumi rapid debug``: RAPID programs, checked here or stepped through on a controller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands for a robot whose driver runs that have more on the command line than in the table of commands.
+"""``yumi state``, ``mode``, ``move``, ``recover``, ``retreat``, ``switch``, ``speed-scale``, ``controllers``.
 
 The others come from the table by themselves, see :mod:`yumi.cli.from_table`. All use the driver's local endpoint.
 """
@@ -15,7 +15,8 @@ import click
 import msgspec
 from click.shell_completion import CompletionItem
 
-from abb_protocols.catalogue import FrontEnd, in_words, message
+from abb_protocols.catalogue import in_words, message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import SettingsError, YumiError
 from abb_protocols.robot.joints import JOINT_COUNT, POSES, chain_from_abb, joints
 from abb_runtime.options import (

@@ -1,4 +1,4 @@
-"""``yumi rws``: the Robot Web Services of any controller, by hand."""
+"""``yumi rws get``, ``set``, ``ls``, ``put``, ``watch``, ``call``: Robot Web Services of any controller, by hand."""
 
 from __future__ import annotations
 

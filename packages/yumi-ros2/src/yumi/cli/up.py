@@ -27,7 +27,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from abb_protocols.catalogue import FrontEnd, Message, message, speak_as
+from abb_protocols.catalogue import Message, message, speak_as
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import NoConnection, ProtocolError, RobotNotReady, SettingsError, YumiError
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import SystemClock

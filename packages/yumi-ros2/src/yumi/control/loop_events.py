@@ -1,4 +1,4 @@
-"""Events of the control loop: what happened to an arm, in the order in which it happened.
+"""Events of the control loop in order: sessions, feedback, followed commands, failures, commanders of an arm.
 
 They come through the pipe of the control process.
 """

@@ -1,4 +1,4 @@
-"""The library of the compiled core: compiled where that was not done before, then loaded.
+"""The library of the compiled core: compiled where needed, loaded, with the structures that cross to Python.
 
 A wheel contains the library. From a clone or with colcon the library is made from the sources of this folder by the
 machine's compiler, once for each edition of them: in the clone's ``build`` folder, or else in the user's cache.

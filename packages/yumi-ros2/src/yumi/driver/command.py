@@ -21,7 +21,8 @@ from typing import Annotated, ClassVar, Generic, Literal, Protocol, SupportsFloa
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd, Message, message
+from abb_protocols.catalogue import Message, message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import ProtocolError, RobotNotReady
 from abb_protocols.robot.gripper_values import GripperState
 from abb_protocols.robot.joints import Joints, Pose, Side

@@ -1,4 +1,4 @@
-"""The table of commands to a driver: endpoint, ``attach``, command line, ROS and page take them from here.
+"""The table of commands to a driver (start, stop, recover, grip, RAPID, signals, tools) for all front ends.
 
 A new command is a class with its arguments and ``run``, and its line in :data:`COMMANDS`: each front end that it is for
 then has it. Those that move arms are in :mod:`yumi.driver.motion_commands`.
@@ -13,7 +13,8 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd, headline, message
+from abb_protocols.catalogue import headline, message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.gripper_values import MAX_FORCE, TRAVEL, Direction, go_to, grip

@@ -40,7 +40,7 @@ ANSWER = 10.0
 # ---- what is said beside commands
 
 
-class Attach(EndpointRequest, frozen=True):
+class Attach(EndpointRequest, frozen=True, tag="attach"):
     """Keep the connection although nothing is asked for yet; the only request without an answer.
 
     ``is_page``: the client is a page that a person operates, whose motions come before those of programs.
@@ -49,7 +49,7 @@ class Attach(EndpointRequest, frozen=True):
     is_page: bool = False
 
 
-class Subscribe(EndpointRequest, frozen=True):
+class Subscribe(EndpointRequest, frozen=True, tag="subscribe"):
     """The state again and again, ``rate`` times a second."""
 
     rate: Annotated[float, msgspec.Meta(ge=0.1, le=60.0)] = 30.0

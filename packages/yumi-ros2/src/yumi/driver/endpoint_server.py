@@ -24,7 +24,8 @@ from typing import Any
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd, Message, cut, message, said_by
+from abb_protocols.catalogue import Message, cut, message, said_by
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import RobotNotReady, YumiError
 from abb_protocols.robot.joints import Side
 from abb_runtime.process.supervision import SupervisedThread

@@ -1,4 +1,4 @@
-"""The Smart Gripper over Robot Web Services: commands through the state machine, state from the gripper's own signals.
+"""The Smart Gripper over Robot Web Services: commands through the state machine, and subscriptions to its signals.
 
 Whatever is reported here was measured by the gripper; elapsed time decides only that a command has failed. One
 :class:`Gripper` an arm; both share :class:`GripperRoutines`, which has the state machine run their commands, and

@@ -12,7 +12,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd, headline, message
+from abb_protocols.catalogue import headline, message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import Joints, Side

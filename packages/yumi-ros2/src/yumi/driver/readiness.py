@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from abb_protocols.catalogue import FrontEnd, Message, clause, message, remedy_of
+from abb_protocols.catalogue import Message, clause, message, remedy_of
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode

@@ -1,4 +1,4 @@
-"""Reports of a driver: its arms, controllers, grippers and log as clients get them, in SI units and chain order."""
+"""Reports of a driver: states of arms, controllers, grippers, motions and log as clients get them, in SI units."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import Any
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd, Message, from_wire, in_words, is_known, message, sentence, to_wire
+from abb_protocols.catalogue import Message, from_wire, in_words, is_known, message, sentence, to_wire
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.egm.codec import SensorCodec
 from abb_protocols.errors import ProtocolError
 from abb_protocols.robot.gripper_values import Outcome

@@ -102,7 +102,7 @@ class ToolMotion:
 def plan_tool_motions(
     motions: Mapping[Side, ToolMotion], starts: Mapping[Side, Joints], limits: JointLimits, within: ToolLimits
 ) -> Mapping[Side, ArmPlan]:
-    """The motions of both arms or of one from where they stand; both end at the same time. Raises as :func:`plan_path`.
+    """The motions of both arms or of one from where they stand; both end together. Raises as :func:`plan_path`.
 
     Args:
         motions: of each arm's tool.

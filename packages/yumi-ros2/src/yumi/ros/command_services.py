@@ -22,7 +22,8 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 from yumi_interfaces import action, srv
 
-from abb_protocols.catalogue import FrontEnd, message
+from abb_protocols.catalogue import message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose

@@ -154,7 +154,7 @@ class GripperActionServer(ABC):
 
 
 class GripperAction(GripperActionServer):
-    """``~/gripper_cmd``: the position of one finger joint [m], 0 is closed, 0.025 open; see ``gripper_goal``."""
+    """``~/gripper_cmd``: the position of a finger joint [m], 0 closed, 0.025 open; see ``gripper_goal``."""
 
     kind = GripperCommand
     name = "~/gripper_cmd"

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd, Message, in_words, message
+from abb_protocols.catalogue import Message, in_words, message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Joints, Side
 from abb_runtime.udp import is_loopback

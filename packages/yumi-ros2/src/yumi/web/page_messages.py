@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 
-from abb_protocols.catalogue import FrontEnd
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.joints import ZERO
 from yumi.driver.command import Arm, Command, Position
 from yumi.driver.commands import offered_to

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 
-from abb_protocols.catalogue import FrontEnd, Message, message, said_by, sentence
+from abb_protocols.catalogue import Message, message, said_by, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import YumiError
 
 log = logging.getLogger(__name__)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from abb_protocols.catalogue import FrontEnd
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.gripper_values import MAX_FORCE, TRAVEL
 from abb_protocols.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
 from abb_protocols.robot.urdf import MESHES, robot_description

@@ -31,7 +31,8 @@ import msgspec
 from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi
-from abb_protocols.catalogue import FrontEnd, Message, message, said_by, sentence
+from abb_protocols.catalogue import Message, message, said_by, sentence
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, SettingsError, YumiError
 from abb_runtime.faults import Fault
 from abb_runtime.udp import is_loopback

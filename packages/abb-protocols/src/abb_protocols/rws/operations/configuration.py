@@ -1,4 +1,4 @@
-"""The system parameters."""
+"""Operations on system parameters (``/rw/cfg``)."""
 
 from __future__ import annotations
 

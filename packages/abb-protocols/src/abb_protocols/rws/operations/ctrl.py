@@ -1,4 +1,4 @@
-"""``/ctrl`` and ``/progress``: clock, identity, network, backup, jobs, installed systems."""
+"""Operations on the controller (``/ctrl``, ``/progress``): clock, identity, network, backup, jobs, systems."""
 
 from __future__ import annotations
 

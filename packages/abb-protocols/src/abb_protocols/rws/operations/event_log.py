@@ -1,4 +1,4 @@
-"""The event log."""
+"""Operations on the event log (``/rw/elog``)."""
 
 from __future__ import annotations
 

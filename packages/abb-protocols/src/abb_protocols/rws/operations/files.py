@@ -1,4 +1,4 @@
-"""The controller's disk."""
+"""Operations on the controller's disk (``/fileservice``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""I/O networks, devices and signals."""
+"""Operations on I/O networks, devices and signals (``/rw/iosystem``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mastership of what clients change."""
+"""Operations on the mastership of what clients change (``/rw/mastership``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""RAPID's modules, their texts, and symbols."""
+"""Operations on modules of RAPID, their texts, and symbols (``/rw/rapid/modules``, ``/rw/rapid/symbol``)."""
 
 from __future__ import annotations
 

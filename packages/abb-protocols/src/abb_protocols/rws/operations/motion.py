@@ -1,10 +1,9 @@
-"""Mechanical units, their positions, supervision and calibration, and calculations with them (reference/rws.md §8)."""
+"""Operations on mechanical units, their positions and calibration (``/rw/motionsystem``; reference/rws.md §8)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from math import degrees
 from typing import Annotated
 
@@ -30,7 +29,7 @@ from abb_protocols.rws.operations.operation_answer import (
     record,
     single,
 )
-from abb_protocols.rws.values import Grant
+from abb_protocols.rws.values import Coordinates, Grant, JogMode
 
 NO_AXIS = 8.9e9
 """9E9 and above stand for an axis that is not connected."""
@@ -45,35 +44,6 @@ _ON_OFF = flag("ON", "OFF")
 _UNIT_OR_NONE = Spelling(
     lambda state, name: state.text(name).replace(_NO_UNIT, ""), lambda name, unit: {name: unit or _NO_UNIT}
 )
-
-
-class Coordinates(Enum):
-    """In which coordinates a position is."""
-
-    BASE = "Base"
-    WORLD = "World"
-    TOOL = "Tool"
-    WORK_OBJECT = "Wobj"
-
-
-class JogMode(Enum):
-    """What the axes of a joystick move."""
-
-    AXES_1_TO_3 = "AxisGroup1"
-    AXES_4_TO_6 = "AxisGroup2"
-    CARTESIAN = "Cartesian"
-    ALIGN = "Align"
-    GO_TO_POSITION = "GoToPos"
-    CONFIGURATION = "ConfigurationJog"
-
-
-class Increment(Enum):
-    """Length of a step when jogging."""
-
-    SMALL = "Small"
-    MEDIUM = "Medium"
-    LARGE = "Large"
-    USER = "User"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The answer of an operation: a value, and how the fields of a state spell it for both ends (reference/rws.md §3).
+"""The answer of an operation: a value, a pair or a record, and how the fields of a state spell it (rws.md §3).
 
 The virtual controller writes a value into the fields of a state, and the client reads it out of them. A class of values
 is a dataclass; each of its fields is ``Annotated`` with the name of the state's field where that is another one, and
@@ -92,7 +92,7 @@ def pair(type: str, first: str, second: str) -> Answer[tuple[int, int]]:
 
 
 def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> Answer[T]:
-    """An answer with the fields of a dataclass, some of them spelled as said here; ``type`` as for :func:`single`.
+    """An answer with the fields of a dataclass, some spelled as given; ``type`` as for :func:`single`.
 
     What has a default may be missing where it is read.
     """

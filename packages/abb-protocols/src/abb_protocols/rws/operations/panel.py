@@ -1,4 +1,4 @@
-"""The panel: motors, operating mode, speed, collision detection, restart."""
+"""Operations on the panel (``/rw/panel``): motors, operating mode, speed, collision detection, restart."""
 
 from __future__ import annotations
 

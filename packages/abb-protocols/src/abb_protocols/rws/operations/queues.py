@@ -1,4 +1,4 @@
-"""Message queues between clients and RAPID tasks."""
+"""Operations on message queues between clients and RAPID tasks (``/rw/dipc``)."""
 
 from __future__ import annotations
 

@@ -1,16 +1,15 @@
-"""RAPID's execution, tasks, programs, pointers and dialogs."""
+"""Operations on RAPID (``/rw/rapid``): its execution, tasks, programs, pointers, breakpoints and dialogs."""
 
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass, field
-from enum import Enum
 from typing import Annotated
 
 from abb_protocols.rws.documents import State, member
 from abb_protocols.rws.operations.motion import TURNS_OF_TARGET, joint_answer, target_answer
 from abb_protocols.rws.operations.operation import get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, flag, record, single
-from abb_protocols.rws.values import ExecutionState, Grant, TaskExecution
+from abb_protocols.rws.values import ExecutionState, Grant, RunCycle, TaskExecution
 
 _TASK = "/rw/rapid/tasks/{task}"
 _TASKS = "/rw/rapid/tasks"
@@ -29,15 +28,6 @@ _EXTERNAL = tuple(f"ej{number}" for number in range(1, 7))
 _TASK_EXECUTION = Spelling(
     lambda state, name: member(TaskExecution, state.text(name)[:4].lower()), lambda name, value: {name: value.value}
 )
-
-
-class RunCycle(Enum):
-    """Whether a program begins again at its end."""
-
-    FOREVER = "forever"
-    AS_IS = "asis"
-    ONCE = "once"
-    ONCE_DONE = "oncedone"
 
 
 @dataclass(frozen=True, slots=True)

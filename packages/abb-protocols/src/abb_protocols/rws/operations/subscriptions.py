@@ -1,4 +1,4 @@
-"""Subscriptions to what changes."""
+"""Operations on subscriptions to what changes (``/subscription``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The controller's services, RobotWare, return codes, devices and vision."""
+"""Operations on the system (``/rw/system``, ``/rw/retcode``, ``/rw/devices``): RobotWare, products, return codes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Users, their grants, and the remote manual mode privilege."""
+"""Operations on users, their grants, and the remote manual mode privilege (``/users``)."""
 
 from __future__ import annotations
 

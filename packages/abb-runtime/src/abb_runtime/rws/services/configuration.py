@@ -1,4 +1,4 @@
-"""The controller's configuration: domains, types, instances with their attributes, and cfg files."""
+"""The client's service for the configuration: domains, types, instances with their attributes, and cfg files."""
 
 from __future__ import annotations
 

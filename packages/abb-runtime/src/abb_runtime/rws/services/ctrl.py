@@ -1,4 +1,4 @@
-"""The controller's computer: identity, clock, network, backups and other jobs, installed systems, options."""
+"""The client's service for the controller's computer: identity, clock, network, backups, jobs, systems, options."""
 
 from __future__ import annotations
 

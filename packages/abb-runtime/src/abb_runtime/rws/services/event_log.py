@@ -1,4 +1,4 @@
-"""The controller's event log: its messages, and its domains."""
+"""The client's service for the event log: its messages, and its domains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The controller's disk; paths are as in RAPID (``HOME:/pick.mod``)."""
+"""The client's service for the controller's disk; paths are as in RAPID (``HOME:/pick.mod``)."""
 
 from __future__ import annotations
 

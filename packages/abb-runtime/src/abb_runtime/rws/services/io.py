@@ -1,10 +1,9 @@
-"""The I/O system of a controller: networks, devices and signals."""
+"""The client's service for the I/O system: networks, devices and signals."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
@@ -12,20 +11,10 @@ from abb_protocols.rws import documents
 from abb_protocols.rws.documents import Page, Signal, State
 from abb_protocols.rws.operations import io as table
 from abb_protocols.rws.operations.io import AccessRights
-from abb_protocols.rws.values import SignalType
+from abb_protocols.rws.values import SignalChange, SignalType
 from abb_runtime.rws.services.service import Service
 
 _MS = 1000.0
-
-
-class SignalChange(Enum):
-    """How a write changes a signal."""
-
-    VALUE = "value"
-    INVERT = "invert"
-    PULSE = "pulse"
-    TOGGLE = "toggle"
-    DELAY = "delay"
 
 
 @dataclass(frozen=True, slots=True)

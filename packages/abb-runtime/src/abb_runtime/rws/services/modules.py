@@ -1,4 +1,4 @@
-"""RAPID's modules: loading, their texts, breakpoints, and what is at a place of a text."""
+"""The client's service for RAPID modules: loading, texts, breakpoints, routines, and what is at a place of a text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion system: mechanical units, positions, kinematics, supervision, jogging; metres and radians."""
+"""The client's service for the motion system: mechanical units, positions, kinematics, supervision, jogging; in SI."""
 
 from __future__ import annotations
 
@@ -10,16 +10,8 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ORIGIN, Joints, Pose, abb_from_chain, chain_from_abb, joints
 from abb_protocols.rws.documents import JointTarget, RobTarget
 from abb_protocols.rws.operations import motion as table
-from abb_protocols.rws.operations.motion import (
-    Calibration,
-    Coordinates,
-    Increment,
-    JogMode,
-    MechanicalUnitState,
-    MotionSystem,
-    Solution,
-    Supervision,
-)
+from abb_protocols.rws.operations.motion import Calibration, MechanicalUnitState, MotionSystem, Solution, Supervision
+from abb_protocols.rws.values import Coordinates, Increment, JogMode
 from abb_runtime.rws.services.service import Service
 
 _MM = 1000.0

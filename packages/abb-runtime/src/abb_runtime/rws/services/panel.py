@@ -1,27 +1,12 @@
-"""The controller's panel: motors, operating mode, speed, collision detection, and the restart of RobotWare."""
+"""The client's service for the panel: motors, operating mode, speed, collision detection, restart of RobotWare."""
 
 from __future__ import annotations
-
-from enum import Enum
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.rws.operations import panel as table
-from abb_protocols.rws.values import CollisionState, ControllerState, OperatingMode
+from abb_protocols.rws.values import CollisionState, ControllerState, OperatingMode, RestartMode
 from abb_runtime.rws.services.service import Service
-
-
-class RestartMode(Enum):
-    """What a restart keeps."""
-
-    WARM = "restart"
-    """All: programs and configuration; a changed configuration takes effect."""
-    RESET_SYSTEM = "istart"
-    """Nothing: the system becomes as it was installed."""
-    RESET_RAPID = "pstart"
-    """The configuration; programs are removed."""
-    LAST_SAVED = "bstart"
-    """The state of the last good shutdown."""
 
 
 class Panel(Service):

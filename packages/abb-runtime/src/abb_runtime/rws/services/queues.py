@@ -1,4 +1,4 @@
-"""Message queues between clients and RAPID tasks (DIPC, RMQ)."""
+"""The client's service for message queues between clients and RAPID tasks (DIPC, RMQ)."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""RAPID of a controller: its execution, tasks, programs, program pointers and dialogs."""
+"""The client's service for RAPID: its execution, tasks, programs, program pointers and dialogs."""
 
 from __future__ import annotations
-
-from enum import Enum
 
 from abb_protocols.errors import ControllerRefused
 from abb_protocols.robot.joints import Joints
@@ -13,42 +11,12 @@ from abb_protocols.rws.operations.rapid import (
     Dialog,
     Pointer,
     ProgramInfo,
-    RunCycle,
     StackFrame,
     TaskDetails,
     TaskInfo,
 )
-from abb_protocols.rws.values import Code, ExecutionState
+from abb_protocols.rws.values import Code, ExecutionState, Regain, RunCycle, Step, StopMode
 from abb_runtime.rws.services.service import Service
-
-
-class Regain(Enum):
-    """What happens first where a robot has left its path."""
-
-    CONTINUE = "continue"
-    REGAIN = "regain"
-    CLEAR = "clear"
-
-
-class Step(Enum):
-    """How far a start executes."""
-
-    CONTINUE = "continue"
-    IN = "stepin"
-    OVER = "stepover"
-    OUT = "stepout"
-    BACK = "stepback"
-    LAST = "steplast"
-    MOTION = "stepmotion"
-
-
-class StopMode(Enum):
-    """Where execution stops: at the end of the cycle, of the instruction, at once on the path, or beside it."""
-
-    CYCLE = "cycle"
-    INSTRUCTION = "instr"
-    STOP = "stop"
-    QUICK = "qstop"
 
 
 class Rapid(Service):

@@ -1,39 +1,17 @@
-"""RAPID's symbols: values, types, properties and search of RAPID data."""
+"""The client's service for RAPID symbols: values, types, properties and search of RAPID data."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 
 from abb_protocols.errors import ControllerRefused
 from abb_protocols.rws import documents
 from abb_protocols.rws.documents import State, whole_number
 from abb_protocols.rws.operations import modules as table
-from abb_protocols.rws.values import RapidValue, decode, encode
+from abb_protocols.rws.values import RapidValue, SymbolKind, decode, encode
 from abb_runtime.rws.services.service import Service
 
 _BAD_VALUE = 400
-
-
-class SymbolKind(Enum):
-    """What a RAPID symbol is."""
-
-    ATOMIC = "atm"
-    RECORD = "rec"
-    ALIAS = "ali"
-    COMPONENT = "rcp"
-    CONSTANT = "con"
-    VARIABLE = "var"
-    PERSISTENT = "per"
-    PARAMETER = "par"
-    LABEL = "lab"
-    FOR = "for"
-    FUNCTION = "fun"
-    PROCEDURE = "prc"
-    TRAP = "trp"
-    MODULE = "mod"
-    TASK = "tsk"
-    ANY = "any"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The controller's system: RobotWare, options, licence, products, energy, return codes and hardware."""
+"""The client's service for the system: RobotWare, options, licence, products, energy, return codes and hardware."""
 
 from __future__ import annotations
 

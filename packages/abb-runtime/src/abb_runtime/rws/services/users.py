@@ -1,11 +1,10 @@
-"""Users of a controller: who they are, their grants, masterships, and the remote manual mode privilege (RMMP)."""
+"""The client's service for users: grants, masterships, and the remote manual mode privilege (RMMP)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from enum import Enum
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, NoConnection
@@ -13,27 +12,10 @@ from abb_protocols.rws import documents
 from abb_protocols.rws.operations import mastership
 from abb_protocols.rws.operations import users as table
 from abb_protocols.rws.operations.users import User
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import Code, Privilege, RmmpStatus
 from abb_runtime.rws.services.service import Service
 
 _RMMP_POLL = 0.25  # [s]; the controller forgets a request that is not polled for 10 s
-
-
-class Privilege(Enum):
-    """What a client may do in manual mode."""
-
-    MODIFY = "modify"
-    """Write data and programs."""
-    EXECUTE = "exec"
-    """Start programs, too."""
-
-
-class RmmpStatus(Enum):
-    """What became of a request for the remote manual mode privilege."""
-
-    PENDING = "PENDING"
-    GRANTED = "GRANTED"
-    DENIED = "DENIED"
 
 
 @dataclass(frozen=True, slots=True)

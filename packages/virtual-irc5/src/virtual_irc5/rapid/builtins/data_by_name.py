@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from abb_protocols.errors import RapidError
 from virtual_irc5.rapid.ast import Storage
 from virtual_irc5.rapid.builtins.data import CONSTANTS
-from virtual_irc5.rapid.builtins.information import OF_TASK, task_meant
+from virtual_irc5.rapid.builtins.information import OF_TASK
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.compiler import CONSTANT_FRAME
 from virtual_irc5.rapid.expressions import Expressions, Scope
 from virtual_irc5.rapid.loaded_modules import LoadedModule
 from virtual_irc5.rapid.parser import parse_reference
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.task import frame_of, task_of
+from virtual_irc5.rapid.task import frame_of, task_meant, task_of
 from virtual_irc5.rapid.types import (
     UNSET,
     ArrayType,

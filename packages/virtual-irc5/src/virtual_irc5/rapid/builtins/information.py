@@ -16,7 +16,7 @@ from virtual_irc5.rapid.frame import Propagated
 from virtual_irc5.rapid.interrupts import ChangeOrder
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Execution, Severity
-from virtual_irc5.rapid.task import Task, task_of, tasks_of
+from virtual_irc5.rapid.task import task_named, task_of
 from virtual_irc5.rapid.types import (
     BOOL,
     LONGEST_STRING,
@@ -104,22 +104,6 @@ def is_without_motion(call: Call) -> bool:
 # Tasks ------------------------------------------------------------------------------------------------------------
 
 OF_TASK = r"\taskid TaskRef | \string TaskName"
-
-
-def task_named(call: Call, name: str) -> Task:
-    """A task of the controller by its name; raises ERR_TASKNAME."""
-    tasks = tasks_of(call)
-    found = next((task for key, task in tasks.items() if key.lower() == name.lower()), None)
-    if found is None:
-        sentence = f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}."
-        raise RapidRuntimeError("ERR_TASKNAME", sentence)
-    return found
-
-
-def task_meant(call: Call) -> Task:
-    r"""The task that \TaskRef or \TaskName names, the caller's without them; raises ERR_TASKNAME."""
-    name = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", call.task.name)
-    return task_of(call) if name.lower() == call.task.name.lower() else task_named(call, name)
 
 
 for _name in ("TaskIsActive", "TaskIsExecuting"):

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from abb_protocols.errors import RobotNotReady
 from virtual_irc5.rapid.ast import Module
 from virtual_irc5.rapid.builtins.data import CONSTANTS
-from virtual_irc5.rapid.builtins.information import OF_TASK, task_meant
+from virtual_irc5.rapid.builtins.information import OF_TASK
 from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.loading import saved_text
 from virtual_irc5.rapid.parser import parse_module
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.task import Task, task_of
+from virtual_irc5.rapid.task import Task, task_meant, task_of
 from virtual_irc5.rapid.types import (
     ProgramTooLarge,
     RapidReferenceError,

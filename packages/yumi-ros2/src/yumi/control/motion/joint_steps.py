@@ -1,4 +1,4 @@
-"""One step of the joints at a time, by the core: towards goals, to rest, and speeds that follow others.
+"""One step of the joints at a time, by the core: to goals, to rest on a braking path, and speeds that follow others.
 
 - :func:`step_towards`: one step after goals that may move; :func:`step_to_rest`: one step of braking.
 - :func:`ramp_speed`: a speed that follows another.

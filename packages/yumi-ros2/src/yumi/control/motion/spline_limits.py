@@ -1,4 +1,4 @@
-"""The limits of a spline: whether the joints keep them, between the points too, and where a joint is farthest beyond.
+"""The limits of a spline: whether the joints keep them, by the extremes of its polynomials between the points.
 
 A polynomial is the sequence of its coefficients, the constant one first. Without numpy: its linear algebra starts
 threads, not wanted in the control process, where blends are checked.
@@ -141,7 +141,7 @@ def check_motion(segments: Sequence[Segment], names: Sequence[str], limits: Join
 
 
 def check_lead(lead: Segment, names: Sequence[str], limits: JointLimits) -> None:
-    """As :func:`check_motion`; a way that is chosen here must not jerk a joint too much, one that is given may."""
+    """As :func:`check_motion`; a chosen way must not jerk a joint too much, a given one may."""
     check_motion((lead,), names, limits)
     for name, row, limit in zip(names, lead.rows, limits.jerk, strict=True):
         _check_rate("jerk", "rad/s³", derivative(derivative(derivative(row))), limit, name, lead)
