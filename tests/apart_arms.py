@@ -27,7 +27,7 @@ from reported_limiter import ReportedLimiter
 from trajectories import change_rate
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import largest_difference
@@ -80,7 +80,7 @@ class ApartArms:
         self._time = 100.0
         for arm in self.arms.values():
             arm.switch_motors_on()
-            arm.start_egm(EgmSettings(bandwidth=0.0, max_speed=10.0))
+            arm.start_egm(EgmMotionParameters(bandwidth=0.0, max_speed=10.0))
         self.cycle({})
 
     def commanded(self) -> dict[Side, Joints]:

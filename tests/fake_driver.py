@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from abb_protocols.errors import CommandRefused, RobotNotReady, StopNotConfirmed
-from abb_protocols.robot.gripper_values import GripperGoal, GripperState, Outcome, ServoState
+from abb_protocols.robot.gripper_values import GripOutcome, GripperGoal, GripperState, ServoState
 from abb_protocols.robot.joints import Pose, Side, home
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from fake_robot import FakeRobot
 from yumi.control.shared_state import JointStates
 from yumi.driver.command import CommandedRobot
 from yumi.driver.endpoint_server import EndpointServer
-from yumi.driver.gripper import Gripper
-from yumi.driver.robot_state import Mode, RobotState
+from yumi.driver.gripper import RwsGripper
+from yumi.driver.robot_state import RobotMode, RobotState
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.surroundings import BoxReport, Surroundings
 
@@ -51,7 +51,7 @@ class FakeManager:
         self.asked.append("stop")
         return "EGM has ended"
 
-    def go_to(self, mode: Mode, report: Callable[[str], None], check: Callable[[], None] = lambda: None) -> str:
+    def go_to(self, mode: RobotMode, report: Callable[[str], None], check: Callable[[], None] = lambda: None) -> str:
         report("motors off")
         self.asked.append(mode)
         return "The motors are off"
@@ -86,7 +86,7 @@ class FakeGripper:
         self.last_position = 0.0
         self.on_begin: Callable[[], None] = lambda: None
 
-    alone = Gripper.alone
+    alone = RwsGripper.alone
 
     def begin(self, goal: GripperGoal, check: Callable[[], None]) -> None:
         self.on_begin()
@@ -95,8 +95,8 @@ class FakeGripper:
         self.goal = goal
         self.last_position = goal.position
 
-    def wait(self, goal: GripperGoal, is_cancelled: Callable[[], bool]) -> Outcome | None:
-        return None if is_cancelled() else Outcome.HOLDING if goal.direction else Outcome.OPEN
+    def wait(self, goal: GripperGoal, is_cancelled: Callable[[], bool]) -> GripOutcome | None:
+        return None if is_cancelled() else GripOutcome.HOLDING if goal.direction else GripOutcome.OPEN
 
 
 class FakeDriver:

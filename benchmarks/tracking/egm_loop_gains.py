@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from abb_protocols.robot.joints import CYCLE
 from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel, unlimited
-from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from virtual_irc5.mechanics.servo import follow_references
 
 GAINS = (5.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0)
@@ -39,7 +39,7 @@ def pure_delay(delay: float) -> ArmModel:
 
 def step_response(gain: float, model: ArmModel, duration: float, bandwidth: float = 0.0, level: int = 0) -> list[float]:
     """What an arm reports after a step of 1 rad, cycle by cycle [rad]; EGM limits nothing."""
-    settings = EgmSettings(gain, bandwidth, max_speed=inf, max_deviation=inf, level=level)
+    settings = EgmMotionParameters(gain, bandwidth, max_speed=inf, max_deviation=inf, level=level)
     free = replace(model, limits=unlimited(1))
     answer = follow_references([(1.0,)] * round(duration / CYCLE), (0.0,), free, settings)
     return [each.measured[0] for each in answer]

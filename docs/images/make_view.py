@@ -21,7 +21,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from yumi.api.attach import attach
 from yumi.web.page_build import run_script
 
@@ -223,7 +223,7 @@ def main() -> None:
         config = Path(logs) / "yumi.yaml"
         config.write_text(f"{CONFIG}recorder:\n  folder: {logs}\n")
         options = ("view", "--virtual", "--port", "0", "--logs", logs, "--config", str(config))
-        with Command("yumi view", options, Path(logs) / "view.log") as command:
+        with CommandProcess("yumi view", options, Path(logs) / "view.log") as command:
             url = command.wait_until_ready(60.0)
             browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=ARGUMENTS)
 
@@ -250,7 +250,7 @@ def main() -> None:
             if arguments.review:
                 review(page, picture, opened)
                 recordings = sorted(Path(logs).rglob("*.mcap"))  # the driver has recorded the stop
-                with Command(
+                with CommandProcess(
                     "yumi view", ("view", str(recordings[0]), "--port", "0"), Path(logs) / "record.log"
                 ) as other:
                     shown = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})

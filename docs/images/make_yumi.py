@@ -27,7 +27,7 @@ from playwright.sync_api import sync_playwright
 import yumi
 from abb_protocols.robot.gripper_values import GripperState, ServoState
 from abb_protocols.robot.joints import POSES, ZERO, Joints, Side, joints
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from yumi.control.flight_recorder import Frame
 from yumi.control.stage_times import StageTimes
 from yumi.recording.writer import RecordingWriter
@@ -118,7 +118,7 @@ def main() -> None:
         os.environ["XDG_RUNTIME_DIR"] = folder
         times = write_recording(Path(folder) / "yumi.mcap")
         options = ("view", str(Path(folder) / "yumi.mcap"), "--port", "0")
-        with Command("yumi view", options, Path(folder) / "view.log") as command:
+        with CommandProcess("yumi view", options, Path(folder) / "view.log") as command:
             browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=ARGUMENTS)
             page = browser.new_page(viewport=dict(zip(("width", "height"), SIZE, strict=True)), bypass_csp=True)
             page.goto(command.wait_until_ready(120.0))

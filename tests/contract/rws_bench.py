@@ -13,10 +13,10 @@ from abb_runtime.clock import ManualClock
 from virtual_irc5.controller.file_store import FileStore
 from virtual_irc5.controller.identity import Identity, OwnSettings
 from virtual_irc5.controller.jobs import Jobs
-from virtual_irc5.controller.signals import Signal, Signals
+from virtual_irc5.controller.signals import ControllerSignal, Signals
 from virtual_irc5.controller.task_settings import TaskSettings
 from virtual_irc5.controller.tasks import InstalledTask
-from virtual_irc5.controller_log import EventLog, Refusal, Refused
+from virtual_irc5.controller_log import ControllerEventLog, RefusalReason, Refused
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.mechanics.units import YUMI_UNITS, MotionSystemState
 from virtual_irc5.rapid.devices import FlexPendant, MessageQueues
@@ -28,7 +28,7 @@ from virtual_irc5.rapid.types import RapidValueError, UnknownSymbol
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import Upgrade
-from virtual_irc5.system_parameters import Configuration, Instance
+from virtual_irc5.system_parameters import Instance, SystemConfiguration
 
 USER, PASSWORD = "Default User", "robotics"
 CFG = Path(virtual_irc5.controller.__file__).parent / "stock"
@@ -105,7 +105,7 @@ class PlainController:
         self.speed_ratio = 100
         self.tasks = {name: PlainTask(name) for name in ("T_ROB_R", "T_ROB_L")}
         self.execution = PlainExecution(self.tasks)
-        self.effective = Configuration()
+        self.effective = SystemConfiguration()
         self.devices = SimpleNamespace(pendant=FlexPendant(), queues=MessageQueues())
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
@@ -113,9 +113,9 @@ class PlainController:
         self.started_at = self.energy_reset_at = MIDNIGHT
         self.edges: list[tuple[str, float, float]] = []
         self.signals = Signals(_signals(), lambda *edge: self.edges.append(edge))
-        self.events = EventLog(self.clock.now)
+        self.events = ControllerEventLog(self.clock.now)
         self.units = YUMI_UNITS
-        self.configuration = Configuration(path.read_text() for path in sorted(CFG.glob("*.cfg")))
+        self.configuration = SystemConfiguration(path.read_text() for path in sorted(CFG.glob("*.cfg")))
         self.pp_at_main = 0
         self.requests: list[HttpRequest] = []
         self.settled = 0
@@ -131,9 +131,9 @@ class PlainController:
 
     def set_motors(self, on: bool) -> None:
         if self.mode is not OperatingMode.AUTO:
-            raise Refused(Refusal.WRONG_MODE, "motors are switched by hand in manual mode.")
+            raise Refused(RefusalReason.WRONG_MODE, "motors are switched by hand in manual mode.")
         if self.controller_state is ControllerState.EMERGENCY_STOP:
-            raise Refused(Refusal.EMERGENCY_STOP, "the emergency stop is pressed.")
+            raise Refused(RefusalReason.EMERGENCY_STOP, "the emergency stop is pressed.")
         self.controller_state = ControllerState.MOTORS_ON if on else ControllerState.MOTORS_OFF
 
     def program_changes(self, task: str) -> int:
@@ -141,7 +141,7 @@ class PlainController:
 
     def start_rapid(self, cycle: str = "", step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
         if self.controller_state is not ControllerState.MOTORS_ON:
-            raise Refused(Refusal.MOTORS_OFF, "the motors are off.")
+            raise Refused(RefusalReason.MOTORS_OFF, "the motors are off.")
         self.is_running = True
 
     def stop_rapid(self) -> None:
@@ -149,12 +149,12 @@ class PlainController:
 
     def move_pp_to_main(self) -> None:
         if self.is_running:
-            raise Refused(Refusal.NOT_STOPPED, "RAPID is running.")
+            raise Refused(RefusalReason.NOT_STOPPED, "RAPID is running.")
         self.pp_at_main += 1
 
     def set_speed_ratio(self, percent: int) -> None:
         if not 0 <= percent <= 100:
-            raise Refused(Refusal.OUT_OF_RANGE, f"the speed ratio is 0 to 100, not {percent}.")
+            raise Refused(RefusalReason.OUT_OF_RANGE, f"the speed ratio is 0 to 100, not {percent}.")
         self.speed_ratio = percent
 
     def load_module(self, task: str, path: str, *, replace: bool) -> None:
@@ -162,7 +162,7 @@ class PlainController:
         self.loaded.append((task, path, replace))
 
     def unload_module(self, task: str, name: str) -> None:
-        raise Refused(Refusal.NO_MODULE, f"The task {task} has no module '{name}'.")
+        raise Refused(RefusalReason.NO_MODULE, f"The task {task} has no module '{name}'.")
 
     def acknowledge_collision(self) -> None:
         self.collision_state = CollisionState.INIT
@@ -182,12 +182,14 @@ class PlainController:
         self.settled += 1
 
 
-def _signals() -> list[Signal]:
+def _signals() -> list[ControllerSignal]:
     return [
-        Signal("EGM_START_JOINT", SignalType.DIGITAL_INPUT, "", "All", 0.0, ""),
-        Signal("OUTPUT_STATIONARY_ROB_R", SignalType.DIGITAL_OUTPUT, "", "ReadOnly", 1.0, ""),
-        Signal("hand_MaxSpeed_R", SignalType.GROUP_OUTPUT, "HandRight", "All", 200.0, "Hand_R", "EtherNetIP"),
-        Signal("hand_ActualPosition_R", SignalType.GROUP_INPUT, "HandRight", "All", 250.0, "Hand_R", "EtherNetIP"),
+        ControllerSignal("EGM_START_JOINT", SignalType.DIGITAL_INPUT, "", "All", 0.0, ""),
+        ControllerSignal("OUTPUT_STATIONARY_ROB_R", SignalType.DIGITAL_OUTPUT, "", "ReadOnly", 1.0, ""),
+        ControllerSignal("hand_MaxSpeed_R", SignalType.GROUP_OUTPUT, "HandRight", "All", 200.0, "Hand_R", "EtherNetIP"),
+        ControllerSignal(
+            "hand_ActualPosition_R", SignalType.GROUP_INPUT, "HandRight", "All", 250.0, "Hand_R", "EtherNetIP"
+        ),
     ]
 
 

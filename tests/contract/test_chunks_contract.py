@@ -18,7 +18,7 @@ from yumi.control.chunk_commands import ChunksExhausted, ChunkTaken, FollowChunk
 from yumi.control.cycle import Cycle
 from yumi.control.loop_events import ControllerReport
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.trajectory_commands import CancelTrajectory, Outcome, ScaleSpeed
+from yumi.control.trajectory_commands import CancelTrajectory, ScaleSpeed, TrajectoryOutcome
 from yumi.planning.chunk_plan import plan_chunk
 
 HOME = home(SIDE)
@@ -172,7 +172,7 @@ def test_trajectory_and_chunk_replace_each_other_in_motion(arm: TrajectoryArm) -
     arm.run(1.5)
     send(arm, arm.now, 0.9, count=40, number=2, off=0.3 - (wave(0.9)[6] - HOME[6]))
     arm.run(0.3)
-    assert [(each.goal, each.outcome) for each in arm.ended] == [(5, Outcome.ABORTED)]
+    assert [(each.goal, each.outcome) for each in arm.ended] == [(5, TrajectoryOutcome.ABORTED)]
     assert max(shares(desired(arm.loop.cycles))) < EXACT
 
 

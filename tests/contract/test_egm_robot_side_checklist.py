@@ -17,7 +17,7 @@ from abb_protocols.robot.joints import CYCLE, Side, abb_from_chain, chain_from_a
 from abb_protocols.robot.kinematics import euler_zyx, tool0_to_body
 from abb_runtime.udp import UdpClient
 from virtual_irc5.mechanics.egm_client import EgmOptions, EgmOutcome, RobotWare
-from virtual_irc5.mechanics.egm_motion import EgmActivation, ExternalMotionData, StopMode
+from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmStopMode, ExternalMotionData
 from virtual_irc5.world import World, WorldSettings
 
 VIRTUAL_CYCLE = 0.004  # of ABB's own virtual controller [s]
@@ -276,7 +276,7 @@ def test_11_two_runs_in_a_row_are_two_sessions(bench):
 
 def test_12_ramp_down_returns_to_the_start_in_its_time(bench):
     bench.run().pass_time(2.0, always(order(turned(6, 0.2))))
-    bench.egm.stop(StopMode.RAMP_DOWN, 1.0)
+    bench.egm.stop(EgmStopMode.RAMP_DOWN, 1.0)
     bench.pass_time(0.5)
     assert 0.02 < bench.arm.planned[6] < 0.18
     bench.pass_time(0.6)
@@ -285,7 +285,7 @@ def test_12_ramp_down_returns_to_the_start_in_its_time(bench):
 
 def test_12_hold_stays(bench):
     bench.run().pass_time(2.0, always(order(turned(6, 0.2))))
-    bench.egm.stop(StopMode.HOLD, 1.0)
+    bench.egm.stop(EgmStopMode.HOLD, 1.0)
     assert bench.pass_time(1.0).arm.position == pytest.approx(turned(6, 0.2), abs=1e-4)
 
 

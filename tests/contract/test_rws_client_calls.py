@@ -10,8 +10,8 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused
-from abb_protocols.rws.documents import Event, Signal
-from abb_protocols.rws.operations.modules import ModuleInfo
+from abb_protocols.rws.documents import RwsEvent, RwsSignal
+from abb_protocols.rws.operations.modules import ModuleInfoAnswer
 from abb_protocols.rws.operations.rapid import TaskInfo
 from abb_protocols.rws.values import (
     ControllerState,
@@ -80,7 +80,10 @@ def test_clock_is_read_as_the_pendant_shows_it(client: RwsClient, controller: Pl
 
 
 def test_modules_are_listed(client: RwsClient) -> None:
-    assert client.modules("T_ROB_L") == (ModuleInfo("TRobMain", "ProgMod"), ModuleInfo("TRobSystem", "SysMod"))
+    assert client.modules("T_ROB_L") == (
+        ModuleInfoAnswer("TRobMain", "ProgMod"),
+        ModuleInfoAnswer("TRobSystem", "SysMod"),
+    )
 
 
 @pytest.mark.parametrize("text", ["", "run me", 'say "hi"', "50% + 1 & more; a=b", "ä→\\", "1E+06"])
@@ -95,7 +98,7 @@ def test_symbol_has_a_type(client: RwsClient) -> None:
 
 def test_signal_is_written_and_read(client: RwsClient) -> None:
     client.set_signal("hand_MaxSpeed_R", 120)
-    assert client.signal("hand_MaxSpeed_R") == Signal("hand_MaxSpeed_R", SignalType.GROUP_OUTPUT, 120.0)
+    assert client.signal("hand_MaxSpeed_R") == RwsSignal("hand_MaxSpeed_R", SignalType.GROUP_OUTPUT, 120.0)
 
 
 def test_pulse_gives_one_rising_edge_each_time(client: RwsClient, controller: PlainController) -> None:
@@ -147,7 +150,7 @@ def test_events_come_newest_first(client: RwsClient, controller: PlainController
     controller.events.append(10010, "Motors OFF state")
     newest, older = client.events()
     assert newest.title == "Motors OFF state"
-    assert older == Event(
+    assert older == RwsEvent(
         1, EventType.INFORMATION, 10011, "2026-07-09 T 00:00:00", "Motors ON state", "The system is on."
     )
 

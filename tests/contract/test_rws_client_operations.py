@@ -17,7 +17,6 @@ from abb_protocols.rws.operations.motion import Supervision
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.rapid import Range
 from abb_protocols.rws.values import (
-    Code,
     Coordinates,
     Increment,
     JogMode,
@@ -26,6 +25,7 @@ from abb_protocols.rws.values import (
     RestartMode,
     RmmpStatus,
     RunCycle,
+    RwsCode,
     SignalChange,
     SignalType,
     Step,
@@ -204,7 +204,7 @@ def test_programs_and_pointers(client: RwsClient, bench: Bench) -> None:
         assert client.breakpoints(TASK) == (("Small", Range(4, 5, 4, 15)),)
     with pytest.raises(ControllerRefused) as refused:
         client.set_breakpoint(TASK, "Small", 3)
-    assert refused.value.code == Code.SOURCEPOS
+    assert refused.value.code == RwsCode.SOURCEPOS
     client.clear_breakpoint(TASK, "Small", Range(4, 5, 4, 15))
     assert client.breakpoints(TASK) == ()
     assert client.pointers(TASK)[0].range is None, "the program pointer was in the text"
@@ -380,7 +380,7 @@ def test_units_supervision_calibration(client: RwsClient, bench: Bench) -> None:
     assert client.is_collision_predicted()
     with pytest.raises(ControllerRefused) as refused:
         client.skip_motion(True)
-    assert refused.value.code == Code.NOTIMPL
+    assert refused.value.code == RwsCode.NOTIMPL
     bench.controller.motion.is_non_motion = True  # which this controller does not do when it is asked to
     assert client.is_motion_skipped()
     client.skip_motion(False)
@@ -535,7 +535,7 @@ def test_users_and_the_privilege_in_manual_mode(client: RwsClient, bench: Bench)
     assert client.rmmp().privilege == "none"
     with refused(ControllerRefused, "no_privilege_requested", address=client.address) as caught:
         client.poll_rmmp()
-    assert caught.value.code == Code.NO_SUCH_REQUEST
+    assert caught.value.code == RwsCode.NO_SUCH_REQUEST
     bench.controller.select_mode(OperatingMode.MANUAL_REDUCED)
     with pytest.raises(ControllerRefused), client.holding("rapid"):
         pass

@@ -11,7 +11,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
 from abb_protocols.robot.joints import CYCLE
 from abb_protocols.rws.documents import FileInfo
-from abb_protocols.rws.values import Code, ControllerState, ExecutionState
+from abb_protocols.rws.values import ControllerState, ExecutionState, RwsCode
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.session import RwsRequest
@@ -285,7 +285,7 @@ def test_stack_is_searched_for_what_has_a_value_in_a_routine_under_way(calling: 
     assert (counter.address, counter.kind.value) == (f"RAPID/{LEFT}/%2/i", "for")
     with pytest.raises(ControllerRefused) as refused:
         calling.find_symbols(f"RAPID/{LEFT}", view="stack", stack=3)
-    assert refused.value.code == Code.NO_PP
+    assert refused.value.code == RwsCode.NO_PP
 
 
 @pytest.mark.parametrize(("block", "name", "value"), [("Caller/called", "name", "part"), ("%1", "name", "part"),
@@ -301,7 +301,7 @@ def test_datum_of_a_routine_under_way_is_written_and_a_loop_variable_is_not(call
     assert calling.value(LEFT, "Caller/called", "list") == (0.0, 4.0)
     with pytest.raises(ControllerRefused) as refused:
         calling.set_value(LEFT, "%2", "i", 4.0)
-    assert refused.value.code == Code.SYNTAX
+    assert refused.value.code == RwsCode.SYNTAX
 
 
 @pytest.mark.parametrize(("block", "name"), [("Caller/called", "spare"), ("Caller/nothing", "x"), ("%3", "i"),
@@ -309,4 +309,4 @@ def test_datum_of_a_routine_under_way_is_written_and_a_loop_variable_is_not(call
 def test_what_no_routine_under_way_has_is_not_found(calling: RwsClient, block: str, name: str) -> None:
     with pytest.raises(ControllerRefused) as refused:
         calling.symbol(LEFT, block, name)
-    assert (refused.value.status, refused.value.code) == (400, Code.FAIL)
+    assert (refused.value.status, refused.value.code) == (400, RwsCode.FAIL)

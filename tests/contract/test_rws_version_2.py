@@ -22,7 +22,7 @@ from rws_examples_2 import BASIC, PASSWORD, SYMBOL, USER
 pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.subscriptions import Channel, Upgrade
+from virtual_irc5.rws.subscriptions import SubscriptionChannel, Upgrade
 from virtual_irc5.rws.version_2 import FORM, HAL, XHTML, RwsService2
 from virtual_irc5.world import World
 
@@ -47,7 +47,7 @@ class Site:
             return reply
         attach = reply.attach
 
-        def attached(channel: Channel) -> None:
+        def attached(channel: SubscriptionChannel) -> None:
             attach(channel)
             self.is_listening.set()
 

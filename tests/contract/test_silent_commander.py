@@ -16,7 +16,7 @@ from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.goals import MemoryBuffer, write_goal, write_speeds
 from yumi.control.loop_events import CommanderSilent
-from yumi.control.shared_state import Deadline
+from yumi.control.shared_state import SharedDeadline
 from yumi.control.tool_goal import twist_goal
 from yumi_evaluation.virtual_time import VirtualArmRig
 
@@ -80,7 +80,7 @@ class Stream:
             self.write()
             if is_heard:
                 snapshot = self.rig.snapshot
-                self.rig.deadline.write(Deadline(self.rig.clock.now(), SILENCE, snapshot.activation))
+                self.rig.deadline.write(SharedDeadline(self.rig.clock.now(), SILENCE, snapshot.activation))
             self.rig.cycle()
 
 

@@ -23,7 +23,13 @@ from yumi.control.loop_events import ControllerReport
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
-from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
+from yumi.control.trajectory_commands import (
+    CancelTrajectory,
+    FollowTrajectory,
+    Tolerances,
+    TrajectoryEnded,
+    TrajectoryOutcome,
+)
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 SIDE = Side.LEFT
@@ -131,7 +137,7 @@ def test_trajectory_takes_as_much_longer_and_keeps_its_tolerances_and_its_path(s
         arm.order("trajectory", FollowTrajectory(swing(HOME, 1.0, 0.8), 1, CLOSE))
         end = arm.run_to_notice(10.0)
         assert isinstance(end, TrajectoryEnded)
-        assert end.outcome is Outcome.SUCCEEDED
+        assert end.outcome is TrajectoryOutcome.SUCCEEDED
         arm.duration = arm.arm.clock.now() - begin  # type: ignore[attr-defined]
         assert_smooth(arm.arm.cycles[first:])
         paths.append([cycle.sent.position for cycle in arm.arm.cycles[first:]])
@@ -164,7 +170,7 @@ def test_scale_that_changes_in_the_middle_of_a_fast_trajectory_is_smooth_and_kee
     arm.set(1.0)
     end = arm.run_to_notice(5.0)
     assert isinstance(end, TrajectoryEnded)
-    assert (end.outcome, end.said) == (Outcome.SUCCEEDED, message("goal_reached"))
+    assert (end.outcome, end.said) == (TrajectoryOutcome.SUCCEEDED, message("goal_reached"))
     assert_smooth(arm.arm.cycles[first:])
 
 
@@ -183,7 +189,7 @@ def test_slow_trajectory_that_is_cancelled_stops_at_once_and_another_one_can_beg
     assert end.goal == 1
     end = arm.run_to_notice(20.0)
     assert isinstance(end, TrajectoryEnded)
-    assert (end.goal, end.outcome) == (2, Outcome.SUCCEEDED)
+    assert (end.goal, end.outcome) == (2, TrajectoryOutcome.SUCCEEDED)
     assert arm.position == pytest.approx(HOME, abs=radians(0.1))
     assert_smooth(arm.arm.cycles[first:])
 

@@ -5,7 +5,7 @@ from state_machine_bench import ARMS, Bench
 
 from abb_protocols.robot.joints import Side, home
 from abb_protocols.rws.values import ControllerState
-from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.controller_log import RefusalReason, Refused
 
 EDGES = ("EGM_START_JOINT", "EGM_START_POSE", "EGM_START_STREAM", "EGM_STOP", "EGM_STOP_STREAM")
 
@@ -156,7 +156,7 @@ def test_motors_off_stop_rapid(bench: Bench) -> None:
     assert not bench.controller.is_running
     with pytest.raises(Refused, match="RAPID starts with motors on only") as refused:
         bench.controller.start_rapid()
-    assert refused.value.reason is Refusal.MOTORS_OFF
+    assert refused.value.reason is RefusalReason.MOTORS_OFF
 
 
 def test_run_move_abs_j_moves_the_arm_with_a_target_and_not_the_other(bench: Bench) -> None:

@@ -21,17 +21,17 @@ from yumi.control.trajectory_commands import (
     ArmPlan,
     CancelTrajectory,
     FollowTrajectory,
-    Outcome,
     ResultCode,
     ScaleSpeed,
     Tolerances,
+    TrajectoryOutcome,
 )
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 
 HOME = home(SIDE)
 HALF_A_DEGREE = joints([radians(0.5)] * 7)
 CLOSE = Tolerances(path=HALF_A_DEGREE, goal=HALF_A_DEGREE, goal_time=1.0)
-INVALID = (Outcome.ABORTED, ResultCode.INVALID_GOAL)
+INVALID = (TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL)
 
 
 @pytest.fixture(params=[perfect_arm, virtual_arm], ids=["perfect arm", "virtual arm"])
@@ -53,7 +53,7 @@ def assert_within_limits(cycles: list[Cycle]) -> None:
 def test_goal_is_reached_within_half_a_degree_all_the_way(arm: TrajectoryArm) -> None:
     arm.follow(swing(HOME, 1.0, 1.5), tolerances=CLOSE)
     end = arm.end()
-    assert (end.goal, end.outcome, end.code) == (1, Outcome.SUCCEEDED, ResultCode.SUCCESSFUL)
+    assert (end.goal, end.outcome, end.code) == (1, TrajectoryOutcome.SUCCEEDED, ResultCode.SUCCESSFUL)
     assert arm.position == pytest.approx(moved(HOME, 1.0), abs=radians(0.1))
 
 
@@ -95,7 +95,7 @@ def test_way_outside_of_the_path_tolerance_ends_the_motion(arm: TrajectoryArm) -
     arm.set({"lookahead": 0.1})
     arm.follow(swing(HOME, 1.0, 1.5), tolerances=CLOSE)
     end = arm.end()
-    assert (end.outcome, end.code) == (Outcome.ABORTED, ResultCode.PATH_TOLERANCE_VIOLATED)
+    assert (end.outcome, end.code) == (TrajectoryOutcome.ABORTED, ResultCode.PATH_TOLERANCE_VIOLATED)
     assert_says(end.said, "joint_off_trajectory", joint="yumi_joint_6_l", tolerance=radians(0.5))
     assert abs(end.said.values["distance"]) > radians(0.5)
 
@@ -113,7 +113,7 @@ def test_goal_that_is_not_reached_in_time_ends_the_motion() -> None:
     arm.set({f"constraints.{joint_names(SIDE)[6]}.goal": 1e-15, "constraints.goal_time": 0.2})
     arm.follow(swing(HOME, 0.3333, 1.0))
     end = arm.end(3.0)
-    assert (end.outcome, end.code) == (Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED)
+    assert (end.outcome, end.code) == (TrajectoryOutcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED)
     assert_says(end.said, "joint_off_goal", joint=joint_names(SIDE)[6], tolerance=1e-15)
     assert end.said.values["late"] == pytest.approx(0.2, abs=0.005)
 
@@ -138,7 +138,7 @@ def test_cancel_brings_the_arm_to_rest_within_its_limits(arm: TrajectoryArm) -> 
     arm.order(CancelTrajectory(1))
     first = len(arm.loop.cycles)
     end = arm.end(1.0)
-    assert (end.outcome, end.code) == (Outcome.CANCELED, ResultCode.SUCCESSFUL)
+    assert (end.outcome, end.code) == (TrajectoryOutcome.CANCELED, ResultCode.SUCCESSFUL)
     arm.run(0.3)
     assert max(map(abs, arm.velocity)) < 1e-3
     assert_within_limits(arm.loop.cycles[first - 2 :])
@@ -157,7 +157,7 @@ def test_cancel_brakes_no_harder_than_it_is_told(arm: TrajectoryArm) -> None:
 def test_cancel_of_another_goal_changes_nothing(arm: TrajectoryArm) -> None:
     arm.follow(swing(HOME, 0.5, 1.0))
     arm.order(CancelTrajectory(7))
-    assert arm.end().outcome is Outcome.SUCCEEDED
+    assert arm.end().outcome is TrajectoryOutcome.SUCCEEDED
 
 
 def test_new_trajectory_replaces_the_old_one_without_a_step(arm: TrajectoryArm) -> None:
@@ -166,7 +166,7 @@ def test_new_trajectory_replaces_the_old_one_without_a_step(arm: TrajectoryArm) 
     first = len(arm.loop.cycles)
     arm.follow(planned([TrajectoryPoint(1.0, HOME, REST)]), goal=2)
     assert (arm.end().goal, (arm.ended[0].outcome, arm.ended[0].code)) == (1, INVALID)
-    assert (arm.end().goal, arm.ended[1].outcome) == (2, Outcome.SUCCEEDED)
+    assert (arm.end().goal, arm.ended[1].outcome) == (2, TrajectoryOutcome.SUCCEEDED)
     assert_within_limits(arm.loop.cycles[first - 2 :])
 
 
@@ -178,7 +178,10 @@ def test_trajectory_may_replace_one_that_is_being_cancelled(arm: TrajectoryArm) 
     first = len(arm.loop.cycles)
     arm.follow(planned([TrajectoryPoint(1.0, HOME, REST)]), goal=2)
     arm.run(1.5)
-    assert [(end.goal, end.outcome) for end in arm.ended] == [(1, Outcome.ABORTED), (2, Outcome.SUCCEEDED)]
+    assert [(end.goal, end.outcome) for end in arm.ended] == [
+        (1, TrajectoryOutcome.ABORTED),
+        (2, TrajectoryOutcome.SUCCEEDED),
+    ]
     assert_within_limits(arm.loop.cycles[first - 2 :])
 
 
@@ -216,7 +219,7 @@ def test_speed_scaling_slows_the_motion_on_its_way(arm: TrajectoryArm) -> None:
     arm.run(0.5)
     arm.order(ScaleSpeed(0.5))
     begin = arm.now
-    assert arm.end().outcome is Outcome.SUCCEEDED
+    assert arm.end().outcome is TrajectoryOutcome.SUCCEEDED
     assert arm.now - begin == pytest.approx(3.0, abs=0.3)
 
 
@@ -227,7 +230,7 @@ def test_speed_scaling_of_zero_lets_the_arm_stand_until_it_goes_on(arm: Trajecto
     arm.run(1.0)
     assert max(map(abs, arm.velocity)) < 1e-3
     arm.order(ScaleSpeed(1.0))
-    assert arm.end().outcome is Outcome.SUCCEEDED
+    assert arm.end().outcome is TrajectoryOutcome.SUCCEEDED
 
 
 def test_parameter_that_is_set_leaves_the_speed_scale_alone(arm: TrajectoryArm) -> None:
@@ -242,14 +245,14 @@ def test_parameter_that_is_set_leaves_the_speed_scale_alone(arm: TrajectoryArm) 
 def test_stamp_in_the_future_is_waited_for(arm: TrajectoryArm) -> None:
     arm.follow(swing(HOME, 0.5, 1.0, start=arm.now + 0.5))
     assert arm.run(0.4)[-1].state.position == pytest.approx(HOME, abs=1e-6)
-    assert arm.end().outcome is Outcome.SUCCEEDED
+    assert arm.end().outcome is TrajectoryOutcome.SUCCEEDED
     assert arm.now == pytest.approx(arm.loop.cycles[0].state.time + 1.6, abs=0.1)
 
 
 def test_stamp_that_is_partly_past_is_caught_up_with_without_a_step(arm: TrajectoryArm) -> None:
     first = len(arm.loop.cycles)
     arm.follow(swing(HOME, 0.5, 2.0, start=arm.now - 0.4), tolerances=CLOSE)
-    assert arm.end(2.0).outcome is Outcome.SUCCEEDED
+    assert arm.end(2.0).outcome is TrajectoryOutcome.SUCCEEDED
     assert_within_limits(arm.loop.cycles[first - 2 :])
 
 
@@ -266,7 +269,7 @@ def test_refused_trajectory_does_not_disturb_the_motion(arm: TrajectoryArm) -> N
     place = {"time": 0.0, "joint": "yumi_joint_6_l", "first": HOME[6] + 1.0}
     with refused(TrajectoryRefused, "trajectory_begins_elsewhere", **place):
         arm.follow(swing(moved(HOME, 1.0), 0.5, 1.0), goal=2)
-    assert (arm.end().goal, arm.ended[0].outcome) == (1, Outcome.SUCCEEDED)
+    assert (arm.end().goal, arm.ended[0].outcome) == (1, TrajectoryOutcome.SUCCEEDED)
 
 
 def test_plan_for_the_other_arm_is_refused(arm: TrajectoryArm) -> None:
@@ -300,7 +303,7 @@ def test_feedback_says_that_a_motion_is_over_before_its_end_is_reported(arm: Tra
     arm.follow(swing(HOME, 0.2, 1.0))
     arm.run(0.2)
     assert arm.feedback.goal == 1
-    assert arm.end().outcome is Outcome.SUCCEEDED
+    assert arm.end().outcome is TrajectoryOutcome.SUCCEEDED
     assert arm.feedback.goal == 0
 
 
@@ -323,7 +326,7 @@ def test_controller_that_takes_over_a_moving_arm_takes_no_trajectory_until_it_st
     arm.run(0.5)
     arm.follow(planned([TrajectoryPoint(2.0, HOME, REST)]), goal=2)
     arm.end()
-    assert (arm.ended[-1].goal, arm.ended[-1].outcome) == (2, Outcome.SUCCEEDED)
+    assert (arm.ended[-1].goal, arm.ended[-1].outcome) == (2, TrajectoryOutcome.SUCCEEDED)
 
 
 def test_feedback_tells_what_is_desired_and_what_is(arm: TrajectoryArm) -> None:
@@ -354,7 +357,7 @@ def test_joints_that_a_goal_leaves_out_hold_where_that_is_allowed(arm: Trajector
         arm.order(order)
     arm.set({"allow_partial_joints_goal": True})
     arm.order(order)
-    assert arm.end().outcome is Outcome.SUCCEEDED
+    assert arm.end().outcome is TrajectoryOutcome.SUCCEEDED
     arm.run(0.5)
     assert arm.position == pytest.approx(moved(HOME, 0.5), abs=radians(0.1))
 
@@ -367,7 +370,7 @@ def test_joint_that_a_goal_leaves_out_in_motion_comes_to_rest_within_its_limits(
     assert held is not None
     arm.order(only_axis(5, HOME[5] + 0.2, 1.0, arm))
     arm.run(1.5)
-    assert [end.outcome for end in arm.ended] == [Outcome.ABORTED, Outcome.SUCCEEDED]
+    assert [end.outcome for end in arm.ended] == [TrajectoryOutcome.ABORTED, TrajectoryOutcome.SUCCEEDED]
     assert arm.position == pytest.approx((*held[:5], HOME[5] + 0.2, held[6]), abs=radians(0.2))
     assert_within_limits(arm.loop.cycles)
 

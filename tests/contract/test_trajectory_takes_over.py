@@ -24,7 +24,7 @@ from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControllerReport, Event
 from yumi.control.manager.controller_manager import ControllerManager
-from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
+from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Tolerances, TrajectoryEnded, TrajectoryOutcome
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 OTHER = "joint_position_controller"
@@ -102,7 +102,7 @@ def test_goal_activates_its_controller_where_the_active_one_moves_nothing(arm: D
     assert arm.active == {NAME}
     cycles = arm.run(3.0)
     ends = [each.report for each in arm.loop.events if isinstance(each, ControllerReport)]
-    assert [each.outcome for each in ends if isinstance(each, TrajectoryEnded)] == [Outcome.SUCCEEDED]
+    assert [each.outcome for each in ends if isinstance(each, TrajectoryEnded)] == [TrajectoryOutcome.SUCCEEDED]
     assert cycles[-1].state.position == pytest.approx(moved(HOME, 0.5), abs=0.005)
     for before, after in pairwise(cycle.sent.position for cycle in cycles):  # no step
         rows = zip(before, after, YUMI_LIMITS.velocity, strict=True)

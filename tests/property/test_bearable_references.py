@@ -11,7 +11,7 @@ import pytest
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 
 CYCLE = 0.004032
 START = tuple((low + high) / 2.0 for low, high in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True))
@@ -53,7 +53,7 @@ def motion(harder: float, seconds: float) -> Iterator[tuple[Joints, Joints]]:
 def guided(gain: float) -> VirtualArm:
     arm = VirtualArm(Side.LEFT, START, ArmModel(supervises_load=True))
     arm.switch_motors_on()
-    arm.start_egm(EgmSettings(gain=gain, bandwidth=0.0, max_speed=radians(400.0)))
+    arm.start_egm(EgmMotionParameters(gain=gain, bandwidth=0.0, max_speed=radians(400.0)))
     return arm
 
 

@@ -20,7 +20,7 @@ from yumi.web.page_messages import (
     Ask,
     DeviceMessage,
     ForOperator,
-    GiveBack,
+    GiveBackMessage,
     JointsJog,
     Pair,
     TakeControl,
@@ -178,7 +178,7 @@ class Pages:
         if (page := self._any()) is None:
             return
         if self._random.uniform() < 0.5:
-            await self._ask(page, GiveBack())
+            await self._ask(page, GiveBackMessage())
         else:
             await self._close(page)
         holder = self._view._operator

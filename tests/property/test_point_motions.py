@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Joints, Side, home, joints
-from yumi.control.motion.point_motion import PointMotion, stop, travel
+from yumi.control.motion.point_motion import PointMotion, point_stop, point_travel
 from yumi.control.motion.setpoint import Setpoint, slower
 
 STEP = 0.004
@@ -30,7 +30,7 @@ def limits() -> st.SearchStrategy[JointLimits]:
 @st.composite
 def starts(draw: st.DrawFn) -> Setpoint:
     """What the joints do at some moment of a motion that keeps the limits."""
-    motion = travel(Setpoint(draw(positions())), draw(positions()), draw(limits()))
+    motion = point_travel(Setpoint(draw(positions())), draw(positions()), draw(limits()))
     return motion.setpoint(draw(st.floats(0.0, 1.0)) * motion.duration)
 
 
@@ -43,7 +43,7 @@ def setpoints(motion: PointMotion) -> Iterator[Setpoint]:
 def test_motion_from_rest_keeps_every_limit_and_ends_at_its_goal(
     here: Joints, there: Joints, kept: JointLimits
 ) -> None:
-    motion = travel(Setpoint(here), there, kept)
+    motion = point_travel(Setpoint(here), there, kept)
     for _, velocity, acceleration in setpoints(motion):
         assert all(abs(now) <= top * LOOSE for now, top in zip(velocity, kept.velocity, strict=True))
         assert all(abs(now) <= top * LOOSE for now, top in zip(acceleration, kept.acceleration, strict=True))
@@ -54,9 +54,9 @@ def test_motion_from_rest_keeps_every_limit_and_ends_at_its_goal(
 @given(starts(), positions(), limits())
 def test_replanned_motion_begins_where_the_joints_are(start: Setpoint, goal: Joints, kept: JointLimits) -> None:
     try:
-        first = travel(start, goal, kept).setpoint(0.0)
+        first = point_travel(start, goal, kept).setpoint(0.0)
     except CommandRefused:
-        first = stop(start, YUMI_LIMITS).setpoint(0.0)
+        first = point_stop(start, YUMI_LIMITS).setpoint(0.0)
     for now, before in zip(first, start, strict=True):
         assert now == pytest.approx(before, abs=1e-6)
 
@@ -65,9 +65,9 @@ def test_replanned_motion_begins_where_the_joints_are(start: Setpoint, goal: Joi
 @given(starts(), positions(), limits())
 def test_replanned_motion_stays_in_range_or_is_refused(start: Setpoint, goal: Joints, kept: JointLimits) -> None:
     try:
-        motion = travel(start, goal, kept)
+        motion = point_travel(start, goal, kept)
     except CommandRefused:
-        motion = stop(start, YUMI_LIMITS)
+        motion = point_stop(start, YUMI_LIMITS)
     for position, _, _ in setpoints(motion):
         bounds = zip(YUMI_LIMITS.lower, position, YUMI_LIMITS.upper, strict=True)
         assert all(low - 1e-5 <= value <= high + 1e-5 for low, value, high in bounds)
@@ -76,7 +76,7 @@ def test_replanned_motion_stays_in_range_or_is_refused(start: Setpoint, goal: Jo
 @settings(deadline=None)
 @given(starts())
 def test_stop_ends_at_rest_within_the_shortest_time_of_the_slowest_joint(start: Setpoint) -> None:
-    motion = stop(start, YUMI_LIMITS)
+    motion = point_stop(start, YUMI_LIMITS)
     assert motion.setpoint(motion.duration).velocity == pytest.approx([0.0] * 7)
     assert motion.duration < pi / 20.0 + 3.0 * 20.0 / 300.0
 
@@ -84,7 +84,7 @@ def test_stop_ends_at_rest_within_the_shortest_time_of_the_slowest_joint(start: 
 def test_motion_from_rest_is_a_straight_line_in_joint_space() -> None:
     here = home(Side.RIGHT)
     there = joints([value + step for value, step in zip(here, (0.5, 0.2, -0.3, 0.1, 0.4, -0.2, 1.0), strict=True)])
-    motion = travel(Setpoint(here), there, YUMI_LIMITS)
+    motion = point_travel(Setpoint(here), there, YUMI_LIMITS)
     on_its_way = zip(motion.setpoint(motion.duration / 3.0).position, here, there, strict=True)
     shares = [(now - old) / (end - old) for now, old, end in on_its_way]
     assert shares == pytest.approx([shares[0]] * 7)

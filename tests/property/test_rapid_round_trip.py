@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from virtual_irc5.rapid.literals import format_value, parse_value
-from virtual_irc5.rapid.types import BOOL, NUM, STRING, ArrayType, RecordType, Type, single
+from virtual_irc5.rapid.types import BOOL, NUM, STRING, ArrayType, RecordType, Type, single_precision
 
 LATIN = st.characters(min_codepoint=1, max_codepoint=255)
 TEXTS = st.text(LATIN, max_size=80)
-NUMBERS = st.floats(-3e38, 3e38, allow_subnormal=False).map(single)
+NUMBERS = st.floats(-3e38, 3e38, allow_subnormal=False).map(single_precision)
 WHOLE = st.integers(-(2**23), 2**23).map(float)
 
 

@@ -14,7 +14,7 @@ from robot_manager_bench import RobotManagerRig
 from ros_bench import TIMEOUT, Client, Robot, rclpy
 from std_srvs.srv import Trigger
 
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 
 HERE = Path(__file__).parent
 
@@ -55,16 +55,16 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 
 @pytest.fixture(scope="session")
-def driver(ros: None, robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Command]:
+def driver(ros: None, robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandProcess]:
     log = tmp_path_factory.mktemp("driver") / "driver.log"
     arguments = ["up", "--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options]
-    with Command("driver", "yumi", arguments, log) as command:
+    with CommandProcess("driver", "yumi", arguments, log) as command:
         command.wait_until_ready(2 * TIMEOUT)  # three processes start, each with all of Python's modules to read
         yield command
 
 
 @pytest.fixture(scope="session")
-def found(driver: Command) -> Iterator[Client]:
+def found(driver: CommandProcess) -> Iterator[Client]:
     """A client that finds the driver's services once."""
     client = Client()
     yield client

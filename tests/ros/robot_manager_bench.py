@@ -19,7 +19,7 @@ from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingM
 from abb_runtime.clock import SystemClock, wait_until
 from yumi.control.hand_over import HandOver
 from yumi.driver.command import CommandedRobot
-from yumi.driver.robot_state import Mode, Report, RobotState
+from yumi.driver.robot_state import Report, RobotMode, RobotState
 from yumi.driver.state_machine import MachineState, SpeedSetting
 from yumi.ros.command_services import CommandActions, CommandServices, SpeedScaleInterface
 from yumi.ros.nodes import TimerThread
@@ -65,7 +65,7 @@ class FakeManager:
     def start_egm(self, arms: Sequence[Side] | None, report: Report, check: Callable[[], None]) -> str:
         return self._note("start_egm") if arms is None else self._note("start_egm", arms)
 
-    def go_to(self, mode: Mode, report: Report, check: Callable[[], None] = lambda: None) -> str:
+    def go_to(self, mode: RobotMode, report: Report, check: Callable[[], None] = lambda: None) -> str:
         for count, step in enumerate(("motors on", "start EGM"), start=1):
             report(step)
             assert self.may_go_on.wait(10.0)

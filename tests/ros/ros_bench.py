@@ -18,7 +18,7 @@ from rcl_interfaces.msg import Log
 from rclpy.executors import Executor, SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.udp import free_port
 from free_ports import free_tcp_port
 
@@ -39,7 +39,7 @@ class Robot:
         self.ports = {"--left-egm-port": free_port(), "--right-egm-port": free_port()}
         self._folder = folder
         self._options = options or ("--left-object", "0.02", "--calibrated")
-        self._command: Command | None = None
+        self._command: CommandProcess | None = None
 
     @property
     def egm_options(self) -> list[str]:
@@ -53,7 +53,9 @@ class Robot:
         """Start its process, and wait for nothing."""
         arguments = ["controller", "--rws-port", str(self.rws_port), *self._options, *self.egm_options]
         self.stop()
-        self._command = Command("virtual controller", "yumi", arguments, self._folder / "controller.log").__enter__()
+        self._command = CommandProcess(
+            "virtual controller", "yumi", arguments, self._folder / "controller.log"
+        ).__enter__()
 
     def wait_until_ready(self) -> None:
         assert self._command is not None

@@ -18,10 +18,10 @@ from yumi_interfaces.msg import RobotState
 from yumi_interfaces.srv import LoadModule, ReadSignal, ReadVariable, SetSpeedRatio, WriteSignal
 
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
-from abb_protocols.robot.gripper_values import Outcome, outcome_of
+from abb_protocols.robot.gripper_values import GripOutcome, outcome_of
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
 from abb_runtime.clock import SystemClock
-from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import RobotMode
 from yumi.ros.gripper_actions import FAILURE, FAILURES
 from yumi.ros.messages import LATCHED
 
@@ -97,7 +97,7 @@ class RobotManagerClient:
     def read_variable(self, task: str, module: str, name: str) -> str:
         return str(self.call(ReadVariable, "read_variable", task=task, module=module, name=name).value)
 
-    def set_mode(self, mode: Mode, on_step: Callable[[str], None] = lambda _: None) -> str:
+    def set_mode(self, mode: RobotMode, on_step: Callable[[str], None] = lambda _: None) -> str:
         return self._carry_out(SetMode, "set_mode", SetMode.Goal(mode=mode.value), on_step)
 
     def recover(self, on_step: Callable[[str], None] = lambda _: None, confirm: str = "") -> str:
@@ -193,7 +193,7 @@ class GripperClient:
         spinner.node.create_subscription(DiagnosticStatus, f"{name}/state", self._take_state, LATCHED)
         self._action = ActionClient(spinner.node, GripperCommand, f"{name}/gripper_cmd")
 
-    def begin(self, position: float, effort: float = 0.0) -> Callable[[], Outcome]:
+    def begin(self, position: float, effort: float = 0.0) -> Callable[[], GripOutcome]:
         """Send the fingers to ``position`` [m]; returns what waits for the outcome."""
         goal, failed_before = GripperCommand.Goal(), self._failures[0]
         goal.command.position, goal.command.max_effort = position, effort
@@ -204,7 +204,7 @@ class GripperClient:
         if not handle.accepted:
             raise CommandRefused(f"The {self._side.word} gripper refused the goal: {self._why_failed(failed_before)}")
 
-        def wait() -> Outcome:
+        def wait() -> GripOutcome:
             ended = handle.get_result_async()
             self._spinner.until(ended.done, _ANSWER, "The end of the gripper's motion")
             if ended.result().status != GoalStatus.STATUS_SUCCEEDED:

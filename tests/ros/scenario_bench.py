@@ -25,7 +25,7 @@ from abb_protocols.robot.joints import CYCLE, Joints, Side, joints
 from abb_runtime.clock import SystemClock
 from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import RwsClient
 from yumi.control.flight_recorder import Frame
 
@@ -181,7 +181,7 @@ class Stage:
         self.recordings.append(self._folder / f"session_{number}.mcap")
         where = ["--robot", f"127.0.0.1:{self.robot.rws_port}", *self.robot.egm_options]
         arguments = ["up", *where, "--record", str(self.recordings[-1])]
-        self.driver = Command("driver", "yumi", arguments, self._folder / f"driver_{number}.log").__enter__()
+        self.driver = CommandProcess("driver", "yumi", arguments, self._folder / f"driver_{number}.log").__enter__()
         self.driver.wait_until_ready(2 * TIMEOUT)
         if number:
             self.application.close()

@@ -33,7 +33,7 @@ from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
 from abb_protocols.robot.urdf import robot_description
 from abb_runtime.clock import SystemClock
-from abb_runtime.parameters import Entry, Parameter, Values
+from abb_runtime.parameters import Parameter, ParameterFileEntry, Values
 from controller_arms import LimitedArm, PerfectArm
 from reported_limiter import ReportedLimiter
 from yumi.control.controller import Controller, State
@@ -57,7 +57,7 @@ from yumi.control.shared_state import Problem
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
 from yumi.ros import nodes
-from yumi.ros.controller_manager_node import ArmManager, ControllerNodes, DescriptionWait
+from yumi.ros.controller_manager_node import ControllerManagerNode, ControllerNodes, DescriptionWait
 from yumi.ros.nodes import TimerThread
 
 pytestmark = pytest.mark.ros
@@ -141,10 +141,13 @@ class Interface:
 @pytest.fixture(scope="module")
 def rig(ros: None) -> Iterator[SimpleNamespace]:
     executor, line, interface, clock = SingleThreadedExecutor(), MemoryLine(), Interface(), SystemClock()
-    entries = {"gain": Entry(1, "file:1", is_general=False), "nobody's": Entry(1, "file:2", is_general=True)}
+    entries = {
+        "gain": ParameterFileEntry(1, "file:1", is_general=False),
+        "nobody's": ParameterFileEntry(1, "file:2", is_general=True),
+    }
     known = [ControllerSettings("listed", KIND, entries)]
     interfaces = {KIND: lambda *_: interface}
-    arm = ArmManager(Side.RIGHT, "/r", line, known, executor, interfaces, clock, TimerThread(clock, print))
+    arm = ControllerManagerNode(Side.RIGHT, "/r", line, known, executor, interfaces, clock, TimerThread(clock, print))
     client = Client(executor)
     descriptions = client.node.create_publisher(String, "/r/robot_description", LATCHED)
     yield SimpleNamespace(

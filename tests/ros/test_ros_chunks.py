@@ -20,7 +20,7 @@ from yumi.control.chunk_commands import ChunkTaken, FollowChunk
 from yumi.control.loop_commands import Commands, ControllerCommand, Taken
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
-from yumi.ros.chunk_topic import ChunkTopic, plans_of
+from yumi.ros.chunk_topic import ChunkTopic, chunk_topic_plans
 
 pytestmark = pytest.mark.ros
 
@@ -95,15 +95,15 @@ def test_chunk_of_both_arms_reaches_both_controllers_in_one_command(client: Clie
 def test_chunk_with_wrong_joints_is_refused(names: tuple[str, ...], code: str) -> None:
     points = tuple(TrajectoryPoint(0.02 * number, HOME[: len(names)]) for number in range(8))
     with refused(CommandRefused, code):
-        plans_of(Trajectory(names, points), tuple(Side), YUMI_LIMITS)
+        chunk_topic_plans(Trajectory(names, points), tuple(Side), YUMI_LIMITS)
 
 
 def test_chunk_of_one_arm_is_for_that_arm() -> None:
     points = tuple(TrajectoryPoint(0.02 * number, HOME[:7]) for number in range(8))
-    assert set(plans_of(Trajectory(NAMES[:7], points), tuple(Side), YUMI_LIMITS)) == {Side.LEFT}
+    assert set(chunk_topic_plans(Trajectory(NAMES[:7], points), tuple(Side), YUMI_LIMITS)) == {Side.LEFT}
 
 
 def test_points_give_every_named_joint_a_position() -> None:
     points = tuple(TrajectoryPoint(0.02 * number, HOME[:6]) for number in range(8))
     with refused(CommandRefused, "point_value_count", count=6, joints=7):
-        plans_of(Trajectory(NAMES[:7], points), tuple(Side), YUMI_LIMITS)
+        chunk_topic_plans(Trajectory(NAMES[:7], points), tuple(Side), YUMI_LIMITS)

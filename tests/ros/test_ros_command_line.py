@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 from ros_bench import Robot
 
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from yumi.cli.main import main
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
@@ -159,14 +159,14 @@ def test_driver_says_that_its_folder_for_logs_cannot_be_written(
     assert len(error.splitlines()) == 1
 
 
-def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:
+def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: CommandProcess) -> None:
     outcome = up("--robot", f"127.0.0.1:{robot.rws_port}", "--namespace", "cell2")
     expect_one_sentence(
         outcome, f"is driven by another program (process {driver.pid}); end it first, or have that one move the robot"
     )
 
 
-def test_driver_of_another_robot_refuses_the_names_of_the_first(driver: Command) -> None:
+def test_driver_of_another_robot_refuses_the_names_of_the_first(driver: CommandProcess) -> None:
     outcome = up("--robot", "127.0.0.2")
     expect_one_sentence(
         outcome,

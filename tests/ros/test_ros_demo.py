@@ -22,7 +22,7 @@ from reported_limiter import ReportedLimiter
 from trajectories import change_rate
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from yumi.cli import demo
 from yumi.cli.demo import DemoScreen, motions_ahead, read_positions
 from yumi.control.collisions import MARGIN, CollisionLimiter
@@ -219,7 +219,7 @@ def test_arms_approach_each_other_on_the_demonstrations_own_virtual_robot_alone(
 
     asked = []
     settings = override(read_settings(), {"collision": {"enabled": is_enabled}}, "test")
-    monkeypatch.setattr(demo, "Command", Process)
+    monkeypatch.setattr(demo, "CommandProcess", Process)
     monkeypatch.setattr(demo, "read_settings", lambda: settings)
     monkeypatch.setattr(demo, "_run_application", lambda *_, approaches: asked.append(approaches))
     demo.run_demo(demo.DemoPlan(robot, (), tmp_path), Heard(), lambda: False)
@@ -236,7 +236,7 @@ def test_limiter_holds_the_arms_of_the_approach_before_they_meet() -> None:
         begin = joints([a + 0.55 * (b - a) for a, b in zip(GOALS[side], MEETING[side], strict=True)])
         arms[side] = arm = VirtualArm(side, begin, ArmModel(supervises_load=False))
         arm.switch_motors_on()
-        arm.start_egm(EgmSettings(bandwidth=0.0, max_speed=10.0))
+        arm.start_egm(EgmMotionParameters(bandwidth=0.0, max_speed=10.0))
         measured[side] = begin
     speeds = dict.fromkeys(Side, 1.0)
     for cycle in range(1000):

@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 from abb_protocols.catalogue import clause, message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.joints import CYCLE, Side, finger_names, home, joint_names
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -86,7 +86,7 @@ def test_driver_offers_the_services_and_actions_of_the_interface(client: Client)
 
 
 @pytest.mark.smoke
-def test_driver_brought_the_robot_to_ready(idle: Client, driver: Command) -> None:
+def test_driver_brought_the_robot_to_ready(idle: Client, driver: CommandProcess) -> None:
     assert "The robot is ready." in driver.log.read_text()
     answer = idle.call(Trigger, "yumi_robot_manager/robot_is_ready")
     assert (answer.success, answer.message) == (True, "ready")
@@ -291,7 +291,7 @@ def silences(client: Client) -> list[int]:
 
 @pytest.mark.real_time  # within 100 ms the driver must notice the silence
 def test_driver_survives_a_power_cut_of_the_controller_and_starts_again_without_a_jump(
-    egm_running: Client, robot: Robot, driver: Command
+    egm_running: Client, robot: Robot, driver: CommandProcess
 ) -> None:
     arm = Arm(egm_running, Side.RIGHT)
     name = joint_names(Side.RIGHT)[6]

@@ -29,9 +29,9 @@ from yumi.control.trajectory_commands import (
     ArmPlan,
     CancelTrajectory,
     FollowTrajectory,
-    Outcome,
     ResultCode,
     TrajectoryEnded,
+    TrajectoryOutcome,
 )
 from yumi.driver.control_process import ENDED
 from yumi.planning.smoothing import smooth_spline_through
@@ -198,7 +198,7 @@ def test_line_that_the_limiter_holds_says_which_parts(bench: Bench) -> None:
         (follow,) = bench.target.commands
         assert isinstance(follow, FollowTrajectory)
         bench.snapshot = STANDS._replace(limited_part="right gripper", limited_other="body")
-        late = TrajectoryEnded(follow.goal, Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, LATE)
+        late = TrajectoryEnded(follow.goal, TrajectoryOutcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, LATE)
         assert bench.action.on_arm_event(Side.RIGHT, late)
         result = ended.result(WAIT)
     finally:

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from ros_bench import Client
 from std_srvs.srv import Trigger
 
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -38,7 +38,7 @@ def callers(egm_running: Client) -> Iterator[list[Any]]:
 
 
 def test_500_calls_at_once_are_all_answered_while_egm_goes_on_and_leave_nothing_behind(
-    egm_running: Client, driver: Command, callers: list[Any]
+    egm_running: Client, driver: CommandProcess, callers: list[Any]
 ) -> None:
     statuses: list[dict[str, str]] = []
 

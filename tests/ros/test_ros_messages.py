@@ -46,15 +46,15 @@ def test_message_of_an_older_installation_is_filled_as_far_as_it_goes() -> None:
 def test_state_is_reported_by_id_and_label_and_found_by_either(state: State, number: int) -> None:
     told = messages.lifecycle_state(state)
     assert (told.id, told.label) == (number, state.value)
-    assert messages.state_of(told) is state
-    assert messages.state_of(SimpleNamespace(id=0, label=state.value)) is state
+    assert messages.lifecycle_of_ros_message(told) is state
+    assert messages.lifecycle_of_ros_message(SimpleNamespace(id=0, label=state.value)) is state
 
 
 @pytest.mark.parametrize(("number", "label"), [(0, ""), (0, "Active"), (10, "configuring")])
 def test_what_is_no_state_to_be_in_is_refused(number: int, label: str) -> None:
     choices = "1 unconfigured, 2 inactive, 3 active, 4 finalized"
     with refused(CommandRefused, "state_not_primary", number=number, label=label, choices=choices):
-        messages.state_of(SimpleNamespace(id=number, label=label))
+        messages.lifecycle_of_ros_message(SimpleNamespace(id=number, label=label))
 
 
 @pytest.mark.parametrize("state", list(State))
@@ -187,10 +187,10 @@ LONG = "x" * 1_000_000
 @pytest.mark.parametrize(
     "refuse",
     [
-        lambda: messages.goal_of(JointState(name=[LONG], position=[0.0]), Side.RIGHT, ZERO),
-        lambda: messages.side_of(LONG),
+        lambda: messages.goal_of_ros_message(JointState(name=[LONG], position=[0.0]), Side.RIGHT, ZERO),
+        lambda: messages.side_of_ros_message(LONG),
         lambda: messages.mode_of(LONG),
-        lambda: messages.state_of(SimpleNamespace(id=9, label=LONG)),
+        lambda: messages.lifecycle_of_ros_message(SimpleNamespace(id=9, label=LONG)),
         lambda: plan_trajectory(trajectory_of(JointTrajectory(joint_names=[LONG])), [Side.RIGHT], YUMI_LIMITS),
         lambda: ControllerManager(joint_names(Side.RIGHT), {}, "ROB_R").load_kind(LONG, LONG),
     ],

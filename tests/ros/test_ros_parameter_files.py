@@ -28,7 +28,7 @@ from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.wiring import CONTROLLER_KINDS, Place
-from yumi.ros.controller_manager_node import ArmManager
+from yumi.ros.controller_manager_node import ControllerManagerNode
 from yumi.ros.nodes import TimerThread
 
 pytestmark = pytest.mark.ros
@@ -62,7 +62,7 @@ class RightArm:
 @pytest.fixture(scope="module")
 def rig(ros: None) -> Iterator[SimpleNamespace]:
     executor, clock = SingleThreadedExecutor(), SystemClock()
-    arm = ArmManager(Side.RIGHT, "/r", RightArm(), [], executor, {}, clock, TimerThread(clock, print))
+    arm = ControllerManagerNode(Side.RIGHT, "/r", RightArm(), [], executor, {}, clock, TimerThread(clock, print))
     client = Client(executor)
     logs: list[Log] = []
     client.node.create_subscription(Log, "/rosout", logs.append, 100)

@@ -12,7 +12,7 @@ from ros_bench import TIMEOUT, Client, Robot
 from std_srvs.srv import Trigger
 
 from abb_protocols.robot.joints import Side
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from yumi.recording.reader import Recording, read_recording
 from yumi.recording.tables import rows
 from yumi_evaluation.experiments import AXIS_6, proportional, step, step_figures_of
@@ -39,12 +39,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def driver(ros: None, robot: Robot, folder: Path) -> Iterator[Command]:
+def driver(ros: None, robot: Robot, folder: Path) -> Iterator[CommandProcess]:
     settings = folder / "mine.yaml"
     settings.write_text(f"recorder: {{folder: {folder / 'flights'}}}\n")
     where = ["--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options]
     what = ["--config", str(settings), "--record", str(folder / "session.mcap")]
-    with Command("driver", "yumi", ["up", *where, *what], folder / "driver.log") as command:
+    with CommandProcess("driver", "yumi", ["up", *where, *what], folder / "driver.log") as command:
         command.wait_until_ready(2 * TIMEOUT)
         yield command
     robot.start()
@@ -72,7 +72,7 @@ class Session:
 
 
 @pytest.fixture(scope="module")
-def session(driver: Command, robot: Robot, folder: Path) -> Session:
+def session(driver: CommandProcess, robot: Robot, folder: Path) -> Session:
     with evaluation_node(Side.RIGHT, lambda: None) as node:
         figures = step_figures_of(run_undisturbed(node, step(proportional(1.6), duration=1.5)))
         goals = send_nudges(node, 100)

@@ -24,16 +24,16 @@ from abb_protocols.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
 from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import RwsClient
-from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import RobotMode
 from yumi.ros.move_and_grab import GOALS, MoveAndGrab
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
 
 @pytest.fixture(scope="module")
-def spinner(driver: Command) -> Iterator[Spinner]:
+def spinner(driver: CommandProcess) -> Iterator[Spinner]:
     node = rclpy.create_node("application")
     spinner = Spinner(node)
     yield spinner
@@ -140,20 +140,20 @@ def test_deactivated_arm_comes_to_rest_and_egm_runs_on_the_other_one_alone_until
     start = begin_to_move(manager, arm, spinner)
     set_hardware(client, Side.RIGHT, "inactive")
     spinner.until(lambda: not arm.is_commanded, TIMEOUT, "The end of the commands")
-    manager.set_mode(Mode.READY)
+    manager.set_mode(RobotMode.READY)
     manager.wait_for_state(lambda state: state.right_egm == state.left_egm == "off", TIMEOUT, "The end of EGM")
     with pytest.raises(RobotNotReady, match="The right arm is inactive; activate its hardware component ROB_R first"):
         manager.start_egm()
     steps: list[str] = []
-    manager.set_mode(Mode.EGM_LEFT, steps.append)
+    manager.set_mode(RobotMode.EGM_LEFT, steps.append)
     state = manager.wait_for_state(lambda state: state.left_egm == "running", TIMEOUT, "EGM on the left arm")
     assert state.right_egm == "off"
     manager.wait_for_state(lambda _: "start EGM on the left arm" in steps, TIMEOUT, "The feedback of the step")
     with pytest.raises(RobotNotReady, match="The right arm is inactive"):
-        manager.set_mode(Mode.EGM_BOTH)
+        manager.set_mode(RobotMode.EGM_BOTH)
     set_hardware(client, Side.RIGHT, "active")
     assert arm.error(goal_near(start, radians(40.0))) > radians(2.0)
-    manager.set_mode(Mode.EGM_BOTH)
+    manager.set_mode(RobotMode.EGM_BOTH)
     manager.wait_for_state(lambda state: state.right_egm == state.left_egm == "running", TIMEOUT, "EGM on both arms")
 
 
@@ -200,7 +200,9 @@ def move_left_arm(listener: Listener, person: Person) -> None:
 
 
 @pytest.mark.usefixtures("short_task")
-def test_application_asks_before_it_goes_on_when_the_program_was_stopped(driver: Command, rws: RwsClient) -> None:
+def test_application_asks_before_it_goes_on_when_the_program_was_stopped(
+    driver: CommandProcess, rws: RwsClient
+) -> None:
     listener, person = Listener({"move the left arm": rws.stop_rapid}), Person()
     move_left_arm(listener, person)
     told = " ".join(listener.told)
@@ -213,7 +215,7 @@ def test_application_asks_before_it_goes_on_when_the_program_was_stopped(driver:
 @pytest.mark.soak
 @pytest.mark.usefixtures("short_task")
 def test_application_goes_on_after_an_emergency_stop_only_when_a_person_confirms_it(
-    driver: Command, robot: Robot
+    driver: CommandProcess, robot: Robot
 ) -> None:
     listener = Listener({"move the left arm": partial(happen, robot, Fault.EMERGENCY_STOP)})
     person = Person(lambda: None, partial(happen, robot, Fault.EMERGENCY_STOP_RESET))
@@ -224,7 +226,7 @@ def test_application_goes_on_after_an_emergency_stop_only_when_a_person_confirms
 
 @pytest.mark.usefixtures("short_task")
 def test_application_ends_with_the_cause_when_no_person_confirms_a_collision(
-    driver: Command, robot: Robot, manager: RobotManagerClient, spinner: Spinner
+    driver: CommandProcess, robot: Robot, manager: RobotManagerClient, spinner: Spinner
 ) -> None:
     listener = Listener({"move the left arm": partial(happen, robot, Fault.COLLISION)})
     says = "50204 Motion supervision: an arm has collided"
@@ -238,7 +240,7 @@ def test_application_ends_with_the_cause_when_no_person_confirms_a_collision(
     manager.wait_for_state(
         lambda _: driver.log.read_text(encoding="utf-8").count(says) > before, TIMEOUT, "The log line"
     )
-    for request in (manager.start_egm, manager.motors_on, lambda: manager.set_mode(Mode.EGM_BOTH)):
+    for request in (manager.start_egm, manager.motors_on, lambda: manager.set_mode(RobotMode.EGM_BOTH)):
         with pytest.raises(RobotNotReady, match=state.stop):
             request()
     gripper = GripperClient(spinner, Side.LEFT)
@@ -283,7 +285,7 @@ def test_trajectory_that_an_emergency_stop_ended_says_so(
     action.destroy()
 
 
-def test_driver_never_says_that_the_robot_may_move_before_it_may(driver: Command) -> None:
+def test_driver_never_says_that_the_robot_may_move_before_it_may(driver: CommandProcess) -> None:
     log = driver.log.read_text(encoding="utf-8")
     assert "may move" not in log
     assert "Waiting for a message on robot_description" not in log

@@ -35,9 +35,9 @@ from yumi_interfaces.srv import (
 from abb_protocols.catalogue import message
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose, Side
-from abb_protocols.rws.documents import Event
+from abb_protocols.rws.documents import RwsEvent
 from abb_protocols.rws.values import ControllerState, EventType
-from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import RobotMode
 
 pytestmark = pytest.mark.ros
 
@@ -237,8 +237,8 @@ def test_unknown_arm_is_refused_and_nothing_is_asked_of_the_robot(rig: RobotMana
     assert rig.manager.calls == []
 
 
-@pytest.mark.parametrize("mode", list(Mode))
-def test_set_mode_reports_its_steps_and_the_state_it_reached(rig: RobotManagerRig, mode: Mode) -> None:
+@pytest.mark.parametrize("mode", list(RobotMode))
+def test_set_mode_reports_its_steps_and_the_state_it_reached(rig: RobotManagerRig, mode: RobotMode) -> None:
     goal = Goal(rig, SetMode, "set_mode", mode=mode.value)
     status, result = goal.end()
     assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "go_to done")
@@ -316,7 +316,7 @@ def test_state_is_there_for_late_comers_and_comes_again_when_it_changes(rig: Rob
     got: list[Any] = []
     topic = rig.client.node.create_subscription(RobotState, "yumi_robot_manager/state", got.append, LATCHED)
     rig.client.until(lambda: bool(got) and got[-1].is_ready)
-    event = Event(7, EventType.ERROR, 10013, "2026-11-21 T 10:00:00", "Emergency stop state", "")
+    event = RwsEvent(7, EventType.ERROR, 10013, "2026-11-21 T 10:00:00", "Emergency stop state", "")
     rig.know(controller_state=ControllerState.EMERGENCY_STOP, reasons=(PRESSED,), last_event=event)
     rig.client.until(lambda: not got[-1].is_ready)
     assert (got[-1].controller_state, got[-1].reason) == ("emergencystop", str(PRESSED))

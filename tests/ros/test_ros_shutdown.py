@@ -21,7 +21,7 @@ from yumi_interfaces.msg import RobotState
 
 from abb_protocols.robot.joints import Side, joints
 from abb_protocols.rws.values import ControllerState, ExecutionState
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import RwsClient
 from hostile_server import HostileServer, dripping, hostile_before
 
@@ -41,7 +41,7 @@ class Driven:
         self.server = server
         port = server.address.rpartition(":")[2]
         arguments = ["up", "--robot", f"127.0.0.1:{port}", *robot.egm_options, *options]
-        self.driver = Command("driver", "yumi", arguments, folder / "driver.log").__enter__()
+        self.driver = CommandProcess("driver", "yumi", arguments, folder / "driver.log").__enter__()
         self.driver.wait_until_ready(2 * TIMEOUT)
         self.client = Client()
 

@@ -8,7 +8,7 @@ from ros_bench import Client
 from std_srvs.srv import Trigger
 
 from abb_runtime.clock import SystemClock
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from soak import CYCLES, long, short, tell
 
 LEAST = 5
@@ -30,7 +30,7 @@ EVERY = 10
     "count", [short(2 * LEAST, pytest.mark.ros, pytest.mark.timeout(150)), long(CYCLES, 10.0 * CYCLES)]
 )
 def test_starting_and_stopping_egm_leaves_no_thread_descriptor_or_memory_behind(
-    client: Client, driver: Command, count: int
+    client: Client, driver: CommandProcess, count: int
 ) -> None:
     half = max(LEAST, count // 4)
     before = None

@@ -24,7 +24,13 @@ from yumi.control.controller_info import ControllerInfo
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
-from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded
+from yumi.control.trajectory_commands import (
+    CancelTrajectory,
+    FollowTrajectory,
+    ResultCode,
+    TrajectoryEnded,
+    TrajectoryOutcome,
+)
 from yumi.driver.stops import Cause
 from yumi.ros.nodes import TimerThread
 from yumi.ros.trajectory_action import TrajectoryAction
@@ -226,7 +232,9 @@ def test_goal_of_both_arms_does_not_succeed_where_only_one_has_reported_it(
     ended = send(caller, goals, names, here).result().get_result_async()
     sent = [each.message for each in both.commands if isinstance(each, ControllerCommand)]
     (number,) = {each.goal for each in sent if isinstance(each, FollowTrajectory)}
-    both.action.on_arm_event(Side.RIGHT, TrajectoryEnded(number, Outcome.SUCCEEDED, ResultCode.SUCCESSFUL, "There."))
+    both.action.on_arm_event(
+        Side.RIGHT, TrajectoryEnded(number, TrajectoryOutcome.SUCCEEDED, ResultCode.SUCCESSFUL, "There.")
+    )
     both.action.on_arm_event(Side.LEFT, event)
     caller.until(ended.done)
     assert (ended.result().status, ended.result().result.error_string) == (GoalStatus.STATUS_ABORTED, sentence)

@@ -31,7 +31,7 @@ from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from abb_protocols.robot.joints import CHAIN_AXES, Side, home
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from urdf_kinematics import links_to_root, matrix
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
@@ -210,7 +210,7 @@ def cells(ros: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cells
         drivers = []
         for cell, robot in robots.items():
             address = ["--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options]
-            driver = Command(f"driver {cell}", "yumi", ["up", *address, *names[cell]], folder / f"{cell}.log")
+            driver = CommandProcess(f"driver {cell}", "yumi", ["up", *address, *names[cell]], folder / f"{cell}.log")
             drivers.append(stack.enter_context(driver))
         for driver in drivers:
             driver.wait_until_ready(2 * TIMEOUT)

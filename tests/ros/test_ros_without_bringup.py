@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from abb_protocols.robot.joints import Side
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.udp import free_port
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply, HttpRequest
@@ -42,7 +42,7 @@ def test_driver_without_bringup_sends_nothing_but_reads_and_subscriptions(tmp_pa
 
     with HttpServer(handle, port=0) as server:
         options = ["--robot", f"127.0.0.1:{server.port}", *ports, "--no-bringup"]
-        with Command("driver", "yumi", ["up", *options], tmp_path / "driver.log") as driver:
+        with CommandProcess("driver", "yumi", ["up", *options], tmp_path / "driver.log") as driver:
             driver.wait_until_ready(TIMEOUT)
         assert driver.exit_code == 0
     written = {f"{each.method} {each.target}" for each in requests if each.method != "GET"}

@@ -14,8 +14,8 @@ from memory_http import MemoryHttp
 from virtual_irc5.controller.installed_system import factory_system
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.world import World, WorldSettings
-from yumi.driver.commissioning.installation import Installation, Plan
-from yumi.driver.commissioning.installation_record import Record
+from yumi.driver.commissioning.installation import Installation, InstallationPlan
+from yumi.driver.commissioning.installation_record import InstallationRecord
 from yumi.driver.launch_checks import EgmAddress
 
 HERE = {Side.LEFT: EgmAddress("192.168.125.99", 6511), Side.RIGHT: EgmAddress("192.168.125.99", 6512)}
@@ -90,9 +90,9 @@ class Site(ManualClock):
         self.transport.advance()
 
     def installation(self) -> Installation:
-        return Installation(self.client, Record.of("yumi", self.folder), self.steps.append)
+        return Installation(self.client, InstallationRecord.of("yumi", self.folder), self.steps.append)
 
-    def plan(self, **options: bool) -> Plan:
+    def plan(self, **options: bool) -> InstallationPlan:
         return self.installation().plan(self.client.connect(), HERE, **options)
 
     def install(self, **options: bool) -> None:

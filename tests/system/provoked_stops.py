@@ -25,7 +25,7 @@ from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripperGoal, g
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
 from abb_protocols.rws.values import ControllerState
 from abb_runtime.clock import ManualClock
-from abb_runtime.faults import Fault, Way
+from abb_runtime.faults import Fault, FaultDirection
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import free_port
 from memory_http import MemoryHttp
@@ -169,9 +169,9 @@ class Driver(System):
 
 
 # Of each fault: to both arms or the right one, how long it lasts and how strong it is, where its own are not taken.
-_OF_FAULT: Mapping[Fault, tuple[float | None, float | None, Way | None]] = {
+_OF_FAULT: Mapping[Fault, tuple[float | None, float | None, FaultDirection | None]] = {
     Fault.EGM_SILENCE: (0.4, None, None),
-    Fault.EGM_LOSS: (0.3, None, Way.TO_ROBOT),
+    Fault.EGM_LOSS: (0.3, None, FaultDirection.TO_ROBOT),
     Fault.EGM_DELAY: (0.4, None, None),
     Fault.EGM_DUPLICATE: (0.3, None, None),
     Fault.EGM_REORDER: (0.3, None, None),

@@ -12,7 +12,7 @@ from abb_protocols.robot.joints import Side
 from abb_protocols.rws import values as rapid_values
 from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import free_port
 from yumi.driver.state_machine import MAIN, MachineState
@@ -35,7 +35,7 @@ class VirtualRobot:
         self._options += ["--dynamics", str(dynamics)] if dynamics else []
         self._rws_port = 0
         self._ports = {"left_egm_port": free_port(), "right_egm_port": free_port()}
-        self._command: Command | None = None
+        self._command: CommandProcess | None = None
 
     @property
     def address(self) -> str:
@@ -49,7 +49,9 @@ class VirtualRobot:
     def start(self) -> None:
         ports = [text for name, port in self._ports.items() for text in (f"--{name.replace('_', '-')}", str(port))]
         arguments = ["controller", "--rws-port", str(self._rws_port), *self._options, *ports]
-        self._command = Command("virtual controller", "yumi", arguments, self._folder / "controller.log").__enter__()
+        self._command = CommandProcess(
+            "virtual controller", "yumi", arguments, self._folder / "controller.log"
+        ).__enter__()
         self._rws_port = int(self._command.wait_until_ready(TIMEOUT).rpartition(":")[2])
 
     def kill(self) -> None:

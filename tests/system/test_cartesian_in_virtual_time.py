@@ -24,7 +24,7 @@ from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_goal import ToolGoal, pose_goal, twist_goal
 from yumi.control.tool_limits import ToolLimits, Wall
-from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, Outcome
+from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, TrajectoryOutcome
 from yumi.planning.tool_path import Waypoint, plan_path
 
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
@@ -69,7 +69,7 @@ def test_lines_are_straight_and_no_joint_is_beyond_its_limits(count: int) -> Non
     for number, (side, plan, begin, end) in enumerate(lines(count, 15000), 1):
         bench = CartesianBench(side, plan.first.position)
         before = len(bench.rig.cycles)
-        assert bench.follow(plan).outcome is Outcome.SUCCEEDED
+        assert bench.follow(plan).outcome is TrajectoryOutcome.SUCCEEDED
         bench.rig.run(0.1)
         commanded = deviation(side, bench.sent[before:], begin, end)
         executed = deviation(side, bench.measured[before:], begin, end)
@@ -102,7 +102,7 @@ def test_a_line_slows_down_with_the_speed_scale() -> None:
     end = Pose((x, y - 0.1, z), begin.orientation)
     plan = plan_path(Side.RIGHT, bench.start, [Waypoint(end)], LIMITS)
     before = bench.rig.clock.now()
-    assert bench.follow(plan).outcome is Outcome.SUCCEEDED
+    assert bench.follow(plan).outcome is TrajectoryOutcome.SUCCEEDED
     assert bench.rig.clock.now() - before == pytest.approx(2.0 * plan.spline.end, abs=0.3)
     assert deviation(Side.RIGHT, bench.measured, begin, end).position < 0.2e-3
 
@@ -261,14 +261,14 @@ def test_a_stream_replaces_a_line_and_a_line_a_stream() -> None:
     bench.rig.manager.receive("cartesian_controller", FollowTrajectory(plan, 5), bench.rig.line.state)
     bench.rig.run(0.5)
     bench.stream(0.5, lambda now: twist_goal(0, (0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0)))
-    assert bench.ended[0].outcome is Outcome.ABORTED
+    assert bench.ended[0].outcome is TrajectoryOutcome.ABORTED
     assert_says(bench.ended[0].said, "motion_replaced_by_stream")
     bench.rig.run(1.5)
     assert bench.rig.snapshot.velocity == pytest.approx(ZERO, abs=0.01)
     again = plan_path(Side.RIGHT, bench.start, [Waypoint(begin)], LIMITS)
     bench.rig.manager.receive("cartesian_controller", FollowTrajectory(again, 6), bench.rig.line.state)
     bench.rig.run_until(lambda: len(bench.ended) > 1, again.spline.end + 2.0)
-    assert bench.ended[1].outcome is Outcome.SUCCEEDED
+    assert bench.ended[1].outcome is TrajectoryOutcome.SUCCEEDED
     assert max(shares(bench.sent[first - 3 :])) < LIMIT
 
 

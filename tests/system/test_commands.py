@@ -23,7 +23,7 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, named_pose
 from abb_runtime.faults import Fault
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from refusals import refused
 from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.main import main
@@ -50,13 +50,13 @@ def robot(folder: Path) -> Iterator[VirtualRobot]:
 
 
 @pytest.fixture(scope="module")
-def driver(robot: VirtualRobot, folder: Path, request: pytest.FixtureRequest) -> Iterator[Command]:
+def driver(robot: VirtualRobot, folder: Path, request: pytest.FixtureRequest) -> Iterator[CommandProcess]:
     """One for all tests that leave it running; another one where its options are others."""
     host, _, port = robot.address.partition(":")
     options = {key: value for key, value in robot.options.items() if key != "address"}
     arguments = ["up", "--robot", f"{host}:{port}"]
     arguments += [text for key, value in options.items() for text in (f"--{key.replace('_', '-')}", str(value))]
-    with Command(
+    with CommandProcess(
         "driver", "yumi", [*arguments, *getattr(request, "param", ["--no-ros"])], folder / "driver.log"
     ) as driver:
         driver.wait_until_ready(TIMEOUT)
@@ -112,7 +112,7 @@ def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
     assert in_shell("no_driver_runs") in refusal("state")
 
 
-def test_robot_is_used_by_commands_without_ros(driver: Command, robot: VirtualRobot) -> None:
+def test_robot_is_used_by_commands_without_ros(driver: CommandProcess, robot: VirtualRobot) -> None:
     assert "can move" in run("state")
     without_egm = message("arm_without_egm", arm="right")
     assert in_shell("goal_refused", reason=without_egm) in refusal("move", "right", "home")
@@ -161,7 +161,7 @@ def examples_of(commands: Sequence[click.Command]) -> Iterator[list[str]]:
                 yield words[1:]
 
 
-def test_examples_of_help_work(driver: Command) -> None:
+def test_examples_of_help_work(driver: CommandProcess) -> None:
     ran = []
     for words in examples_of(DRIVER_COMMANDS):
         if words[0] in ("move", "retreat", "switch"):
@@ -170,7 +170,7 @@ def test_examples_of_help_work(driver: Command) -> None:
     assert len(ran) > 15
 
 
-def test_stop_is_confirmed_by_its_id(driver: Command, robot: VirtualRobot) -> None:
+def test_stop_is_confirmed_by_its_id(driver: CommandProcess, robot: VirtualRobot) -> None:
     run("start")
     robot.inject(Fault.COLLISION)
     with yumi.attach() as attached:
@@ -209,7 +209,7 @@ def apart(*commands: Sequence[str]) -> list[tuple[int, str, str]]:
 @pytest.mark.ros
 @pytest.mark.skipif(find_spec("rclpy") is None, reason="ROS 2 is not installed")
 @pytest.mark.parametrize("driver", [[]], indirect=True)
-def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
+def test_commands_see_the_ros_graph_and_the_driver(driver: CommandProcess) -> None:
     assert "EGM runs" in run("start")
     assert "stands at the goal" in run("move", "left", "ready", "--speed-scale", "1")
     examples = list(examples_of(GRAPH_COMMANDS))

@@ -21,7 +21,7 @@ import pytest
 
 from abb_protocols.egm.codec import SensorCodec, SensorMessage
 from abb_protocols.robot.joints import CYCLE, Side
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import RwsClient
 from stalls import waited_for_a_processor
 
@@ -231,7 +231,7 @@ def arms() -> Iterator[Arms]:
 def address(tmp_path_factory: pytest.TempPathFactory, arms: Arms) -> Iterator[str]:
     ports = [f"--{side.word}-egm-port={arms.port(side)}" for side in Side]
     log = tmp_path_factory.mktemp("controller") / "log"
-    with Command("controller", "yumi", ["controller", "--rws-port", "0", *ports], Path(log)) as command:
+    with CommandProcess("controller", "yumi", ["controller", "--rws-port", "0", *ports], Path(log)) as command:
         address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
         arms.pid = command.pid
         yield address

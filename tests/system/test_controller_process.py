@@ -13,8 +13,8 @@ from click.testing import CliRunner
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, LoginRefused, NoConnection
-from abb_protocols.rws.values import Code, ControllerState
-from abb_runtime.process.command_process import CONTROLLER_READY, Command
+from abb_protocols.rws.values import ControllerState, RwsCode
+from abb_runtime.process.command_process import CONTROLLER_READY, CommandProcess
 from abb_runtime.rws.client import CONTROLLER_STATE, Change, RwsClient
 from refusals import refused
 from yumi.cli.main import main
@@ -25,13 +25,15 @@ PATIENCE = 20.0  # [s]
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     log = tmp_path_factory.mktemp("controller") / "log"
-    with Command("controller", "yumi", ["controller", "--rws-port", "0"], Path(log)) as command:
+    with CommandProcess("controller", "yumi", ["controller", "--rws-port", "0"], Path(log)) as command:
         yield command.wait_until_ready(PATIENCE).rpartition("/")[2]
 
 
 def test_controller_takes_its_password_from_the_environment_and_neither_shows_nor_tells_it(tmp_path: Path) -> None:
     log, secret = tmp_path / "log", "s3cret-4711"
-    with Command("controller", "yumi", ["controller", "--rws-port", "0"], log, {"YUMI_PASSWORD": secret}) as command:
+    with CommandProcess(
+        "controller", "yumi", ["controller", "--rws-port", "0"], log, {"YUMI_PASSWORD": secret}
+    ) as command:
         address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
         assert secret.encode() not in Path(f"/proc/{command.pid}/cmdline").read_bytes()
         with RwsClient(address, password=secret) as client:
@@ -44,7 +46,7 @@ def test_controller_takes_its_password_from_the_environment_and_neither_shows_no
 def test_controller_refuses_what_its_user_was_not_granted(tmp_path: Path) -> None:
     arguments = ["controller", "--rws-port", "0", "--without-grant", "UAS_IO_WRITE"]
     with (
-        Command("controller", "yumi", arguments, tmp_path / "log") as command,
+        CommandProcess("controller", "yumi", arguments, tmp_path / "log") as command,
         RwsClient(command.wait_until_ready(PATIENCE).rpartition("/")[2]) as client,
     ):
         assert "UAS_IO_WRITE" not in client.grants()
@@ -125,13 +127,13 @@ def test_module_that_is_nested_too_deeply_is_refused(client: RwsClient) -> None:
     client.upload("HOME:/deep.mod", f"MODULE deep PROC d() {'IF TRUE THEN ' * 2000}{'ENDIF ' * 2000} ENDPROC ENDMODULE")
     with refused(ControllerRefused, "rws_refused", status=400) as refusal:
         client.load_module("T_ROB_L", "HOME:/deep.mod")
-    assert refusal.value.code == Code.SYNTAX
+    assert refusal.value.code == RwsCode.SYNTAX
 
 
 def test_controller_that_has_moved_ends_without_a_word(tmp_path: Path) -> None:
     """Not with the complaints of libraries about what was frozen for the collector and never freed."""
     log = tmp_path / "log"
-    with Command("controller", "yumi", ["controller", "--rws-port", "0"], log) as command:
+    with CommandProcess("controller", "yumi", ["controller", "--rws-port", "0"], log) as command:
         address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
         with RwsClient(address) as client:
             client.set_motors(True)

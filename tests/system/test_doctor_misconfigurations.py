@@ -15,7 +15,7 @@ from abb_protocols.robot.joints import Side
 from abb_protocols.rws.operations.rapid import TaskInfo
 from abb_protocols.rws.values import CollisionState, ControllerState, Grant, OperatingMode
 from abb_runtime.clock import ManualClock
-from abb_runtime.faults import Fault, Way
+from abb_runtime.faults import Fault, FaultDirection
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import NetworkCard, UdpServer
 from memory_http import MemoryHttp
@@ -454,7 +454,7 @@ def test_streams_of_both_arms_arrive_and_all_is_as_before(yumi: VirtualYumi) -> 
 
 def test_stream_that_is_dropped_on_the_way_is_named(yumi: VirtualYumi) -> None:
     network = yumi.world.network
-    found = streams_of(yumi, lambda _: network.inject(Fault.EGM_LOSS, Side.RIGHT, 100.0, Way.FROM_ROBOT))
+    found = streams_of(yumi, lambda _: network.inject(Fault.EGM_LOSS, Side.RIGHT, 100.0, FaultDirection.FROM_ROBOT))
     (right,) = [each for each in found if each.verdict is Verdict.PROBLEM]
     assert right.requirement == "EGM right"
     assert_says(right.said, "stream_dropped", host="127.0.0.1", port=6512)
@@ -462,7 +462,7 @@ def test_stream_that_is_dropped_on_the_way_is_named(yumi: VirtualYumi) -> None:
 
 def test_stream_with_losses_is_named(yumi: VirtualYumi) -> None:
     network = yumi.world.network
-    found = streams_of(yumi, lambda _: network.inject(Fault.EGM_LOSS, Side.LEFT, 10.0, Way.FROM_ROBOT))
+    found = streams_of(yumi, lambda _: network.inject(Fault.EGM_LOSS, Side.LEFT, 10.0, FaultDirection.FROM_ROBOT))
     (left,) = [each for each in found if each.verdict is Verdict.PROBLEM]
     assert_says(left.said, "stream_lossy")
 

@@ -14,7 +14,7 @@ from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side
 from refusals import assert_says, refused
 from trajectories import dual_arm_trajectory, swing
 from yumi.control.shared_state import Factor
-from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode
+from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, ResultCode, TrajectoryOutcome
 
 
 @pytest.fixture
@@ -31,8 +31,8 @@ def test_both_arms_follow_a_planners_trajectory_within_half_a_degree(arms: DualA
     arms.run_until(lambda: arms.is_over, 6.0)
     ends = [ended for each in arms.ended.values() for ended in each]
     assert [(each.goal, each.outcome, each.code) for each in ends] == [
-        (1, Outcome.SUCCEEDED, ResultCode.SUCCESSFUL),
-        (1, Outcome.SUCCEEDED, ResultCode.SUCCESSFUL),
+        (1, TrajectoryOutcome.SUCCEEDED, ResultCode.SUCCESSFUL),
+        (1, TrajectoryOutcome.SUCCEEDED, ResultCode.SUCCESSFUL),
     ]
 
 
@@ -57,7 +57,7 @@ def test_both_arms_start_in_the_first_cycle_after_the_goal_whatever_the_phase_of
     arms.send(dual_arm_trajectory(), is_at_once=is_at_once)
     arms.run_until(lambda: arms.is_over, 6.0)
     for (ended,) in arms.ended.values():
-        assert ended.outcome is Outcome.SUCCEEDED
+        assert ended.outcome is TrajectoryOutcome.SUCCEEDED
         assert ended.skew is not None
         assert abs(ended.skew.start) in (pytest.approx(phase, abs=1e-6), pytest.approx(CYCLE - phase, abs=1e-6))
         assert abs(ended.skew.start) < CYCLE
@@ -82,7 +82,7 @@ def test_both_arms_stay_together_when_speed_scale_changes_on_the_way(arms: DualA
         box.write(Factor(1.0))
     arms.run_until(lambda: arms.is_over, 20.0)
     for (ended,) in arms.ended.values():
-        assert (ended.outcome, ended.said) == (Outcome.SUCCEEDED, message("goal_reached"))
+        assert (ended.outcome, ended.said) == (TrajectoryOutcome.SUCCEEDED, message("goal_reached"))
         assert ended.skew is not None
         assert abs(ended.skew.start) < CYCLE
         assert ended.skew.worst < 2.0 * CYCLE
@@ -113,7 +113,7 @@ def test_cancel_of_one_arm_brings_both_to_rest(arms: DualArms) -> None:
     arms.run(2.0)
     arms.order({Side.LEFT: CancelTrajectory(1)})
     arms.run_until(lambda: arms.is_over, 1.0)
-    assert {ended[0].outcome for ended in arms.ended.values()} == {Outcome.CANCELED}
+    assert {ended[0].outcome for ended in arms.ended.values()} == {TrajectoryOutcome.CANCELED}
     arms.run(0.2)
     assert all(is_at_rest(arms, side) for side in Side)
 
@@ -123,7 +123,7 @@ def test_lost_session_of_one_arm_stops_the_other(arms: DualArms) -> None:
     arms.run(2.0)
     arms.arms[Side.LEFT].to_us = lambda datagram: ()
     arms.run_until(lambda: arms.is_over, 1.0)
-    assert {ended[0].outcome for ended in arms.ended.values()} == {Outcome.ABORTED}
+    assert {ended[0].outcome for ended in arms.ended.values()} == {TrajectoryOutcome.ABORTED}
     arms.run(0.5)
     assert is_at_rest(arms, Side.RIGHT)
 
@@ -150,8 +150,8 @@ def test_new_trajectory_replaces_the_one_of_both_arms(arms: DualArms) -> None:
     assert not arms.is_over
     arms.run_until(lambda: all(len(each) == 2 for each in arms.ended.values()), 6.0)
     for first, second in arms.ended.values():
-        assert (first.goal, first.outcome, first.code) == (1, Outcome.ABORTED, ResultCode.INVALID_GOAL)
-        assert (second.goal, second.outcome) == (2, Outcome.SUCCEEDED)
+        assert (first.goal, first.outcome, first.code) == (1, TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL)
+        assert (second.goal, second.outcome) == (2, TrajectoryOutcome.SUCCEEDED)
 
 
 def test_arm_whose_other_arm_never_begins_stops(arms: DualArms) -> None:

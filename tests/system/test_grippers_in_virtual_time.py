@@ -17,9 +17,9 @@ from abb_protocols.robot.gripper_values import (
     THINNEST,
     TRAVEL,
     Direction,
+    GripOutcome,
     GripperGoal,
     GripperModules,
-    Outcome,
     ServoState,
     go_to,
     grip,
@@ -33,8 +33,8 @@ from system.virtual_time_bench import DriverArm, System
 from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
 from yumi.api.connection import Connection
 from yumi.api.motion_executor import MotionExecutor
-from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
-from yumi.driver.robot_state import Mode
+from yumi.driver.gripper import GripperSetup, RwsGripper, close_as_test
+from yumi.driver.robot_state import RobotMode
 from yumi.driver.settings import read_settings
 
 CLOSE = grip(Direction.INWARDS, 10.0)
@@ -62,13 +62,13 @@ def calibrated() -> System:
 
 
 @pytest.fixture
-def left(calibrated: System) -> Gripper:
+def left(calibrated: System) -> RwsGripper:
     """Something 20 mm wide lies between its fingers."""
     return calibrated.grippers[Side.LEFT]
 
 
 @pytest.fixture
-def right(calibrated: System) -> Gripper:
+def right(calibrated: System) -> RwsGripper:
     """Nothing lies between its fingers."""
     return calibrated.grippers[Side.RIGHT]
 
@@ -85,7 +85,7 @@ def test_grippers_that_are_not_calibrated_unasked_are_not_announced(system: Syst
     assert GripperSetup(system.grippers, print, print, is_allowed=False).steps() == []
 
 
-def done(gripper: Gripper, order: GripperGoal) -> Outcome | None:
+def done(gripper: RwsGripper, order: GripperGoal) -> GripOutcome | None:
     gripper.begin(order)
     return gripper.wait(order)
 
@@ -173,14 +173,14 @@ def test_stop_that_is_asked_for_while_the_program_starts_closes_no_fingers() -> 
             system.manager.interrupt()
 
     with refused(RobotNotReady, "stop_requested_meanwhile"):
-        system.manager.go_to(Mode.READY, report)
+        system.manager.go_to(RobotMode.READY, report)
     assert are_calibrated(system) == [False, False]
 
 
 def test_steps_of_a_mode_have_the_calibration_of_grippers() -> None:
     system, steps = System(), []
     Preparing(system, system.manager.step)
-    system.manager.go_to(Mode.READY, steps.append)
+    system.manager.go_to(RobotMode.READY, steps.append)
     assert steps[-1] == "calibrate the right and left grippers: the fingers close"
 
 
@@ -274,7 +274,7 @@ def test_gripper_that_may_not_be_calibrated_is_reported_once_with_the_command(
     assert right.actions == (Action.CALIBRATE,)
 
 
-def test_gripper_that_holds_something_without_calibration_keeps_it(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_holds_something_without_calibration_keeps_it(calibrated: System, left: RwsGripper) -> None:
     prepared = Preparing(calibrated)
     done(left, OPEN)
     done(left, CLOSE)
@@ -297,16 +297,16 @@ def test_gripper_that_a_person_jogs_is_not_calibrated_under_his_grippers(system:
     assert are_calibrated(system) == [False, True]
 
 
-def test_gripper_is_as_good_where_it_must_be_asked(calibrated: System, left: Gripper) -> None:
+def test_gripper_is_as_good_where_it_must_be_asked(calibrated: System, left: RwsGripper) -> None:
     calibrated.signals.close()
-    assert (done(left, OPEN), done(left, CLOSE)) == (Outcome.OPEN, Outcome.HOLDING)
-    assert done(left, OPEN) is Outcome.OPEN
-    assert done(left, CLOSE) is Outcome.HOLDING
+    assert (done(left, OPEN), done(left, CLOSE)) == (GripOutcome.OPEN, GripOutcome.HOLDING)
+    assert done(left, OPEN) is GripOutcome.OPEN
+    assert done(left, CLOSE) is GripOutcome.HOLDING
     assert left.last_position == pytest.approx(0.010, abs=2e-4)
 
 
 def test_fingers_are_reported_twenty_times_a_second_without_a_request_while_egm_runs(
-    calibrated: System, right: Gripper, monkeypatch: pytest.MonkeyPatch
+    calibrated: System, right: RwsGripper, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calibrated.start_egm()
     right.begin(go_to(TRAVEL, speed=0.0125))
@@ -330,64 +330,64 @@ def test_grippers_are_reported_again_beside_a_monitor_however_often_the_web_sock
         assert calibrated.signals.state(Side.RIGHT) is not None
 
 
-def test_gripper_is_known_again_after_the_web_socket_broke(calibrated: System, right: Gripper) -> None:
+def test_gripper_is_known_again_after_the_web_socket_broke(calibrated: System, right: RwsGripper) -> None:
     calibrated.faults.inject(Fault.WEB_SOCKET_DROP)
     calibrated.wait(0.1)
     assert calibrated.signals.state(Side.RIGHT) is None
-    assert done(right, OPEN) is Outcome.OPEN
+    assert done(right, OPEN) is GripOutcome.OPEN
     calibrated.signals.keep_open()
     assert calibrated.signals.state(Side.RIGHT).position == TRAVEL
 
 
-def test_gripper_holds_an_object_and_knows_its_width(left: Gripper) -> None:
-    assert (done(left, OPEN), done(left, CLOSE)) == (Outcome.OPEN, Outcome.HOLDING)
+def test_gripper_holds_an_object_and_knows_its_width(left: RwsGripper) -> None:
+    assert (done(left, OPEN), done(left, CLOSE)) == (GripOutcome.OPEN, GripOutcome.HOLDING)
     assert left.last_position == pytest.approx(0.010, abs=2e-4)
     assert left.state().force == 10.0
 
 
-def test_gripper_closes_on_nothing(right: Gripper) -> None:
-    assert (done(right, OPEN), done(right, CLOSE)) == (Outcome.OPEN, Outcome.CLOSED)
+def test_gripper_closes_on_nothing(right: RwsGripper) -> None:
+    assert (done(right, OPEN), done(right, CLOSE)) == (GripOutcome.OPEN, GripOutcome.CLOSED)
 
 
-def test_gripper_holds_a_hollow_object_from_inside(calibrated: System, right: Gripper) -> None:
+def test_gripper_holds_a_hollow_object_from_inside(calibrated: System, right: RwsGripper) -> None:
     calibrated.world.grippers[Side.RIGHT].workpiece = Workpiece(0.030, is_hollow=True)
-    assert done(right, SPREAD) is Outcome.HOLDING
+    assert done(right, SPREAD) is GripOutcome.HOLDING
     assert (right.last_position, right.state().force) == (pytest.approx(0.015), 8.0)
 
 
-def test_grip_outwards_on_nothing_ends_open(right: Gripper) -> None:
-    assert done(right, SPREAD) is Outcome.OPEN
+def test_grip_outwards_on_nothing_ends_open(right: RwsGripper) -> None:
+    assert done(right, SPREAD) is GripOutcome.OPEN
     assert not right.is_holding()
 
 
-def test_gripper_goes_to_a_place_between_with_the_speed_it_is_reported(calibrated: System, right: Gripper) -> None:
+def test_gripper_goes_to_a_place_between_with_the_speed_it_is_reported(calibrated: System, right: RwsGripper) -> None:
     begin = calibrated.now()
-    assert done(right, go_to(0.012, speed=0.005)) is Outcome.IN_PLACE
+    assert done(right, go_to(0.012, speed=0.005)) is GripOutcome.IN_PLACE
     assert right.last_position == pytest.approx(0.012, abs=5e-4)
     assert calibrated.now() - begin == pytest.approx(2.6, abs=0.4)
 
 
-def test_gripper_can_be_used_again_and_again(left: Gripper) -> None:
+def test_gripper_can_be_used_again_and_again(left: RwsGripper) -> None:
     for _ in range(3):
-        assert (done(left, OPEN), done(left, CLOSE)) == (Outcome.OPEN, Outcome.HOLDING)
+        assert (done(left, OPEN), done(left, CLOSE)) == (GripOutcome.OPEN, GripOutcome.HOLDING)
 
 
-def test_object_too_heavy_for_the_force_is_lost_and_the_fingers_close(calibrated: System, left: Gripper) -> None:
+def test_object_too_heavy_for_the_force_is_lost_and_the_fingers_close(calibrated: System, left: RwsGripper) -> None:
     calibrated.world.grippers[Side.LEFT].workpiece = Workpiece(0.02, mass=0.4)
     done(left, OPEN)
-    assert done(left, grip(Direction.INWARDS, 2.0)) in {Outcome.HOLDING, Outcome.CLOSED}
+    assert done(left, grip(Direction.INWARDS, 2.0)) in {GripOutcome.HOLDING, GripOutcome.CLOSED}
     calibrated.wait(1.0)
     assert (left.is_holding(), left.position()) == (False, 0.0)
 
 
-def test_something_in_the_way_of_a_move_is_reported_as_stalled_and_the_next_order_works(left: Gripper) -> None:
+def test_something_in_the_way_of_a_move_is_reported_as_stalled_and_the_next_order_works(left: RwsGripper) -> None:
     done(left, OPEN)
-    assert done(left, go_to(0.005)) is Outcome.STALLED
+    assert done(left, go_to(0.005)) is GripOutcome.STALLED
     assert left.last_position == pytest.approx(0.010)
-    assert done(left, OPEN) is Outcome.OPEN
+    assert done(left, OPEN) is GripOutcome.OPEN
 
 
-def test_move_that_is_cancelled_stops_where_it_is(calibrated: System, right: Gripper) -> None:
+def test_move_that_is_cancelled_stops_where_it_is(calibrated: System, right: RwsGripper) -> None:
     right.begin(OPEN)
     begin = calibrated.now()
     assert right.wait(OPEN, is_cancelled=lambda: calibrated.now() - begin > 0.5) is None
@@ -395,7 +395,7 @@ def test_move_that_is_cancelled_stops_where_it_is(calibrated: System, right: Gri
     assert right.state().state is ServoState.READY
 
 
-def test_move_that_is_stopped_by_a_person_says_so(right: Gripper) -> None:
+def test_move_that_is_stopped_by_a_person_says_so(right: RwsGripper) -> None:
     right.begin(OPEN)
     right.stop()
     with refused(GoalNotReached, "gripper_stopped", gripper="right"):
@@ -415,7 +415,7 @@ def test_jog_needs_no_calibration_and_goes_on_until_stop(system: System) -> None
 
 @pytest.mark.parametrize("begin", [lambda hand: hand.begin(OPEN), lambda hand: hand.jog(opens=True)])
 def test_gripper_that_must_hold_stops_its_fingers(
-    calibrated: System, right: Gripper, begin: Callable[[Gripper], None]
+    calibrated: System, right: RwsGripper, begin: Callable[[RwsGripper], None]
 ) -> None:
     begin(right)
     calibrated.wait(0.3)
@@ -426,24 +426,24 @@ def test_gripper_that_must_hold_stops_its_fingers(
     assert 0.0 < position < TRAVEL
 
 
-def test_gripper_that_must_hold_keeps_what_it_holds(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_must_hold_keeps_what_it_holds(calibrated: System, left: RwsGripper) -> None:
     done(left, OPEN)
-    assert done(left, CLOSE) is Outcome.HOLDING
+    assert done(left, CLOSE) is GripOutcome.HOLDING
     left.hold()
     calibrated.wait(0.5)
     assert left.is_holding()
 
 
-def test_error_of_the_gripper_is_reported_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
+def test_error_of_the_gripper_is_reported_until_it_is_cleared(calibrated: System, right: RwsGripper) -> None:
     calibrated.faults.inject(Fault.GRIPPER_ERROR, Side.RIGHT)
     calibrated.wait(REPORTED)
     with refused(RobotNotReady, "gripper_reports_error", gripper="right", error=7.0):
         right.begin(OPEN)
     right.clear_error()
-    assert done(right, OPEN) is Outcome.OPEN
+    assert done(right, OPEN) is GripOutcome.OPEN
 
 
-def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gripper) -> None:
+def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: RwsGripper) -> None:
     right.begin(OPEN)
     calibrated.wait(0.3)
     calibrated.faults.inject(Fault.GRIPPER_ERROR, Side.RIGHT)
@@ -451,14 +451,14 @@ def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gr
         right.wait(OPEN)
 
 
-def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: Gripper) -> None:
+def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: RwsGripper) -> None:
     calibrated.faults.inject(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
     calibrated.wait(REPORTED)
     with refused(RobotNotReady, "gripper_not_calibrated", gripper="right") as refusal:
         right.begin(OPEN)
     assert refusal.value.said.actions == (Action.CALIBRATE,)
     right.calibrate()
-    assert done(right, OPEN) is Outcome.OPEN
+    assert done(right, OPEN) is GripOutcome.OPEN
 
 
 @pytest.mark.parametrize(
@@ -491,7 +491,7 @@ def test_vacuum_picks_what_lies_under_the_cup_and_blows_it_off(calibrated: Syste
     assert reading.pressure == pytest.approx(ATMOSPHERE, rel=0.05)
 
 
-def test_object_that_leaks_is_not_picked(calibrated: System, left: Gripper) -> None:
+def test_object_that_leaks_is_not_picked(calibrated: System, left: RwsGripper) -> None:
     calibrated.world.grippers[Side.LEFT].cups[1].under = CupObject(leak=0.9)
     left.switch_vacuum(1, is_on=True)
     assert not left.wait_until_picked(1, 70_000.0, 1.0)
@@ -520,7 +520,7 @@ def test_gripper_shows_and_offers_the_modules_it_is_configured_with(modules: Gri
 
 
 @pytest.mark.parametrize("channel", [0, 3])
-def test_vacuum_that_no_gripper_has_is_refused(left: Gripper, channel: int) -> None:
+def test_vacuum_that_no_gripper_has_is_refused(left: RwsGripper, channel: int) -> None:
     with refused(CommandRefused, "vacuum_channel_unknown", channel=channel):
         left.switch_vacuum(channel, is_on=True)
 
@@ -548,7 +548,7 @@ def use_both_hands(system: System) -> None:
     left.switch_vacuum(1, is_on=True)
 
 
-def test_gripper_is_not_calibrated_while_its_arm_is_in_egm(calibrated: System, left: Gripper) -> None:
+def test_gripper_is_not_calibrated_while_its_arm_is_in_egm(calibrated: System, left: RwsGripper) -> None:
     calibrated.start_egm()
     with refused(RobotNotReady, "cannot_calibrate", reason=IN_EGM):
         left.calibrate()
@@ -571,7 +571,7 @@ def test_grippers_are_closed_as_a_test_where_that_is_allowed(calibrated: System)
     assert all(gripper.position() <= THINNEST for gripper in calibrated.grippers.values())
 
 
-def test_gripper_that_does_not_close_is_reported_and_the_other_is_tested(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_does_not_close_is_reported_and_the_other_is_tested(calibrated: System, left: RwsGripper) -> None:
     said: list[Message] = []
     done(left, OPEN)
     close_as_test(calibrated.grippers, said.append, said.append)
@@ -580,7 +580,7 @@ def test_gripper_that_does_not_close_is_reported_and_the_other_is_tested(calibra
     assert_says(said[1].values["reason"], "gripper_test_failed", position=left.last_position)
 
 
-def test_gripper_that_holds_something_is_not_tested(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_holds_something_is_not_tested(calibrated: System, left: RwsGripper) -> None:
     said: list[Message] = []
     done(left, OPEN)
     done(left, CLOSE)

@@ -20,7 +20,7 @@ from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.world import World, WorldSettings
 from yumi.cli.main import main
 from yumi.driver.commissioning.contents import Contents
-from yumi.driver.commissioning.installation import Installation, Plan
+from yumi.driver.commissioning.installation import Installation, InstallationPlan
 
 
 @pytest.fixture
@@ -130,7 +130,9 @@ def test_removal_says_that_nothing_is_there(where: list[str], state: Path) -> No
 
 
 def test_restart_that_was_due_is_said(where: list[str], state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Installation, "plan", lambda *_, **__: Plan((), Contents(), Contents(), is_restart_due=True))
+    monkeypatch.setattr(
+        Installation, "plan", lambda *_, **__: InstallationPlan((), Contents(), Contents(), is_restart_due=True)
+    )
     monkeypatch.setattr(Installation, "install", lambda *_, **__: None)
     result = run("install", *where, "--yes", "--no-stream")
     assert result.stdout.splitlines()[-1] == "Restarted; everything is there."

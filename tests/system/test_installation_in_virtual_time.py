@@ -21,8 +21,8 @@ from virtual_irc5.controller.installed_system import factory_system
 from virtual_irc5.world import WorldSettings
 from yumi.driver.commissioning.contents import Contents
 from yumi.driver.commissioning.delivery import delivered_modules
-from yumi.driver.commissioning.installation import _BACKUP_GRANT, _GRANTS, Installation, Plan
-from yumi.driver.commissioning.installation_record import Record
+from yumi.driver.commissioning.installation import _BACKUP_GRANT, _GRANTS, Installation, InstallationPlan
+from yumi.driver.commissioning.installation_record import InstallationRecord
 from yumi.driver.commissioning.stream_checks import listen, streaming
 from yumi.egm.egm_session import SensorSession
 from yumi.egm.joint_codec import JointCodec
@@ -151,7 +151,7 @@ def test_what_another_client_works_on_is_left_alone(site: Site, domain: str) -> 
         (refusal,) = site.plan().refusals
         assert_says(refusal, "mastership_held", domain=domain)
         with refused(RobotNotReady, "nothing_changed", reason=refusal):
-            site.installation().undo(Plan((), Contents(), Contents()))
+            site.installation().undo(InstallationPlan((), Contents(), Contents()))
         before = site.transport.changes
         with refused(RobotNotReady, "nothing_changed", reason=refusal):
             site.install()
@@ -289,7 +289,7 @@ def test_program_that_starts_during_the_backup_is_left_alone(site: Site, monkeyp
 
 def test_restart_that_is_due_is_part_of_the_plan(site: Site) -> None:
     site.install()
-    record = Record.of("yumi", site.folder)
+    record = InstallationRecord.of("yumi", site.folder)
     record.is_restart_due = True
     record.save()
     plan = site.plan()
@@ -468,7 +468,7 @@ def test_roll_back_that_is_killed_itself_goes_on(site: Site) -> None:
 def test_factory_robot_moves_both_arms_within_90_seconds_of_its_time(tmp_path: Path) -> None:
     yumi = VirtualYumi(WorldSettings(system=factory_system(), grippers_are_calibrated=True))
     client = yumi.client()
-    installation = Installation(client, Record.of("yumi", tmp_path))
+    installation = Installation(client, InstallationRecord.of("yumi", tmp_path))
     installation.install(installation.plan(client.connect(), HERE))
     with streaming(client, yumi):
         streams = listen(yumi.egm, yumi, 0.2)

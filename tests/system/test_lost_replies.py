@@ -16,7 +16,7 @@ from abb_protocols.errors import YumiError
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
 from abb_runtime.clock import SystemClock
 from abb_runtime.fault_command import fault as fault_command
-from abb_runtime.faults import Fault, Way
+from abb_runtime.faults import Fault, FaultDirection
 from soak import tell
 from trajectories import change_rate
 from yumi.api.motion_registry import Motion
@@ -92,7 +92,7 @@ class Losses:
             "--robot",
             f"127.0.0.1:{self._controller.rws_port}",
             "--way",
-            Way.TO_ROBOT.value,
+            FaultDirection.TO_ROBOT.value,
             "--duration",
             seconds,
         ]

@@ -14,14 +14,14 @@ from abb_protocols.rws.values import ControllerState
 from abb_runtime.faults import Fault
 from refusals import refused
 from system.virtual_time_bench import System
-from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import RobotMode
 
 MODULE = "MODULE Pick\nPROC pickOne()\nENDPROC\nENDMODULE\n"
 WRITE_VARIABLE = ("write_variable", "T_ROB_L", "TRobSG", "target_position_input", "1")
 LOAD_MODULE = ("load_module", Side.LEFT, "Pick.mod", MODULE)
 RUN_ROUTINE = ("run_routine", Side.LEFT, "runMoveJ")
 PANEL = {"read_signal", "read_variable", "write_variable"}
-SET_MODE = ("go_to", Mode.EGM_LEFT, print)
+SET_MODE = ("go_to", RobotMode.EGM_LEFT, print)
 RECOVER = ("recover", print)
 
 

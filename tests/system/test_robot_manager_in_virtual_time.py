@@ -18,13 +18,13 @@ from abb_protocols.robot.joints import CYCLE, Pose, Side, joints
 from abb_protocols.robot.load import Tool, principal_inertia
 from abb_protocols.rws import values as rapid_values
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
-from abb_runtime.faults import Fault, Way
+from abb_runtime.faults import Fault, FaultDirection
 from refusals import assert_says, refused
 from system.virtual_time_bench import DriverArm, System
 from yumi.control.loop_events import AllowedCollisionsChanged
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver import rapid_routines
-from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import RobotMode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
 
 
@@ -208,9 +208,16 @@ def test_robot_itself_moves_no_faster_than_its_lowered_limit(system: System) -> 
 
 @pytest.mark.parametrize(
     ("mode", "guided"),
-    [(Mode.EGM_LEFT, {Side.LEFT}), (Mode.EGM_RIGHT, {Side.RIGHT}), (Mode.EGM_BOTH, set(Side)), (Mode.READY, set())],
+    [
+        (RobotMode.EGM_LEFT, {Side.LEFT}),
+        (RobotMode.EGM_RIGHT, {Side.RIGHT}),
+        (RobotMode.EGM_BOTH, set(Side)),
+        (RobotMode.READY, set()),
+    ],
 )
-def test_manager_goes_to_a_named_state_from_egm_on_both_arms(system: System, mode: Mode, guided: set[Side]) -> None:
+def test_manager_goes_to_a_named_state_from_egm_on_both_arms(
+    system: System, mode: RobotMode, guided: set[Side]
+) -> None:
     system.manager.start_egm()
     system.manager.go_to(mode, system.steps.append)
     assert {side for side, egm in system.manager.state().egm.items() if egm == "running"} == guided
@@ -219,7 +226,7 @@ def test_manager_goes_to_a_named_state_from_egm_on_both_arms(system: System, mod
 
 def test_manager_reports_each_step_on_the_way(system: System) -> None:
     told: list[str] = []
-    system.manager.go_to(Mode.EGM_RIGHT, told.append)
+    system.manager.go_to(RobotMode.EGM_RIGHT, told.append)
     assert told == [
         "switch the motors on",
         "move the program pointers to main",
@@ -228,7 +235,7 @@ def test_manager_reports_each_step_on_the_way(system: System) -> None:
         "activate joint_position_controller on the right arm",
     ]
     told.clear()
-    system.manager.go_to(Mode.MOTORS_OFF, told.append)
+    system.manager.go_to(RobotMode.MOTORS_OFF, told.append)
     assert told == ["stop EGM", "motors off"]
     assert system.client.controller_state() is ControllerState.MOTORS_OFF
 
@@ -411,7 +418,7 @@ def test_stop_ends_what_is_being_done_before_its_next_step(system: System) -> No
                 pass
 
     with refused(RobotNotReady, "stop_requested_meanwhile"):
-        system.manager.go_to(Mode.EGM_BOTH, told)
+        system.manager.go_to(RobotMode.EGM_BOTH, told)
     stops[0].join()
     assert system.client.execution() is ExecutionState.STOPPED
 
@@ -432,7 +439,7 @@ def test_stop_has_the_arms_hold_while_it_waits_for_its_turn(system: System, stop
 
     def request() -> None:
         if stop == "set_mode":
-            system.manager.go_to(Mode.MOTORS_OFF, lambda _: None)
+            system.manager.go_to(RobotMode.MOTORS_OFF, lambda _: None)
         else:
             getattr(system.manager, stop)()
 
@@ -472,7 +479,7 @@ def test_recover_starts_egm_again_on_an_arm_that_ignores_its_references(system: 
     arm = system.arms[Side.RIGHT]
     system.manager.start_egm()
     session = arm.snapshot.session
-    system.faults.inject(Fault.EGM_LOSS, Side.RIGHT, 1.0, 100.0, Way.TO_ROBOT)
+    system.faults.inject(Fault.EGM_LOSS, Side.RIGHT, 1.0, 100.0, FaultDirection.TO_ROBOT)
     arm.go(joints([value + 0.2 for value in arm.snapshot.position]))
     system.wait(0.5)
     assert arm.snapshot.problem is Problem.REFERENCES_IGNORED

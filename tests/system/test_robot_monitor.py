@@ -24,7 +24,7 @@ from system.recovery_bench import MovingSystem
 from yumi.control.loop_events import Event as ArmEvent
 from yumi.control.loop_events import is_fault
 from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
-from yumi.driver.robot_state import Mode, RobotState
+from yumi.driver.robot_state import RobotMode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
 from yumi.driver.stops import Cause
 from yumi.recording.reader import read_recording
@@ -418,7 +418,7 @@ def test_emergency_stop_during_a_request_is_an_alarm(monitored: Monitored) -> No
 
 @pytest.mark.parametrize("fault", [Fault.MOTORS_OFF, Fault.PROGRAM_STOP])
 def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(monitored: Monitored, fault: Fault) -> None:
-    monitored.system.manager.go_to(Mode.READY, print)
+    monitored.system.manager.go_to(RobotMode.READY, print)
     monitored.lines.clear()
     monitored.system.faults.inject(fault)
     monitored.wait(1.0)

@@ -19,7 +19,7 @@ from script_bench import TIMEOUT, VirtualRobot, output_of
 import yumi
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, SettingsError, StopNotConfirmed
-from abb_protocols.robot.gripper_values import Outcome
+from abb_protocols.robot.gripper_values import GripOutcome
 from abb_protocols.robot.joints import Side, home
 from abb_runtime.faults import Fault
 from refusals import numbers_in, refused
@@ -290,7 +290,7 @@ def test_impossible_goal_moves_neither_arm(
 
 def test_gripper_grasps_what_lies_between_its_fingers(robot: Robot) -> None:
     gripper = robot.left.gripper
-    assert gripper.open().outcome is Outcome.OPEN
+    assert gripper.open().outcome is GripOutcome.OPEN
     assert not gripper.is_holding
     assert gripper.grasp(force=8.0, width=0.02).width == pytest.approx(0.02, abs=1e-3)
     assert gripper.is_holding

@@ -16,7 +16,7 @@ from refusals import assert_says, numbers_in, refused
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
 from yumi.driver.commissioning.stream_checks import streaming
-from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import RobotMode
 from yumi.driver.stops import HISTORY
 
 NO_JUMP = 1.001
@@ -29,8 +29,8 @@ APART = joints([radians(each) for each in (-76, -104, 79, 24, 102, 102, 94)])
 REQUESTS: dict[str, Callable[[System], object]] = {
     "recover": lambda system: system.manager.recover(print),
     "start_egm": lambda system: system.manager.start_egm(),
-    "set_mode egm_left": lambda system: system.manager.go_to(Mode.EGM_LEFT, print),
-    "set_mode ready": lambda system: system.manager.go_to(Mode.READY, print),
+    "set_mode egm_left": lambda system: system.manager.go_to(RobotMode.EGM_LEFT, print),
+    "set_mode ready": lambda system: system.manager.go_to(RobotMode.READY, print),
     "make_ready": lambda system: system.manager.make_ready(),
     "motors_on": lambda system: system.manager.motors_on(),
     "start_rapid": lambda system: system.manager.start_rapid(),

@@ -12,7 +12,7 @@ from typing import Any
 import aiohttp
 import pytest
 
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from soak import long, short, tell
 from system.test_teleoperation_measured import RATE, ROOM, recorded_driver
 from yumi.api.attach import RunningDriver
@@ -101,7 +101,7 @@ def cycles_with(folder: Path, seconds: float) -> tuple[int, int]:
     record = folder / "record.mcap"
     with (
         recorded_driver(folder, record) as driver,
-        Command("yumi view", ("view", "--port", "0"), folder / "view.log") as view,
+        CommandProcess("yumi view", ("view", "--port", "0"), folder / "view.log") as view,
     ):
         url = view.wait_until_ready(60.0)
         before = missed(driver)

@@ -14,7 +14,7 @@ import pytest
 import yumi
 from abb_protocols.robot.joints import Side, joints
 from abb_protocols.robot.kinematics import tool0_to_body
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.udp import free_port
 from soak import long, short, tell
 from yumi.api.attach import RunningDriver
@@ -35,13 +35,13 @@ FASTEST = 1e-2  # [rad/s] an arm that is slower stands
 def recorded_driver(folder: Path, record: Path | None, *, with_ros: bool = False) -> Iterator[RunningDriver]:
     """A driver with a virtual robot, in processes of their own, that records every cycle, if a file is given."""
     egm = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
-    with Command(
+    with CommandProcess(
         "controller", "yumi", ("controller", "--rws-port", "0", *egm), folder / "controller.log"
     ) as controller:
         host, _, rws = controller.wait_until_ready(60.0).rpartition("/")[2].partition(":")
         recording = () if record is None else ("--record", str(record))
         where = ("--robot", f"{host}:{rws}", *(() if with_ros else ("--no-ros",)), *recording, *egm)
-        with Command("driver", "yumi", ("up", *where), folder / "driver.log") as driver:
+        with CommandProcess("driver", "yumi", ("up", *where), folder / "driver.log") as driver:
             driver.wait_until_ready(60.0)
             with yumi.attach() as attached:
                 attached.start_egm()

@@ -12,7 +12,7 @@ import pytest
 from abb_protocols.catalogue import message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import LoginRefused, NoConnection
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from browser import browser
 from system.test_doctor import served, world
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system
@@ -66,7 +66,7 @@ def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     file = tmp_path / "cell.mod"
     file.write_text(PROGRAM, encoding="ascii")
     arguments = ("controller", "--model", "irb120", "--rws-port", "0", "--program", f"T_ROB1={file}", "--start")
-    with Command("controller", "yumi", arguments, tmp_path / "controller.log") as controller:
+    with CommandProcess("controller", "yumi", arguments, tmp_path / "controller.log") as controller:
         yield controller.wait_until_ready(60.0).rpartition("/")[2]
 
 
@@ -76,7 +76,7 @@ def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(address: str, tmp_path: Path) -> None:
     errors: list[str] = []
     arguments = ("view", "--robot", address, "--port", "0")
-    with browser() as chromium, Command("view", "yumi", arguments, tmp_path / "view.log") as view:
+    with browser() as chromium, CommandProcess("view", "yumi", arguments, tmp_path / "view.log") as view:
         lines: list[str] = []
         url = view.wait_until_ready(60.0, on_line=lines.append)
         robot = "an IRB 120 (mechanical unit ROB_1), not a YuMi"

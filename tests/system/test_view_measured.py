@@ -18,7 +18,7 @@ import aiohttp
 import pytest
 
 import yumi
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.udp import free_port
 from browser import browser
 from soak import tell
@@ -41,7 +41,7 @@ AWAY = {"right": {"j1": 0.3, "j5": 0.9}, "left": {"j1": -0.3, "j5": 0.9}}
 def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     arguments = ("view", "--virtual", "--port", "0", "--logs", str(tmp_path))
-    with Command("yumi view", "yumi", arguments, tmp_path / "view.log") as command:
+    with CommandProcess("yumi view", "yumi", arguments, tmp_path / "view.log") as command:
         yield command.wait_until_ready(60.0)
 
 
@@ -213,14 +213,14 @@ def test_arm_stands_within_a_fifth_of_a_second_after_its_page_is_lost(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     record, ports = tmp_path / "jogs.mcap", (str(free_port()), str(free_port()))
     egm = ("--left-egm-port", ports[0], "--right-egm-port", ports[1])
-    with Command(
+    with CommandProcess(
         "controller", "yumi", ("controller", "--rws-port", "0", *egm), tmp_path / "controller.log"
     ) as controller:
         host, _, rws = controller.wait_until_ready(60.0).rpartition("/")[2].partition(":")
         where = ("--robot", f"{host}:{rws}", "--no-ros", "--record", str(record), *egm)
-        with Command("driver", "yumi", ("up", *where), tmp_path / "driver.log") as driver:
+        with CommandProcess("driver", "yumi", ("up", *where), tmp_path / "driver.log") as driver:
             driver.wait_until_ready(60.0)
-            with Command("yumi view", "yumi", ("view", "--port", "0"), tmp_path / "view.log") as view:
+            with CommandProcess("yumi view", "yumi", ("view", "--port", "0"), tmp_path / "view.log") as view:
                 url = view.wait_until_ready(60.0)
                 with yumi.attach() as attached:
                     attached.start_egm()

@@ -19,7 +19,7 @@ from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Joints, Pose, Side, home, joints
 from abb_protocols.robot.kinematics import IDENTITY
 from abb_runtime.faults import inject_fault
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from browser import browser
 from flight import LOST, flown, write_flight_record
 from yumi.core.collision import CollisionModel, Obstacle
@@ -51,7 +51,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     arguments = ("view", "--virtual", "--port", "0", "--logs", str(folder), "--config", str(config))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_RUNTIME_DIR", str(folder))
-        with Command("yumi view", "yumi", arguments, folder / "view.log") as command:
+        with CommandProcess("yumi view", "yumi", arguments, folder / "view.log") as command:
             yield command.wait_until_ready(60.0)
 
 
@@ -475,7 +475,7 @@ def test_recording_is_opened_and_scrubbed_to_its_event(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     file, frames = tmp_path / "stopped.mcap", flown(1000).frames()
     write_flight_record(file, 1.8e9, recorded_event(LOST, frames[-1].time), {Side.RIGHT: tuple(frames)})
-    with Command("yumi view", "yumi", ("view", str(file), "--port", "0"), tmp_path / "view.log") as command:
+    with CommandProcess("yumi view", "yumi", ("view", str(file), "--port", "0"), tmp_path / "view.log") as command:
         page = Page(chromium, command.wait_until_ready(60.0))
         page.wait("#joints", "°")
         page.wait("#clock", "0.00 s")

@@ -16,7 +16,7 @@ import pytest
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import Pose, Side
 from abb_protocols.robot.kinematics import distance_between, tool0_to_body
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from browser import browser
 from soak import long, short, tell
 from system.test_teleoperation_measured import ROOM, first_motion, recorded_driver, standstill
@@ -47,7 +47,7 @@ def emulated_headset() -> str:
 @contextmanager
 def page_of(chromium: Any, folder: Path, script: str = "") -> Iterator[Any]:
     """The page with control, on the tab Teleoperate; ``script`` runs in it first."""
-    with Command("yumi view", "yumi", ("view", "--port", "0"), folder / "view.log") as view:
+    with CommandProcess("yumi view", "yumi", ("view", "--port", "0"), folder / "view.log") as view:
         page = chromium.new_page(viewport=SMALL)
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))

@@ -28,7 +28,7 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.stage_times import StageClock
 from yumi.driver.bringup import Bringup
 from yumi.driver.egm_arm import EgmArm
-from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
+from yumi.driver.gripper import GripperRoutines, GripperSignals, RwsGripper
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
 from yumi.egm.egm_session import Session
@@ -155,12 +155,12 @@ class System(ManualClock):
         self.client = RwsClient(self.http, clock=self)
         self.steps: list[str] = []
         self._motion = motion or EgmMotionSettings()
-        self.grippers: dict[Side, Gripper] = {}
+        self.grippers: dict[Side, RwsGripper] = {}
         self.start_driver()
         routines = GripperRoutines(self.client, self)
         self.signals = GripperSignals(self.client, both)
         self.grippers = {
-            side: Gripper(side, self.client, routines, self, 10.0, modules=modules, signals=self.signals)
+            side: RwsGripper(side, self.client, routines, self, 10.0, modules=modules, signals=self.signals)
             for side in Side
         }
         self.manager.grippers = tuple(self.grippers.values())

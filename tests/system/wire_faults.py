@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 from abb_protocols.egm.codec import RobotCodec, RobotMessage, SensorCodec
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
-from abb_runtime.faults import Fault, Way
+from abb_runtime.faults import Fault, FaultDirection
 
 AMPLITUDE, PERIOD = radians(8.0), 1.0
 """Of the swing of both arms: up to 50 degrees per second, which leads the robot by up to 10 degrees."""
@@ -42,7 +42,7 @@ class Attack:
 
     fault: Fault
     amount: float | None = None
-    way: Way | None = None
+    way: FaultDirection | None = None
     duration: float | None = None
     strays: float = radians(1.0)
     delays: bool = False
@@ -80,13 +80,13 @@ LASTING = (
     Attack(Fault.EGM_SWAP_ARMS, None, None, 0.5, strays=_MANY, delays=True, unanswered=None),
     Attack(Fault.EGM_OFFSET, 5.0, None, 0.3, strays=_MANY, delays=True, unanswered=None),
     Attack(Fault.EGM_OFFSET, 30.0, None, 0.3, strays=_MANY, delays=True, unanswered=None),
-    Attack(Fault.EGM_LOSS, None, Way.TO_ROBOT, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
+    Attack(Fault.EGM_LOSS, None, FaultDirection.TO_ROBOT, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
     Attack(Fault.EGM_LOSS, 50.0, None, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
     Attack(Fault.EGM_DELAY, 50.0, None, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
     Attack(Fault.EGM_REORDER, 3.0, None, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
-    Attack(Fault.EGM_DUPLICATE, 1.0, Way.FROM_ROBOT, 0.5),
+    Attack(Fault.EGM_DUPLICATE, 1.0, FaultDirection.FROM_ROBOT, 0.5),
     # Each reference that comes twice makes the robot a cycle later for the rest of the session (reference/egm.md §4.3).
-    Attack(Fault.EGM_DUPLICATE, 1.0, Way.TO_ROBOT, 0.05, strays=_MANY, delays=True),
+    Attack(Fault.EGM_DUPLICATE, 1.0, FaultDirection.TO_ROBOT, 0.05, strays=_MANY, delays=True),
     Attack(Fault.EGM_FOREIGN_PORT, None, None, 0.3),
 )
 """What lasts for a time."""

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import httpx
 import pytest
 
-from abb_protocols.rws.values import Code, ControllerState, OperatingMode
+from abb_protocols.rws.values import ControllerState, OperatingMode, RwsCode
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
 from virtual_irc5.controller.file_store import CAPACITY
 
@@ -329,7 +329,7 @@ def test_motors_stay_off_in_emergency_stop(client: httpx.Client, controller: Pla
 def test_upload_to_a_full_disk_is_refused(client: httpx.Client, controller: PlainController) -> None:
     controller.files.write("TEMP:/big", bytes(CAPACITY - 100))
     response = client.put("/fileservice/$home/more.mod?json=1", content=b"x" * 101)
-    assert code(response) == (507, Code.MAX_LIMIT_REACHED)
+    assert code(response) == (507, RwsCode.MAX_LIMIT_REACHED)
 
 
 def test_body_that_is_no_form_is_refused(client: httpx.Client) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached
-from abb_protocols.robot.gripper_values import GripperGoal, Outcome
+from abb_protocols.robot.gripper_values import GripOutcome, GripperGoal
 from abb_protocols.robot.joints import Side, home
 from fake_robot import FakeRobot
 from refusals import refused
@@ -28,15 +28,15 @@ RIGHT = home(Side.RIGHT)
 class FakeGripper:
     side = Side.LEFT
     last_position = 0.01
-    alone = driver.Gripper.alone
+    alone = driver.RwsGripper.alone
 
     def __init__(self) -> None:
         self.busy = Lock()
 
     def begin(self, order: GripperGoal, check: Callable[[], None]) -> None: ...
 
-    def wait(self, order: GripperGoal) -> Outcome:
-        return Outcome.HOLDING
+    def wait(self, order: GripperGoal) -> GripOutcome:
+        return GripOutcome.HOLDING
 
 
 class FakeConnected:
@@ -125,7 +125,7 @@ def test_refusal_reaches_who_awaits(robot: FakeConnected) -> None:
 
 def test_gripper_is_awaited(robot: FakeConnected) -> None:
     async def script() -> None:
-        assert (await robot.arm.gripper.grasp(width=0.02)).outcome is Outcome.HOLDING
+        assert (await robot.arm.gripper.grasp(width=0.02)).outcome is GripOutcome.HOLDING
 
     run(script())
 

@@ -24,14 +24,14 @@ import yumi
 from abb_protocols.catalogue import from_wire, message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
-from abb_protocols.robot.gripper_values import Outcome
+from abb_protocols.robot.gripper_values import GripOutcome
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints, named_pose
 from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
-from yumi.api.motion_registry import Motion, Way
+from yumi.api.motion_registry import Motion, MotionWay
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.hand_over import Commander, HandOver
@@ -39,14 +39,13 @@ from yumi.control.loop_commands import ControllerCommand
 from yumi.control.loop_events import ControllerReport, SessionLost
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import JointStates, Snapshot
-from yumi.control.trajectory_commands import FollowTrajectory, ResultCode, TrajectoryEnded
-from yumi.control.trajectory_commands import Outcome as TrajectoryOutcome
+from yumi.control.trajectory_commands import FollowTrajectory, ResultCode, TrajectoryEnded, TrajectoryOutcome
 from yumi.driver import endpoint_server, motion_commands
 from yumi.driver.endpoint import MAX_REQUEST, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
 from yumi.driver.gripper_follower import closed_of, goal_of
 from yumi.driver.reports import ArmMode
-from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import RobotMode
 from yumi.planning.planner import Plan
 
 NOT_UNDERSTOOD = "request_not_understood"
@@ -205,7 +204,7 @@ def test_requests_reach_the_robot_manager(driver: FakeDriver) -> None:
         attached.speed_scale = 0.3
         assert attached.speed_scale == 0.3
         attached.calibrate("left")
-    assert driver.manager.asked == [(Side.RIGHT,), None, Mode.MOTORS_OFF, "stop"]
+    assert driver.manager.asked == [(Side.RIGHT,), None, RobotMode.MOTORS_OFF, "stop"]
     assert driver.calibrated == [(Side.LEFT,)]
     assert steps == ["motors off"]
     assert len(driver.changes) == 6  # the state that was asked for changed nothing
@@ -221,7 +220,7 @@ def test_stop_has_to_be_confirmed_by_its_id(driver: FakeDriver, attached: Runnin
 
 def test_gripper_opens_and_closes(driver: FakeDriver, attached: RunningDriver) -> None:
     assert attached.open_gripper("right", 0.03).width == 0.03
-    assert attached.close_gripper("right", 5.0).outcome is Outcome.HOLDING
+    assert attached.close_gripper("right", 5.0).outcome is GripOutcome.HOLDING
     assert [(goal.position, goal.force) for goal in driver.grippers[Side.RIGHT].goals] == [(0.015, 0.0), (0.0, 5.0)]
 
 
@@ -370,7 +369,7 @@ def test_motion_goes_on_when_it_cannot_be_said_how_far_it_is(
 ) -> None:
     asked = []
 
-    def way(motion: Motion) -> Way:
+    def way(motion: Motion) -> MotionWay:
         asked.append(motion)
         if len(asked) == 2:
             driver.robot.end(driver.robot.control.commands[0])

@@ -33,7 +33,7 @@ from yumi.control.loop_events import (
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import Skew, TrajectoryFeedback
-from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Outcome, ResultCode, TrajectoryEnded
+from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, ResultCode, TrajectoryEnded, TrajectoryOutcome
 from yumi.driver.stops import Cause
 from yumi.planning.tool_path import ToolMotion
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
@@ -493,9 +493,10 @@ def test_a_path_planned_before_a_stop_is_not_followed_after_it(
 
 
 @pytest.mark.parametrize(
-    ("outcome", "is_reached"), [(Outcome.SUCCEEDED, True), (Outcome.ABORTED, False), (Outcome.CANCELED, False)]
+    ("outcome", "is_reached"),
+    [(TrajectoryOutcome.SUCCEEDED, True), (TrajectoryOutcome.ABORTED, False), (TrajectoryOutcome.CANCELED, False)],
 )
-def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outcome, is_reached: bool) -> None:
+def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: TrajectoryOutcome, is_reached: bool) -> None:
     robot.control.on_command = robot.rest
     (motion,) = robot.executor.follow({Side.RIGHT: [(1.0, RIGHT)]})
     notice = TrajectoryEnded(motion.identity, outcome, ResultCode.SUCCESSFUL, "It is over.")
@@ -513,7 +514,9 @@ def test_motion_that_the_limiter_holds_says_which_parts_and_offers_a_planned_pat
     robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(
         limited_part="right gripper", limited_other="body", limited_distance=0.062
     )
-    notice = TrajectoryEnded(motion.identity, Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, "It is late.")
+    notice = TrajectoryEnded(
+        motion.identity, TrajectoryOutcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, "It is late."
+    )
     robot.motions.note(ControllerReport(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
     limited = message("parts_not_compared", part="right gripper", other="body", distance=0.062)
     with refused(GoalNotReached, "goal_not_reached_limited", arm="right", limited=limited) as refusal:

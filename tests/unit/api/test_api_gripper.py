@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
-from abb_protocols.robot.gripper_values import Direction, GripperGoal, Outcome, VacuumState, go_to, grip
+from abb_protocols.robot.gripper_values import Direction, GripOutcome, GripperGoal, VacuumState, go_to, grip
 from abb_protocols.robot.joints import Side
 from refusals import refused
 from yumi.api.gripper import Grip, Gripper
@@ -19,13 +19,13 @@ class FakeGripper:
     """Ends every command as the test says, with its fingers where the test says."""
 
     side = Side.LEFT
-    alone = driver.Gripper.alone
+    alone = driver.RwsGripper.alone
 
     def __init__(self) -> None:
         self.busy = Lock()
         self.begun: list[GripperGoal] = []
         self.on_begin: Callable[[], None] = lambda: None
-        self.outcome = Outcome.HOLDING
+        self.outcome = GripOutcome.HOLDING
         self.last_position = 0.01
         self.log: list[str] = []
         self.cup = VacuumState(sucks=True, blows=False, pressure=40e3)
@@ -41,7 +41,7 @@ class FakeGripper:
         check()
         self.begun.append(order)
 
-    def wait(self, order: GripperGoal) -> Outcome:
+    def wait(self, order: GripperGoal) -> GripOutcome:
         return self.outcome
 
     def position(self) -> float:
@@ -60,7 +60,7 @@ class FakeGripper:
         self.log.append(f"drop {channel}")
 
     def is_holding(self) -> bool:
-        return self.outcome is Outcome.HOLDING
+        return self.outcome is GripOutcome.HOLDING
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def gripper(fake: FakeGripper) -> Gripper:
 
 
 def test_gripper_grasps_with_the_force_it_is_given_or_the_usual_one(gripper: Gripper, fake: FakeGripper) -> None:
-    assert gripper.grasp() == gripper.grasp(force=4.0) == Grip(Outcome.HOLDING, 0.02)
+    assert gripper.grasp() == gripper.grasp(force=4.0) == Grip(GripOutcome.HOLDING, 0.02)
     assert fake.begun == [grip(Direction.INWARDS, 10.0), grip(Direction.INWARDS, 4.0)]
 
 
@@ -112,21 +112,21 @@ def test_gripper_holds_on_to_the_wrong_thing_and_says_so(gripper: Gripper, width
 
 
 def test_gripper_that_holds_nothing_says_so(gripper: Gripper, fake: FakeGripper) -> None:
-    fake.outcome = Outcome.CLOSED
+    fake.outcome = GripOutcome.CLOSED
     with refused(GoalNotReached, "gripper_holds_nothing", gripper="left", outcome="closed"):
         gripper.grasp()
-    assert gripper.close().outcome is Outcome.CLOSED
+    assert gripper.close().outcome is GripOutcome.CLOSED
 
 
 def test_gripper_opens_to_a_width(gripper: Gripper, fake: FakeGripper) -> None:
-    fake.outcome = Outcome.IN_PLACE
+    fake.outcome = GripOutcome.IN_PLACE
     gripper.open(0.03)
     gripper.open()
     assert fake.begun == [go_to(0.015), go_to(0.025)]
 
 
 def test_gripper_that_cannot_open_says_so(gripper: Gripper, fake: FakeGripper) -> None:
-    fake.outcome = Outcome.STALLED
+    fake.outcome = GripOutcome.STALLED
     with refused(GoalNotReached, "gripper_stopped_short", gripper="left", width=0.02, wanted=0.05):
         gripper.open()
 
@@ -148,21 +148,21 @@ def test_gripper_refuses_an_impossible_width(gripper: Gripper, fake: FakeGripper
 
 def test_gripper_grasps_outwards_and_closes_to_let_go(gripper: Gripper, fake: FakeGripper) -> None:
     gripper.grasp(outwards=True)
-    fake.outcome = Outcome.CLOSED
+    fake.outcome = GripOutcome.CLOSED
     gripper.release()
     assert fake.begun == [grip(Direction.OUTWARDS, 10.0), go_to(0.0)]
 
 
 def test_gripper_opens_to_let_go(gripper: Gripper, fake: FakeGripper) -> None:
     gripper.grasp()
-    fake.outcome = Outcome.OPEN
-    assert gripper.release().outcome is Outcome.OPEN
+    fake.outcome = GripOutcome.OPEN
+    assert gripper.release().outcome is GripOutcome.OPEN
     assert fake.begun[-1] == go_to(0.025)
 
 
 def test_gripper_that_cannot_let_go_says_so(gripper: Gripper, fake: FakeGripper) -> None:
     gripper.grasp(outwards=True)
-    fake.outcome = Outcome.STALLED
+    fake.outcome = GripOutcome.STALLED
     with refused(GoalNotReached, "gripper_stopped_short", gripper="left", width=0.02, wanted=0.0):
         gripper.release()
 

@@ -23,7 +23,7 @@ from unit.robot.test_robot_kinematics import rad
 from yumi.api import motion_executor
 from yumi.api.arm_access import GOAL_CONTROLLER
 from yumi.api.obstacles import boxes_from
-from yumi.api.poses import Frames, checked_angle, pose, pose_from, poses_from
+from yumi.api.poses import PoseFrames, checked_angle, pose, pose_from, poses_from
 from yumi.api.postures import posture_for, postures_of
 from yumi.api.robot_arm import Arm
 from yumi.control.tool_limits import ToolLimits
@@ -95,8 +95,8 @@ def test_pose_of_an_arm_says_of_what_it_is_and_from_where_it_is_seen() -> None:
         (lambda: pose(0, 0, 0, (1, 0, 0)), "pose_values_not_finite", {"name": "quaternion", "count": 4}),
         (lambda: pose(0, 0, 0, (1, 0, 0, 0), rpy=(0, 0, 0)), "pose_orientation_twice", {}),
         (lambda: pose_from("home"), "pose_values_no_numbers", {"given": "'home'", "count": 7}),
-        (lambda: Frames().tool("pen"), "tool_name_unknown", {"name": "pen", "known": ("tool0", "fingertips")}),
-        (lambda: Frames().work_object("table"), "work_object_unknown", {"name": "table", "known": ("wobj0",)}),
+        (lambda: PoseFrames().tool("pen"), "tool_name_unknown", {"name": "pen", "known": ("tool0", "fingertips")}),
+        (lambda: PoseFrames().work_object("table"), "work_object_unknown", {"name": "table", "known": ("wobj0",)}),
     ],
 )
 def test_what_is_no_pose_is_refused(make, code: str, values: dict[str, Any]) -> None:
@@ -176,7 +176,7 @@ def test_both_arms_end_at_the_same_time() -> None:
 
 
 def test_an_arms_pose_is_that_of_its_tool() -> None:
-    robot, frames = FakeRobot(), Frames()
+    robot, frames = FakeRobot(), PoseFrames()
     snapshot = robot.control.snapshots[Side.RIGHT]
     robot.control.snapshots[Side.RIGHT] = snapshot._replace(position=POSTURE)
     arm = Arm(Side.RIGHT, lambda: robot.executor, None, frames=frames)  # type: ignore[arg-type]

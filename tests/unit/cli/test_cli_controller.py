@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import ManualClock
-from abb_runtime.faults import Fault, Way
+from abb_runtime.faults import Fault, FaultDirection
 from memory_http import MemoryHttp
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply
@@ -48,7 +48,7 @@ def test_fault_command_injects_a_fault(world: World, port: int) -> None:
 def test_fault_command_passes_strength_and_direction_on(world: World, port: int) -> None:
     chosen = ("--by", 20, "--way", "to-robot", "--arm", "right", "--robot", f"127.0.0.1:{port}")
     assert run("egm-delay", *chosen) == (0, "egm-delay: done\n")
-    assert world.network.amount(Fault.EGM_DELAY, Side.RIGHT, Way.TO_ROBOT) == 20.0
+    assert world.network.amount(Fault.EGM_DELAY, Side.RIGHT, FaultDirection.TO_ROBOT) == 20.0
     assert run("egm-loss", "--by", 200, "--robot", f"127.0.0.1:{port}") == (
         1,
         "Error: The strength ('by') of egm-loss is 0 to 100 %, not 200.\n",

@@ -15,14 +15,14 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE
 from abb_protocols.rws.documents import Pairs
-from abb_protocols.rws.values import Code, RunCycle
+from abb_protocols.rws.values import RunCycle, RwsCode
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from memory_http import MemoryHttp
 from refusals import refused
 from virtual_irc5.commands.debugger import Debugger
 from virtual_irc5.rws.router import Route
-from virtual_irc5.rws.rws_call import Failure
+from virtual_irc5.rws.rws_call import CallFailure
 from virtual_irc5.world import World
 from yumi.cli.main import main
 
@@ -344,7 +344,7 @@ def test_lines_are_listed_where_the_controller_does_not_tell_breakpoints(
 
     def without_breakpoints(method: str, path: Sequence[str], query: Pairs) -> tuple[Route, Mapping[str, str]]:
         if path[-1] == "breakpoint":
-            raise Failure(404, Code.FAIL, "there is no such resource")
+            raise CallFailure(404, RwsCode.FAIL, "there is no such resource")
         return find(method, path, query)
 
     monkeypatch.setattr(session.http.adapter._router, "find", without_breakpoints)

@@ -32,7 +32,7 @@ from yumi.cli.main import main
 from yumi.control.controllers.joint_goal import JointGoal
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS
-from yumi.driver.robot_state import Mode
+from yumi.driver.robot_state import RobotMode
 
 COLLISION = message("event_50204", number=50204, title="Motion supervision")
 
@@ -129,7 +129,7 @@ def test_commands_reach_the_driver(driver: FakeDriver) -> None:
     assert json.loads(run("stop", "--json")) == "EGM has ended"
     run("calibrate")
     assert run("speed-scale", "0.3") == "speed_scale is 0.3\n"
-    assert driver.manager.asked == [None, (Side.RIGHT,), Mode.READY, "stop"]
+    assert driver.manager.asked == [None, (Side.RIGHT,), RobotMode.READY, "stop"]
     assert driver.calibrated == [tuple(Side)]
 
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from abb_protocols.catalogue import message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from fake_driver import ROBOT, FakeDriver
 from yumi.cli.main import main
 
@@ -39,7 +39,9 @@ def test_page_over_https_prints_its_certificate_and_a_code_where_other_machines_
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     log = tmp_path / "view.log"
-    with Command("yumi view", "yumi", ("view", "--operate", "--https", "--listen", listen, "--port", "0"), log) as view:
+    with CommandProcess(
+        "yumi view", "yumi", ("view", "--operate", "--https", "--listen", listen, "--port", "0"), log
+    ) as view:
         assert re.match(r"https://.+:\d+/#token=.{24}$", view.wait_until_ready(60.0))
     printed = log.read_text()
     assert re.search(r"SHA-256 ([0-9A-F]{2}:){31}[0-9A-F]{2}\nIt was made now, for a year: ", printed)

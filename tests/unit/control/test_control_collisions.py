@@ -39,18 +39,18 @@ from reported_limiter import ReportedLimiter
 from trajectories import planned
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from yumi.control.collisions import BODY_MARGIN, MARGIN, CollisionLimiter
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import KeptApart
-from yumi.control.motion.point_motion import stop, travel
+from yumi.control.motion.point_motion import point_stop, point_travel
 from yumi.control.motion.robot_response import EGM_GAIN, SERVO_CYCLES, plan_gain
 from yumi.control.motion.setpoint import Setpoint, slower
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.trajectory_commands import Outcome, Tolerances
+from yumi.control.trajectory_commands import Tolerances, TrajectoryOutcome
 from yumi.core.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.core.library import FLAGS, FOLDER, MOTION, STANDARD, _compiler
 from yumi_evaluation.virtual_time import VirtualArmRig
@@ -328,7 +328,7 @@ class Segments:
 
 def braking_postures(sent: Setpoint, count: int = 400) -> Array:
     """Where the position sent comes when it brakes, (n, 7) [rad]."""
-    braking = stop(sent, YUMI_LIMITS)
+    braking = point_stop(sent, YUMI_LIMITS)
     return np.array([braking.setpoint(braking.duration * index / count).position for index in range(count + 1)])
 
 
@@ -510,14 +510,14 @@ def test_trajectory_of_an_arm_that_is_held_does_not_end_before_it_is_there() -> 
     assert limited is not None
     assert limited.part.startswith("left ")
     beside.right_stands(FORWARD[Side.RIGHT])
-    assert beside.arm.end().outcome is Outcome.SUCCEEDED
+    assert beside.arm.end().outcome is TrajectoryOutcome.SUCCEEDED
     assert beside.arm.position == pytest.approx(goal, abs=0.05)
 
 
 def test_arm_that_was_held_stays_when_its_trajectory_was_aborted_and_its_way_becomes_free() -> None:
     beside = BesideArm()
     beside.go_towards_it(Tolerances(goal_time=1.0))
-    assert beside.arm.end().outcome is Outcome.ABORTED
+    assert beside.arm.end().outcome is TrajectoryOutcome.ABORTED
     beside.arm.run(1.0)
     stood = beside.arm.position
     beside.right_stands(FORWARD[Side.RIGHT])
@@ -700,7 +700,7 @@ def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_fol
     goal = joints([0.32, -0.784, 0.738, 1.089, -1.354, 0.251, -0.934])
     left = joints([0.683, -1.222, 0.503, 0.244, 0.158, 0.222, 1.759])
     arms = ApartArms({Side.RIGHT: start, Side.LEFT: left})
-    way, least, late = travel(Setpoint(start), goal, slower(YUMI_LIMITS, 0.95, 0.9)), np.inf, 0.0
+    way, least, late = point_travel(Setpoint(start), goal, slower(YUMI_LIMITS, 0.95, 0.9)), np.inf, 0.0
 
     def follow(these: ApartArms, side: Side) -> ArmCommand:
         now = way.setpoint(len(these.costs) * CYCLE)
@@ -796,7 +796,7 @@ def test_arm_that_begins_again_a_little_nearer_within_its_margin_may_leave(neare
     limiter = ReportedLimiter(YUMI_LIMITS, collisions=both)
     robot = VirtualArm(Side.RIGHT, there, ArmModel(supervises_load=False))
     robot.switch_motors_on()
-    robot.start_egm(EgmSettings(bandwidth=0.0, max_speed=10.0))
+    robot.start_egm(EgmMotionParameters(bandwidth=0.0, max_speed=10.0))
     for cycle in range(400):
         state = ArmState(1e3 + cycle * CYCLE, CYCLE if cycle else 0.0, 1, robot.position, ZERO, robot.planned, True)
         command = limiter.limit(state, ArmCommand(away) if cycle else None)

@@ -24,7 +24,7 @@ from abb_protocols.robot.joints import (
 from reported_limiter import ReportedLimiter
 from trajectories import change_rate
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.egm_motion import EgmMotion, EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotion, EgmMotionParameters
 from virtual_irc5.mechanics.servo import Servo
 from yumi.control.controller import Controller
 from yumi.control.limiter import Limiter
@@ -171,7 +171,7 @@ def test_arm_that_a_load_keeps_off_its_plan_stands_when_it_is_held(deflection: f
     start, model = home(Side.LEFT), ArmModel()
     limiter, motion, servo = (
         ReportedLimiter(YUMI_LIMITS),
-        EgmMotion(start, EgmSettings(max_speed=10.0), model),
+        EgmMotion(start, EgmMotionParameters(max_speed=10.0), model),
         Servo(start, model),
     )
     reported, places = start, []

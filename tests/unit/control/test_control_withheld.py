@@ -26,7 +26,13 @@ from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.motion.standstill import AT_GOAL
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.tool_goal import ToolGoal, twist_goal
-from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.control.trajectory_commands import (
+    ArmPlan,
+    CancelTrajectory,
+    FollowTrajectory,
+    TrajectoryEnded,
+    TrajectoryOutcome,
+)
 from yumi.core.collision import CollisionModel
 from yumi.planning.smoothing import smooth_spline_through
 from yumi_evaluation.virtual_time import VirtualArmRig
@@ -135,7 +141,7 @@ def test_trajectory_that_is_cancelled_in_front_of_the_limit_is_given_up_at_once(
     rig.run(1.0)
     assert rests_where_it_is(rig)
     ended = [each.report for each in rig.events if isinstance(each, ControllerReport)]
-    assert [each.outcome for each in ended if isinstance(each, TrajectoryEnded)] == [Outcome.CANCELED]
+    assert [each.outcome for each in ended if isinstance(each, TrajectoryEnded)] == [TrajectoryOutcome.CANCELED]
 
 
 START = home(Side.RIGHT)

@@ -8,7 +8,7 @@ import pytest
 import abb_protocols.controller_files
 from virtual_irc5.rapid.ast import Module, RoutineKind, Storage
 from virtual_irc5.rapid.parser import parse_module
-from virtual_irc5.system_parameters import Configuration
+from virtual_irc5.system_parameters import SystemConfiguration
 
 FOLDER = Path(next(iter(abb_protocols.controller_files.__path__)))
 MODULES = sorted([*FOLDER.glob("*.mod"), *FOLDER.glob("*.sys")])
@@ -56,8 +56,8 @@ def parsed(path: Path) -> Module:
 
 
 @pytest.fixture
-def configuration() -> Configuration:
-    return Configuration(path.read_text(encoding="ascii") for path in CONFIGURATIONS)
+def configuration() -> SystemConfiguration:
+    return SystemConfiguration(path.read_text(encoding="ascii") for path in CONFIGURATIONS)
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.name)
@@ -114,38 +114,38 @@ def test_states_and_actions_have_the_numbers_clients_know() -> None:
     assert [numbers[f"ACTION_{name}"] for name in actions] == [0, 1, 2, 3, 4, 5]
 
 
-def test_signals_are_those_of_the_add_in_and_virtual(configuration: Configuration) -> None:
+def test_signals_are_those_of_the_add_in_and_virtual(configuration: SystemConfiguration) -> None:
     instances = configuration.instances("EIO", "EIO_SIGNAL")
     assert {instance.name: instance.attributes["SignalType"] for instance in instances} == SIGNALS
     assert {instance.attributes["Device"] for instance in instances} == {""}
 
 
-def test_signals_that_clients_raise_are_open_to_them(configuration: Configuration) -> None:
+def test_signals_that_clients_raise_are_open_to_them(configuration: SystemConfiguration) -> None:
     access = {i.name: i.attributes["Access"] for i in configuration.instances("EIO", "EIO_SIGNAL")}
     raised = {name for name in SIGNALS if not name.startswith("OUTPUT_STATIONARY")}
     assert {name for name, level in access.items() if level == "All"} == raised
 
 
 @pytest.mark.parametrize(("unit", "port"), [("ROB_L", "6511"), ("ROB_R", "6512")])
-def test_each_arm_has_an_egm_device_of_its_own(configuration: Configuration, unit: str, port: str) -> None:
+def test_each_arm_has_an_egm_device_of_its_own(configuration: SystemConfiguration, unit: str, port: str) -> None:
     device = configuration.find("SIO", "COM_TRP", unit)
     assert device is not None
     assert (device.attributes["Type"], device.attributes["RemotePortNumber"]) == ("UDPUC", port)
 
 
-def test_egm_devices_have_the_attributes_of_robotware_6_only(configuration: Configuration) -> None:
+def test_egm_devices_have_the_attributes_of_robotware_6_only(configuration: SystemConfiguration) -> None:
     attributes = {name for device in configuration.instances("SIO", "COM_TRP") for name in device.attributes}
     assert attributes == {"Name", "Type", "PhyChannel", "RemoteAdress", "RemotePortNumber"}
 
 
 @pytest.mark.parametrize("name", ["ROB_R", "ROB_R_RAW", "ROB_L", "ROB_L_RAW"])
-def test_each_arm_has_filtered_and_raw_motion_data(configuration: Configuration, name: str) -> None:
+def test_each_arm_has_filtered_and_raw_motion_data(configuration: SystemConfiguration, name: str) -> None:
     data = configuration.find("MOC", "EXT_MOTION_DATA", name)
     assert data is not None
     assert data.attributes["ext_motion_level"] == ("0" if name.endswith("RAW") else "1")
 
 
-def test_every_module_is_loaded_into_the_motion_tasks(configuration: Configuration) -> None:
+def test_every_module_is_loaded_into_the_motion_tasks(configuration: SystemConfiguration) -> None:
     instances = configuration.instances("SYS", "CAB_TASK_MODULES")
     loaded = {instance.attributes["File"].rsplit("/")[-1] for instance in instances}
     assert loaded == {path.name for path in MODULES}

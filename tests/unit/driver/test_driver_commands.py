@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_protocols.robot.gripper_values import Outcome
+from abb_protocols.robot.gripper_values import GripOutcome
 from yumi.cli.from_table import command_from
 from yumi.cli.main import SECTIONS
 from yumi.cli.robot_commands import DRIVER_COMMANDS
@@ -84,7 +84,7 @@ def test_arguments_on_the_command_line_are_those_of_the_command() -> None:
 def test_result_of_a_command_has_its_type() -> None:
     assert Grip.result_type() is GripReport
     assert Calibrate.result_type() is str
-    assert str(GripReport(Outcome.OPEN, 0.05, "left")) == "The left gripper is open."
+    assert str(GripReport(GripOutcome.OPEN, 0.05, "left")) == "The left gripper is open."
 
 
 def test_stop_waits_for_nothing() -> None:

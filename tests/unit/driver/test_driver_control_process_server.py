@@ -22,12 +22,12 @@ from yumi.control.shared_memory import shared_numbers
 from yumi.driver import control_process
 from yumi.driver.control_process import (
     NO_NUMBER,
-    Answer,
-    Call,
     ConnectedArm,
+    ControlProcessAnswer,
+    ControlProcessCall,
+    ControlProcessRefusal,
+    ControlProcessStop,
     ControlServer,
-    Refusal,
-    Stop,
     WakeMode,
     run_control_process,
 )
@@ -56,7 +56,7 @@ class Parent(Source):
     def __init__(self) -> None:
         super().__init__()
         self.received: list[Any] = []
-        self.messages: list[object] = [Stop()]
+        self.messages: list[object] = [ControlProcessStop()]
 
     def receive(self) -> Any:
         if not self.messages:
@@ -166,7 +166,7 @@ def test_control_process_does_not_take_its_own_standstill_for_the_robots_silence
 def test_control_process_deactivates_what_commands_when_a_cycle_fails(
     arms: dict[Side, Arm], parent: Parent, clock: ManualClock
 ) -> None:
-    parent.messages = [Call(7, "list_controllers", (Side.LEFT,), {}), Stop()]
+    parent.messages = [ControlProcessCall(7, "list_controllers", (Side.LEFT,), {}), ControlProcessStop()]
     run({Side.LEFT: arms[Side.LEFT]}, parent, clock)
     assert arms[Side.LEFT].deactivated >= 1
     failures = [each for each in parent.received if isinstance(each, CycleFailed)]
@@ -295,12 +295,16 @@ def test_arm_whose_formula_cannot_be_prepared_fails_alone(parent: Parent, clock:
 def test_command_with_a_defect_is_refused_and_the_next_one_is_served(
     arms: dict[Side, Arm], parent: Parent, clock: ManualClock
 ) -> None:
-    parent.messages = [Call(4, "list_controllers", (Side.LEFT,), {"no": 1}), Call(5, "nothing", (), {}), Stop()]
+    parent.messages = [
+        ControlProcessCall(4, "list_controllers", (Side.LEFT,), {"no": 1}),
+        ControlProcessCall(5, "nothing", (), {}),
+        ControlProcessStop(),
+    ]
     run(arms, parent, clock)
-    answers = {each.number: each.value for each in parent.received if isinstance(each, Answer)}
-    assert isinstance(answers[4], Refusal)
+    answers = {each.number: each.value for each in parent.received if isinstance(each, ControlProcessAnswer)}
+    assert isinstance(answers[4], ControlProcessRefusal)
     assert_says(answers[4].said, "command_failed", command="list_controllers", kind="TypeError")
-    assert answers[5] == Refusal(message("command_unknown", command="nothing"))
+    assert answers[5] == ControlProcessRefusal(message("command_unknown", command="nothing"))
 
 
 @pytest.mark.timeout(10)
@@ -313,16 +317,16 @@ def test_command_for_which_there_is_no_memory_is_refused_and_the_next_one_is_ser
             raise received
         return received
 
-    parent.messages = [MemoryError("no memory"), Call(5, "nothing", (), {}), Stop()]
+    parent.messages = [MemoryError("no memory"), ControlProcessCall(5, "nothing", (), {}), ControlProcessStop()]
     monkeypatch.setattr(parent, "receive", receive)
     arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
     run(arms, parent, clock)
-    unreadable, refused = [each for each in parent.received if isinstance(each, Answer)]
+    unreadable, refused = [each for each in parent.received if isinstance(each, ControlProcessAnswer)]
     assert unreadable.number == NO_NUMBER
     assert_says(
         unreadable.value.said, "command_unreadable", kind="MemoryError", reason=message("text", text="no memory")
     )  # type: ignore[attr-defined]
-    assert refused == Answer(5, Refusal(message("command_unknown", command="nothing")))
+    assert refused == ControlProcessAnswer(5, ControlProcessRefusal(message("command_unknown", command="nothing")))
 
 
 def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
@@ -330,15 +334,17 @@ def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
 ) -> None:
     served: list[Side] = []
     monkeypatch.setitem(control_process.COMMANDS, "list_controllers", lambda _, side: served.append(side))  # type: ignore[arg-type]
-    parent.messages = [Call(number, "list_controllers", (side,), {}) for number, side in enumerate(Side, 4)]
-    parent.messages.append(Stop())
+    parent.messages = [
+        ControlProcessCall(number, "list_controllers", (side,), {}) for number, side in enumerate(Side, 4)
+    ]
+    parent.messages.append(ControlProcessStop())
     arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
     given_up = shared_numbers(1)
     given_up[0] = 4
     run(arms, parent, clock, given_up=given_up)
-    answers = {each.number: each.value for each in parent.received if isinstance(each, Answer)}
+    answers = {each.number: each.value for each in parent.received if isinstance(each, ControlProcessAnswer)}
     assert answers == {
-        4: Refusal(message("command_too_late", command="list_controllers")),
+        4: ControlProcessRefusal(message("command_too_late", command="list_controllers")),
         5: None,
     }
     assert served == [tuple(Side)[1]]
@@ -349,9 +355,12 @@ def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
 
 
 def test_control_process_calls_nothing_but_commands(arms: dict[Side, Arm], parent: Parent, clock: ManualClock) -> None:
-    parent.messages = [Call(3, "_publish", (Side.RIGHT,), {}), Stop()]
+    parent.messages = [ControlProcessCall(3, "_publish", (Side.RIGHT,), {}), ControlProcessStop()]
     run(arms, parent, clock)
-    assert Answer(3, Refusal(message("command_unknown", command="_publish"))) in parent.received
+    assert (
+        ControlProcessAnswer(3, ControlProcessRefusal(message("command_unknown", command="_publish")))
+        in parent.received
+    )
 
 
 class TalkativeArm(Arm):
@@ -367,7 +376,7 @@ class TalkativeArm(Arm):
         while number >= 30 and self._driver.has_value():
             self.heard.append(self._driver.receive())
             if self.heard[-1] == ReportsDropped(Side.LEFT, 29 * 100 - len(self.heard) + 2):
-                self._driver.send(Stop())
+                self._driver.send(ControlProcessStop())
         failed = ControllerFailed(Side.RIGHT, message("text", text=f"{number}".ljust(1000)))
         return (failed,) * (100 if number < 30 else 0)
 
@@ -400,7 +409,7 @@ def test_processors_are_kept_awake_only_while_a_robot_streams(
     run(arms, parent, clock, processors)
     assert (set(processors.calls[:-1]), processors.calls[-1]) == ({"hold"}, "release")
     processors.calls.clear()
-    parent.messages = [Stop()]
+    parent.messages = [ControlProcessStop()]
     arms[Side.RIGHT].state = None
     run(arms, parent, clock, processors)
     assert set(processors.calls) == {"release"}

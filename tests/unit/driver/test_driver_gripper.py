@@ -13,19 +13,19 @@ from abb_protocols.errors import ControllerRefused, GoalNotReached, RobotNotRead
 from abb_protocols.robot.gripper_values import (
     TRAVEL,
     Direction,
+    GripOutcome,
     GripperGoal,
     GripperModules,
-    Outcome,
     ServoState,
     go_to,
     grip,
 )
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import Signal
+from abb_protocols.rws.documents import RwsSignal
 from abb_protocols.rws.values import SignalType
 from abb_runtime.clock import ManualClock
 from refusals import refused
-from yumi.driver.gripper import Gripper, GripperRoutines, GripperSetup, GripperSignals
+from yumi.driver.gripper import GripperRoutines, GripperSetup, GripperSignals, RwsGripper
 from yumi.driver.state_machine import SgCommand
 
 
@@ -55,11 +55,11 @@ class Robot:
     def pulse_signal(self, name: str) -> None:
         self.log.append(name)
 
-    def signal(self, name: str) -> Signal:
+    def signal(self, name: str) -> RwsSignal:
         self.log.append(name)
         if name not in self.signals:
             raise ControllerRefused(f"unknown signal {name}", status=404)
-        return Signal(name, SignalType.GROUP_INPUT, self.signals[name])
+        return RwsSignal(name, SignalType.GROUP_INPUT, self.signals[name])
 
     def set_signal(self, name: str, value: float) -> None:
         self.log.append(f"{name}={value:g}")
@@ -88,8 +88,8 @@ def robot() -> Robot:
     return Robot()
 
 
-def gripper_of(robot: Robot, side: Side, clock: ManualClock) -> Gripper:
-    return Gripper(side, robot, GripperRoutines(robot, clock), clock, 10.0)
+def gripper_of(robot: Robot, side: Side, clock: ManualClock) -> RwsGripper:
+    return RwsGripper(side, robot, GripperRoutines(robot, clock), clock, 10.0)
 
 
 CLOSE = grip(Direction.INWARDS, 20.0)
@@ -120,8 +120,8 @@ def test_fingers_that_are_reported_of_late_are_not_stalled(robot: Robot) -> None
 
     clock = TellingClock(move_on)
     told = Told(ServoState.FREE_MOVE_TO_MAX_POS, 0.005)
-    gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
-    assert gripper.wait(go_to(TRAVEL)) is Outcome.OPEN
+    gripper = RwsGripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
+    assert gripper.wait(go_to(TRAVEL)) is GripOutcome.OPEN
 
 
 def test_other_gripper_waits_until_the_task_has_taken_the_command(robot: Robot) -> None:
@@ -197,7 +197,7 @@ def test_wait_needs_few_requests_while_nothing_is_reported(robot: Robot) -> None
     clock = TellingClock(stop_after_two_seconds)
     robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, 0.0)
     told: list[float] = []
-    assert gripper_of(robot, Side.LEFT, clock).wait(go_to(TRAVEL), told.append) is Outcome.OPEN
+    assert gripper_of(robot, Side.LEFT, clock).wait(go_to(TRAVEL), told.append) is GripOutcome.OPEN
     assert told == pytest.approx([0.0, 0.002, 0.004, 0.006, 0.008, 0.010, 0.012, 0.014, 0.016, 0.018])
     assert len(robot.log) == 11 * 2 + 1
 
@@ -210,9 +210,9 @@ def test_wait_asks_nothing_of_the_robot_while_it_reports_by_itself(robot: Robot)
 
     clock = TellingClock(stop_after_one_second)
     told = Told(ServoState.FREE_MOVE_TO_MAX_POS, 0.01)
-    gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
+    gripper = RwsGripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
     positions: list[float] = []
-    assert gripper.wait(go_to(TRAVEL), positions.append) is Outcome.OPEN
+    assert gripper.wait(go_to(TRAVEL), positions.append) is GripOutcome.OPEN
     assert len(positions) == pytest.approx(20, abs=1)
     assert robot.log == ["hand_SysState_L", "hand_ActualPosition_L"]
 
@@ -220,7 +220,7 @@ def test_wait_asks_nothing_of_the_robot_while_it_reports_by_itself(robot: Robot)
 def test_end_that_was_reported_before_the_order_began_does_not_count(robot: Robot, clock: ManualClock) -> None:
     told = Told(ServoState.ACTION_COMPLETED, TRAVEL)
     robot.show(Side.LEFT, ServoState.AGILE_GRIP_INWARD, 0.02)
-    gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
+    gripper = RwsGripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
     gripper.begin(CLOSE)
     assert gripper.outcome(CLOSE) is None
 
@@ -228,7 +228,7 @@ def test_end_that_was_reported_before_the_order_began_does_not_count(robot: Robo
 def test_error_that_has_been_cleared_since_it_was_reported_does_not_count(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, ServoState.READY)
     told = Told(ServoState.ERROR, 0.01)
-    gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
+    gripper = RwsGripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
     gripper.begin(CLOSE)
     assert "RUN_SG_ROUTINE" in robot.log
 
@@ -242,7 +242,7 @@ def test_fingers_that_stand_still_on_their_way_are_stalled_and_let_go(robot: Rob
     robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, 0.01)
     gripper = gripper_of(robot, Side.LEFT, clock)
     gripper.begin(go_to(TRAVEL))
-    assert gripper.wait(go_to(TRAVEL)) is Outcome.STALLED
+    assert gripper.wait(go_to(TRAVEL)) is GripOutcome.STALLED
     assert 1.0 <= clock.now() < 2.0
 
 
@@ -292,19 +292,19 @@ def test_wait_gives_up_a_gripper_that_does_not_come_to_rest(robot: Robot, clock:
     ("state", "position", "goal", "outcome"),
     [
         (ServoState.AGILE_GRIP_INWARD, 0.01, CLOSE, None),
-        (ServoState.KEEP_OBJECT, 0.0006, CLOSE, Outcome.HOLDING),
-        (ServoState.KEEP_OBJECT, 0.0248, CLOSE, Outcome.HOLDING),
-        (ServoState.KEEP_OBJECT, 0.0005, CLOSE, Outcome.CLOSED),
-        (ServoState.ACTION_COMPLETED, 0.0011, CLOSE, Outcome.STALLED),
-        (ServoState.ACTION_COMPLETED, 0.012, go_to(0.0125), Outcome.IN_PLACE),
-        (ServoState.ACTION_COMPLETED, 0.0242, go_to(TRAVEL), Outcome.OPEN),
+        (ServoState.KEEP_OBJECT, 0.0006, CLOSE, GripOutcome.HOLDING),
+        (ServoState.KEEP_OBJECT, 0.0248, CLOSE, GripOutcome.HOLDING),
+        (ServoState.KEEP_OBJECT, 0.0005, CLOSE, GripOutcome.CLOSED),
+        (ServoState.ACTION_COMPLETED, 0.0011, CLOSE, GripOutcome.STALLED),
+        (ServoState.ACTION_COMPLETED, 0.012, go_to(0.0125), GripOutcome.IN_PLACE),
+        (ServoState.ACTION_COMPLETED, 0.0242, go_to(TRAVEL), GripOutcome.OPEN),
         (ServoState.AGILE_GRIP_OUTWARD, 0.01, SPREAD, None),
-        (ServoState.KEEP_OBJECT, 0.0244, SPREAD, Outcome.HOLDING),
-        (ServoState.KEEP_OBJECT, 0.0245, SPREAD, Outcome.OPEN),
+        (ServoState.KEEP_OBJECT, 0.0244, SPREAD, GripOutcome.HOLDING),
+        (ServoState.KEEP_OBJECT, 0.0245, SPREAD, GripOutcome.OPEN),
     ],
 )
 def test_outcome_is_what_the_gripper_measures(
-    robot: Robot, clock: ManualClock, state: ServoState, position: float, goal: GripperGoal, outcome: Outcome | None
+    robot: Robot, clock: ManualClock, state: ServoState, position: float, goal: GripperGoal, outcome: GripOutcome | None
 ) -> None:
     gripper = gripper_of(robot, Side.LEFT, clock)
     robot.show(Side.LEFT, ServoState.READY)

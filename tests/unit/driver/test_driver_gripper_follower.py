@@ -13,7 +13,7 @@ from abb_protocols.robot.gripper_values import TRAVEL, Direction, go_to, grip
 from abb_protocols.robot.joints import Side
 from fake_driver import FakeGripper
 from refusals import refused
-from yumi.driver.gripper import Gripper
+from yumi.driver.gripper import RwsGripper
 from yumi.driver.gripper_follower import GripperFollower, closed_of, goal_of
 
 
@@ -24,7 +24,7 @@ def gripper() -> FakeGripper:
 
 @pytest.fixture
 def follower(gripper: FakeGripper) -> GripperFollower:
-    return GripperFollower(cast("Gripper", gripper), 8.0)
+    return GripperFollower(cast("RwsGripper", gripper), 8.0)
 
 
 def give(follower: GripperFollower, closed: float) -> None:

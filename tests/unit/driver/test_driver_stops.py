@@ -6,7 +6,7 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import Event
+from abb_protocols.rws.documents import RwsEvent
 from abb_protocols.rws.values import EventType
 from yumi.control.loop_events import RobotStoppedFollowing, SessionLost
 from yumi.driver.stops import Cause, because, cause_among, explain, explained, is_without_person, needs_person
@@ -15,10 +15,10 @@ from yumi.texts.events import KNOWN_NUMBERS
 INFORMATION, ERROR = EventType.INFORMATION, EventType.ERROR
 
 
-def log(*codes: tuple[int, EventType]) -> list[Event]:
+def log(*codes: tuple[int, EventType]) -> list[RwsEvent]:
     """The events of a log, given oldest first, as a controller lists them."""
     events = [
-        Event(number, type, code, "2026-07-09 T 08:15:30", f"title {code}", f"Text {code}.")
+        RwsEvent(number, type, code, "2026-07-09 T 08:15:30", f"title {code}", f"Text {code}.")
         for number, (code, type) in enumerate(codes, start=1)
     ]
     return events[::-1]
@@ -101,5 +101,5 @@ def test_program_stop_alone_may_have_been_a_person() -> None:
 
 @pytest.mark.parametrize(("title", "is_watchdog"), [("Stopped by the watchdog", True), ("My own program", False)])
 def test_only_our_watchdog_is_known_to_stop_the_program_without_a_person(title: str, is_watchdog: bool) -> None:
-    event = Event(1, ERROR, 80001, "2026-07-09 T 08:15:30", title, "Text.")
+    event = RwsEvent(1, ERROR, 80001, "2026-07-09 T 08:15:30", title, "Text.")
     assert is_without_person(event) is is_watchdog

@@ -9,7 +9,7 @@ import numpy as np
 
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from virtual_irc5.mechanics.servo import follow_references
 from yumi_evaluation.identification import Dynamics
 from yumi_evaluation.logs import Array, RobotLog
@@ -38,7 +38,7 @@ class VirtualRobot:
         """What is recorded when it is sent ``commands`` [rad], (m, 7), one a cycle."""
         arrives = random.random(len(commands)) >= self.unseen
         arrives[0] = True
-        settings = EgmSettings(gain=self.dynamics.gain, bandwidth=0.0, max_speed=inf)
+        settings = EgmMotionParameters(gain=self.dynamics.gain, bandwidth=0.0, max_speed=inf)
         seen = random.random(len(commands)) >= self.lost
         seen[:6] = True
         arrives &= seen  # what is lost is not answered either

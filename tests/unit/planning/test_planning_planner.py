@@ -438,14 +438,15 @@ def test_arms_that_were_stopped_in_front_of_each_other_are_led_home() -> None:
 LEFT_BEHIND = """
 import threading
 from yumi.planning.planner import Planner
-from yumi.control.motion.point_motion import travel
+from yumi.control.motion.point_motion import point_travel
 from yumi.control.motion.setpoint import Setpoint
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Side, home
-from yumi.api.motion_registry import MotionRegistry, Way
+from yumi.api.motion_registry import MotionRegistry, MotionWay
 
 planner = Planner()
 motion = MotionRegistry().begin(Side.RIGHT)
-motion.follow_way(lambda plan=travel(Setpoint(home(Side.RIGHT)), ZERO, YUMI_LIMITS): Way(plan.duration, None))
+plan = point_travel(Setpoint(home(Side.RIGHT)), ZERO, YUMI_LIMITS)
+motion.follow_way(lambda: MotionWay(plan.duration, None))
 motion.future.set_result(None)
 threading.Thread(target=lambda: threading.Event().wait(), daemon=True).start()
 raise ValueError("the last line")

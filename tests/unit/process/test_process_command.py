@@ -11,7 +11,7 @@ import pytest
 
 from abb_protocols.errors import RobotNotReady
 from abb_runtime.process import command_process
-from abb_runtime.process.command_process import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
+from abb_runtime.process.command_process import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, CommandProcess
 
 
 class Child:
@@ -44,7 +44,7 @@ def test_secrets_reach_the_child_by_its_environment_and_not_by_its_arguments(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("KEPT", "yes")
-    with Command("driver", "yumi", ("up",), tmp_path / "log", {"YUMI_PASSWORD": "s3cret"}):
+    with CommandProcess("driver", "yumi", ("up",), tmp_path / "log", {"YUMI_PASSWORD": "s3cret"}):
         pass
     ((arguments, environment),) = started
     assert "s3cret" not in " ".join(arguments)
@@ -56,7 +56,7 @@ def test_secrets_reach_the_child_by_its_environment_and_not_by_its_arguments(
 def test_ready_line_is_taken_and_the_lines_before_it_are_passed_on(tmp_path: Path, ready: str) -> None:
     OUTPUT[:] = ["first", "second", f"{ready}http://127.0.0.1:1", "after"]
     lines: list[str] = []
-    with Command("it", "yumi", ("up",), tmp_path / "log") as it:
+    with CommandProcess("it", "yumi", ("up",), tmp_path / "log") as it:
         assert it.wait_until_ready(5.0, on_line=lines.append) == "http://127.0.0.1:1"
     assert lines == ["first", "second"]
 
@@ -65,7 +65,7 @@ def test_error_of_a_command_is_raised_and_not_passed_on_too(tmp_path: Path) -> N
     OUTPUT[:] = ["first", "Error: No robot is there.", "INFO one line more"]
     lines: list[str] = []
     with (
-        Command("it", "yumi", ("up",), tmp_path / "log") as it,
+        CommandProcess("it", "yumi", ("up",), tmp_path / "log") as it,
         pytest.raises(RobotNotReady, match=r"^No robot is there\.$"),
     ):
         it.wait_until_ready(5.0, on_line=lines.append)

@@ -27,8 +27,8 @@ from abb_protocols.robot.joints import CYCLE, Joints, Side, home, joints
 from abb_runtime.clock import ManualClock, SystemClock
 from abb_runtime.process import command_process
 from abb_runtime.process.child import PROCESSES, ChildProcess, PipeEnd
-from abb_runtime.process.command_process import DRIVER_READY, Command
-from abb_runtime.rws.transport import Deadline, HttpTransport
+from abb_runtime.process.command_process import DRIVER_READY, CommandProcess
+from abb_runtime.rws.transport import ExchangeDeadline, HttpTransport
 from abb_runtime.rws.web_socket import Listener
 from abb_runtime.udp import UdpClient, UdpServer, free_port
 from refusals import refused
@@ -39,7 +39,7 @@ from yumi.control.goals import write_goal
 from yumi.control.loop_events import Event, is_fault
 from yumi.control.shared_memory import new_cycle_event, shared_numbers
 from yumi.control.shared_state import Snapshot, read_snapshot
-from yumi.driver.control_process import ArmBuffers, ControlServer, Stop
+from yumi.driver.control_process import ArmBuffers, ControlProcessStop, ControlServer
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd
@@ -104,7 +104,7 @@ def test_connection_without_a_descriptor_is_refused_in_a_sentence() -> None:
         address = f"127.0.0.1:{server.getsockname()[1]}"
         transport = HttpTransport(address)
         request = httpx.Request(
-            "GET", f"http://{address}/", extensions={"deadline": Deadline(SystemClock().now() + 1.0)}
+            "GET", f"http://{address}/", extensions={"deadline": ExchangeDeadline(SystemClock().now() + 1.0)}
         )
         with no_descriptor_left(), refused(NoConnection, "no_descriptor_for_connection", address=address):
             transport.handle_request(request)
@@ -145,7 +145,7 @@ def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.
         "Popen",
         lambda arguments, **options: start([sys.executable, "-c", script], **options),
     )
-    with Command("child", "yumi", [], Path("/dev/full")) as child:
+    with CommandProcess("child", "yumi", [], Path("/dev/full")) as child:
         assert child.wait_until_ready(20.0) == "there"
 
 
@@ -153,7 +153,7 @@ def test_output_of_a_child_that_cannot_be_written_is_refused_in_a_sentence(tmp_p
     log = tmp_path / "missing" / "log"
     reason = "No such file or directory"
     with refused(SettingsError, "output_not_writable", program="driver", file=str(log), reason=reason):
-        Command("driver", "yumi", ["up"], log).__enter__()
+        CommandProcess("driver", "yumi", ["up"], log).__enter__()
 
 
 class MovingRobots:
@@ -215,9 +215,9 @@ class MovingRobots:
     def fileno(self) -> int:
         return self._reader
 
-    def receive(self) -> Stop:
+    def receive(self) -> ControlProcessStop:
         os.read(self._reader, 1)
-        return Stop()
+        return ControlProcessStop()
 
     def send_soon(self, value: object) -> bool:
         self.received.append(value)

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from abb_protocols.robot.arm_kinematics import Arm, Lost
-from abb_protocols.robot.confdata import Configuration
+from abb_protocols.robot.arm_kinematics import KinematicArm, Lost
+from abb_protocols.robot.confdata import Confdata
 from abb_protocols.robot.inverse_kinematics import arm_angle
 from abb_protocols.robot.irb120 import irb120
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side
@@ -41,7 +41,7 @@ def by_parameters(joints: tuple[float, ...]) -> Array:
     return frame
 
 
-def within(arm: Arm) -> st.SearchStrategy[Joints]:
+def within(arm: KinematicArm) -> st.SearchStrategy[Joints]:
     return st.tuples(*(st.floats(low, high) for low, high in zip(arm.limits.lower, arm.limits.upper, strict=True)))
 
 
@@ -103,10 +103,10 @@ def test_axes_that_stand_at_zero_are_in_the_first_quarter_turn_despite_rounding(
 
 def test_posture_beside_a_border_is_of_both_configurations() -> None:
     arm, beside = irb120(), tuple(map(radians, (-0.5, 0.0, 0.0, 0.0, 30.0, 0.0)))
-    assert arm.has_configuration(beside, Configuration(0, 0, 0, 0))  # type: ignore[arg-type]
-    assert arm.has_configuration(beside, Configuration(-1, 0, 0, 0))  # type: ignore[arg-type]
-    assert not arm.has_configuration(beside, Configuration(1, 0, 0, 0))  # type: ignore[arg-type]
-    assert not arm.has_configuration(beside, Configuration(0, 0, 0, 1))  # type: ignore[arg-type]
+    assert arm.has_configuration(beside, Confdata(0, 0, 0, 0))  # type: ignore[arg-type]
+    assert arm.has_configuration(beside, Confdata(-1, 0, 0, 0))  # type: ignore[arg-type]
+    assert not arm.has_configuration(beside, Confdata(1, 0, 0, 0))  # type: ignore[arg-type]
+    assert not arm.has_configuration(beside, Confdata(0, 0, 0, 1))  # type: ignore[arg-type]
 
 
 @given(within(yumi_arm(Side.LEFT)), st.sampled_from(Side))

@@ -30,7 +30,7 @@ from abb_protocols.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, h
 from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_from_euler_zyx, tool0_to_body
 from refusals import refused
 from yumi.control.collisions import BODY_MARGIN
-from yumi.core.collision import PADDING, Array, CollisionModel, Obstacle, Part, gripper_parts, link_parts
+from yumi.core.collision import PADDING, Array, CollisionModel, CollisionPart, Obstacle, gripper_parts, link_parts
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 HOME = {side: home(side) for side in Side}
@@ -118,7 +118,7 @@ def test_distances_from_boxes_are_those_of_the_nearest_points() -> None:
     assert np.allclose(np.linalg.norm(nearest - np.clip(nearest, -half, half), axis=1), exact)
 
 
-def placed(side: Side, position: Joints, parts: tuple[Part, ...]) -> tuple[Array, Array]:
+def placed(side: Side, position: Joints, parts: tuple[CollisionPart, ...]) -> tuple[Array, Array]:
     """Both ends of the axis of each part in the body frame, (n, 3) each."""
     frame, frames = np.eye(4), []
     origins = (joint_1_origin(side), *JOINT_ORIGINS, FLANGE_ORIGIN, TOOL0_ORIGIN)
@@ -204,7 +204,10 @@ def test_distances_and_nearest_points_are_those_of_mujoco() -> None:
 
 def test_segments_that_are_parallel_or_balls_have_a_distance() -> None:
     """A rod along each tool's axis, the arms mirrored, with a ball at its end."""
-    rods = [Part("rod", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.01), Part("ball", 7, *[(0.0, 0.0, 0.3)] * 2, 0.02)]
+    rods = [
+        CollisionPart("rod", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.01),
+        CollisionPart("ball", 7, *[(0.0, 0.0, 0.3)] * 2, 0.02),
+    ]
     model, generator = CollisionModel(SERVO_GRIPPERS, tools=dict.fromkeys(Side, rods)), np.random.default_rng(4)
     for _ in range(20):
         right = generator.uniform(YUMI_LIMITS.lower, YUMI_LIMITS.upper)
@@ -225,7 +228,7 @@ def test_segments_that_are_parallel_or_balls_have_a_distance() -> None:
 def test_axis_inside_a_box_is_as_deep_as_the_nearest_face() -> None:
     """So an arm that was switched on there may leave."""
     tip = tool0_to_body(Side.RIGHT, home(Side.RIGHT), Pose((0.0, 0.0, 0.2), UPRIGHT)).position
-    needle = Part("needle", 7, (0.0, 0.0, 0.199), (0.0, 0.0, 0.201), 0.001)
+    needle = CollisionPart("needle", 7, (0.0, 0.0, 0.199), (0.0, 0.0, 0.201), 0.001)
     depths = []
     for lower in (0.0, 0.002, 0.004):
         box = Obstacle("box", Pose((tip[0], tip[1], tip[2] - lower), UPRIGHT), (0.3, 0.3, 0.1))
@@ -241,16 +244,20 @@ def test_axis_inside_a_box_is_as_deep_as_the_nearest_face() -> None:
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_positions_and_shapes_that_are_no_numbers_are_refused(value: float) -> None:
     with pytest.raises(ValueError, match="not finite"):
-        CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: [Part("x", 7, (0.0, 0.0, value), (0.0, 0.0, 0.3), 0.003)]})
+        CollisionModel(
+            SERVO_GRIPPERS, tools={Side.LEFT: [CollisionPart("x", 7, (0.0, 0.0, value), (0.0, 0.0, 0.3), 0.003)]}
+        )
     with pytest.raises(ValueError, match="positions of 14 joints"):
         CollisionModel(SERVO_GRIPPERS).contacts(np.full(14, value), 0.1)
     with pytest.raises(ValueError, match="positions of 14 joints"):
         CollisionModel(SERVO_GRIPPERS).contacts(np.zeros(7), 0.1)
     with pytest.raises(ValueError, match="of a frame that is none"):
-        CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: [Part("x", 8, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)]})
+        CollisionModel(
+            SERVO_GRIPPERS, tools={Side.LEFT: [CollisionPart("x", 8, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)]}
+        )
 
 
-def inside(points: np.ndarray, parts: tuple[Part, ...]) -> np.ndarray:
+def inside(points: np.ndarray, parts: tuple[CollisionPart, ...]) -> np.ndarray:
     """Whether each point lies in one of the parts."""
     result = np.zeros(len(points), dtype=bool)
     for part in parts:
@@ -373,7 +380,7 @@ def test_a_turned_box_is_as_near_as_its_faces() -> None:
 
 
 def test_a_declared_tool_reaches_further() -> None:
-    needle = Part("needle", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)
+    needle = CollisionPart("needle", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)
     floor = Obstacle("floor", Pose((0.0, 0.0, -0.6), UPRIGHT), (4.0, 4.0, 0.2))
     model = CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: [needle]}, obstacles=[floor])
     assert [each for each in model.nearest(HOME, 10_000) if each.part == "left needle" and each.other == "floor"]
@@ -393,7 +400,7 @@ def test_box_with_the_name_of_a_part_of_the_robot_is_refused(side: Side, modules
 
 
 def test_box_with_the_name_of_a_declared_tool_is_refused() -> None:
-    needle = {Side.RIGHT: [Part("needle", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)]}
+    needle = {Side.RIGHT: [CollisionPart("needle", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)]}
     with refused(CommandRefused, "box_named_as_robot", name="right needle"):
         CollisionModel(SERVO_GRIPPERS, tools=needle, obstacles=boxes_of("right needle"))
     assert CollisionModel(SERVO_GRIPPERS, tools=needle, obstacles=boxes_of("left needle")).names[-1] == "left needle"
@@ -427,6 +434,6 @@ def test_box_is_refused_whose_name_does_not_stand_for_it_alone(
 def test_tool_is_refused_whose_name_does_not_stand_for_it_alone(
     names: Sequence[str], code: str, values: dict[str, object]
 ) -> None:
-    tools = [Part(name, 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003) for name in names]
+    tools = [CollisionPart(name, 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003) for name in names]
     with refused(CommandRefused, code, arm="left", **values):
         CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: tools})

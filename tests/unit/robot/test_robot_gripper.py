@@ -2,22 +2,22 @@ from __future__ import annotations
 
 import pytest
 
-from abb_protocols.robot.gripper_values import ALLOWANCE, TRAVEL, Outcome, outcome_of
+from abb_protocols.robot.gripper_values import ALLOWANCE, TRAVEL, GripOutcome, outcome_of
 
 
 @pytest.mark.parametrize(
     ("position", "effort", "stalled", "reached_goal", "outcome"),
     [
-        (0.0, 0.0, False, True, Outcome.CLOSED),
-        (ALLOWANCE, 0.0, False, True, Outcome.CLOSED),
-        (ALLOWANCE + 1e-4, 0.0, False, True, Outcome.IN_PLACE),
-        (TRAVEL - ALLOWANCE, 0.0, False, True, Outcome.OPEN),
-        (0.010, 10.0, True, False, Outcome.HOLDING),
-        (0.010, 0.0, True, False, Outcome.STALLED),
-        (0.010, 0.0, False, False, Outcome.STALLED),
+        (0.0, 0.0, False, True, GripOutcome.CLOSED),
+        (ALLOWANCE, 0.0, False, True, GripOutcome.CLOSED),
+        (ALLOWANCE + 1e-4, 0.0, False, True, GripOutcome.IN_PLACE),
+        (TRAVEL - ALLOWANCE, 0.0, False, True, GripOutcome.OPEN),
+        (0.010, 10.0, True, False, GripOutcome.HOLDING),
+        (0.010, 0.0, True, False, GripOutcome.STALLED),
+        (0.010, 0.0, False, False, GripOutcome.STALLED),
     ],
 )
 def test_outcome_follows_from_the_result_of_the_action(
-    position: float, effort: float, stalled: bool, reached_goal: bool, outcome: Outcome
+    position: float, effort: float, stalled: bool, reached_goal: bool, outcome: GripOutcome
 ) -> None:
     assert outcome_of(position, effort, stalled=stalled, reached_goal=reached_goal) is outcome

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import (
-    Argument,
     Form,
-    Link,
     Page,
-    State,
+    RwsArgument,
+    RwsLink,
+    RwsState,
     Status,
     decode_form,
     encode_form,
@@ -29,18 +29,18 @@ texts = st.text(LEGAL | st.sampled_from("\t\n\r\"'<>&;"), max_size=12)
 names = st.from_regex(r"[a-z][a-z0-9-]{0,10}", fullmatch=True)
 fields = st.dictionaries(names.filter(lambda name: name not in ("lvalue", "pvalue", "argv")), texts, max_size=4)
 links = st.dictionaries(names.filter("base".__ne__), names, max_size=3).map(
-    lambda hrefs: tuple(Link(rel, href) for rel, href in hrefs.items())
+    lambda hrefs: tuple(RwsLink(rel, href) for rel, href in hrefs.items())
 )
-arguments = st.lists(st.builds(Argument, names, texts), max_size=3).map(tuple)
-children = st.lists(st.builds(State, st.just("cfg-ia-t-li"), texts, fields), max_size=3).map(tuple)
-states = st.builds(State, names, texts, fields, links, children, arguments)
+arguments = st.lists(st.builds(RwsArgument, names, texts), max_size=3).map(tuple)
+children = st.lists(st.builds(RwsState, st.just("cfg-ia-t-li"), texts, fields), max_size=3).map(tuple)
+states = st.builds(RwsState, names, texts, fields, links, children, arguments)
 pages = st.builds(Page, texts, texts, st.lists(states, max_size=3).map(tuple), links)
 
 CTRLSTATE = Page(
     "panel",
     "http://192.168.125.1/rw/panel/",
-    (State("pnl-ctrlstate", "ctrlstate", {"ctrlstate": "motoron"}),),
-    (Link("self", "ctrlstate"),),
+    (RwsState("pnl-ctrlstate", "ctrlstate", {"ctrlstate": "motoron"}),),
+    (RwsLink("self", "ctrlstate"),),
 )
 
 
@@ -53,7 +53,7 @@ def test_xhtml_page_brings_back_what_was_written(page: Page) -> None:
     assert read_page(Form.XHTML.value, write_page(page, Form.XHTML)) == page
 
 
-def as_json(state: State) -> dict[str, object]:
+def as_json(state: RwsState) -> dict[str, object]:
     """What a controller's JSON says of a state none of whose names deviate."""
     shown: dict[str, object] = {"_type": state.type, "_title": state.title, **state.fields}
     if state.links:
@@ -102,12 +102,12 @@ def test_json_has_the_controllers_shape() -> None:
 
 
 def test_rapid_string_is_escaped_in_xhtml() -> None:
-    page = Page("rapid", "", (State("rap-data", "x", {"value": '"a<b"'}),))
+    page = Page("rapid", "", (RwsState("rap-data", "x", {"value": '"a<b"'}),))
     assert b"&quot;a&lt;b&quot;" in write_page(page, Form.XHTML)
 
 
 def test_logical_value_is_a_number_in_json_only() -> None:
-    page = Page("io", "", (State("ios-signal", "x", {"lvalue": "1"}),))
+    page = Page("io", "", (RwsState("ios-signal", "x", {"lvalue": "1"}),))
     assert b'"lvalue":1' in write_page(page, Form.JSON)
     assert read_page(Form.XHTML.value, write_page(page, Form.XHTML)).states == page.states
 
@@ -121,12 +121,12 @@ def test_logical_value_is_a_number_in_json_only() -> None:
     ],
 )
 def test_json_spells_some_fields_otherwise(kind: str, ours: str, theirs: str) -> None:
-    page = Page("", "", (State(kind, "x", {ours: "1"}),))
+    page = Page("", "", (RwsState(kind, "x", {ours: "1"}),))
     assert f'"{theirs}":"1"'.encode() in write_page(page, Form.JSON)
 
 
 def test_character_xml_cannot_carry_is_replaced() -> None:
-    page = Page("", "", (State("rap-data", "x", {"value": "a\x00\ud800b"}),))
+    page = Page("", "", (RwsState("rap-data", "x", {"value": "a\x00\ud800b"}),))
     assert read_page(Form.XHTML.value, write_page(page, Form.XHTML)).states[0].text("value") == "a��b"
 
 

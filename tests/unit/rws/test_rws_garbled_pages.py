@@ -18,7 +18,7 @@ import abb_protocols.rws
 import abb_runtime.rws
 from abb_protocols.errors import ProtocolError, YumiError
 from abb_protocols.robot.joints import ZERO, Pose
-from abb_protocols.rws.documents import Page, RobTarget, State
+from abb_protocols.rws.documents import Page, RobTarget, RwsState
 from abb_protocols.rws.operations.motion import Supervision
 from abb_protocols.rws.operations.rapid import Range
 from abb_protocols.rws.values import Increment, OperatingMode, Privilege, Resource, RunCycle, SignalChange
@@ -26,7 +26,7 @@ from abb_runtime.clock import ManualClock
 from abb_runtime.rws import client as client_module
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.services import service
-from abb_runtime.rws.session import Socket
+from abb_runtime.rws.session import OpenWebSocket
 from abb_runtime.rws.web_socket import Listener
 
 SOURCES = sorted(
@@ -92,8 +92,8 @@ class Garbage(dict[str, str]):
         return self[name]
 
 
-def states(fields: Mapping[str, str]) -> tuple[State, ...]:
-    return tuple(State(each, "garbage", fields) for each in TYPES)
+def states(fields: Mapping[str, str]) -> tuple[RwsState, ...]:
+    return tuple(RwsState(each, "garbage", fields) for each in TYPES)
 
 
 PAGES = {
@@ -112,7 +112,7 @@ class GarbledController:
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         return httpx.Response(200, headers={"Content-Type": "application/xhtml+xml"}, content=EMPTY)
 
-    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> Socket:
+    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> OpenWebSocket:
         raise NotImplementedError
 
     def close(self) -> None:

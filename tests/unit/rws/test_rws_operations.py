@@ -7,10 +7,10 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, ProtocolError
 from abb_protocols.rws import documents
-from abb_protocols.rws.documents import Event, Form, Page, Signal, State, Status, SystemInfo
+from abb_protocols.rws.documents import Form, Page, RwsEvent, RwsSignal, RwsState, Status, SystemInfo
 from abb_protocols.rws.operations import motion, panel, rapid
 from abb_protocols.rws.operations.rapid import TaskInfo
-from abb_protocols.rws.values import Code, EventType, OperatingMode, SignalType, TaskExecution
+from abb_protocols.rws.values import EventType, OperatingMode, RwsCode, SignalType, TaskExecution
 from refusals import assert_says, refused
 from virtual_irc5.rws.render import write_status
 
@@ -20,7 +20,7 @@ TASK = {"name": "T_ROB_R", "excstate": "star", "active": "On", "motiontask": "TR
 
 
 def page(kind: str, **fields: str) -> Page:
-    return Page("", "", (State(kind, "/rw/elog/0/18", fields),))
+    return Page("", "", (RwsState(kind, "/rw/elog/0/18", fields),))
 
 
 def refusal(status: Status) -> ControllerRefused:
@@ -29,8 +29,8 @@ def refusal(status: Status) -> ControllerRefused:
 
 
 def test_system_has_name_version_and_options() -> None:
-    options = State("sys-options-li", "options", {}, (), (State("sys-option-li", "0", {"option": "English"}),))
-    system = State("sys-system-li", "system", {"name": "YuMi", "rwversionname": "6.13.00.00"})
+    options = RwsState("sys-options-li", "options", {}, (), (RwsState("sys-option-li", "0", {"option": "English"}),))
+    system = RwsState("sys-system-li", "system", {"name": "YuMi", "rwversionname": "6.13.00.00"})
     assert documents.read_system(Page("", "", (system, options))) == SystemInfo("YuMi", (6, 13, 0, 0), ("English",))
 
 
@@ -61,7 +61,7 @@ def test_task_state_is_read_when_spelled_in_full() -> None:
 
 def test_signal_is_read() -> None:
     fields = {"name": "hand_ActualPosition_R", "type": "GI", "lvalue": "250"}
-    expected = Signal("hand_ActualPosition_R", SignalType.GROUP_INPUT, 250.0)
+    expected = RwsSignal("hand_ActualPosition_R", SignalType.GROUP_INPUT, 250.0)
     assert documents.read_signal(page("ios-signal", **fields)) == expected
 
 
@@ -71,7 +71,10 @@ def test_value_that_is_no_number_is_refused() -> None:
 
 
 def test_signal_that_makes_no_sense_is_left_out_of_all() -> None:
-    states = (State("ios-signal-li", "a", {"name": "a", "lvalue": "2"}), State("ios-signal-li", "b", {"name": "b"}))
+    states = (
+        RwsState("ios-signal-li", "a", {"name": "a", "lvalue": "2"}),
+        RwsState("ios-signal-li", "b", {"name": "b"}),
+    )
     assert documents.read_signals(Page("", "", states)) == {"a": 2.0}
 
 
@@ -90,7 +93,7 @@ def test_joint_target_of_a_six_axis_robot_is_no_arm() -> None:
 @pytest.mark.parametrize("kind", ["elog-message-li", "elog-message"])
 def test_event_is_read(kind: str) -> None:
     fields = {"msgtype": "2", "code": "10012", "tstamp": "2026-07-09 T 08:15:30", "title": "Stop", "desc": "It."}
-    expected = Event(18, EventType.WARNING, 10012, "2026-07-09 T 08:15:30", "Stop", "It.")
+    expected = RwsEvent(18, EventType.WARNING, 10012, "2026-07-09 T 08:15:30", "Stop", "It.")
     assert documents.read_events(page(kind, **fields)) == (expected,)
 
 
@@ -117,9 +120,9 @@ def test_properties_of_nothing_are_refused() -> None:
 
 
 def test_refusal_says_what_a_known_code_means() -> None:
-    status = Status(Code.MODE_REJECT, "rws.cpp[1] Mode reject code:-1073445860 icode:-1")
+    status = Status(RwsCode.MODE_REJECT, "rws.cpp[1] Mode reject code:-1073445860 icode:-1")
     error = refusal(status)
-    assert (error.status, error.code) == (403, Code.MODE_REJECT)
+    assert (error.status, error.code) == (403, RwsCode.MODE_REJECT)
     assert error.said == message(
         "rws_refused",
         address="yumi",
@@ -139,8 +142,8 @@ def test_refusal_without_words_of_the_controller_says_so() -> None:
     assert_says(refusal(Status(-42, "")).said, "rws_refused", reason=message("rws_no_reason"))
 
 
-@pytest.mark.parametrize("code", Code)
-def test_refusal_is_one_sentence_with_what_was_asked_and_abbs_name(code: Code) -> None:
+@pytest.mark.parametrize("code", RwsCode)
+def test_refusal_is_one_sentence_with_what_was_asked_and_abbs_name(code: RwsCode) -> None:
     error = refusal(Status(code, "in the controller's words"))
     assert_says(
         error.said,

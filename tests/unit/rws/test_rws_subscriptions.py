@@ -7,14 +7,14 @@ import re
 import pytest
 
 from abb_protocols.errors import ProtocolError
-from abb_protocols.rws.documents import Link, State, decode_form
+from abb_protocols.rws.documents import RwsLink, RwsState, decode_form
 from abb_protocols.rws.values import Priority, Resource
 from abb_runtime.rws.client import (
     Change,
     event_log,
     group_of,
     read_changes,
-    read_event,
+    read_client_event,
     signal_state,
     variable_value,
     write_resources,
@@ -27,15 +27,15 @@ RESOURCES = (Resource("/rw/panel/opmode"), signal_state("EGM_STOP"), variable_va
 SIGNAL = "/rw/iosystem/signals/EGM_STOP;state"
 
 
-def event(href: str, **fields: str) -> tuple[State]:
-    return (State("x-ev", "title", fields, (Link("self", href),)),)
+def event(href: str, **fields: str) -> tuple[RwsState]:
+    return (RwsState("x-ev", "title", fields, (RwsLink("self", href),)),)
 
 
-def told(*events: tuple[State, ...], paths: tuple[str, ...] = ()) -> tuple[Change, ...]:
+def told(*events: tuple[RwsState, ...], paths: tuple[str, ...] = ()) -> tuple[Change, ...]:
     return tuple(
         change
         for each in events
-        for change in read_changes(read_event(virtual_documents.write_event("yumi:80", 5, each)), paths)
+        for change in read_changes(read_client_event(virtual_documents.render_event("yumi:80", 5, each)), paths)
     )
 
 
@@ -80,12 +80,12 @@ def test_change_has_the_path_that_was_subscribed(href: str, path: str) -> None:
 
 
 def test_value_of_a_variable_comes_in_a_second_state() -> None:
-    states = (*event("/rw/v;value"), State("rap-data", "RAPID/T/M/v", {"value": '"ä<b>"'}))
+    states = (*event("/rw/v;value"), RwsState("rap-data", "RAPID/T/M/v", {"value": '"ä<b>"'}))
     assert told(states) == (Change("/rw/v;value", {"value": '"ä<b>"'}),)
 
 
 def test_event_is_one_line_of_ascii_that_ends_a_link_as_common_clients_expect() -> None:
-    text = virtual_documents.write_event("192.168.125.1:80", 5, event(SIGNAL, lvalue="ä\n"))
+    text = virtual_documents.render_event("192.168.125.1:80", 5, event(SIGNAL, lvalue="ä\n"))
     assert "\n" not in text
     assert text.isascii()
     assert '<a href="subscription/5" rel="group"></a>' in text
@@ -93,7 +93,7 @@ def test_event_is_one_line_of_ascii_that_ends_a_link_as_common_clients_expect() 
 
 
 def test_event_too_long_for_common_clients_is_told_without_its_value() -> None:
-    text = virtual_documents.write_event("yumi:80", 5, event(SIGNAL, lvalue="x" * 1024))
+    text = virtual_documents.render_event("yumi:80", 5, event(SIGNAL, lvalue="x" * 1024))
     assert len(text) <= virtual_documents.MAX_EVENT
     assert told(event(SIGNAL, lvalue="x" * 1024)) == (Change(SIGNAL),)
 
@@ -107,4 +107,4 @@ def test_group_names_its_web_socket_as_common_clients_expect() -> None:
 
 def test_message_that_is_no_document_is_refused() -> None:
     with refused(ProtocolError, "document_not_well_formed"):
-        read_event("hello")
+        read_client_event("hello")

@@ -5,7 +5,7 @@ from math import inf, nan
 import pytest
 
 from abb_protocols.errors import CommandRefused
-from abb_runtime.parameters import Parameter, ParameterType, Value, flag, number, numbers, text, texts
+from abb_runtime.parameters import Parameter, ParameterType, Value, flag_setting, number, numbers, text, texts
 from refusals import refused
 
 GAIN = Parameter("p", 1.0, 0.0, 2.0, "1/s", "A gain.")
@@ -102,5 +102,5 @@ def test_parameter_refuses_what_is_not_among_its_choices(parameter: Parameter, v
 
 def test_values_are_read_by_type() -> None:
     values = {"a": 1, "b": True, "c": "x", "d": (1.0, 2.0), "e": ("y",)}
-    assert (number(values, "a"), flag(values, "b"), text(values, "c")) == (1, True, "x")
+    assert (number(values, "a"), flag_setting(values, "b"), text(values, "c")) == (1, True, "x")
     assert (numbers(values, "d"), texts(values, "e")) == ((1.0, 2.0), ("y",))

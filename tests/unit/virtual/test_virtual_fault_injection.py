@@ -11,7 +11,7 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import CollisionState, ControllerState, OperatingMode
 from abb_runtime.clock import ManualClock
-from abb_runtime.faults import FAULTS_PATH, Fault, Way
+from abb_runtime.faults import FAULTS_PATH, Fault, FaultDirection
 from memory_http import MemoryHttp
 from system.virtual_time_bench import System
 from virtual_irc5.mechanics.egm_client import EgmOutcome
@@ -213,11 +213,11 @@ def test_fault_that_makes_no_sense_is_refused(
             "The strength ('by') of egm-stale is a whole number from 1 to 999 datagrams, not 2.5.",
         ),
         (Fault.EGM_SWAP_ARMS, 1.0, None, "egm-swap-arms has no strength; leave 'by' out."),
-        (Fault.EGM_STALE, None, Way.TO_ROBOT, "egm-stale has no direction; leave 'way' out."),
+        (Fault.EGM_STALE, None, FaultDirection.TO_ROBOT, "egm-stale has no direction; leave 'way' out."),
     ],
 )
 def test_strength_that_makes_no_sense_is_refused(
-    idle_faults: FaultInjection, fault: Fault, amount: float | None, way: Way | None, sentence: str
+    idle_faults: FaultInjection, fault: Fault, amount: float | None, way: FaultDirection | None, sentence: str
 ) -> None:
     with pytest.raises(CommandRefused) as refused:
         idle_faults.inject(fault, amount=amount, way=way)
@@ -250,8 +250,8 @@ def test_fault_is_posted(system: System, faults: FaultInjection) -> None:
     assert post(faults, "emergency-stop").status == 204
     assert post(faults, "egm-loss", "side=left&duration=2&by=100&way=from-robot").status == 204
     assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP
-    assert system.world.network.amount(Fault.EGM_LOSS, Side.LEFT, Way.FROM_ROBOT) == 100.0
-    assert system.world.network.amount(Fault.EGM_LOSS, Side.LEFT, Way.TO_ROBOT) is None
+    assert system.world.network.amount(Fault.EGM_LOSS, Side.LEFT, FaultDirection.FROM_ROBOT) == 100.0
+    assert system.world.network.amount(Fault.EGM_LOSS, Side.LEFT, FaultDirection.TO_ROBOT) is None
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,12 @@ import pytest
 
 from abb_protocols.errors import ControllerRefused, NoConnection, SettingsError
 from abb_runtime.clock import ManualClock
-from abb_runtime.rws.transport import ConnectionLost, Deadline, HttpTransport
+from abb_runtime.rws.transport import ConnectionLost, ExchangeDeadline, HttpTransport
 from abb_runtime.rws.web_socket import Listener
 from refusals import refused
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.subscriptions import Channel, Upgrade
+from virtual_irc5.rws.subscriptions import SubscriptionChannel, Upgrade
 
 
 def heard(target: str, body: bytes = b"", method: str = "POST") -> HttpRequest:
@@ -171,7 +171,7 @@ def test_request_without_an_answer_ends_the_connection() -> None:
     with HttpServer(lambda _: None, 0) as server:
         transport = HttpTransport(server.address, ManualClock())
         with refused(ConnectionLost, "no_http_answer", address=server.address):
-            extensions = {"deadline": Deadline(5.0)}
+            extensions = {"deadline": ExchangeDeadline(5.0)}
             transport.handle_request(httpx.Request("GET", f"http://{server.address}/", extensions=extensions))
         transport.close()
 
@@ -212,7 +212,7 @@ def connected(server: HttpServer) -> socket.socket:
 def test_web_socket_is_attached_before_its_client_sees_it_open() -> None:
     is_told: list[bool] = []
 
-    def attach(channel: Channel) -> None:
+    def attach(channel: SubscriptionChannel) -> None:
         is_told.append(bool(select([end], [], [], 0.0)[0]))
         channel.send("at once")
 
@@ -227,7 +227,7 @@ def test_web_socket_is_attached_before_its_client_sees_it_open() -> None:
 
 
 def test_web_socket_whose_handshake_is_wrong_is_not_open() -> None:
-    channels: list[Channel] = []
+    channels: list[SubscriptionChannel] = []
     with HttpServer(lambda _: Upgrade("p", channels.append), 0) as server, connected(server) as end:
         end.sendall(HANDSHAKE.replace(b"Sec-WebSocket-Key", b"Sec-Key"))
         assert end.recv(4096).startswith(b"HTTP/1.1 400 ")

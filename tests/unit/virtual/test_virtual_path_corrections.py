@@ -18,7 +18,7 @@ from abb_protocols.egm.codec import MciState, PathCorrection, RobotMessage, Sens
 from abb_protocols.robot.joints import Side, Vector
 from abb_protocols.robot.kinematics import matrix
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system, with_programs
-from virtual_irc5.mechanics.egm_client import EgmState
+from virtual_irc5.mechanics.egm_client import EgmClientState
 from virtual_irc5.world import World, WorldSettings
 
 Array = NDArray[np.float64]
@@ -125,7 +125,7 @@ class Seam:
 
 def test_line_is_corrected_across_its_direction(tmp_path: Path) -> None:
     seam = Seam(tmp_path, {"moves": LINE}, always((0.02, 0.004, -0.002))).run()
-    assert seam.screen == ["seam", f"done {int(EgmState.CONNECTED)}"]
+    assert seam.screen == ["seam", f"done {int(EgmClientState.CONNECTED)}"]
     points = np.array(seam.points)
     # The path leads along y and the torch points down: y of the path is x of the plate, z of the path is -z.
     settled = points[points[:, 1] > -0.04]
@@ -222,7 +222,7 @@ def test_correction_goes_on_after_a_stop_of_the_program(tmp_path: Path) -> None:
     controller.start_rapid("once")
     seam.run()
     assert [message.seqno for message in seam.sent[stopped:]] == list(range(len(seam.sent) - stopped))
-    assert seam.screen[-1] == f"done {int(EgmState.CONNECTED)}"
+    assert seam.screen[-1] == f"done {int(EgmClientState.CONNECTED)}"
     points = np.array(seam.points)
     assert points[points[:, 1] > -0.04, 0] == pytest.approx(0.004, abs=1e-4)
 
@@ -236,7 +236,7 @@ HANDLER = r"""ERROR
 
 def test_silent_sensor_stops_the_arm_and_raises_an_error_that_the_program_handles(tmp_path: Path) -> None:
     seam = Seam(tmp_path, {"moves": LINE, "handler": HANDLER}, lambda _: None).run()
-    assert seam.screen == ["seam", "no sensor", f"done {int(EgmState.CONNECTED)}"]
+    assert seam.screen == ["seam", "no sensor", f"done {int(EgmClientState.CONNECTED)}"]
     assert 41822 in seam.events
     assert -0.09 < seam.points[-1][1] < -0.04, "half a second along the line"
     assert np.array(seam.points)[:, 0] == pytest.approx(0.0, abs=1e-5)

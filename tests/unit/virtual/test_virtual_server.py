@@ -31,7 +31,7 @@ from virtual_irc5.rws import modules
 from virtual_irc5.rws import rapid as rws_rapid
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.router import Router
-from virtual_irc5.rws.rws_call import Call
+from virtual_irc5.rws.rws_call import RwsCall
 from virtual_irc5.rws.version_2 import RwsService2
 from virtual_irc5.server import LONGEST_BEGINNING, VirtualController
 from virtual_irc5.world import World, WorldSettings
@@ -86,21 +86,21 @@ def test_text_of_a_module_is_quoted_once_for_all_who_read_it(monkeypatch: pytest
     """Of a long one that takes longer than a cycle, in which the world stands still."""
     texts: list[str] = []
     monkeypatch.setattr(operations, "quote", lambda text, **how: texts.append(text) or quote(text, **how))
-    rws_rapid.quoted.cache_clear()
+    rws_rapid.quoted_module_text.cache_clear()
     controller = World().controller
     options = (("resource", "module-text"), ("task", "T_ROB_L"))
     path = ("rw", "rapid", "modules", "TRobMain")
     route, names = Router(modules.ROUTES).find("GET", path, options)
-    call = Call("GET", path, options, names=names)
+    call = RwsCall("GET", path, options, names=names)
     pages = [route.handler(controller, call) for _ in range(3)]
     assert (len(texts), pages[1:]) == (1, pages[:-1])
 
 
 def test_module_that_is_parsed_in_the_background_is_quoted_there_too(background: Background) -> None:
     background.submit(partial(rws_rapid.parsed, "MODULE once ENDMODULE", "once.mod")).result(5.0)
-    hits = rws_rapid.quoted.cache_info().hits
-    assert rws_rapid.quoted("MODULE once ENDMODULE") == "MODULE%20once%20ENDMODULE"
-    assert rws_rapid.quoted.cache_info().hits == hits + 1
+    hits = rws_rapid.quoted_module_text.cache_info().hits
+    assert rws_rapid.quoted_module_text("MODULE once ENDMODULE") == "MODULE%20once%20ENDMODULE"
+    assert rws_rapid.quoted_module_text.cache_info().hits == hits + 1
 
 
 @pytest.fixture
@@ -406,7 +406,7 @@ def test_module_with_characters_that_no_file_has_is_prepared(served: Served) -> 
         preparation.result(5.0)
     finally:
         virtual._background.stop()
-    assert rws_rapid.quoted("! 5 €") == "%21%205%20%3F"
+    assert rws_rapid.quoted_module_text("! 5 €") == "%21%205%20%3F"
 
 
 def test_preparation_that_fails_leaves_the_answer_to_the_handler(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from abb_protocols.catalogue import Message
 from abb_protocols.catalogue import message as say
 from abb_protocols.errors import ControllerRefused
-from abb_protocols.robot.arm_kinematics import Arm
+from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.irb120 import irb120
 from abb_protocols.robot.joints import Joints, Side, home
 from abb_protocols.robot.kinematics import matrix
@@ -290,7 +290,7 @@ def test_page_gets_the_controller_with_its_log_and_can_only_look(tmp_path: Path)
 
 
 @pytest.mark.parametrize("arm", [irb120(), irb14050()], ids=["irb120", "irb14050"])
-def test_robot_is_drawn_with_its_tool_where_the_description_has_it(arm: Arm) -> None:
+def test_robot_is_drawn_with_its_tool_where_the_description_has_it(arm: KinematicArm) -> None:
     model = chain_model([Unit("ROB_1", "ROB_1", arm.axes, arm)])
     numbers = np.random.default_rng(3)
     for _ in range(20):

@@ -6,7 +6,7 @@ import json
 
 import click
 
-from abb_runtime.faults import Fault, FaultKind, Way, inject_fault
+from abb_runtime.faults import Fault, FaultDirection, FaultKind, inject_fault
 from abb_runtime.options import JsonOutput, SharedCommand, arm_option, json_option, robot_option
 from abb_runtime.rws.login import with_usual_port
 
@@ -48,7 +48,9 @@ _FAULTS = _fault_table([fault.value for fault in Fault])
 @click.option("--duration", type=float, help="How long it lasts [s].")
 @click.option("--by", type=float, help="Its strength, in the unit of the list below.")
 @click.option(
-    "--way", type=click.Choice([way.value for way in Way]), help="Direction of the datagrams; both without it."
+    "--way",
+    type=click.Choice([way.value for way in FaultDirection]),
+    help="Direction of the datagrams; both without it.",
 )
 @json_option
 def fault(

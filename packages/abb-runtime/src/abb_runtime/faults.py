@@ -23,7 +23,7 @@ FAULTS_PATH = "/virtual/faults"
 _ANSWER_TIMEOUT = 4.0  # [s]
 
 
-class Way(Enum):
+class FaultDirection(Enum):
     """Direction of the datagrams that a fault changes."""
 
     TO_ROBOT = "to-robot"

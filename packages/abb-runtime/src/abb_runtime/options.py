@@ -25,7 +25,7 @@ from abb_runtime.rws.login import MAX_PORT, PASSWORD_VARIABLE, password_of_envir
 _OTHERS_MAY_NOT = 0o077  # read, write or enter
 
 
-class Measure(click.FloatRange):
+class OptionNumber(click.FloatRange):
     """A number with a range; "nan", which no range refuses, is refused, too."""
 
     def __init__(self, noun: str, lowest: float, highest: float, *, is_open: bool) -> None:
@@ -46,8 +46,8 @@ GRIPPER_MODULES = click.Choice([modules.value for modules in GripperModules])
 ARM = click.Choice(["right", "left"])
 ARMS = click.Choice(["right", "left", "both"])
 PORT = click.IntRange(1, MAX_PORT)
-SCALE = Measure("factor", 0.01, 1.0, is_open=False)
-TIME = Measure("time", 0.0, 3600.0, is_open=True)
+SCALE = OptionNumber("factor", 0.01, 1.0, is_open=False)
+TIME = OptionNumber("time", 0.0, 3600.0, is_open=True)
 
 Command = Callable[..., Any]
 Decorator = Callable[[Command], Command]

@@ -142,7 +142,7 @@ def number(values: Values, name: str) -> float:
     return value
 
 
-def flag(values: Values, name: str) -> bool:
+def flag_setting(values: Values, name: str) -> bool:
     """A truth value from complete, accepted ``values``."""
     value = values[name]
     assert isinstance(value, bool)
@@ -174,7 +174,7 @@ _PARAMETERS = "ros__parameters"
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class ParameterFileEntry:
     """A parameter's value in a file.
 
     Attributes:
@@ -200,7 +200,7 @@ class Section:
 
     nodes: str
     place: str
-    entries: dict[str, Entry]
+    entries: dict[str, ParameterFileEntry]
 
     def concerns(self, node: str) -> bool:
         """Whether it is for the node of that full name."""
@@ -221,9 +221,9 @@ class ParameterFile:
     name: str
     sections: tuple[Section, ...]
 
-    def parameters(self, node: str) -> dict[str, Entry]:
+    def parameters(self, node: str) -> dict[str, ParameterFileEntry]:
         """What it sets on the node of that full name; later sections override earlier ones."""
-        merged: dict[str, Entry] = {}
+        merged: dict[str, ParameterFileEntry] = {}
         for section in self.sections:
             if section.concerns(node):
                 merged.update(section.entries)
@@ -425,7 +425,9 @@ def _sections(document: _Document, node: yaml.MappingNode, namespace: str) -> It
                 yield Section(namespace, place, {})
         elif is_parameters:
             is_general = namespace.endswith("*")
-            entries = {name: Entry(item, at, is_general) for name, at, item in _parameters(document, value, "")}
+            entries = {
+                name: ParameterFileEntry(item, at, is_general) for name, at, item in _parameters(document, value, "")
+            }
             yield Section(namespace, place, entries)
         else:
             yield from _sections(document, value, nodes)

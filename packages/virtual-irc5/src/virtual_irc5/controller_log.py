@@ -16,7 +16,7 @@ _DOMAIN_CAPACITY = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class ControllerLogEvent:
     """One entry of the log.
 
     Attributes:
@@ -40,7 +40,7 @@ class Event:
     arguments: tuple[str, ...] = ()
 
 
-class EventLog:
+class ControllerEventLog:
     """Remembers the latest events, all of them together and each domain for itself.
 
     Attributes:
@@ -49,9 +49,9 @@ class EventLog:
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
-        self.watchers: list[Callable[[Event], None]] = []
+        self.watchers: list[Callable[[ControllerLogEvent], None]] = []
         self._last_number = 0
-        self._logs: dict[int, deque[Event]] = {ALL_DOMAINS: deque(maxlen=_LOG_CAPACITY)}
+        self._logs: dict[int, deque[ControllerLogEvent]] = {ALL_DOMAINS: deque(maxlen=_LOG_CAPACITY)}
 
     def append(
         self,
@@ -61,11 +61,11 @@ class EventLog:
         type: EventType = EventType.INFORMATION,
         domain: int | None = None,
         arguments: tuple[str, ...] = (),
-    ) -> Event:
+    ) -> ControllerLogEvent:
         """Log an event; its domain is the ten-thousands of its code unless another one is given."""
         self._last_number += 1
         place = code // 10000 if domain is None else domain
-        event = Event(self._last_number, code, self._now(), type, place, title, description, arguments)
+        event = ControllerLogEvent(self._last_number, code, self._now(), type, place, title, description, arguments)
         self._logs[ALL_DOMAINS].appendleft(event)
         if place != ALL_DOMAINS:
             self._logs.setdefault(place, deque(maxlen=_DOMAIN_CAPACITY)).appendleft(event)
@@ -73,7 +73,7 @@ class EventLog:
             watcher(event)
         return event
 
-    def entries(self, domain: int = ALL_DOMAINS) -> tuple[Event, ...]:
+    def entries(self, domain: int = ALL_DOMAINS) -> tuple[ControllerLogEvent, ...]:
         """Events of a domain, newest first; domain 0 has all."""
         return tuple(self._logs.get(domain, ()))
 
@@ -85,7 +85,7 @@ class EventLog:
             self._logs.pop(domain, None)
 
 
-class Refusal(Enum):
+class RefusalReason(Enum):
     """The reason of a refusal; it shows the caller what to do."""
 
     WRONG_MODE = auto()
@@ -112,6 +112,6 @@ class Refused(YumiError):
         reason: the kind of refusal.
     """
 
-    def __init__(self, reason: Refusal, sentence: str) -> None:
+    def __init__(self, reason: RefusalReason, sentence: str) -> None:
         super().__init__(sentence)
         self.reason = reason

@@ -117,7 +117,7 @@ class HttpServer:
 
     async def _serve(self) -> None:
         ending = asyncio.Event()
-        self._calls = Calls()
+        self._calls = HttpServerCalls()
         # Without aiohttp's application, whose routes, middlewares and signals cost time in each request.
         server = web.Server(self._answer, access_log=None, keepalive_timeout=_KEEP_ALIVE)
         runner = web.ServerRunner(server, shutdown_timeout=_GRACE)
@@ -209,7 +209,7 @@ def cut_off(transport: asyncio.BaseTransport | None) -> None:
         transport.abort()
 
 
-class Calls:
+class HttpServerCalls:
     """Calls from other threads to the event loop; so many as come together wake it once, since that takes longest."""
 
     def __init__(self) -> None:
@@ -233,7 +233,7 @@ class Calls:
 class SocketChannel:
     """The server's end of a WebSocket; messages from before it is open wait until it is."""
 
-    def __init__(self, response: web.WebSocketResponse, request: web.BaseRequest, calls: Calls) -> None:
+    def __init__(self, response: web.WebSocketResponse, request: web.BaseRequest, calls: HttpServerCalls) -> None:
         self._calls = calls
         self._response = response
         self._request = request

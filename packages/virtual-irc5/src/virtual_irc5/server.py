@@ -38,9 +38,9 @@ from virtual_irc5.pace import Pace
 from virtual_irc5.program_sockets import ProgramNetwork
 from virtual_irc5.rapid.parser import LONGEST_MODULE
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.rws_call import Failure
+from virtual_irc5.rws.rws_call import CallFailure
 from virtual_irc5.rws.rws_service import RwsService
-from virtual_irc5.rws.subscriptions import Channel, Upgrade
+from virtual_irc5.rws.subscriptions import SubscriptionChannel, Upgrade
 from virtual_irc5.rws.version_2 import ROBOTWARE_7, RwsService2
 from virtual_irc5.world import FaultInjection, World, WorldSettings
 
@@ -276,7 +276,7 @@ class VirtualController:
             return answer
         attach = answer.attach
 
-        def attach_locked(channel: Channel) -> None:
+        def attach_locked(channel: SubscriptionChannel) -> None:
             with self._lock:
                 attach(channel)
 
@@ -293,7 +293,7 @@ class VirtualController:
             return _LARGEST_UPLOAD
         try:
             has_module = self._service.find(request)[0].prepare is not None
-        except Failure:  # the answer says what is wrong
+        except CallFailure:  # the answer says what is wrong
             return _LARGEST_FORM
         return _LARGEST_TEXT if has_module else _LARGEST_FORM
 
@@ -313,7 +313,7 @@ class VirtualController:
                 return None
             with self._lock:
                 work = route.prepare(self.world.controller, call)
-        except Failure:  # the answer says what is wrong
+        except CallFailure:  # the answer says what is wrong
             return None
         return None if work is None else self._background.submit(partial(_try_to_prepare, work))
 

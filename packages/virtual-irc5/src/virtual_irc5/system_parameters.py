@@ -66,7 +66,7 @@ class Instance:
     attributes: Mapping[str, Value]
 
 
-class Configuration:
+class SystemConfiguration:
     """All instances; domains and types are found in any letter case, as on the controller.
 
     Attributes:
@@ -92,7 +92,7 @@ class Configuration:
             SettingsError: the text is not a cfg file, or an instance cannot be added.
         """
         file = read_cfg(text)
-        loaded = Configuration()
+        loaded = SystemConfiguration()
         loaded.become(self)
         for type_name in dict.fromkeys(type_name.upper() for type_name, _ in file.instances):
             if type_name in replacing:
@@ -147,7 +147,7 @@ class Configuration:
         self.changes += 1
         instances[name] = replace(instances[name], attributes=MappingProxyType(changed))
 
-    def become(self, other: Configuration) -> None:
+    def become(self, other: SystemConfiguration) -> None:
         """Take over all instances of another configuration: what the controller does when it starts."""
         self._instances = {key: dict(instances) for key, instances in other._instances.items()}
         self._headers = dict(other._headers)
@@ -201,9 +201,9 @@ _CFG_PARTS = 3  # /DOMAIN/TYPE/instance
 
 
 class SystemParameters:
-    """The configuration as ReadCfgData names it (:class:`virtual_irc5.rapid.devices.Configuration`)."""
+    """The configuration as ReadCfgData names it (:class:`virtual_irc5.rapid.devices.ConfigurationDevice`)."""
 
-    def __init__(self, configuration: Configuration) -> None:
+    def __init__(self, configuration: SystemConfiguration) -> None:
         self._configuration = configuration
 
     def read(self, path: str, attribute: str) -> str:

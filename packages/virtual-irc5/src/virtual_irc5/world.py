@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from abb_protocols.errors import CommandRefused, NoConnection, YumiError
-from abb_protocols.robot.arm_kinematics import Arm
+from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Joints, Side
 from abb_protocols.rws.documents import Pairs, decode_form, first_value
 from abb_protocols.rws.values import ControllerState, OperatingMode
-from abb_runtime.faults import FAULTS_PATH, Fault, FaultKind, Way, fault_named
+from abb_runtime.faults import FAULTS_PATH, Fault, FaultDirection, FaultKind, fault_named
 from abb_runtime.udp import is_loopback
 from virtual_irc5.controller.identity import Identity
-from virtual_irc5.controller.installed_system import ROBOTWARE_6, Robot, System, delivered_system
+from virtual_irc5.controller.installed_system import ROBOTWARE_6, InstalledRobot, System, delivered_system
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
@@ -35,7 +35,7 @@ from virtual_irc5.mechanics.egm_parameters import EgmParameters
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.mechanics.virtual_gripper import CupObject, VirtualGripper, Workpiece
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.system_parameters import Configuration
+from virtual_irc5.system_parameters import SystemConfiguration
 
 if TYPE_CHECKING:
     from virtual_irc5.rws.rws_service import RwsService
@@ -209,7 +209,7 @@ class World:
         return self._egm_host, int(port)
 
 
-def _virtual_arm(robot: Robot, side: Side, kinematics: Arm, settings: WorldSettings) -> VirtualArm:
+def _virtual_arm(robot: InstalledRobot, side: Side, kinematics: KinematicArm, settings: WorldSettings) -> VirtualArm:
     """An arm of the robot: a YuMi's has the dynamics of the settings, others have limits of their own."""
     if robot.is_yumi:
         model = settings.egm_parameters.applied(settings.arm_model, kinematics.axes)
@@ -219,7 +219,9 @@ def _virtual_arm(robot: Robot, side: Side, kinematics: Arm, settings: WorldSetti
     return VirtualArm(side, settings.positions.get(side), model, kinematics, robot.unit_of(side))
 
 
-def _configured(configuration: Configuration, settings: WorldSettings, robot: Robot) -> Configuration:
+def _configured(
+    configuration: SystemConfiguration, settings: WorldSettings, robot: InstalledRobot
+) -> SystemConfiguration:
     """The addresses of this machine instead of the robot cell's, and the gain of EGM that is set."""
     gain = settings.egm_parameters.position_gain
     for each in configuration.instances("MOC", "EXT_MOTION_DATA") if gain is not None else ():
@@ -293,7 +295,7 @@ class FaultInjection:
         side: Side | None = None,
         duration: float | None = None,
         amount: float | None = None,
-        way: Way | None = None,
+        way: FaultDirection | None = None,
     ) -> None:
         """Inject a fault.
 
@@ -324,7 +326,7 @@ class FaultInjection:
                 network.inject(Fault.EGM_LOSS, each, 100.0, duration=length)
         elif fault in LASTING:
             for each in sides:
-                network.inject(fault, each, strength, way or Way.BOTH, length)
+                network.inject(fault, each, strength, way or FaultDirection.BOTH, length)
         else:
             self._inject_into_arms(fault, strength, sides)
 
@@ -447,7 +449,7 @@ class FaultInjection:
 
 
 def _check_options(
-    kind: FaultKind, side: Side | None, duration: float | None, amount: float | None, way: Way | None
+    kind: FaultKind, side: Side | None, duration: float | None, amount: float | None, way: FaultDirection | None
 ) -> None:
     if side is not None and not kind.has_side:
         raise CommandRefused(f"{kind.name} happens to the whole robot; leave the side out.")
@@ -467,10 +469,10 @@ def _check_options(
         raise CommandRefused(f"The strength ('by') of {kind.name} is {whole}{kind.amount.range}, not {amount:g}.")
 
 
-def _read_options(form: Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
+def _read_options(form: Pairs) -> tuple[Side | None, float | None, float | None, FaultDirection | None]:
     side, way = first_value(form, "side"), first_value(form, "way")
     duration, amount = first_value(form, "duration"), first_value(form, "by")
-    sides, ways = {each.word: each for each in Side}, {each.value: each for each in Way}
+    sides, ways = {each.word: each for each in Side}, {each.value: each for each in FaultDirection}
     if side is not None and side not in sides:
         raise CommandRefused(f"A side is left or right, not {side!r}.")
     if way is not None and way not in ways:

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from abb_protocols.catalogue import Message, clause, message
 from abb_protocols.robot.joints import Joints
 from virtual_irc5.mechanics.arm_motion import ArmModel, unlimited
-from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from virtual_irc5.mechanics.servo import follow_references
 from yumi_evaluation.logs import Array, RobotLog
 
@@ -84,9 +84,9 @@ class Dynamics:
     bandwidth: float = 0.0
 
     @property
-    def settings(self) -> EgmSettings:
+    def settings(self) -> EgmMotionParameters:
         """Of EGM."""
-        return EgmSettings(gain=self.gain, bandwidth=self.bandwidth, max_speed=inf, max_deviation=inf)
+        return EgmMotionParameters(gain=self.gain, bandwidth=self.bandwidth, max_speed=inf, max_deviation=inf)
 
     def dead_time(self, cycle: float) -> float:
         """All delay between a command and the position that answers it [s]; a command arrives a cycle later."""
@@ -180,7 +180,9 @@ def _superposed(references: Array, speeds: Array | None, cycle: float, dynamics:
 
 
 @lru_cache(maxsize=32)
-def _responses(model: ArmModel, settings: EgmSettings, cycle: float, count: int, is_speed: bool) -> tuple[Array, Array]:
+def _responses(
+    model: ArmModel, settings: EgmMotionParameters, cycle: float, count: int, is_speed: bool
+) -> tuple[Array, Array]:
     """How the reported and the planned position of a joint change, cycle by cycle, after a unit of one cycle.
 
     Args:

@@ -22,7 +22,7 @@ import numpy as np
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, YUMI_LIMITS, Joints, Side, joints
-from abb_runtime.parameters import Entry
+from abb_runtime.parameters import ParameterFileEntry
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import address_towards, is_loopback, resolve
 from yumi import __version__
@@ -139,7 +139,9 @@ def settings_for_measuring(settings: Settings) -> Settings:
 
 def controllers_for_measuring(settings: Settings) -> Controllers:
     """The delivered controllers, those for trajectories with positions alone and without looking ahead."""
-    only_positions = {name: Entry(0.0, "yumi measure", is_general=False) for name in ("feedforward", "lookahead")}
+    only_positions = {
+        name: ParameterFileEntry(0.0, "yumi measure", is_general=False) for name in ("feedforward", "lookahead")
+    }
     return {
         side: tuple(
             replace(each, entries={**each.entries, **only_positions}) if each.name == TRAJECTORY_CONTROLLER else each

@@ -31,7 +31,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
 from abb_runtime.parameters import Values
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.process.realtime import paused_collector
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from abb_runtime.rws.login import PASSWORD_VARIABLE
@@ -361,7 +361,7 @@ def evaluate_networked(results: Results, plan: NetworkedPlan, on_step: OnStep, c
             found: tuple[Measured, tuple[SentGoal, ...], tuple[HeardState, ...]] | None = None
             with start_driver(plan, robot, mode, check) as driver:
 
-                def watch(driver: Command = driver) -> None:
+                def watch(driver: CommandProcess = driver) -> None:
                     check()
                     if driver.exit_code is not None:
                         raise RobotNotReady(
@@ -385,20 +385,22 @@ def start_robot(plan: NetworkedPlan, stack: ExitStack, check: Callable[[], None]
         return ("--robot", f"{where.address}:{where.rws_port}")
     ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
     arguments = ("controller", "--rws-port", "0", *ports)
-    command = Command("virtual controller", "yumi", arguments, plan.folder / "controller.log", plan.secrets)
+    command = CommandProcess("virtual controller", "yumi", arguments, plan.folder / "controller.log", plan.secrets)
     address = stack.enter_context(command).wait_until_ready(_READY, check)
     return ("--robot", address.removeprefix("http://"), *ports)
 
 
 @contextmanager
-def start_driver(plan: NetworkedPlan, robot: Sequence[str], mode: Mode, check: Callable[[], None]) -> Iterator[Command]:
+def start_driver(
+    plan: NetworkedPlan, robot: Sequence[str], mode: Mode, check: Callable[[], None]
+) -> Iterator[CommandProcess]:
     """The driver as shipped, but for MaxSpeedDeviation; it records every cycle."""
     speed = mode.value.max_speed_deviation
     settings = plan.folder / f"{mode.word}.yaml"
     settings.write_text(f"egm_motion: {{max_speed_deviation: {speed:.1f}}}\n", encoding="utf-8")
     what = ("--config", str(settings), "--record", str(plan.recording(mode)))
     arguments = ("up", *robot, "--user", plan.user, *what)
-    with Command("driver", "yumi", arguments, plan.folder / f"driver_{mode.word}.log", plan.secrets) as command:
+    with CommandProcess("driver", "yumi", arguments, plan.folder / f"driver_{mode.word}.log", plan.secrets) as command:
         command.wait_until_ready(_READY, check)
         yield command
 

@@ -32,7 +32,7 @@ from yumi.control.loop import ArmLoop
 from yumi.control.loop_events import Event
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.shared_state import Deadline, Snapshot, read_snapshot
+from yumi.control.shared_state import SharedDeadline, Snapshot, read_snapshot
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.driver.egm_arm import EgmArm
@@ -134,7 +134,7 @@ class VirtualArmRig:
         self._near, self._far = memory_links()
         limiter = limiter or Limiter(YUMI_LIMITS)
         arm = EgmArm(self._near, Session(silence), limiter)
-        self.deadline = MemoryBuffer[Deadline]()
+        self.deadline = MemoryBuffer[SharedDeadline]()
         self.line = ArmLoop(side, arm, self.manager, limiter, self._snapshots, speed=speed, deadline=self.deadline)
 
     @property

@@ -8,7 +8,7 @@ from abb_protocols.egm.codec import RapidState
 from abb_protocols.robot.joints import Side, home
 from abb_protocols.rws.values import ControllerState, OperatingMode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rapid.states import Execution
 from virtual_irc5.world import World, WorldSettings
 
@@ -81,15 +81,15 @@ def test_motors_off_when_off_does_nothing(controller: Irc5) -> None:
 @pytest.mark.parametrize(
     ("request_", "reason", "sentence"),
     [
-        (Irc5.start_rapid, Refusal.MOTORS_OFF, "RAPID starts with motors on only"),
-        (lambda c: c.set_speed_ratio(101), Refusal.OUT_OF_RANGE, "0 to 100 %, not 101 %"),
-        (lambda c: c.set_speed_ratio(-1), Refusal.OUT_OF_RANGE, "0 to 100 %, not -1 %"),
-        (lambda c: c.joint_target("ROB_X"), Refusal.UNKNOWN, "no mechanical unit ROB_X"),
-        (lambda c: c.signals.get("X"), Refusal.UNKNOWN, "no signal X"),
-        (lambda c: c.signals.set("OUTPUT_STATIONARY_ROB_L", 0), Refusal.READ_ONLY, "access level ReadOnly"),
+        (Irc5.start_rapid, RefusalReason.MOTORS_OFF, "RAPID starts with motors on only"),
+        (lambda c: c.set_speed_ratio(101), RefusalReason.OUT_OF_RANGE, "0 to 100 %, not 101 %"),
+        (lambda c: c.set_speed_ratio(-1), RefusalReason.OUT_OF_RANGE, "0 to 100 %, not -1 %"),
+        (lambda c: c.joint_target("ROB_X"), RefusalReason.UNKNOWN, "no mechanical unit ROB_X"),
+        (lambda c: c.signals.get("X"), RefusalReason.UNKNOWN, "no signal X"),
+        (lambda c: c.signals.set("OUTPUT_STATIONARY_ROB_L", 0), RefusalReason.READ_ONLY, "access level ReadOnly"),
     ],
 )
-def test_controller_refuses(controller: Irc5, request_: Request, reason: Refusal, sentence: str) -> None:
+def test_controller_refuses(controller: Irc5, request_: Request, reason: RefusalReason, sentence: str) -> None:
     with pytest.raises(Refused, match=sentence) as refused:
         request_(controller)
     assert refused.value.reason is reason
@@ -99,11 +99,11 @@ def test_controller_refuses(controller: Irc5, request_: Request, reason: Refusal
 @pytest.mark.parametrize(
     ("request_", "reason", "sentence"),
     [
-        (Irc5.start_rapid, Refusal.ALREADY_RUNNING, "RAPID is running already"),
-        (Irc5.move_pp_to_main, Refusal.NOT_STOPPED, "stop it first"),
+        (Irc5.start_rapid, RefusalReason.ALREADY_RUNNING, "RAPID is running already"),
+        (Irc5.move_pp_to_main, RefusalReason.NOT_STOPPED, "stop it first"),
     ],
 )
-def test_running_controller_refuses(running: Irc5, request_: Request, reason: Refusal, sentence: str) -> None:
+def test_running_controller_refuses(running: Irc5, request_: Request, reason: RefusalReason, sentence: str) -> None:
     with pytest.raises(Refused, match=sentence) as refused:
         request_(running)
     assert refused.value.reason is reason
@@ -123,7 +123,7 @@ def test_manual_mode_leaves_control_to_the_person_at_the_cabinet(controller: Irc
     controller.select_mode(OperatingMode.MANUAL_REDUCED)
     with pytest.raises(Refused, match="the controller is in MANR") as refused:
         request_(controller)
-    assert refused.value.reason is Refusal.WRONG_MODE
+    assert refused.value.reason is RefusalReason.WRONG_MODE
 
 
 def test_speed_ratio_is_kept(controller: Irc5) -> None:
@@ -176,7 +176,7 @@ def test_motors_stay_off_until_the_emergency_stop_is_released(running: Irc5) -> 
     running.press_emergency_stop()
     with pytest.raises(Refused, match="in state emergencystop: release the stop first") as refused:
         running.set_motors(True)
-    assert refused.value.reason is Refusal.EMERGENCY_STOP
+    assert refused.value.reason is RefusalReason.EMERGENCY_STOP
     running.release_emergency_stop()
     assert running.controller_state is ControllerState.EMERGENCY_STOP_RESET
     running.set_motors(True)
@@ -301,14 +301,14 @@ def test_module_that_does_not_fit_is_found_when_the_pointer_moves(controller: Ir
     controller.tasks["T_ROB_L"].load("MODULE bad\nPROC bad()\nWaitTime TRUE;\nENDPROC\nENDMODULE", "bad.mod")
     with pytest.raises(Refused, match="T_ROB_L has no program to run: bad, line 3") as refused:
         controller.move_pp_to_main()
-    assert refused.value.reason is Refusal.NO_PROGRAM_POINTER
+    assert refused.value.reason is RefusalReason.NO_PROGRAM_POINTER
 
 
 @pytest.mark.parametrize("path", ["HOME:", "HOME:/yumi"])
 def test_directory_is_no_module(controller: Irc5, path: str) -> None:
     with pytest.raises(Refused, match=f"{path} is a directory") as refused:
         controller.load_module("T_ROB_L", path, replace=False)
-    assert refused.value.reason is Refusal.NO_FILE
+    assert refused.value.reason is RefusalReason.NO_FILE
 
 
 def test_world_moves_nothing_while_the_motors_are_off(world: World) -> None:

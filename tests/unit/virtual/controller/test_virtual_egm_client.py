@@ -14,8 +14,15 @@ from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import CYCLE, Joints, Pose, Side, abb_from_chain, home
 from abb_protocols.robot.kinematics import tool0_to_body
 from virtual_irc5.mechanics.arm import VirtualArm
-from virtual_irc5.mechanics.egm_client import EgmClient, EgmOptions, EgmOutcome, EgmState, InvalidReference, RobotWare
-from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData, StopMode, same_band
+from virtual_irc5.mechanics.egm_client import (
+    EgmClient,
+    EgmClientState,
+    EgmOptions,
+    EgmOutcome,
+    InvalidReference,
+    RobotWare,
+)
+from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun, EgmStopMode, ExternalMotionData, same_band
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)
@@ -91,7 +98,7 @@ def in_axes(chain: Joints, *, speed: Joints | None = None) -> bytes:
 
 def test_nothing_is_sent_before_egm_runs(bench):
     assert bench.cycle() is None
-    assert bench.egm.state is EgmState.CONNECTED
+    assert bench.egm.state is EgmClientState.CONNECTED
 
 
 def test_states_go_from_disconnected_to_running_and_back():
@@ -105,7 +112,7 @@ def test_states_go_from_disconnected_to_running_and_back():
     states.append(bench.egm.state)
     names = ["DISCONNECTED", "CONNECTED", "RUNNING", "DISCONNECTED"]
     assert [state.name for state in states] == names
-    assert sorted(states) == [EgmState.DISCONNECTED] * 2 + [EgmState.CONNECTED, EgmState.RUNNING]
+    assert sorted(states) == [EgmClientState.DISCONNECTED] * 2 + [EgmClientState.CONNECTED, EgmClientState.RUNNING]
 
 
 def test_first_datagram_is_complete_and_running(bench):
@@ -300,7 +307,7 @@ def test_convergence_ends_the_run_when_the_arm_stays_for_the_condition_time(benc
     assert bench.egm.outcome is EgmOutcome.RUNNING
     bench.converse(0.3, lambda _: bench.order(HOME))
     assert bench.egm.outcome is EgmOutcome.CONVERGED
-    assert bench.egm.state is EgmState.CONNECTED
+    assert bench.egm.state is EgmClientState.CONNECTED
     assert bench.sent[-1].mci is MciState.STOPPED
 
 
@@ -340,7 +347,7 @@ def test_stop_ends_the_run_with_one_last_datagram(bench):
 
 def test_ramp_down_returns_to_where_egm_began(bench):
     bench.run().converse(2.0, lambda _: bench.order(beside(0.2)))
-    bench.egm.stop(StopMode.RAMP_DOWN, 0.5)
+    bench.egm.stop(EgmStopMode.RAMP_DOWN, 0.5)
     bench.converse(1.0, lambda _: bench.order(beside(0.2)))
     assert bench.arm.position == pytest.approx(HOME, abs=1e-5)
 
@@ -382,7 +389,7 @@ def test_stream_sends_positions_and_uses_no_reply(bench):
     bench.egm.stream_start()
     bench.converse(2.0, lambda _: bench.order(beside(0.2)))
     assert bench.sent[-1].mci is MciState.STOPPED
-    assert bench.egm.state is EgmState.RUNNING
+    assert bench.egm.state is EgmClientState.RUNNING
     assert bench.arm.position == HOME
 
 
@@ -396,7 +403,7 @@ def test_stream_ends_when_it_is_stopped(bench):
     bench.egm.stream_start()
     bench.cycle()
     bench.egm.stream_stop()
-    assert bench.egm.state is EgmState.CONNECTED
+    assert bench.egm.state is EgmClientState.CONNECTED
     assert [bench.cycle() is None for _ in range(2)] == [False, True]
 
 
@@ -428,4 +435,4 @@ def test_run_is_refused_when_motors_are_off(bench):
     bench.arm.switch_motors_off()
     with pytest.raises(RobotNotReady, match="motors of the left arm are off"):
         bench.run()
-    assert bench.egm.state is EgmState.CONNECTED
+    assert bench.egm.state is EgmClientState.CONNECTED

@@ -10,7 +10,7 @@ import pytest
 from abb_protocols.egm import egm_pb2 as pb
 from abb_protocols.egm.codec import RobotMessage, SensorCodec, parse
 from abb_protocols.robot.joints import CYCLE, Side
-from abb_runtime.faults import Fault, Way
+from abb_runtime.faults import Fault, FaultDirection
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.egm_client import EgmClient
 from virtual_irc5.mechanics.egm_motion import EgmRun
@@ -68,13 +68,13 @@ def bench() -> Bench:
 
 
 def test_loss_takes_a_share_of_one_direction(bench: Bench) -> None:
-    bench.network.inject(Fault.EGM_LOSS, LEFT, 50.0, Way.TO_ROBOT)
+    bench.network.inject(Fault.EGM_LOSS, LEFT, 50.0, FaultDirection.TO_ROBOT)
     assert bench.numbers(200) == [[3 + number] for number in range(200)]
     assert 70 < len(bench.heard) < 130
 
 
 def test_loss_ends_after_its_time(bench: Bench) -> None:
-    bench.network.inject(Fault.EGM_LOSS, LEFT, 100.0, Way.FROM_ROBOT, duration=3.5 * CYCLE)
+    bench.network.inject(Fault.EGM_LOSS, LEFT, 100.0, FaultDirection.FROM_ROBOT, duration=3.5 * CYCLE)
     assert bench.numbers(5) == [[], [], [], [6], [7]]
     assert len(bench.heard) == 5
 
@@ -92,12 +92,12 @@ def test_delay_is_rounded_up_to_cycles_and_both_ways(bench: Bench) -> None:
 
 
 def test_duplicates_arrive_with_the_datagram(bench: Bench) -> None:
-    bench.network.inject(Fault.EGM_DUPLICATE, LEFT, 2.0, Way.FROM_ROBOT)
+    bench.network.inject(Fault.EGM_DUPLICATE, LEFT, 2.0, FaultDirection.FROM_ROBOT)
     assert bench.numbers(2) == [[3, 3, 3], [4, 4, 4]]
 
 
 def test_reordered_datagrams_overtake_each_other_by_so_many_at_most_and_none_is_lost(bench: Bench) -> None:
-    bench.network.inject(Fault.EGM_REORDER, LEFT, 3.0, Way.FROM_ROBOT)
+    bench.network.inject(Fault.EGM_REORDER, LEFT, 3.0, FaultDirection.FROM_ROBOT)
     arrived = [number for each in bench.numbers(200) for number in each]
     bench.network.inject(Fault.EGM_REORDER, LEFT, 0.0)
     arrived += [number for each in bench.numbers(4) for number in each]

@@ -6,7 +6,7 @@ import pytest
 
 from virtual_irc5.controller import file_store
 from virtual_irc5.controller.file_store import CAPACITY, LONGEST_PATH, MOST_FILES, FileStore
-from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.controller_log import RefusalReason, Refused
 
 
 @pytest.fixture
@@ -14,7 +14,7 @@ def store() -> FileStore:
     return FileStore({"HOME:/a.mod": "MODULE a ENDMODULE"})
 
 
-def refusal(store: FileStore, path: str, content: bytes = b"") -> Refusal:
+def refusal(store: FileStore, path: str, content: bytes = b"") -> RefusalReason:
     with pytest.raises(Refused) as refused:
         store.write(path, content)
     return refused.value.reason
@@ -22,7 +22,7 @@ def refusal(store: FileStore, path: str, content: bytes = b"") -> Refusal:
 
 def test_disk_that_is_full_takes_nothing_more(store: FileStore) -> None:
     store.write("TEMP:/big", bytes(CAPACITY - 1000))
-    assert refusal(store, "HOME:/more", bytes(1001)) is Refusal.NO_SPACE
+    assert refusal(store, "HOME:/more", bytes(1001)) is RefusalReason.NO_SPACE
     assert "HOME:/more" not in store
 
 
@@ -34,13 +34,13 @@ def test_file_that_is_replaced_makes_room_for_the_new_one(store: FileStore) -> N
 def test_disk_takes_so_many_files_only(store: FileStore) -> None:
     for number in range(MOST_FILES - len(file_store.DEVICES) - 1):
         store.write(f"TEMP:/{number}", b"")
-    assert refusal(store, "TEMP:/one-more") is Refusal.NO_SPACE
+    assert refusal(store, "TEMP:/one-more") is RefusalReason.NO_SPACE
     with pytest.raises(Refused, match="the disk is full"):
         store.make_directory("TEMP:/directory")
 
 
 def test_path_has_an_end(store: FileStore) -> None:
-    assert refusal(store, "TEMP:/" + "x" * LONGEST_PATH) is Refusal.BAD_VALUE
+    assert refusal(store, "TEMP:/" + "x" * LONGEST_PATH) is RefusalReason.BAD_VALUE
 
 
 def test_copies_count(store: FileStore) -> None:

@@ -3,9 +3,9 @@
 import pytest
 
 from abb_protocols.rws.values import SignalType
-from virtual_irc5.controller.signals import Signal, Signals
-from virtual_irc5.controller_log import Refusal, Refused
-from virtual_irc5.system_parameters import Configuration
+from virtual_irc5.controller.signals import ControllerSignal, Signals
+from virtual_irc5.controller_log import RefusalReason, Refused
+from virtual_irc5.system_parameters import SystemConfiguration
 
 Edge = tuple[str, float, float]
 
@@ -19,9 +19,9 @@ def edges() -> list[Edge]:
 def signals(edges: list[Edge]) -> Signals:
     return Signals(
         [
-            Signal("EGM_STOP", SignalType.DIGITAL_INPUT, "", "All", 0, ""),
-            Signal("STATIONARY", SignalType.DIGITAL_OUTPUT, "", "ReadOnly", 1, ""),
-            Signal("GROUP", SignalType.GROUP_OUTPUT, "", "All", 5, "Hand_R", "EtherNetIP"),
+            ControllerSignal("EGM_STOP", SignalType.DIGITAL_INPUT, "", "All", 0, ""),
+            ControllerSignal("STATIONARY", SignalType.DIGITAL_OUTPUT, "", "ReadOnly", 1, ""),
+            ControllerSignal("GROUP", SignalType.GROUP_OUTPUT, "", "All", 5, "Hand_R", "EtherNetIP"),
         ],
         lambda *edge: edges.append(edge),
     )
@@ -47,7 +47,7 @@ def test_signals_announce_every_edge_of_a_pulse(signals: Signals, edges: list[Ed
 def test_signals_refuse_clients_without_access(signals: Signals, edges: list[Edge]) -> None:
     with pytest.raises(Refused, match="access level ReadOnly; clients write those with All") as refused:
         signals.set("STATIONARY", 0)
-    assert refused.value.reason is Refusal.READ_ONLY
+    assert refused.value.reason is RefusalReason.READ_ONLY
     assert edges == []
 
 
@@ -59,13 +59,13 @@ def test_signals_let_the_controller_write_what_clients_may_not(signals: Signals)
 def test_signals_refuse_a_digital_value_other_than_0_and_1(signals: Signals) -> None:
     with pytest.raises(Refused, match=r"EGM_STOP is digital: 0 or 1, not 2\.") as refused:
         signals.set("EGM_STOP", 2)
-    assert refused.value.reason is Refusal.OUT_OF_RANGE
+    assert refused.value.reason is RefusalReason.OUT_OF_RANGE
 
 
 def test_signals_refuse_an_unknown_name(signals: Signals) -> None:
     with pytest.raises(Refused, match=r"there is no signal NOTHING\.") as refused:
         signals.get("NOTHING")
-    assert refused.value.reason is Refusal.UNKNOWN
+    assert refused.value.reason is RefusalReason.UNKNOWN
 
 
 CROSSED = """EIO:CFG_1.0:6:1::
@@ -89,7 +89,7 @@ EIO_CROSS:
 
 def test_cross_connected_signal_follows_its_actors() -> None:
     changes: list[tuple[str, float]] = []
-    signals = Signals.configured(Configuration([CROSSED]), lambda name, old, new: changes.append((name, new)))
+    signals = Signals.configured(SystemConfiguration([CROSSED]), lambda name, old, new: changes.append((name, new)))
     assert [signals.get(name).value for name in ("go", "stop", "echo")] == [0, 1, 1]
     changes.clear()
     signals.set("door", 1)
@@ -103,13 +103,13 @@ def test_cross_connected_signal_follows_its_actors() -> None:
 
 def test_cross_connection_in_a_circle_ends() -> None:
     circle = CROSSED + '      -Name "c4" -Res "bypass" -Act1 "go" -Act1_invert\n'
-    signals = Signals.configured(Configuration([circle]), lambda name, old, new: None)
+    signals = Signals.configured(SystemConfiguration([circle]), lambda name, old, new: None)
     signals.set("door", 1)
     assert signals.get("door").value == 1
 
 
 def test_cross_connection_of_an_unknown_signal_is_rejected_and_logged() -> None:
-    configuration = Configuration([CROSSED.replace('"door" -Oper1', '"nosuch" -Oper1')])
+    configuration = SystemConfiguration([CROSSED.replace('"door" -Oper1', '"nosuch" -Oper1')])
     signals = Signals.configured(configuration, lambda *_: None)
     signals.set("part", 1)
     assert signals.get("go").value == 0

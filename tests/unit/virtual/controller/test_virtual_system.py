@@ -20,7 +20,7 @@ from virtual_irc5.controller.installed_system import (
     with_programs,
 )
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.mechanics.units import UnitSupervision
 from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.states import Execution
@@ -420,7 +420,7 @@ def test_task_that_is_taken_out_on_the_task_panel_is_not_started(tmp_path: Path)
     assert (controller.screens["T_ROB_L"], controller.screens["T_ROB_R"]) == (("pass 1",), ())
     with pytest.raises(Refused) as refused:
         controller.execution.select("T_ROB_L", is_active=False)
-    assert refused.value.reason is Refusal.NOT_STOPPED
+    assert refused.value.reason is RefusalReason.NOT_STOPPED
 
 
 def test_module_with_the_pointer_is_replaced_and_the_pointer_is_lost(stepping: World) -> None:

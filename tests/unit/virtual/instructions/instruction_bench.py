@@ -9,9 +9,9 @@ import abb_protocols.controller_files
 import virtual_irc5.controller
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import CYCLE, Joints, Side
-from virtual_irc5.controller.signals import Signal, Signals
+from virtual_irc5.controller.signals import ControllerSignal, Signals
 from virtual_irc5.controller.tasks import TaskHost
-from virtual_irc5.controller_log import EventLog
+from virtual_irc5.controller_log import ControllerEventLog
 from virtual_irc5.instructions.robot_library import robot_library
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.egm_client import EgmClient
@@ -19,7 +19,7 @@ from virtual_irc5.mechanics.units import YUMI_UNITS, ArmUnit, SyncPoints
 from virtual_irc5.mechanics.virtual_gripper import VirtualGripper, Workpiece
 from virtual_irc5.rapid.states import Execution
 from virtual_irc5.rapid.task import Task
-from virtual_irc5.system_parameters import Configuration, SystemParameters
+from virtual_irc5.system_parameters import SystemConfiguration, SystemParameters
 
 FOLDER = Path(next(iter(abb_protocols.controller_files.__path__)))
 STOCK = Path(virtual_irc5.controller.__file__).parent / "stock"
@@ -80,7 +80,7 @@ class InstructionBench:
         side: Side = Side.RIGHT,
         workpiece: Workpiece | None = None,
         sync_points: SyncPoints | None = None,
-        signals: Sequence[Signal] = (),
+        signals: Sequence[ControllerSignal] = (),
         position: Joints | None = None,
     ) -> None:
         arm = VirtualArm(side, position)
@@ -89,8 +89,8 @@ class InstructionBench:
             arm, EgmClient(arm), VirtualGripper(workpiece, GripperModules.TWO_VACUUMS, is_calibrated=True)
         )
         paths = [*sorted(STOCK.glob("*.cfg")), *sorted(FOLDER.glob("*.cfg"))]
-        self.configuration = Configuration(path.read_text(encoding="ascii") for path in paths)
-        self.events = EventLog(lambda: 0.0)
+        self.configuration = SystemConfiguration(path.read_text(encoding="ascii") for path in paths)
+        self.events = ControllerEventLog(lambda: 0.0)
         self.speed_ratio = 100
         self.signals = Signals(signals, self._signal_changed)
         self.host = TaskHost(self.signals, {}, self.events, is_virtual=False)

@@ -9,9 +9,9 @@ from instruction_bench import InstructionBench
 from abb_protocols.egm.codec import MciState, SensorCodec, SensorMessage
 from abb_protocols.robot.joints import Side, home
 from abb_protocols.rws.values import SignalType
-from virtual_irc5.controller.signals import Signal
+from virtual_irc5.controller.signals import ControllerSignal
 from virtual_irc5.instructions.robot_data import jointtarget
-from virtual_irc5.mechanics.egm_client import EgmOutcome, EgmState
+from virtual_irc5.mechanics.egm_client import EgmClientState, EgmOutcome
 from virtual_irc5.mechanics.egm_motion import EgmActivation
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
@@ -38,7 +38,7 @@ def test_run_returns_after_convergence(bench: InstructionBench) -> None:
     bench.start(MOVE + SETUP + ACT + RUN + "number:=EGMGetState(egm);")
     guide(bench)
     assert bench.failure == ""
-    assert float(bench.read("number")) == EgmState.CONNECTED
+    assert float(bench.read("number")) == EgmClientState.CONNECTED
     assert 0.2 < bench.task.now < 0.5
 
 
@@ -58,7 +58,7 @@ def test_run_without_waiting_goes_on_in_the_program(bench: InstructionBench) -> 
     start = RUN.replace("HOLD", "HOLD\\NoWaitCond")
     bench.start(MOVE + SETUP + ACT + start + "number:=EGMGetState(egm); EGMWaitCond egm; flag:=TRUE;")
     guide(bench)
-    assert float(bench.read("number")) == EgmState.RUNNING
+    assert float(bench.read("number")) == EgmClientState.RUNNING
     assert bench.read("flag") == "TRUE"
 
 
@@ -89,13 +89,13 @@ def test_stop_ends_a_run(bench: InstructionBench) -> None:
     start = RUN.replace("HOLD", "HOLD\\NoWaitCond")
     bench.start(MOVE + SETUP + ACT + start + "WaitTime 0.1; EGMStop egm,EGM_STOP_HOLD; number:=EGMGetState(egm);")
     guide(bench)
-    assert float(bench.read("number")) == EgmState.CONNECTED
+    assert float(bench.read("number")) == EgmClientState.CONNECTED
     assert bench.unit.arm.is_stationary
 
 
 def test_reset_gives_the_identity_back(bench: InstructionBench) -> None:
     bench.run("EGMGetId egm; EGMReset egm; number:=EGMGetState(egm);")
-    assert float(bench.read("number")) == EgmState.DISCONNECTED
+    assert float(bench.read("number")) == EgmClientState.DISCONNECTED
     assert bench.unit.egm_identities == set()
 
 
@@ -147,9 +147,11 @@ def test_device_name_may_end_in_a_colon(bench: InstructionBench) -> None:
     assert bench.unit.egm_device == "UCdevice"
 
 
-@pytest.mark.parametrize(("do_not_restart", "state"), [("FALSE", EgmState.RUNNING), ("TRUE", EgmState.CONNECTED)])
+@pytest.mark.parametrize(
+    ("do_not_restart", "state"), [("FALSE", EgmClientState.RUNNING), ("TRUE", EgmClientState.CONNECTED)]
+)
 def test_interrupted_run_goes_on_after_motors_off_unless_configured_otherwise(
-    bench: InstructionBench, do_not_restart: str, state: EgmState
+    bench: InstructionBench, do_not_restart: str, state: EgmClientState
 ) -> None:
     attributes = {"do_not_restart_after_motors_off": do_not_restart}
     bench.configuration.change("MOC", "EXT_MOTION_DATA", "ROB_R", attributes)
@@ -195,7 +197,7 @@ def test_activation_with_a_stream_lets_the_one_that_runs_go_on(bench: Instructio
     act = ACT.replace("egm", "egm\\StreamStart", 1)
     bench.run(MOVE + SETUP + "EGMStreamStart egm; WaitTime 0.1; " + act + "WaitTime 0.1; number:=EGMGetState(egm);")
     assert bench.failure == ""
-    assert float(bench.read("number")) == EgmState.RUNNING
+    assert float(bench.read("number")) == EgmClientState.RUNNING
     assert SensorCodec().decode(bench.sent[-1]).seqno == len(bench.sent) - 1
 
 
@@ -252,8 +254,8 @@ def test_convergence_bands_arrive_in_chain_order(bench: InstructionBench, monkey
     assert highest == pytest.approx([radians(axis) for axis in (1, 2, 7, 3, 4, 5, 6)])
 
 
-def signal(name: str, kind: SignalType) -> Signal:
-    return Signal(name, kind, "", "All", 0.0, "")
+def signal(name: str, kind: SignalType) -> ControllerSignal:
+    return ControllerSignal(name, kind, "", "All", 0.0, "")
 
 
 SIGNALS = (signal("ao_axis_1", SignalType.ANALOG_OUTPUT), signal("ao_axis_7", SignalType.ANALOG_OUTPUT))

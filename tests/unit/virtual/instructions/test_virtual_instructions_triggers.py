@@ -6,7 +6,7 @@ from drawn_path import Array, Drawing, at, from_line
 from instruction_bench import InstructionBench
 
 from abb_protocols.rws.values import SignalType
-from virtual_irc5.controller.signals import Signal
+from virtual_irc5.controller.signals import ControllerSignal
 from virtual_irc5.rapid.states import EventKind
 
 TO_START = r"ConfL\Off; ConfJ\Off; MoveAbsJ [[20,-100,20,0,60,0],[-110,9E9,9E9,9E9,9E9,9E9]],vmax,fine,tool0; "
@@ -15,8 +15,8 @@ TRIGGER_DO = r"TriggIO event,5\DOp:=done,{}; TriggL Offs(point,0,0,-50),v200,eve
 TURN = "{} Offs(point,0,0,-100),v200,z20,tool0{}; MoveL Offs(point,100,0,-100),v200,fine,tool0;"
 
 
-def signal(name: str, kind: SignalType) -> Signal:
-    return Signal(name, kind, "", "All", 0.0, "")
+def signal(name: str, kind: SignalType) -> ControllerSignal:
+    return ControllerSignal(name, kind, "", "All", 0.0, "")
 
 
 @pytest.fixture

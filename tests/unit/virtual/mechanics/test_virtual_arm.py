@@ -12,10 +12,10 @@ from abb_protocols.robot.joints import ZERO, Joints, Side, home
 from abb_protocols.robot.kinematics import tool0_to_body
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 
 CYCLE = 0.004032
-VELOCITY_MODE = EgmSettings(gain=0.0, bandwidth=0.0, max_speed=10.0)
+VELOCITY_MODE = EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=10.0)
 
 
 @pytest.fixture
@@ -116,7 +116,7 @@ def test_motion_is_refused_when_motors_are_off():
 
 
 def test_motion_is_refused_when_egm_guides_the_arm(arm):
-    arm.start_egm(EgmSettings())
+    arm.start_egm(EgmMotionParameters())
     with pytest.raises(RobotNotReady, match="EGM moves the left arm"):
         arm.move_to(ZERO)
 
@@ -160,7 +160,7 @@ def test_measured_position_follows_a_constant_speed_late_by_delay_and_lag(arm):
 
 
 def test_filtering_level_adds_its_delay_without_a_jump(arm):
-    arm.start_egm(EgmSettings(gain=0.0, bandwidth=0.0, max_speed=10.0, level=1))
+    arm.start_egm(EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=10.0, level=1))
     arm.set_reference(None, beside(ZERO, 0.5))
     arm.advance(0.5)
     assert (arm.planned[0] - arm.position[0]) / 0.5 == pytest.approx(0.032, abs=1e-6)
@@ -238,7 +238,7 @@ def test_arm_whose_brakes_hold_it_is_not_pushed() -> None:
 
 
 def test_arm_that_is_pushed_under_egm_is_planned_against_the_push(arm: VirtualArm) -> None:
-    arm.start_egm(EgmSettings(bandwidth=0.0, max_speed=10.0))
+    arm.start_egm(EgmMotionParameters(bandwidth=0.0, max_speed=10.0))
     start = arm.position[3]
     arm.push(0.1)
     planned, measured = [], []

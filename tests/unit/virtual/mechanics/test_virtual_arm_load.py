@@ -10,13 +10,13 @@ from abb_protocols.robot.joints import ZERO, Joints, Side, home
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel, MotionState
 from virtual_irc5.mechanics.dynamics import ArmDynamics
-from virtual_irc5.mechanics.egm_motion import EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from virtual_irc5.mechanics.load_supervision import LoadSupervision, Overload
 
 HOME = home(Side.LEFT)
 MODEL = ArmModel(supervises_load=True)
 CYCLE = 0.004032
-FAST = EgmSettings(gain=5.0, bandwidth=0.0, max_speed=7.0)
+FAST = EgmMotionParameters(gain=5.0, bandwidth=0.0, max_speed=7.0)
 
 
 @pytest.fixture

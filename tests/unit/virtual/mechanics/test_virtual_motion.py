@@ -11,14 +11,14 @@ import pytest
 from abb_protocols.robot.joints import ZERO, Joints, Side
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel, unlimited
-from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmMotion, EgmRun, EgmSettings, ExternalMotionData
+from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmMotion, EgmMotionParameters, EgmRun, ExternalMotionData
 from virtual_irc5.mechanics.servo import follow_references
 
 CYCLE = 0.004032
 FAST = 400.0
 AT_ONCE = ArmModel(reference_delay=0.0)
 THESIS = ArmModel(egm_acceleration=(6.0,) * 7)
-FULL_SPEED = EgmSettings(gain=5.0, bandwidth=0.0, ramp_in_time=0.1, max_speed=radians(400.0))
+FULL_SPEED = EgmMotionParameters(gain=5.0, bandwidth=0.0, ramp_in_time=0.1, max_speed=radians(400.0))
 
 
 def only(index: int, value: float) -> Joints:
@@ -29,7 +29,7 @@ def only(index: int, value: float) -> Joints:
 
 def law(**settings: float) -> EgmMotion:
     defaults = {"gain": 5.0, "bandwidth": 0.0, "max_speed": FAST}
-    return EgmMotion(ZERO, EgmSettings(**{**defaults, **settings}), AT_ONCE)
+    return EgmMotion(ZERO, EgmMotionParameters(**{**defaults, **settings}), AT_ONCE)
 
 
 def advanced(motion: EgmMotion, duration: float, dt: float = CYCLE) -> EgmMotion:
@@ -95,7 +95,7 @@ def test_loop_is_closed_over_what_the_robot_reports():
 
 def test_references_are_used_when_their_delay_is_over():
     model = ArmModel(reference_delay=2.5 * CYCLE)
-    motion = EgmMotion(ZERO, EgmSettings(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
+    motion = EgmMotion(ZERO, EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
     motion.reference_velocity = only(0, 0.1)
     speeds = []
     for _ in range(5):
@@ -106,7 +106,7 @@ def test_references_are_used_when_their_delay_is_over():
 
 def test_reference_that_lasts_less_than_a_step_counts_for_its_part_of_it():
     model = ArmModel(reference_delay=0.001)
-    motion = EgmMotion(ZERO, EgmSettings(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
+    motion = EgmMotion(ZERO, EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
     for speed in (0.1, 0.2, 0.4):
         motion.reference_velocity = only(0, speed)
         motion.advance(0.001)
@@ -115,7 +115,7 @@ def test_reference_that_lasts_less_than_a_step_counts_for_its_part_of_it():
     assert motion.state.position[0] == pytest.approx(0.001 * (0.0 + 0.1 + 0.2) + 0.004 * 0.4)
 
 
-def discrete_ramp(settings: EgmSettings, taken: Sequence[float], delay: int, cycle: float) -> list[float]:
+def discrete_ramp(settings: EgmMotionParameters, taken: Sequence[float], delay: int, cycle: float) -> list[float]:
     """What is reported of ``v = keep·v + (1 - keep)·k·(r - y); p += v·T``, y being p some cycles before."""
     keep = exp(-2.0 * pi * settings.bandwidth * cycle)
     planned, speed = [0.0], 0.0
@@ -129,7 +129,7 @@ def discrete_ramp(settings: EgmSettings, taken: Sequence[float], delay: int, cyc
 @pytest.mark.parametrize(("count", "cycle"), [(6, 0.004), (7, 0.004032), (1, 0.004032)])
 def test_arm_follows_references_as_the_controllers_own_cycles_do(count: int, cycle: float) -> None:
     model = ArmModel(unlimited(count), delay=4.0 * cycle, lag=0.0, reference_delay=2.0 * cycle)
-    settings = EgmSettings(gain=5.0, bandwidth=100.0, max_speed=FAST)
+    settings = EgmMotionParameters(gain=5.0, bandwidth=100.0, max_speed=FAST)
     ramp = [0.001 * number for number in range(300)]
     answer = follow_references([(value,) * count for value in ramp], (0.0,) * count, model, settings, cycle=cycle)
     expected = discrete_ramp(settings, [0.0, 0.0, *ramp[:-2]], 4, cycle)
@@ -141,7 +141,7 @@ def test_arm_follows_references_as_the_controllers_own_cycles_do(count: int, cyc
 def test_dead_time_inside_the_loop_leaves_the_lag_of_a_ramp_at_one_over_the_gain(delay: float) -> None:
     model = ArmModel(unlimited(1), delay=delay, lag=0.0, reference_delay=0.0)
     ramp = [(0.2 * number * CYCLE,) for number in range(1000)]
-    settings = EgmSettings(gain=5.0, bandwidth=20.0, max_speed=FAST)
+    settings = EgmMotionParameters(gain=5.0, bandwidth=20.0, max_speed=FAST)
     last = follow_references(ramp, (0.0,), model, settings)[-1].measured[0]
     assert (ramp[-1][0] - last) / 0.2 == pytest.approx(1.0 / 5.0, abs=1e-4)
 
@@ -149,7 +149,7 @@ def test_dead_time_inside_the_loop_leaves_the_lag_of_a_ramp_at_one_over_the_gain
 @pytest.mark.parametrize(("robot", "cycle", "lag"), [("IRB 6640", CYCLE, 0.205), ("RobotStudio", 0.004, 0.206)])
 def test_measured_robots_lag_on_a_ramp_as_in_their_records(robot: str, cycle: float, lag: float) -> None:
     ramp = [(0.2 * number * cycle,) * 6 for number in range(1000)]
-    settings = EgmSettings(gain=5.0, bandwidth=100.0, max_speed=FAST)
+    settings = EgmMotionParameters(gain=5.0, bandwidth=100.0, max_speed=FAST)
     answer = follow_references([(0.0,) * 6, *ramp[:-1]], (0.0,) * 6, MODELS[robot], settings, cycle=cycle)
     # Records begin with a cycle; the lag is that of a reference that changes in the middle of one.
     assert (ramp[-1][0] - answer[-1].measured[0]) / 0.2 == pytest.approx(lag + cycle / 2.0, abs=0.0025)
@@ -180,7 +180,7 @@ def test_speed_is_capped_with_one_scale_for_all_joints():
 
 def test_change_of_speed_is_capped_with_one_scale_for_all_joints():
     model = ArmModel(reference_delay=0.0, egm_acceleration=(5.0,) * 7)
-    motion = EgmMotion(ZERO, EgmSettings(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
+    motion = EgmMotion(ZERO, EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
     motion.reference_velocity = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for _ in range(100):
         motion.advance(CYCLE)
@@ -229,10 +229,10 @@ def test_joints_stay_within_the_position_deviation():
 def test_law_takes_its_numbers_from_configuration_activation_and_run():
     data = ExternalMotionData(level=0, position_gain=8.0, bandwidth=30.0)
     activation = EgmActivation(lp_filter=None, max_speed_deviation=0.3, max_pos_deviation=0.4)
-    settings = EgmSettings.of(data, activation, EgmRun(pos_corr_gain=0.5, ramp_in_time=0.2))
-    assert settings == EgmSettings(4.0, 30.0, 0.2, 0.3, 0.4, 0)
+    settings = EgmMotionParameters.of(data, activation, EgmRun(pos_corr_gain=0.5, ramp_in_time=0.2))
+    assert settings == EgmMotionParameters(4.0, 30.0, 0.2, 0.3, 0.4, 0)
 
 
 def test_filter_of_the_activation_goes_before_the_configured_one():
-    settings = EgmSettings.of(ExternalMotionData(bandwidth=30.0), EgmActivation(lp_filter=0.0), EgmRun())
+    settings = EgmMotionParameters.of(ExternalMotionData(bandwidth=30.0), EgmActivation(lp_filter=0.0), EgmRun())
     assert settings.bandwidth == 0.0

@@ -10,7 +10,7 @@ from urllib.parse import urljoin, urlsplit
 
 import pytest
 
-from abb_protocols.rws.documents import Link, State, read_page, read_status
+from abb_protocols.rws.documents import RwsLink, RwsState, read_page, read_status
 from rws_examples import EXAMPLES, Example, Session, content_type, operation_of
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import _JSON_FIELD_NAMES, _JSON_TYPES
@@ -69,7 +69,7 @@ def test_every_operation_has_an_example(session: Session) -> None:
     assert [(each.method, each.path, each.action, each.resource) for each in missing] == []
 
 
-def links(states: Iterable[State]) -> Iterator[Link]:
+def links(states: Iterable[RwsState]) -> Iterator[RwsLink]:
     for state in states:
         yield from state.links
         yield from links(state.children)

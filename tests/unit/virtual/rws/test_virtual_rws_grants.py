@@ -7,7 +7,7 @@ import json
 import pytest
 
 from abb_protocols.rws.documents import read_page, read_status
-from abb_protocols.rws.values import GRANTS, Code, Grant
+from abb_protocols.rws.values import GRANTS, Grant, RwsCode
 from rws_examples import EXAMPLES, Example, Session, content_type, operation_of
 
 SPEED = Example("POST", "/rw/panel/speedratio?action=setspeedratio", "speed-ratio=50")
@@ -36,9 +36,9 @@ def test_operation_needs_its_grant_and_no_other(session: Session, example: Examp
     xhtml, data = (example.send(session, form, without(needed)) for form in ("", "json"))
     assert (xhtml.status, data.status) == (403, 403)
     if example.method != "HEAD":
-        assert read_status(content_type(xhtml), xhtml.body).code == Code.UAS_REJECT
+        assert read_status(content_type(xhtml), xhtml.body).code == RwsCode.UAS_REJECT
         status = json.loads(data.body)["_embedded"]["status"]
-        assert status["code"] == Code.UAS_REJECT
+        assert status["code"] == RwsCode.UAS_REJECT
         assert f"the user lacks the grant {needed.value}" in status["msg"]
 
 

@@ -10,11 +10,11 @@ import pytest
 from abb_protocols.rws.operations.operation import Operation, get, post
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.router import Route, Router
-from virtual_irc5.rws.rws_call import Call, Failure
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall
 from virtual_irc5.rws.rws_service import ROUTES
 
 
-def nothing(controller: Irc5, call: Call) -> None: ...
+def nothing(controller: Irc5, call: RwsCall) -> None: ...
 
 
 ROUTER = Router(
@@ -77,16 +77,16 @@ def test_placeholders_have_the_text_of_the_path(path: str, names: dict[str, str]
 def test_call_without_an_operation_is_refused(
     method: str, path: str, action: str | None, status: int, sentence: str
 ) -> None:
-    with pytest.raises(Failure, match=sentence) as failure:
+    with pytest.raises(CallFailure, match=sentence) as failure:
         found(method, path, action)
     assert failure.value.status == status
 
 
 def test_parameter_outside_its_values_is_refused() -> None:
     operation, _ = found("POST", "/rw/thing", "start")
-    Call("POST", ("rw", "thing"), form=(("mode", "slow"),)).check(operation)
-    with pytest.raises(Failure, match="mode is slow or fast, not 'wild'"):
-        Call("POST", ("rw", "thing"), form=(("mode", "wild"),)).check(operation)
+    RwsCall("POST", ("rw", "thing"), form=(("mode", "slow"),)).check(operation)
+    with pytest.raises(CallFailure, match="mode is slow or fast, not 'wild'"):
+        RwsCall("POST", ("rw", "thing"), form=(("mode", "wild"),)).check(operation)
 
 
 def test_every_operation_is_in_the_table_once() -> None:
@@ -99,7 +99,7 @@ def test_every_operation_is_in_the_table_once() -> None:
 def test_operations_of_one_path_differ_in_their_resource() -> None:
     assert found("GET", "/rw/thing", resource="part")[0].resource == "part"
     assert found("GET", "/rw/thing")[0].resource is None
-    with pytest.raises(Failure, match="/rw/thing does not have the resource 'other'"):
+    with pytest.raises(CallFailure, match="/rw/thing does not have the resource 'other'"):
         found("GET", "/rw/thing", resource="other")
 
 

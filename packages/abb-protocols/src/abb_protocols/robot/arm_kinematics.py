@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from abb_protocols.catalogue import message
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.chain import Chain
-from abb_protocols.robot.confdata import Configuration
+from abb_protocols.robot.confdata import Confdata
 from abb_protocols.robot.joints import JointLimits, Joints, Pose
 from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
 
@@ -47,7 +47,7 @@ class Lost(YumiError):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Arm(Chain):
+class KinematicArm(Chain):
     """One robot arm: the chain to tool0, whose foot is bolted somewhere.
 
     Attributes:
@@ -69,7 +69,7 @@ class Arm(Chain):
     foot_to_world: Pose
     limits: JointLimits
     home: Joints
-    configuration: Callable[[Joints], Configuration]
+    configuration: Callable[[Joints], Confdata]
     tool_speed: float
     tool_acceleration: float
     find_postures: Postures
@@ -158,7 +158,7 @@ class Arm(Chain):
 
     # Configurations -----------------------------------------------------------------------------------------------
 
-    def has_configuration(self, position: Joints, wanted: Configuration) -> bool:
+    def has_configuration(self, position: Joints, wanted: Confdata) -> bool:
         """Whether a posture is of a configuration; beside the border between two it is of both."""
         here = self.configuration(position)
         if here == wanted:
@@ -169,12 +169,12 @@ class Arm(Chain):
         )
         return fits and wanted.cfx in {each.cfx for each in (here, *nearby)}
 
-    def is_beside_configuration(self, position: Joints, wanted: Configuration) -> bool:
+    def is_beside_configuration(self, position: Joints, wanted: Confdata) -> bool:
         """Whether axes 1, 4 and 6 of a posture are at most a quarter turn beside those of a configuration."""
         here = self.configuration(position)
         return all(abs(getattr(here, name) - getattr(wanted, name)) <= 1 for name in ("cf1", "cf4", "cf6"))
 
 
 @lru_cache(512)
-def _remembered(arm: Arm, tool0: Pose, angle: float) -> tuple[Joints, ...]:
+def _remembered(arm: KinematicArm, tool0: Pose, angle: float) -> tuple[Joints, ...]:
     return arm.find_postures(tool0, angle)

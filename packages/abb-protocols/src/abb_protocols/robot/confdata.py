@@ -14,7 +14,7 @@ Ten times the difference from the plan with which it counts as standing: axis 4 
 """
 
 
-class Configuration(NamedTuple):
+class Confdata(NamedTuple):
     """RAPID's ``confdata``: which of the postures of a pose and an arm angle is meant (reference/robots.md).
 
     Attributes:
@@ -35,7 +35,7 @@ def quarter_turn(angle: float) -> int:
     return floor((angle + CONFIGURATION_TOLERANCE) / (pi / 2.0))
 
 
-def configuration(position: Joints) -> Configuration:
+def configuration(position: Joints) -> Confdata:
     """The configuration of a posture [rad].
 
     Quarter turns rounded down are ABB's rule. Between two branches the arm passes a singularity.
@@ -45,4 +45,4 @@ def configuration(position: Joints) -> Configuration:
     a1, a2, _, a3, a4, a5, a6 = position
     below = -CONFIGURATION_TOLERANCE
     cfx = 4 * (a2 < below) + 2 * (a5 < below) + (a3 < below - pi / 2.0)
-    return Configuration(quarter_turn(a1), quarter_turn(a4), quarter_turn(a6), cfx)
+    return Confdata(quarter_turn(a1), quarter_turn(a4), quarter_turn(a6), cfx)

@@ -110,7 +110,7 @@ def signed_speed(speed: float, state: ServoState) -> float:
     return -speed if state in _CLOSING else speed
 
 
-class Outcome(Enum):
+class GripOutcome(Enum):
     """How a gripper command ended; the value says it in words."""
 
     OPEN = "open"
@@ -120,7 +120,7 @@ class Outcome(Enum):
     STALLED = "stalled"
 
 
-def outcome_of(position: float, effort: float, *, stalled: bool, reached_goal: bool) -> Outcome:
+def outcome_of(position: float, effort: float, *, stalled: bool, reached_goal: bool) -> GripOutcome:
     """How a command ended, from the result as ``control_msgs/action/GripperCommand`` has it.
 
     Args:
@@ -130,12 +130,12 @@ def outcome_of(position: float, effort: float, *, stalled: bool, reached_goal: b
         reached_goal: whether they are where they were sent.
     """
     if stalled and effort > 0.0:
-        return Outcome.HOLDING
+        return GripOutcome.HOLDING
     if stalled or not reached_goal:
-        return Outcome.STALLED
+        return GripOutcome.STALLED
     if position <= ALLOWANCE:
-        return Outcome.CLOSED
-    return Outcome.OPEN if position >= TRAVEL - ALLOWANCE else Outcome.IN_PLACE
+        return GripOutcome.CLOSED
+    return GripOutcome.OPEN if position >= TRAVEL - ALLOWANCE else GripOutcome.IN_PLACE
 
 
 _M_PER_COUNT = 1e-4  # positions and speeds count 0.1 mm

@@ -9,8 +9,8 @@ from math import acos, atan2, cos, hypot, pi, radians, sin, tau
 import numpy as np
 from numpy.typing import NDArray
 
-from abb_protocols.robot.arm_kinematics import Arm
-from abb_protocols.robot.confdata import CONFIGURATION_TOLERANCE, Configuration, quarter_turn
+from abb_protocols.robot.arm_kinematics import KinematicArm
+from abb_protocols.robot.confdata import CONFIGURATION_TOLERANCE, Confdata, quarter_turn
 from abb_protocols.robot.joints import ORIGIN, JointLimits, Joints, Pose
 from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.rotations import rotations_about
@@ -35,7 +35,7 @@ IRB120_LIMITS = JointLimits(
 )
 
 
-def six_axis_configuration(position: Joints) -> Configuration:
+def six_axis_configuration(position: Joints) -> Confdata:
     """RAPID's confdata of an IRB 120: quarter turns of axes 1, 4 and 6, and one of eight branches.
 
     The branch adds 4 where the wrist is behind axis 1, 2 where it is behind the lower arm, 1 where axis 5 is negative.
@@ -43,7 +43,7 @@ def six_axis_configuration(position: Joints) -> Configuration:
     a1, a2, a3, a4, a5, a6 = position
     wrist_ahead = _LOWER_ARM * sin(a2) + _REACH * sin(a2 + a3 + _ELBOW_ANGLE)
     cfx = 4 * (wrist_ahead < 0.0) + 2 * (sin(a3 + _ELBOW_ANGLE) < 0.0) + (a5 < -CONFIGURATION_TOLERANCE)
-    return Configuration(quarter_turn(a1), quarter_turn(a4), quarter_turn(a6), cfx)
+    return Confdata(quarter_turn(a1), quarter_turn(a4), quarter_turn(a6), cfx)
 
 
 def _six_axis_postures(tool0: Pose, limits: JointLimits) -> tuple[Joints, ...]:
@@ -98,7 +98,7 @@ def _full_turns(position: tuple[float, ...], limits: JointLimits) -> list[Joints
 
 
 @cache
-def irb120() -> Arm:
+def irb120() -> KinematicArm:
     """An IRB 120-3/0.6."""
     offsets = (
         (0.0, 0.0, _BASE),
@@ -109,7 +109,7 @@ def irb120() -> Arm:
         (0.0, 0.0, 0.0),
         (_FLANGE, 0.0, 0.0),
     )
-    return Arm(
+    return KinematicArm(
         turns_about=(_Z, _Y, _Y, _X, _Y, _X),
         offsets=np.array(offsets),
         end=_TOOL0_AT_ZERO,

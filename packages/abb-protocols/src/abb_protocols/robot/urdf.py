@@ -220,7 +220,7 @@ def _metres(values_mm: Vector) -> Vector:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class UrdfFrame:
     """A link seen from its parent, where the joint between them is at zero.
 
     Attributes:
@@ -253,7 +253,7 @@ class Frame:
         return compose(self.origin, Pose((0.0, 0.0, 0.0), (turn, x * s, y * s, z * s)))
 
 
-def read_frames(urdf: str) -> tuple[Frame, ...]:
+def read_frames(urdf: str) -> tuple[UrdfFrame, ...]:
     """The frames of a URDF in its order, parents first; the root has none."""
     frames = []
     for joint in ET.fromstring(urdf).iter("joint"):
@@ -261,7 +261,7 @@ def read_frames(urdf: str) -> tuple[Frame, ...]:
         origin, axis = joint.find("origin"), joint.find("axis")
         place = {} if origin is None else origin.attrib
         frames.append(
-            Frame(
+            UrdfFrame(
                 joint.find("child").attrib["link"],  # type: ignore[union-attr]  # every joint has both
                 joint.find("parent").attrib["link"],  # type: ignore[union-attr]
                 Pose(_vector(place.get("xyz")), quaternion_from_euler_zyx(_vector(place.get("rpy")))),

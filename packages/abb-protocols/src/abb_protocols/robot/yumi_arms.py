@@ -8,7 +8,7 @@ from math import atan2, cos, pi, sin, tau
 
 import numpy as np
 
-from abb_protocols.robot.arm_kinematics import Arm
+from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.confdata import configuration
 from abb_protocols.robot.inverse_kinematics import TO_TOOL0, postures
 from abb_protocols.robot.joints import CHAIN_AXES, ORIGIN, YUMI_LIMITS, JointLimits, Joints, Pose, Side, home
@@ -17,9 +17,9 @@ from abb_protocols.robot.rotations import cross
 
 
 @cache
-def yumi_arm(side: Side, limits: JointLimits = YUMI_LIMITS) -> Arm:
+def yumi_arm(side: Side, limits: JointLimits = YUMI_LIMITS) -> KinematicArm:
     """One arm of an IRB 14000; the world is the body frame."""
-    return Arm(
+    return KinematicArm(
         **vars(TO_TOOL0[side]),
         name=f"{side.word} arm",
         axes=CHAIN_AXES,
@@ -35,7 +35,7 @@ def yumi_arm(side: Side, limits: JointLimits = YUMI_LIMITS) -> Arm:
 
 
 @cache
-def irb14050() -> Arm:
+def irb14050() -> KinematicArm:
     """The single-arm YuMi: the arm of an IRB 14000 on its foot, its arm angle counted from the foot's z axis."""
     arm, z = yumi_arm(Side.LEFT), np.array([0.0, 0.0, 1.0])
 

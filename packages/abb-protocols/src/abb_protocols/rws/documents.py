@@ -100,7 +100,7 @@ def whole_number(field: str, text: str) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class RwsLink:
     """A reference from a page or a state; ``href`` is relative to the page's base, without ``json=1``."""
 
     rel: str
@@ -108,7 +108,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Argument:
+class RwsArgument:
     """One argument of an event log message: its type (``string``, ``long``, ``float``) and its text."""
 
     type: str
@@ -116,7 +116,7 @@ class Argument:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class RwsState:
     """One thing shown.
 
     Attributes:
@@ -131,9 +131,9 @@ class State:
     type: str
     title: str
     fields: Mapping[str, str] = field(default_factory=dict)
-    links: tuple[Link, ...] = ()
-    children: tuple[State, ...] = ()
-    arguments: tuple[Argument, ...] = ()
+    links: tuple[RwsLink, ...] = ()
+    children: tuple[RwsState, ...] = ()
+    arguments: tuple[RwsArgument, ...] = ()
 
     def text(self, name: str) -> str:
         """The text of field ``name``.
@@ -187,14 +187,14 @@ class Page:
 
     title: str
     base: str
-    states: tuple[State, ...] = ()
-    links: tuple[Link, ...] = ()
+    states: tuple[RwsState, ...] = ()
+    links: tuple[RwsLink, ...] = ()
 
-    def of_type(self, *types: str) -> Iterator[State]:
+    def of_type(self, *types: str) -> Iterator[RwsState]:
         """The states of one of ``types``, in order."""
         return (state for state in self.states if state.type in types)
 
-    def one(self, *types: str) -> State:
+    def one(self, *types: str) -> RwsState:
         """The first state of one of ``types``.
 
         Raises:
@@ -205,7 +205,7 @@ class Page:
         raise ProtocolError(message("answer_without_state", types=types))
 
     @property
-    def first(self) -> State:
+    def first(self) -> RwsState:
         """The first state.
 
         Raises:
@@ -303,22 +303,22 @@ def _division(root: Element, kind: str) -> Element:
     raise ProtocolError(message("document_without_division", division=kind))
 
 
-def _state(item: Element, depth: int = 1) -> State:
+def _state(item: Element, depth: int = 1) -> RwsState:
     if depth > _DEEPEST:
         raise ProtocolError(message("document_nested_too_deeply", most=_DEEPEST))
     spans = item.findall("span")
-    arguments = tuple(Argument(span.get("type", ""), span.text or "") for span in spans if _is_argument(span))
+    arguments = tuple(RwsArgument(span.get("type", ""), span.text or "") for span in spans if _is_argument(span))
     fields = {span.get("class", ""): span.text or "" for span in spans if not _is_argument(span)}
     children = tuple(_state(child, depth + 1) for child in item.findall("ul/li"))
-    return State(item.get("class", ""), item.get("title", ""), fields, _links(item), children, arguments)
+    return RwsState(item.get("class", ""), item.get("title", ""), fields, _links(item), children, arguments)
 
 
 def _is_argument(span: Element) -> bool:
     return span.get("type") is not None and _ARGUMENT.fullmatch(span.get("class", "")) is not None
 
 
-def _links(element: Element) -> tuple[Link, ...]:
-    return tuple(Link(anchor.get("rel", ""), anchor.get("href", "")) for anchor in element.findall("a"))
+def _links(element: Element) -> tuple[RwsLink, ...]:
+    return tuple(RwsLink(anchor.get("rel", ""), anchor.get("href", "")) for anchor in element.findall("a"))
 
 
 SixAxes = tuple[float, float, float, float, float, float]
@@ -350,7 +350,7 @@ class SystemInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class Signal:
+class RwsSignal:
     """One I/O signal and its logical value."""
 
     name: str
@@ -401,7 +401,7 @@ class RobTarget:
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class RwsEvent:
     """One message of the event log.
 
     Attributes:
@@ -459,14 +459,14 @@ def read_symbol_type(page: Page) -> str:
     raise ProtocolError(message("answer_without_properties"))
 
 
-def read_signal(page: Page) -> Signal:
+def read_signal(page: Page) -> RwsSignal:
     """``/rw/iosystem/signals/{name}``."""
     return signal_of(page.one("ios-signal", "ios-signal-li"))
 
 
-def signal_of(state: State) -> Signal:
+def signal_of(state: RwsState) -> RwsSignal:
     """A signal, of whatever list."""
-    return Signal(state.text("name"), state.member(SignalType, "type"), state.number("lvalue"))
+    return RwsSignal(state.text("name"), state.member(SignalType, "type"), state.number("lvalue"))
 
 
 def read_signals(page: Page) -> Mapping[str, float]:
@@ -483,19 +483,19 @@ def read_cfg_instances(page: Page) -> tuple[CfgInstance, ...]:
     return tuple(map(cfg_instance_of, page.of_type("cfg-dt-instance-li")))
 
 
-def cfg_instance_of(state: State) -> CfgInstance:
+def cfg_instance_of(state: RwsState) -> CfgInstance:
     """An instance with the attributes in its list."""
     return CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
 
 
-def pose_of(state: State) -> Pose:
+def pose_of(state: RwsState) -> Pose:
     """Out of ``x`` to ``q4``."""
     x, y, z = (state.number(name) * _MM for name in "xyz")
     w, i, j, k = (state.number(f"q{number}") for number in range(1, 5))
     return Pose((x, y, z), (w, i, j, k))
 
 
-def rob_target_of(state: State) -> RobTarget:
+def rob_target_of(state: RwsState) -> RobTarget:
     """A robtarget, as each of the services spells it."""
     names = ("cf1", "cf4", "cf6", "cfx") if "cf1" in state.fields else ("j1", "j4", "j6", "jx")
     one, four, six, x = (state.whole(name) for name in names)
@@ -503,13 +503,13 @@ def rob_target_of(state: State) -> RobTarget:
     return RobTarget(pose_of(state), (one, four, six, x), _external_axes_of(state, external))
 
 
-def _external_axes_of(state: State, names: Sequence[str]) -> tuple[float | None, ...]:
+def _external_axes_of(state: RwsState, names: Sequence[str]) -> tuple[float | None, ...]:
     """External axes [rad]."""
     found = [state.number(name) for name in names]
     return tuple(None if angle > _NOT_CONNECTED else radians(angle) for angle in found)
 
 
-def joint_target_of(state: State, robot: str, external: Sequence[str]) -> JointTarget:
+def joint_target_of(state: RwsState, robot: str, external: Sequence[str]) -> JointTarget:
     """A jointtarget whose fields of the robot's axes begin with ``robot``."""
     a1, a2, a3, a4, a5, a6 = (state.number(f"{robot}{axis}") for axis in range(1, 7))
     found = [state.number(name) for name in external]
@@ -520,17 +520,17 @@ EVENT_STATES = ("elog-message-li", "elog-message")
 """The types of states that show an event."""
 
 
-def read_events(page: Page) -> tuple[Event, ...]:
+def read_events(page: Page) -> tuple[RwsEvent, ...]:
     """``/rw/elog/{domain}``, in the controller's order."""
     return tuple(map(read_event, page.of_type(*EVENT_STATES)))
 
 
-def read_event(state: State) -> Event:
+def read_event(state: RwsState) -> RwsEvent:
     """The event that a state shows."""
     number = state.title.rpartition("/")[2]
     if not number.isdecimal():
         raise ProtocolError(message("event_without_number", title=state.title))
-    return Event(
+    return RwsEvent(
         number=int(number),
         type=member(EventType, state.whole("msgtype")),
         code=state.whole("code"),

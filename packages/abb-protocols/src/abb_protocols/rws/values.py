@@ -308,7 +308,7 @@ GRANTS = tuple(each for each in Grant if each is not Grant.FULL_ACCESS)
 """All, each by its own name."""
 
 
-class Code(IntEnum):
+class RwsCode(IntEnum):
     """Return codes of the controller that a client meets; names as in ABB's table."""
 
     OUTOFMEMORY = -1073445887
@@ -389,37 +389,37 @@ class Code(IntEnum):
 
 
 _MEANINGS: Mapping[int | None, Message] = {
-    Code.REJECT: message("rws_reject"),
-    Code.UNEXPECTED: message("rws_reject"),
-    Code.INVALIDARG: message("rws_invalidarg"),
-    Code.UAS_REJECT: message("rws_uas_reject"),
-    Code.UNRESOLVED_URL: message("rws_unresolved_url"),
-    Code.DENIED: message("rws_denied"),
-    Code.RESOURCE_HELD: message("rws_resource_held"),
-    Code.MODE_REJECT: message("rws_mode_reject"),
-    Code.MASTER_REJECT: message("rws_master_reject"),
-    Code.SYSFAIL_REJECT: message("rws_sysfail_reject"),
-    Code.NO_SUCH_SYMBOL: message("rws_no_such_symbol"),
-    Code.EXEC_STATE: message("rws_exec_state"),
-    Code.TASK_STATE: message("rws_task_state"),
-    Code.SYNTAX: message("rws_syntax"),
-    Code.MODULE_NAME_TAKEN: message("rws_module_name_taken"),
-    Code.FILE_NOT_FOUND: message("rws_file_not_found"),
-    Code.MAX_LIMIT_REACHED: message("rws_max_limit_reached"),
-    Code.SYMBOL_NOT_PERSISTENT: message("rws_symbol_not_persistent"),
-    Code.SEMANTIC: message("rws_semantic"),
-    Code.NO_PP: message("rws_no_pp"),
-    Code.CFG_TYPE_INVALID: message("rws_cfg_type_invalid"),
-    Code.CFG_DOMAIN_INVALID: message("rws_cfg_domain_invalid"),
-    Code.NO_SUCH_MECHUNIT: message("rws_no_such_mechunit"),
-    Code.UNBLOCKED_INSIGNAL: message("rws_unblocked_insignal"),
-    Code.INVALID_STATE: message("rws_invalid_state"),
+    RwsCode.REJECT: message("rws_reject"),
+    RwsCode.UNEXPECTED: message("rws_reject"),
+    RwsCode.INVALIDARG: message("rws_invalidarg"),
+    RwsCode.UAS_REJECT: message("rws_uas_reject"),
+    RwsCode.UNRESOLVED_URL: message("rws_unresolved_url"),
+    RwsCode.DENIED: message("rws_denied"),
+    RwsCode.RESOURCE_HELD: message("rws_resource_held"),
+    RwsCode.MODE_REJECT: message("rws_mode_reject"),
+    RwsCode.MASTER_REJECT: message("rws_master_reject"),
+    RwsCode.SYSFAIL_REJECT: message("rws_sysfail_reject"),
+    RwsCode.NO_SUCH_SYMBOL: message("rws_no_such_symbol"),
+    RwsCode.EXEC_STATE: message("rws_exec_state"),
+    RwsCode.TASK_STATE: message("rws_task_state"),
+    RwsCode.SYNTAX: message("rws_syntax"),
+    RwsCode.MODULE_NAME_TAKEN: message("rws_module_name_taken"),
+    RwsCode.FILE_NOT_FOUND: message("rws_file_not_found"),
+    RwsCode.MAX_LIMIT_REACHED: message("rws_max_limit_reached"),
+    RwsCode.SYMBOL_NOT_PERSISTENT: message("rws_symbol_not_persistent"),
+    RwsCode.SEMANTIC: message("rws_semantic"),
+    RwsCode.NO_PP: message("rws_no_pp"),
+    RwsCode.CFG_TYPE_INVALID: message("rws_cfg_type_invalid"),
+    RwsCode.CFG_DOMAIN_INVALID: message("rws_cfg_domain_invalid"),
+    RwsCode.NO_SUCH_MECHUNIT: message("rws_no_such_mechunit"),
+    RwsCode.UNBLOCKED_INSIGNAL: message("rws_unblocked_insignal"),
+    RwsCode.INVALID_STATE: message("rws_invalid_state"),
 }
 
 
 def name_of(code: int) -> str:
     """ABB's name of ``code``, or "" for one we do not know."""
-    return next((known.name for known in Code if known == code), "")
+    return next((known.name for known in RwsCode if known == code), "")
 
 
 def meaning_of(code: int | None) -> Message | None:
@@ -427,7 +427,7 @@ def meaning_of(code: int | None) -> Message | None:
     return _MEANINGS.get(code)
 
 
-def sentence(code: int | None) -> str | None:
+def code_sentence(code: int | None) -> str | None:
     """The same as a text, as the virtual controller describes its return codes."""
     meaning = meaning_of(code)
     return None if meaning is None else "; ".join(filter(None, (clause(meaning), remedy_of(meaning))))

@@ -25,7 +25,7 @@ _ERROR = "Error: "  # how the line of a command begins that has failed
 _POLL_PERIOD = 0.1  # [s]
 
 
-class Command:
+class CommandProcess:
     """``python -m <module> <arguments>`` as a child in a session of its own, so that Ctrl-C reaches its parent only.
 
     The child ends when its standard input does, so a parent that is killed leaves no child behind.
@@ -52,7 +52,7 @@ class Command:
         self._arguments = [sys.executable, "-m", module, *arguments, "--until-stdin-closes"]
         self._lines: Queue[str | None] = Queue()
 
-    def __enter__(self) -> Command:
+    def __enter__(self) -> CommandProcess:
         try:
             self._log_file = self.log.open("wb", buffering=0)
         except OSError as error:

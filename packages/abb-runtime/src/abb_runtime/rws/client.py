@@ -26,7 +26,7 @@ import httpx
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from abb_protocols.rws import documents
-from abb_protocols.rws.documents import Form, Page, Pairs, State, SystemInfo, decode_form, read_page
+from abb_protocols.rws.documents import Form, Page, Pairs, RwsState, SystemInfo, decode_form, read_page
 from abb_protocols.rws.operations import io, modules, panel, rapid
 from abb_protocols.rws.operations import subscriptions as table
 from abb_protocols.rws.operations.event_log import EVENTS
@@ -35,23 +35,23 @@ from abb_protocols.rws.operations.system import SYSTEM
 from abb_protocols.rws.operations.users import LOGOUT
 from abb_protocols.rws.values import PROTOCOL, Priority, Resource
 from abb_runtime.clock import Clock, SystemClock
-from abb_runtime.rws.services.configuration import Configuration
-from abb_runtime.rws.services.ctrl import Controller
-from abb_runtime.rws.services.event_log import EventLog
-from abb_runtime.rws.services.files import Files
-from abb_runtime.rws.services.io import Io
-from abb_runtime.rws.services.modules import Modules
-from abb_runtime.rws.services.motion import Motion
-from abb_runtime.rws.services.panel import Panel
-from abb_runtime.rws.services.queues import Queues
-from abb_runtime.rws.services.rapid import Rapid
+from abb_runtime.rws.services.configuration import ConfigurationService
+from abb_runtime.rws.services.ctrl import ControllerService
+from abb_runtime.rws.services.event_log import EventLogService
+from abb_runtime.rws.services.files import FilesService
+from abb_runtime.rws.services.io import IoService
+from abb_runtime.rws.services.modules import ModulesService
+from abb_runtime.rws.services.motion import MotionService
+from abb_runtime.rws.services.panel import PanelService
+from abb_runtime.rws.services.queues import QueuesService
+from abb_runtime.rws.services.rapid import RapidService
 from abb_runtime.rws.services.service import request
-from abb_runtime.rws.services.symbols import Symbols
-from abb_runtime.rws.services.system import System
-from abb_runtime.rws.services.users import Users
+from abb_runtime.rws.services.symbols import SymbolsService
+from abb_runtime.rws.services.system import SystemService
+from abb_runtime.rws.services.users import UsersService
 from abb_runtime.rws.session import BUSY, OnProgress, RwsRequest, RwsSession, Transport
 from abb_runtime.rws.transport import HttpTransport
-from abb_runtime.rws.web_socket import Listener, Socket
+from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 
 log = logging.getLogger(__name__)
 
@@ -70,19 +70,19 @@ _GROUP = re.compile(r"/poll/(\d+)")
 
 
 class RwsClient(
-    Panel,
-    Rapid,
-    Modules,
-    Symbols,
-    Io,
-    Motion,
-    Configuration,
-    Controller,
-    System,
-    Files,
-    Users,
-    Queues,
-    EventLog,
+    PanelService,
+    RapidService,
+    ModulesService,
+    SymbolsService,
+    IoService,
+    MotionService,
+    ConfigurationService,
+    ControllerService,
+    SystemService,
+    FilesService,
+    UsersService,
+    QueuesService,
+    EventLogService,
 ):
     """A controller at ``address``: host name or IP address, with ``:port`` if not 80; or a transport to one.
 
@@ -181,7 +181,7 @@ class RwsClient(
         reply = self._call(what, operation, *places, **arguments)
         return None if operation.answer is None else operation.answered.of(self._page(reply, what))
 
-    def entries(self, path: str) -> tuple[State, ...]:
+    def entries(self, path: str) -> tuple[RwsState, ...]:
         """What any list of Robot Web Services shows, on all its pages; ``path`` such as ``/rw/iosystem/signals``."""
         where, _, query = path.partition("?")
         return self._states(f"reading {where}", RwsRequest("GET", where, decode_form(query)))
@@ -354,7 +354,7 @@ class Subscription:
         self._on_change = on_change
         self._on_lost = on_lost
         self._group = 0
-        self._socket: Socket | None = None
+        self._socket: OpenWebSocket | None = None
 
     def open(self, reply: httpx.Response) -> None:
         """Pass on the values that ``reply`` holds, and open the WebSocket it names.
@@ -397,7 +397,7 @@ class Subscription:
     def _pass_on(self, text: str) -> None:
         """Report the changes in a message; one that cannot be read ends nothing."""
         try:
-            changes = read_changes(read_event(text), self._paths)
+            changes = read_changes(read_client_event(text), self._paths)
         except YumiError as error:
             log.warning("a message of %s cannot be read: %s", self._session.address, error)
             return
@@ -441,7 +441,7 @@ def _signal_of(path: str) -> str:
     return path.rpartition("/")[2] if "/iosystem/signals/" in path else ""
 
 
-def read_event(text: str) -> Page:
+def read_client_event(text: str) -> Page:
     """The page in a message or in the answer to a subscription.
 
     Raises:

@@ -32,8 +32,8 @@ from abb_protocols.errors import LoginRefused, NoConnection, ProtocolError
 from abb_protocols.rws.documents import FORM_TYPE, Pairs, encode_form
 from abb_protocols.rws.values import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 from abb_runtime.clock import Clock
-from abb_runtime.rws.transport import INTERVAL, ConnectionLost, Deadline
-from abb_runtime.rws.web_socket import Listener, Socket
+from abb_runtime.rws.transport import INTERVAL, ConnectionLost, ExchangeDeadline
+from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 
 BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
@@ -159,7 +159,7 @@ class Transport(Protocol):
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         """The complete response; raises ConnectionLost, NoConnection or ProtocolError."""
 
-    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> Socket:
+    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> OpenWebSocket:
         """A WebSocket on a connection of its own, within ``timeout`` [s]."""
 
     def close(self) -> None:
@@ -201,9 +201,9 @@ class RwsSession:
         self._check_not_abandoned()
         self._pace.wait()
         with self._turn():
-            deadline = Deadline(self._clock.now() + self._timeout)
+            deadline = ExchangeDeadline(self._clock.now() + self._timeout)
             if request.is_transfer:
-                deadline = Deadline(self._clock.now() + LONGEST_TRANSFER, self._timeout)
+                deadline = ExchangeDeadline(self._clock.now() + LONGEST_TRANSFER, self._timeout)
             repeats = _REPEATS if request.is_repeatable else 0
             while True:
                 try:
@@ -216,7 +216,7 @@ class RwsSession:
                 repeats -= 1
                 self._pace.count()
 
-    def open_socket(self, target: str, listener: Listener) -> Socket:
+    def open_socket(self, target: str, listener: Listener) -> OpenWebSocket:
         """A WebSocket that belongs to this session, on a connection of its own.
 
         Raises:
@@ -274,7 +274,7 @@ class RwsSession:
             return True
         return self._slow is self._running[0] and len(self._running) < _CONNECTIONS and self.is_open
 
-    def _authorized(self, request: RwsRequest, deadline: Deadline) -> httpx.Response:
+    def _authorized(self, request: RwsRequest, deadline: ExchangeDeadline) -> httpx.Response:
         """The response of a controller that knows us; logs in where it does not."""
         cookies = self._cookies
         try:
@@ -316,7 +316,7 @@ class RwsSession:
             raise self.not_a_controller(message("login_for_other_realm", realm=realm[1] if realm else ""))
         return proved
 
-    def _once(self, outgoing: httpx.Request, cookies: dict[str, str], deadline: Deadline) -> httpx.Response:
+    def _once(self, outgoing: httpx.Request, cookies: dict[str, str], deadline: ExchangeDeadline) -> httpx.Response:
         self._check_not_abandoned()
         if self._clock.now() >= deadline.end:
             raise NoConnection(message("no_answer_in_time", address=self.address, timeout=self._timeout))

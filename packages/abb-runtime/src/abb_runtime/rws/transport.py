@@ -1,8 +1,8 @@
 """HTTP to one controller; every exchange has one deadline for all that it does.
 
 The timeouts of HTTP libraries are for each read, so that a peer which sends a byte now and then is waited for
-endlessly. Here each operation on the socket gets what is left until the :class:`Deadline` of the exchange. h11 makes
-bytes of requests and responses of bytes.
+endlessly. Here each operation on the socket gets what is left until the :class:`ExchangeDeadline` of the exchange. h11
+makes bytes of requests and responses of bytes.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class AnswerTimeout(NoConnection):
 
 
 @dataclass(frozen=True, slots=True)
-class Deadline:
+class ExchangeDeadline:
     """When an exchange has to end; the extension ``deadline`` of its request.
 
     Attributes:
@@ -95,7 +95,7 @@ class HttpTransport(httpx.BaseTransport):
             NoConnection: nothing answers at the address in time.
             ProtocolError: what answers does not speak HTTP, or the request cannot be put into it.
         """
-        deadline: Deadline = request.extensions["deadline"]
+        deadline: ExchangeDeadline = request.extensions["deadline"]
         connection = self._idle_connection() or self._new_connection(request.url, deadline)
         try:
             return connection.exchange(request, deadline)
@@ -133,7 +133,7 @@ class HttpTransport(httpx.BaseTransport):
                 self._drop(connection)
         return None
 
-    def _new_connection(self, url: httpx.URL, deadline: Deadline) -> _Connection:
+    def _new_connection(self, url: httpx.URL, deadline: ExchangeDeadline) -> _Connection:
         end = deadline.after(begin := self._clock.now())
         try:
             connected = self._connect(url.host, url.port or 80, end)
@@ -190,7 +190,7 @@ class _Connection:
             return False
         return False
 
-    def exchange(self, request: httpx.Request, deadline: Deadline) -> httpx.Response:
+    def exchange(self, request: httpx.Request, deadline: ExchangeDeadline) -> httpx.Response:
         """The complete response; raises what :meth:`HttpTransport.handle_request` does."""
         begin, head, body = self._clock.now(), None, bytearray()
         try:
@@ -226,7 +226,7 @@ class _Connection:
             self._socket.shutdown(socket.SHUT_RDWR)  # wakes a thread that reads, which closing alone does not do
         self._socket.close()
 
-    def _send(self, request: httpx.Request, deadline: Deadline) -> None:
+    def _send(self, request: httpx.Request, deadline: ExchangeDeadline) -> None:
         head = h11.Request(method=request.method, target=request.url.raw_path, headers=request.headers.raw)
         parts = (self._http.send(each) for each in (head, h11.Data(request.read()), h11.EndOfMessage()))
         rest = memoryview(b"".join(part or b"" for part in parts))

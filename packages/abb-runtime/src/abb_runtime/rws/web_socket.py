@@ -44,7 +44,7 @@ class Listener:
     on_lost: Callable[[str], None]
 
 
-class Socket(Protocol):
+class OpenWebSocket(Protocol):
     """An open WebSocket."""
 
     def close(self) -> None: ...

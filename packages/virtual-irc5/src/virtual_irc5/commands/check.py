@@ -87,7 +87,7 @@ def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = 
     Raises:
         SettingsError: a file cannot be read, or the system parameters are not what they should be.
     """
-    from virtual_irc5.controller.file_store import decoded  # noqa: PLC0415
+    from virtual_irc5.controller.file_store import decoded_file_text  # noqa: PLC0415
     from virtual_irc5.controller.installed_system import (  # noqa: PLC0415
         ROBOTS,
         delivered_system,
@@ -104,7 +104,7 @@ def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = 
     faults, modules = [], []
     for path in files:
         try:
-            text = decoded(path.read_bytes())
+            text = decoded_file_text(path.read_bytes())
         except OSError as error:
             raise SettingsError(
                 message("file_unreadable", file=str(path), reason=error.strerror or str(error))

@@ -13,10 +13,10 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, ControllerRefused, YumiError
 from abb_protocols.rws.operations.rapid import Range
 from abb_protocols.rws.values import (
-    Code,
     ControllerState,
     ExecutionState,
     RunCycle,
+    RwsCode,
     Step,
     SymbolKind,
     TaskExecution,
@@ -32,8 +32,8 @@ _MOST_DATA = 100  # of a module that are listed
 _MOST_LOCALS = 8  # that are shown whenever the program stops
 _LONGEST_LOCAL = 30  # characters of one then
 _NOT_FOUND = 404
-_WRONG_STATE = (Code.EXEC_STATE, Code.TASK_STATE, Code.NO_PP)
-_NO_SYMBOL = (Code.FAIL, Code.NO_SUCH_SYMBOL, Code.UNRESOLVED_URL)
+_WRONG_STATE = (RwsCode.EXEC_STATE, RwsCode.TASK_STATE, RwsCode.NO_PP)
+_NO_SYMBOL = (RwsCode.FAIL, RwsCode.NO_SUCH_SYMBOL, RwsCode.UNRESOLVED_URL)
 
 
 def _running_first(tasks: Sequence[str]) -> Message:
@@ -324,7 +324,7 @@ class Debugger(cmd.Cmd):
             except ControllerRefused as error:
                 if error.status == _NOT_FOUND:
                     raise CommandRefused(message("no_breakpoints_here")) from error
-                if error.code != Code.SOURCEPOS:
+                if error.code != RwsCode.SOURCEPOS:
                     raise
                 count = len(self._client.module_text(self._task, module).splitlines())
                 if not 1 <= row <= count:
@@ -462,7 +462,7 @@ class Debugger(cmd.Cmd):
         try:
             self._client.set_symbol(self._task, block, name, literal.strip())
         except ControllerRefused as error:
-            if error.code not in (Code.SYNTAX, Code.SEMANTIC):
+            if error.code not in (RwsCode.SYNTAX, RwsCode.SEMANTIC):
                 raise
             raise CommandRefused(
                 message("no_value_of_datum", value=literal.strip(), name=name, type=found.type)

@@ -12,7 +12,7 @@ from abb_protocols.rws.values import GRANTS
 from abb_runtime.options import (
     FILE,
     ONCE,
-    Measure,
+    OptionNumber,
     SharedCommand,
     cfg_option,
     egm_port_options,
@@ -28,9 +28,9 @@ from abb_runtime.process.command_process import CONTROLLER_READY
 from abb_runtime.rws.client import DEFAULT_PASSWORD
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
 
-_WIDTH = Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)
-_LEAK = Measure("leak", 0.0, 1.0, is_open=False)
-_SPEED = Measure("factor", 0.01, 100.0, is_open=False)
+_WIDTH = OptionNumber("width", 0.0, 2.0 * TRAVEL, is_open=True)
+_LEAK = OptionNumber("leak", 0.0, 1.0, is_open=False)
+_SPEED = OptionNumber("factor", 0.01, 100.0, is_open=False)
 _ARM_TASKS = {side.word: side.task for side in Side}
 
 

@@ -7,8 +7,8 @@ from datetime import datetime, timezone
 from virtual_irc5.controller.file_store import ENCODING
 from virtual_irc5.controller.installed_system import BACKUP_INFO, DOMAINS, HOME
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller_log import Refusal, Refused
-from virtual_irc5.system_parameters import Configuration
+from virtual_irc5.controller_log import RefusalReason, Refused
+from virtual_irc5.system_parameters import SystemConfiguration
 
 
 def write_backup(controller: Irc5, path: str) -> None:
@@ -49,7 +49,7 @@ def check_backup(controller: Irc5, path: str) -> str:
     """
     text = controller.files.get(f"{path}/{BACKUP_INFO}")
     if text is None:
-        raise Refused(Refusal.NO_FILE, f"{path} is not a backup: it has no {BACKUP_INFO}.")
+        raise Refused(RefusalReason.NO_FILE, f"{path} is not a backup: it has no {BACKUP_INFO}.")
     return next((line.partition(":")[2].strip() for line in text.splitlines() if line.startswith(">>SYSTEM:")), "")
 
 
@@ -70,7 +70,7 @@ def restore_backup(controller: Irc5, path: str, *, cfg: bool = True, modules: bo
             for name, file in inside.items()
             if name.upper().startswith("SYSPAR/")
         ]
-        restored = Configuration(texts)
+        restored = SystemConfiguration(texts)
         controller.configuration.become(restored)
     if modules:
         for each in [each for each in tuple(files) if each.upper().startswith(HOME)]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from dataclasses import dataclass, replace
 
-from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.controller_log import RefusalReason, Refused
 
 DEVICES = ("HOME", "TEMP", "BACKUP", "RAMDISK")
 ENCODING = "latin-1"
@@ -21,7 +21,7 @@ LONGEST_PATH = 1000
 """Characters."""
 
 
-def decoded(content: bytes) -> str:
+def decoded_file_text(content: bytes) -> str:
     """The text of a file: UTF-8 when it is, Latin-1 otherwise; RobotStudio writes either."""
     try:
         return content.decode("utf-8-sig")
@@ -77,7 +77,7 @@ class FileStore(MutableMapping[str, str]):
         content = self._files[_key(path)].content
         if content is None:
             raise KeyError(path)
-        return decoded(content)
+        return decoded_file_text(content)
 
     def __setitem__(self, path: str, text: str) -> None:
         self.write(path, encoded(text))
@@ -104,7 +104,7 @@ class FileStore(MutableMapping[str, str]):
         """
         found = self._files.get(_key(path))
         if found is None:
-            raise Refused(Refusal.NO_FILE, f"there is no file {path}.")
+            raise Refused(RefusalReason.NO_FILE, f"there is no file {path}.")
         return found
 
     def entries(self, path: str) -> tuple[File, ...]:
@@ -125,7 +125,7 @@ class FileStore(MutableMapping[str, str]):
         """
         known = self._files.get(_key(path))
         if known is not None and known.content is None:
-            raise Refused(Refusal.BAD_VALUE, f"{path} is a directory.")
+            raise Refused(RefusalReason.BAD_VALUE, f"{path} is a directory.")
         if known is None:
             self._check_space(len(content))
         else:
@@ -142,11 +142,11 @@ class FileStore(MutableMapping[str, str]):
         """
         found = self._files.get(_key(path))
         if found is not None and found.content is not None:
-            raise Refused(Refusal.BAD_VALUE, f"{path} is a file.")
+            raise Refused(RefusalReason.BAD_VALUE, f"{path} is a file.")
         if found is None:
             above = clean_path(path).rpartition("/")[0]
             if not above:
-                raise Refused(Refusal.NO_FILE, f"there is no device {path!r}.")
+                raise Refused(RefusalReason.NO_FILE, f"there is no device {path!r}.")
             self.make_directory(above)
             self._put(path, None)
 
@@ -158,7 +158,7 @@ class FileStore(MutableMapping[str, str]):
         """
         place = _key(self.get_file(path).path)
         if "/" not in place:
-            raise Refused(Refusal.READ_ONLY, f"the device {path} cannot be removed.")
+            raise Refused(RefusalReason.READ_ONLY, f"the device {path} cannot be removed.")
         for key in [key for key in self._files if key == place or key.startswith(f"{place}/")]:
             del self._files[key]
 
@@ -179,14 +179,14 @@ class FileStore(MutableMapping[str, str]):
         used = self.used
         if used + more > CAPACITY or len(self._files) + files > MOST_FILES:
             raise Refused(
-                Refusal.NO_SPACE,
+                RefusalReason.NO_SPACE,
                 f"the disk is full: it has {CAPACITY} bytes and {MOST_FILES} files, {used} and {len(self._files)} are "
                 "in use; delete some.",
             )
 
     def _put(self, path: str, content: bytes | None) -> None:
         if len(path) > LONGEST_PATH:
-            raise Refused(Refusal.BAD_VALUE, f"a path has up to {LONGEST_PATH} characters, not {len(path)}.")
+            raise Refused(RefusalReason.BAD_VALUE, f"a path has up to {LONGEST_PATH} characters, not {len(path)}.")
         if content is None and self._files.get(_key(path)) is None:
             self._check_space(0)
         self._files[_key(path)] = File(clean_path(path), content, self._now())

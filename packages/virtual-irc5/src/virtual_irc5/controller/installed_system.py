@@ -16,14 +16,14 @@ from xml.etree import ElementTree
 import abb_protocols.controller_files
 import virtual_irc5.controller
 from abb_protocols.errors import SettingsError
-from abb_protocols.robot.arm_kinematics import Arm
+from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.irb120 import irb120
 from abb_protocols.robot.joints import Side
 from abb_protocols.robot.yumi_arms import irb14050, yumi_arm
-from virtual_irc5.controller.file_store import DEVICES, decoded
+from virtual_irc5.controller.file_store import DEVICES, decoded_file_text
 from virtual_irc5.controller.task_settings import TaskSettings, task_settings
 from virtual_irc5.mechanics.units import YUMI_UNITS, MechanicalUnit, mechanical_unit, seven_axes
-from virtual_irc5.system_parameters import Configuration
+from virtual_irc5.system_parameters import SystemConfiguration
 
 ROBOTWARE_6 = "6.13.00.00"
 
@@ -68,7 +68,7 @@ _OPTIONS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Robot:
+class InstalledRobot:
     """A robot and what its controller is delivered with.
 
     Attributes:
@@ -85,7 +85,7 @@ class Robot:
     name: str
     title: str
     system_name: str
-    arms: Mapping[Side, Callable[[], Arm]]
+    arms: Mapping[Side, Callable[[], KinematicArm]]
     units: tuple[MechanicalUnit, ...]
     options: tuple[str, ...]
     stock: Path
@@ -106,7 +106,7 @@ class Robot:
         return next(unit.name for unit in self.units if unit.side is side)
 
 
-YUMI = Robot(
+YUMI = InstalledRobot(
     "yumi",
     "IRB 14000-0.5/0.5",
     "YuMi",
@@ -116,11 +116,11 @@ YUMI = Robot(
     _STOCK / "stock",
     is_yumi=True,
 )
-ROBOTS: Mapping[str, Robot] = {
+ROBOTS: Mapping[str, InstalledRobot] = {
     robot.name: robot
     for robot in (
         YUMI,
-        Robot(
+        InstalledRobot(
             "irb14050",
             "IRB 14050-0.5/0.5",
             "IRB_14050",
@@ -129,7 +129,7 @@ ROBOTS: Mapping[str, Robot] = {
             (*_OPTIONS, "Leadthrough", "Drive System IRB 14050", "Hall Sensor Calibration", "IRB 14050-0.5/0.5"),
             _STOCK / "stock_irb14050",
         ),
-        Robot(
+        InstalledRobot(
             "irb120",
             "IRB 120-3/0.6",
             "IRB_120",
@@ -182,11 +182,11 @@ class System:
     restored: tuple[str, ...] = ()
     modules: Mapping[str, tuple[str, ...]] | None = None
     is_factory: bool = False
-    robot: Robot = YUMI
+    robot: InstalledRobot = YUMI
 
-    def configuration(self) -> Configuration:
+    def configuration(self) -> SystemConfiguration:
         """A stock robot's parameters, then these; raises SettingsError."""
-        configuration = Configuration(
+        configuration = SystemConfiguration(
             path.read_text(encoding="ascii") for path in sorted(self.robot.stock.glob("*.cfg"))
         )
         for text in self.restored:
@@ -196,7 +196,7 @@ class System:
         return configuration
 
 
-def delivered_system(robot: Robot = YUMI) -> System:
+def delivered_system(robot: InstalledRobot = YUMI) -> System:
     """The state machine in both tasks of a YuMi; any other robot as it leaves the factory."""
     if not robot.is_yumi:
         return factory_system(robot)
@@ -206,7 +206,7 @@ def delivered_system(robot: Robot = YUMI) -> System:
     return System(tuple(cfg), {f"{HOME}yumi/{path.name}": path.read_bytes() for path in modules})
 
 
-def factory_system(robot: Robot = YUMI) -> System:
+def factory_system(robot: InstalledRobot = YUMI) -> System:
     """A robot as it is delivered: no program, signals or devices of this package."""
     return System((), {}, is_factory=True, robot=robot)
 
@@ -223,7 +223,7 @@ def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: S
     Raises:
         SettingsError: a file cannot be read or is not what it should be, or there is no such task.
     """
-    system = replace(system, parameters=(*system.parameters, *(decoded(_read(path)) for path in cfg)))
+    system = replace(system, parameters=(*system.parameters, *(decoded_file_text(_read(path)) for path in cfg)))
     configuration = system.configuration()
     tasks = {settings.name.upper(): settings for settings in task_settings(configuration)}
     files, modules = {**DELIVERED_FILES, **system.files}, dict(system.modules or {})
@@ -255,10 +255,10 @@ def is_user_module(text: str) -> bool:
 
 def _bring_user(paths: Sequence[str], files: Mapping[str, bytes]) -> bool:
     """Whether one of the modules of a task takes the place of `user`."""
-    return any(is_user_module(decoded(files[path])) for path in paths)
+    return any(is_user_module(decoded_file_text(files[path])) for path in paths)
 
 
-def read_backup(folder: Path, robot: Robot = YUMI) -> System:
+def read_backup(folder: Path, robot: InstalledRobot = YUMI) -> System:
     """What a backup of a robot's controller has.
 
     Raises:
@@ -276,10 +276,12 @@ def read_backup(folder: Path, robot: Robot = YUMI) -> System:
     home = _inside(folder, "HOME")
     inside = [path for path in sorted(home.rglob("*")) if path.is_file()] if home else []
     files = {f"{HOME}{path.relative_to(home).as_posix()}": _read(path) for path in inside if home}
-    system = System((), files, tuple(decoded(_read(path)) for path in cfg), robot=robot)
+    system = System((), files, tuple(decoded_file_text(_read(path)) for path in cfg), robot=robot)
     # Which task TASK1 is stands in BACKINFO; without it the tasks are in the order of their declarations.
     information = _inside(folder, "BACKINFO")
-    texts = [decoded(_read(path)) for path in sorted(information.glob("*.[tT][xX][tT]"))] if information else []
+    texts = (
+        [decoded_file_text(_read(path)) for path in sorted(information.glob("*.[tT][xX][tT]"))] if information else []
+    )
     names = {key.upper(): name for text in texts for key, name in _TASK_OF_BACKUP.findall(text)}
     declared = [settings.name for settings in task_settings(system.configuration())]
     modules: dict[str, list[str]] = {}
@@ -358,7 +360,7 @@ def _read(path: Path) -> bytes:
     return content
 
 
-def modules_of(task: TaskSettings, system: System, configuration: Configuration) -> tuple[str, ...]:
+def modules_of(task: TaskSettings, system: System, configuration: SystemConfiguration) -> tuple[str, ...]:
     """The paths of the modules that a task begins with."""
     given = (system.modules or {}).get(task.name.upper())
     if given is not None:

@@ -20,7 +20,7 @@ from virtual_irc5.controller.rapid_devices import rapid_devices
 from virtual_irc5.controller.signals import DRIVE_SIGNALS, Signals
 from virtual_irc5.controller.task_settings import TaskSettings, event_routines, task_settings
 from virtual_irc5.controller.tasks import InstalledTask, RapidExecution, TaskHost
-from virtual_irc5.controller_log import EventLog, Refusal, Refused
+from virtual_irc5.controller_log import ControllerEventLog, RefusalReason, Refused
 from virtual_irc5.instructions.robot_data import JointTarget, jointtarget
 from virtual_irc5.instructions.robot_library import robot_library
 from virtual_irc5.mechanics.arm import VirtualArm
@@ -30,7 +30,7 @@ from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.program import Program
 from virtual_irc5.rapid.states import Execution, SystemEvent
 from virtual_irc5.rapid.task import MOST_RETRIES, Task
-from virtual_irc5.system_parameters import Configuration, Instance
+from virtual_irc5.system_parameters import Instance, SystemConfiguration
 
 log = logging.getLogger(__name__)
 
@@ -108,7 +108,7 @@ class Irc5:
         self,
         arms: Sequence[ArmUnit],
         system: System,
-        configuration: Configuration,
+        configuration: SystemConfiguration,
         identity: Identity | None = None,
         start_time: float = 0.0,
     ) -> None:
@@ -131,14 +131,14 @@ class Irc5:
         self._restart_left = 0.0
         self._restart_time = RESTART_TIME
         self.units: tuple[MechanicalUnit, ...] = system.robot.units
-        self.events = EventLog(lambda: self.time)
+        self.events = ControllerEventLog(lambda: self.time)
         self.signals = Signals.configured(configuration, self._signal_changed)
         self._report_rejected_signals()
         self._system = system
         self.configuration = configuration
-        self.effective = Configuration()
+        self.effective = SystemConfiguration()
         self.effective.become(configuration)
-        self.installed = Configuration()
+        self.installed = SystemConfiguration()
         self.installed.become(configuration)
         self._arms = {unit.side: unit for unit in arms}
         for unit in arms:
@@ -215,7 +215,7 @@ class Irc5:
         """
         found = next((one for one in self.units if one.name.upper() == unit.upper()), None)
         if found is None:
-            raise Refused(Refusal.UNKNOWN, f"there is no mechanical unit {unit}.")
+            raise Refused(RefusalReason.UNKNOWN, f"there is no mechanical unit {unit}.")
         return jointtarget(self._arms[found.side].arm.position)
 
     def program_changes(self, task: str) -> int:
@@ -260,7 +260,9 @@ class Irc5:
         self._check_auto("switching the motors on needs the enabling device")
         if self.controller_state in _STOPPED_BY_SAFETY:
             state = self.controller_state.value
-            raise Refused(Refusal.EMERGENCY_STOP, f"the motors stay off in state {state}: release the stop first.")
+            raise Refused(
+                RefusalReason.EMERGENCY_STOP, f"the motors stay off in state {state}: release the stop first."
+            )
         if self.controller_state is ControllerState.MOTORS_ON:
             return
         self.controller_state = ControllerState.MOTORS_ON
@@ -282,7 +284,7 @@ class Irc5:
         self._check_auto("starting RAPID needs the start button")
         self.acknowledge_collision()
         if self.controller_state is not ControllerState.MOTORS_ON:
-            raise Refused(Refusal.MOTORS_OFF, "RAPID starts with motors on only: switch them on first.")
+            raise Refused(RefusalReason.MOTORS_OFF, "RAPID starts with motors on only: switch them on first.")
         self.execution.start(cycle, step, stop_at_breakpoints=stop_at_breakpoints)
 
     def stop_rapid(self) -> None:
@@ -306,7 +308,7 @@ class Irc5:
         """
         self._check_auto("the speed ratio is set on the FlexPendant")
         if not 0 <= percent <= 100:
-            raise Refused(Refusal.OUT_OF_RANGE, f"a speed ratio is 0 to 100 %, not {percent} %.")
+            raise Refused(RefusalReason.OUT_OF_RANGE, f"a speed ratio is 0 to 100 %, not {percent} %.")
         self.speed_ratio = percent
         self.events.append(10140, "Speed adjusted", f"The speed override is {percent} %.")
 
@@ -317,7 +319,7 @@ class Irc5:
             Refused: NOT_STOPPED, NO_FILE, BAD_PROGRAM when it is not RAPID or does not fit, NAME_TAKEN.
         """
         if self.files.get_file(path).content is None:
-            raise Refused(Refusal.NO_FILE, f"{path} is a directory.")
+            raise Refused(RefusalReason.NO_FILE, f"{path} is a directory.")
         self.execution.load_module(task, self.files[path], path, replace=replace)
 
     def unload_module(self, task: str, name: str) -> None:
@@ -388,7 +390,7 @@ class Irc5:
         if self.controller_state is not ControllerState.EMERGENCY_STOP_RESET:
             state = self.controller_state.value
             sentence = f"an emergency stop is reset once its button is pulled out; the state is {state}."
-            raise Refused(Refusal.EMERGENCY_STOP, sentence)
+            raise Refused(RefusalReason.EMERGENCY_STOP, sentence)
         self.controller_state = ControllerState.MOTORS_OFF
 
     def select_mode(self, mode: OperatingMode) -> None:
@@ -655,7 +657,9 @@ class Irc5:
 
     def _check_auto(self, otherwise: str) -> None:
         if self.mode is not OperatingMode.AUTO:
-            raise Refused(Refusal.WRONG_MODE, f"the controller is in {self.mode.value}: {otherwise}, or select AUTO.")
+            raise Refused(
+                RefusalReason.WRONG_MODE, f"the controller is in {self.mode.value}: {otherwise}, or select AUTO."
+            )
 
     def _tasks(self, system: System) -> list[InstalledTask]:
         """The tasks of CAB_TASKS with their modules, each with the arm of its mechanical unit group."""

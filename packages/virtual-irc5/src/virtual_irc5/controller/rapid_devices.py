@@ -10,13 +10,13 @@ from contextlib import contextmanager
 from abb_protocols.rws.values import EventType
 from virtual_irc5.controller.file_store import CAPACITY, File, FileStore, clean_path, size_of
 from virtual_irc5.controller.identity import Identity
-from virtual_irc5.controller.installed_system import Robot
+from virtual_irc5.controller.installed_system import InstalledRobot
 from virtual_irc5.controller.signals import Signals
-from virtual_irc5.controller_log import Event, EventLog, Refused
-from virtual_irc5.rapid.devices import Devices, Entry, LoggedEvent, NoNetwork
+from virtual_irc5.controller_log import ControllerEventLog, ControllerLogEvent, Refused
+from virtual_irc5.rapid.devices import Devices, DiskEntry, LoggedEvent, NoNetwork
 from virtual_irc5.rapid.states import Severity
 from virtual_irc5.rapid.task import Task
-from virtual_irc5.system_parameters import Configuration, SystemParameters
+from virtual_irc5.system_parameters import SystemConfiguration, SystemParameters
 
 _EVENT_TYPES = {
     Severity.ERROR: EventType.ERROR,
@@ -47,16 +47,16 @@ class RapidDisk:
         with _os_errors():
             self._files.write(path, content)
 
-    def entry(self, path: str) -> Entry:
+    def entry(self, path: str) -> DiskEntry:
         """The file or directory of that path."""
         file = self._find(path)
-        return Entry(file.name, file.content is None, size_of(file), file.changed)
+        return DiskEntry(file.name, file.content is None, size_of(file), file.changed)
 
-    def entries(self, path: str) -> tuple[Entry, ...]:
+    def entries(self, path: str) -> tuple[DiskEntry, ...]:
         """What is in a directory."""
         if self._find(path).content is not None:
             raise NotADirectoryError(f"{path} is a file.")
-        return tuple(Entry(e.name, e.content is None, size_of(e), e.changed) for e in self._files.entries(path))
+        return tuple(DiskEntry(e.name, e.content is None, size_of(e), e.changed) for e in self._files.entries(path))
 
     def make_directory(self, path: str) -> None:
         """Create a directory in another one."""
@@ -113,7 +113,7 @@ def _os_errors() -> Iterator[None]:
 class IoUnits:
     """The devices that signals are on (:class:`virtual_irc5.rapid.devices.IoDevices`)."""
 
-    def __init__(self, configuration: Configuration, signals: Signals) -> None:
+    def __init__(self, configuration: SystemConfiguration, signals: Signals) -> None:
         self._configuration = configuration
         self._signals = signals
 
@@ -155,11 +155,11 @@ class IoUnits:
 
 def rapid_devices(
     files: FileStore,
-    configuration: Configuration,
+    configuration: SystemConfiguration,
     signals: Signals,
     identity: Identity,
-    robot: Robot,
-    events: EventLog,
+    robot: InstalledRobot,
+    events: ControllerEventLog,
     *,
     now: Callable[[], float],
     tasks: Callable[[], Mapping[str, Task]],
@@ -193,7 +193,7 @@ def rapid_devices(
         log=log,
     )
 
-    def show(event: Event) -> None:
+    def show(event: ControllerLogEvent) -> None:
         severity = next(severity for severity, type_ in _EVENT_TYPES.items() if type_ is event.type)
         number = event.code % 10_000
         logged = LoggedEvent(event.domain, number, severity, event.title, event.description, event.arguments)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from abb_protocols.rws.values import SignalType
-from virtual_irc5.controller_log import Refusal, Refused
-from virtual_irc5.system_parameters import NETWORKS, Configuration, Value
+from virtual_irc5.controller_log import RefusalReason, Refused
+from virtual_irc5.system_parameters import NETWORKS, SystemConfiguration, Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ OnChange = Callable[[str, float, float], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Signal:
+class ControllerSignal:
     """A signal as it is now.
 
     Attributes:
@@ -103,7 +103,7 @@ class Signals:
         rejected: why cross connections of the configuration do nothing.
     """
 
-    def __init__(self, signals: Iterable[Signal], on_change: OnChange) -> None:
+    def __init__(self, signals: Iterable[ControllerSignal], on_change: OnChange) -> None:
         self._signals = {signal.name.lower(): signal for signal in signals}
         self._on_change = on_change
         self._crosses: dict[str, list[CrossConnection]] = {}  # by actor
@@ -114,13 +114,13 @@ class Signals:
         self._defaults = {signal.name: signal.value for signal in self._signals.values()}
 
     @classmethod
-    def configured(cls, configuration: Configuration, on_change: OnChange) -> Signals:
+    def configured(cls, configuration: SystemConfiguration, on_change: OnChange) -> Signals:
         """The signals the configuration declares, at their default values."""
         signals = cls((), on_change)
         signals.configure(configuration)
         return signals
 
-    def configure(self, configuration: Configuration) -> None:
+    def configure(self, configuration: SystemConfiguration) -> None:
         """Become the signals the configuration declares, at their default values; those on a device keep theirs."""
         devices = [(kind, device) for kind in NETWORKS for device in configuration.instances("EIO", kind)]
         networks = {device.name: device.attributes.get("Network", NETWORKS[kind]) for kind, device in devices}
@@ -130,7 +130,7 @@ class Signals:
             default = float(attributes["Default"])
             before = known.get(instance.name.lower())
             self._defaults[instance.name] = default
-            self._signals[instance.name.lower()] = Signal(
+            self._signals[instance.name.lower()] = ControllerSignal(
                 name=instance.name,
                 type=SignalType(attributes["SignalType"].upper()),
                 category=attributes["Category"],
@@ -142,7 +142,9 @@ class Signals:
         for name, type_ in DRIVE_SIGNALS.items():
             if name.lower() not in self._signals:
                 value = known[name.lower()].value if name.lower() in known else 0.0
-                self._signals[name.lower()] = Signal(name, type_, "safety", "ReadOnly", value, "DRV_1", "Local")
+                self._signals[name.lower()] = ControllerSignal(
+                    name, type_, "safety", "ReadOnly", value, "DRV_1", "Local"
+                )
         self._crosses, self.rejected = {}, []
         crosses = []
         for cross in (CrossConnection.of(each.attributes) for each in configuration.instances("EIO", "EIO_CROSS")):
@@ -167,7 +169,7 @@ class Signals:
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and name.lower() in self._signals
 
-    def get(self, name: str) -> Signal:
+    def get(self, name: str) -> ControllerSignal:
         """The signal as it is now.
 
         Raises:
@@ -175,7 +177,7 @@ class Signals:
         """
         signal = self._signals.get(name.lower())
         if signal is None:
-            raise Refused(Refusal.UNKNOWN, f"there is no signal {name}.")
+            raise Refused(RefusalReason.UNKNOWN, f"there is no signal {name}.")
         return signal
 
     def set(self, name: str, value: float) -> None:
@@ -187,11 +189,11 @@ class Signals:
         signal = self.get(name)
         if signal.access.upper() != "ALL":
             raise Refused(
-                Refusal.READ_ONLY,
+                RefusalReason.READ_ONLY,
                 f"signal {name} has access level {signal.access}; clients write those with All.",
             )
         if signal.device in self.disabled or signal.network in self.stopped:
-            raise Refused(Refusal.NOT_STOPPED, f"the device {signal.device} of signal {name} does not run.")
+            raise Refused(RefusalReason.NOT_STOPPED, f"the device {signal.device} of signal {name} does not run.")
         if signal.is_simulated:
             self.simulate(name, value)
         else:
@@ -227,7 +229,7 @@ class Signals:
         if value == signal.value and not signal.is_simulated:  # in most cycles
             return
         if signal.type.is_digital and value not in (0, 1):
-            raise Refused(Refusal.OUT_OF_RANGE, f"signal {signal.name} is digital: 0 or 1, not {value:g}.")
+            raise Refused(RefusalReason.OUT_OF_RANGE, f"signal {signal.name} is digital: 0 or 1, not {value:g}.")
         if signal.is_simulated:  # the device's value waits until the simulation ends
             self._signals[signal.name.lower()] = replace(signal, physical=value)
         else:
@@ -257,11 +259,11 @@ class Signals:
                 self.drive(name, value)
 
 
-def path_of(signal: Signal) -> str:
+def path_of(signal: ControllerSignal) -> str:
     """Network, device and name, as far as it has them."""
     return "/".join(part for part in (signal.network, signal.device, signal.name) if part)
 
 
-def printed(value: float) -> str:
+def printed_signal(value: float) -> str:
     """A value as the controller prints it: whole numbers without decimals."""
     return str(int(value)) if value == int(value) else repr(value)

@@ -9,7 +9,7 @@ from operator import itemgetter
 
 from abb_protocols.errors import SettingsError
 from virtual_irc5.rapid.states import SystemEvent
-from virtual_irc5.system_parameters import Configuration, Instance
+from virtual_irc5.system_parameters import Instance, SystemConfiguration
 
 
 class TaskType(Enum):
@@ -56,7 +56,7 @@ class TaskSettings:
     foreground: str = ""
 
 
-def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
+def task_settings(configuration: SystemConfiguration) -> tuple[TaskSettings, ...]:
     """The tasks of a configuration in their order; raises SettingsError."""
     tasks = []
     for instance in configuration.instances("SYS", "CAB_TASKS"):
@@ -92,7 +92,7 @@ def _task_type(instance: Instance) -> TaskType:
 _TRUE = ("TRUE", "YES", "1", "")  # an attribute without a value is set
 
 
-def event_routines(configuration: Configuration, task: TaskSettings) -> Mapping[SystemEvent, tuple[str, ...]]:
+def event_routines(configuration: SystemConfiguration, task: TaskSettings) -> Mapping[SystemEvent, tuple[str, ...]]:
     """The event routines of a task in the order of their sequence numbers (CAB_EXEC_HOOKS)."""
     found: dict[SystemEvent, list[tuple[int, str]]] = {}
     for instance in configuration.instances("SYS", "CAB_EXEC_HOOKS"):

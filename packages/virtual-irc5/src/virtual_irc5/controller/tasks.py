@@ -20,7 +20,7 @@ from virtual_irc5.controller.file_store import FileStore
 from virtual_irc5.controller.rapid_devices import RapidDisk
 from virtual_irc5.controller.signals import Signals
 from virtual_irc5.controller.task_settings import TaskSettings, TaskType, TrustLevel
-from virtual_irc5.controller_log import EventLog, Refusal, Refused
+from virtual_irc5.controller_log import ControllerEventLog, RefusalReason, Refused
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid.ast import Storage
 from virtual_irc5.rapid.devices import Devices, NoNetwork
@@ -57,7 +57,9 @@ class TaskHost:
         devices: disk, network, FlexPendant and so on, which all tasks of a controller share.
     """
 
-    def __init__(self, signals: Signals, files: Mapping[str, str], log: EventLog, *, is_virtual: bool) -> None:
+    def __init__(
+        self, signals: Signals, files: Mapping[str, str], log: ControllerEventLog, *, is_virtual: bool
+    ) -> None:
         self.devices = Devices(RapidDisk(FileStore({})), NoNetwork())
         self.lines: deque[str] = deque(maxlen=_SCREEN_LINES)
         self.show: Callable[[str, str], None] = lambda task, line: None
@@ -87,7 +89,7 @@ class TaskHost:
         try:
             self._signals.drive(name, value)
         except Refused as refused:
-            if refused.reason is Refusal.UNKNOWN:
+            if refused.reason is RefusalReason.UNKNOWN:
                 raise KeyError(name) from refused
             raise RapidRuntimeError("ERR_ARGVALERR", str(refused)) from refused
 
@@ -182,7 +184,7 @@ class RapidExecution:
     def __init__(
         self,
         tasks: Sequence[InstalledTask],
-        events: EventLog,
+        events: ControllerEventLog,
         halt: Callable[[str], None] = lambda reason: None,
     ) -> None:
         self.installed: Mapping[str, InstalledTask] = MappingProxyType({each.task.name: each for each in tasks})
@@ -244,9 +246,11 @@ class RapidExecution:
         """
         installed = self.installed[task]
         if not installed.is_normal:
-            raise Refused(Refusal.WRONG_MODE, f"{task} is a {installed.settings.type.name} task, which always runs.")
+            raise Refused(
+                RefusalReason.WRONG_MODE, f"{task} is a {installed.settings.type.name} task, which always runs."
+            )
         if installed.task.execution is Execution.STARTED:
-            raise Refused(Refusal.NOT_STOPPED, f"{task} runs: stop RAPID before it is selected or taken out.")
+            raise Refused(RefusalReason.NOT_STOPPED, f"{task} runs: stop RAPID before it is selected or taken out.")
         installed.is_active = is_active
 
     def start(self, cycle: str = "", step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
@@ -262,15 +266,19 @@ class RapidExecution:
         """
         selected = self._selected
         if self._stop is not None:
-            raise Refused(Refusal.ALREADY_RUNNING, f"the event routines of {self._stop.event.name} are still running.")
+            raise Refused(
+                RefusalReason.ALREADY_RUNNING, f"the event routines of {self._stop.event.name} are still running."
+            )
         if not selected:
-            raise Refused(Refusal.NO_PROGRAM_POINTER, "no task that is selected has a program: load one first.")
+            raise Refused(RefusalReason.NO_PROGRAM_POINTER, "no task that is selected has a program: load one first.")
         if all(each.task.execution is Execution.STARTED for each in selected):
-            raise Refused(Refusal.ALREADY_RUNNING, "RAPID is running already.")
+            raise Refused(RefusalReason.ALREADY_RUNNING, "RAPID is running already.")
         for each in selected:
             if not each.task.has_program_pointer:  # also after EXIT
                 name = each.task.name
-                raise Refused(Refusal.NO_PROGRAM_POINTER, f"{name} has no program pointer: move it to main first.")
+                raise Refused(
+                    RefusalReason.NO_PROGRAM_POINTER, f"{name} has no program pointer: move it to main first."
+                )
         self.is_running = True
         self.cycle = cycle or self.cycle
         for each in selected:
@@ -400,13 +408,17 @@ class RapidExecution:
             Refused: NOT_STOPPED, or NO_PROGRAM_POINTER when a module that was loaded meanwhile does not fit.
         """
         if self.is_running:
-            raise Refused(Refusal.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first.")
+            raise Refused(
+                RefusalReason.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first."
+            )
         tasks = [each.task for each in self._selected]
         for task in tasks:  # all or none
             try:
                 task.check()
             except RapidReferenceError as error:
-                raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program to run: {error}") from error
+                raise Refused(
+                    RefusalReason.NO_PROGRAM_POINTER, f"{task.name} has no program to run: {error}"
+                ) from error
         for each in self._selected:
             each.has_failed = False
             each.task.move_pp_to_main()
@@ -420,11 +432,13 @@ class RapidExecution:
             Refused: NOT_STOPPED, or NO_PROGRAM_POINTER when there is no such procedure or the program does not fit.
         """
         if self.is_running:
-            raise Refused(Refusal.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first.")
+            raise Refused(
+                RefusalReason.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first."
+            )
         try:
             self.tasks[task].move_pp_to_routine(routine, module)
         except (RapidReferenceError, UnknownSymbol, RobotNotReady) as error:
-            raise Refused(Refusal.NO_PROGRAM_POINTER, str(error)) from error
+            raise Refused(RefusalReason.NO_PROGRAM_POINTER, str(error)) from error
         unit = self.installed[task].unit
         if unit is not None:
             unit.begin_program()
@@ -453,11 +467,11 @@ class RapidExecution:
         try:
             yield
         except ModuleNameTaken as error:
-            raise Refused(Refusal.NAME_TAKEN, str(error)) from error
+            raise Refused(RefusalReason.NAME_TAKEN, str(error)) from error
         except RobotNotReady as error:
-            raise Refused(Refusal.NOT_STOPPED, str(error)) from error
+            raise Refused(RefusalReason.NOT_STOPPED, str(error)) from error
         except RapidError as error:
-            raise Refused(Refusal.BAD_PROGRAM, str(error)) from error
+            raise Refused(RefusalReason.BAD_PROGRAM, str(error)) from error
 
     def replace_program(self, texts: Mapping[str, str]) -> None:
         """Load other modules, by their paths, in the place of all of motion tasks; PP goes to their main.
@@ -486,14 +500,14 @@ class RapidExecution:
         try:
             self.tasks[task].unload(name)
         except UnknownSymbol as error:
-            raise Refused(Refusal.NO_MODULE, str(error)) from error
+            raise Refused(RefusalReason.NO_MODULE, str(error)) from error
         except RobotNotReady as error:
-            raise Refused(Refusal.NOT_STOPPED, str(error)) from error
+            raise Refused(RefusalReason.NOT_STOPPED, str(error)) from error
 
     def check_stopped(self, what: str, task: str) -> None:
         """Raise Refused, NOT_STOPPED, while RAPID runs in ``task``; ``what`` is done while it does not."""
         if self.is_running and self.installed[task].is_normal:
-            raise Refused(Refusal.NOT_STOPPED, f"{what} while RAPID is stopped: stop it first.")
+            raise Refused(RefusalReason.NOT_STOPPED, f"{what} while RAPID is stopped: stop it first.")
 
     def advance(self, dt: float) -> None:
         """Let the tasks run for ``dt`` [s]; 0 runs what is due at once."""

@@ -19,10 +19,10 @@ from virtual_irc5.instructions.moves import MOVES, SPEED, MoveInstructions, chec
 from virtual_irc5.instructions.path_corrections import PathCorrections
 from virtual_irc5.instructions.robot_data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
 from virtual_irc5.mechanics.egm_client import EgmOutcome
-from virtual_irc5.mechanics.egm_motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
+from virtual_irc5.mechanics.egm_motion import Band, EgmActivation, EgmRun, EgmStopMode, ExternalMotionData
 from virtual_irc5.mechanics.path import Offset, Passage
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
-from virtual_irc5.system_parameters import Configuration
+from virtual_irc5.system_parameters import SystemConfiguration
 
 MOST_IDENTITIES = 4
 """EGM identities a task can hold at a time (reference/egm.md §4.8)."""
@@ -73,7 +73,9 @@ class Guidance(Enum):
 class EgmInstructions:
     """The EGM instructions of one task."""
 
-    def __init__(self, motion: MoveInstructions, corrections: PathCorrections, configuration: Configuration) -> None:
+    def __init__(
+        self, motion: MoveInstructions, corrections: PathCorrections, configuration: SystemConfiguration
+    ) -> None:
         self._motion = motion
         self._corrections = corrections
         self._unit = motion.unit
@@ -335,7 +337,7 @@ class EgmInstructions:
             )
         yield from self._standing(call)
         self._run = run = EgmRun(
-            stop_mode=StopMode(int(call["Mode"])),
+            stop_mode=EgmStopMode(int(call["Mode"])),
             axes=axes,
             cond_time=call.get("CondTime", 1.0),
             ramp_in_time=call.get("RampInTime", 0.0),
@@ -365,7 +367,7 @@ class EgmInstructions:
     @EGM.instruction("EGMStop", rf"{_IDENTITY}, egmstopmode Mode, \num RampOutTime")
     def stop(self, call: Call) -> Wait:
         """Done when the arm stands."""
-        self._client.stop(StopMode(int(call["Mode"])), call.get("RampOutTime", 0.0))
+        self._client.stop(EgmStopMode(int(call["Mode"])), call.get("RampOutTime", 0.0))
         yield from standing(self._unit.arm)
 
     @EGM.instruction("EGMStreamStart", rf"{_IDENTITY}, \num SampleRate")

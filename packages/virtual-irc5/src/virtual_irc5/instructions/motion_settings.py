@@ -14,7 +14,7 @@ from virtual_irc5.instructions.moves import FATAL, MOVES, MoveInstructions, chec
 from virtual_irc5.instructions.robot_data import NOT_PRESENT, chain_order, jointtarget, rapid_from_pose, unit_quaternion
 from virtual_irc5.mechanics.arm import STOPPED, VirtualArm
 from virtual_irc5.mechanics.path import Acceleration
-from virtual_irc5.mechanics.path_geometry import CircleMode, Frames
+from virtual_irc5.mechanics.path_geometry import CircleMode, LegFrames
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 from virtual_irc5.rapid.states import SystemEvent
@@ -257,7 +257,7 @@ class MotionSettingInstructions:
         planned = self._unit.arm.planned
         if hasattr(point, "robax"):
             return jointtarget(planned)[1]
-        return self._motion.robtarget(planned, Frames())[3]  # the same with any tool
+        return self._motion.robtarget(planned, LegFrames())[3]  # the same with any tool
 
     @SETTINGS.instruction("EOffsSet", "extjoint EAxOffs")
     def set_offsets(self, call: Call) -> None:

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from abb_protocols.errors import RobotNotReady
-from abb_protocols.robot.arm_kinematics import Arm
-from abb_protocols.robot.confdata import Configuration
+from abb_protocols.robot.arm_kinematics import KinematicArm
+from abb_protocols.robot.confdata import Confdata
 from abb_protocols.robot.joints import ORIGIN, Joints, Pose
 from abb_protocols.robot.kinematics import compose, matrix, quaternion_from_matrix
 from abb_protocols.rws.values import EventType
-from virtual_irc5.controller_log import EventLog
+from virtual_irc5.controller_log import ControllerEventLog
 from virtual_irc5.instructions.robot_data import (
     NOT_PRESENT,
     ROBOT_DATA,
@@ -35,8 +35,8 @@ from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.path import Offset, Passage
 from virtual_irc5.mechanics.path_geometry import (
     STOP,
-    Frames,
     Leg,
+    LegFrames,
     MotionFault,
     MotionRefused,
     Piece,
@@ -51,7 +51,7 @@ from virtual_irc5.mechanics.path_geometry import (
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 from virtual_irc5.rapid.builtins.information import OF_TASK
-from virtual_irc5.rapid.task import task_meant
+from virtual_irc5.rapid.task import task_of_argument
 
 SpeedRatio = Callable[[], float]
 Build = Callable[[Joints, Zone], Leg]
@@ -100,7 +100,7 @@ _KIND = re.compile(r"(?:Move|Trigg|Search|Contact)(AbsJ|ExtJ|J|L|C)")
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class MoveTarget:
     """A robtarget in SI units, in the work object.
 
     Attributes:
@@ -113,7 +113,7 @@ class Target:
     point: NDArray[np.float64]
     rotation: NDArray[np.float64]
     angle: float | None
-    configuration: Configuration
+    configuration: Confdata
 
 
 class MoveInstructions:
@@ -124,7 +124,7 @@ class MoveInstructions:
     """
 
     def __init__(
-        self, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog, units_of_tasks: Mapping[str, ArmUnit]
+        self, unit: ArmUnit, speed_ratio: SpeedRatio, events: ControllerEventLog, units_of_tasks: Mapping[str, ArmUnit]
     ) -> None:
         self.unit = unit
         self.arm = unit.arm
@@ -137,7 +137,7 @@ class MoveInstructions:
 
     # What the arguments mean --------------------------------------------------------------------------------------
 
-    def frames(self, tool: Any, wobj: Any, *, is_displaced: bool = True) -> Frames:
+    def frames(self, tool: Any, wobj: Any, *, is_displaced: bool = True) -> LegFrames:
         """Tool and work object, with the program displacement."""
         robot_holds_tool = bool(tool.robhold)
         if robot_holds_tool == (wobj is not None and bool(wobj.robhold)):
@@ -147,18 +147,18 @@ class MoveInstructions:
         displacement = self.unit.settings.displacement
         if displacement is not None and is_displaced:
             wobj_pose = compose(wobj_pose, pose_from_rapid(displacement))
-        return Frames(_unit_pose(pose_from_rapid(tool.tframe)), _unit_pose(wobj_pose), robot_holds_tool)
+        return LegFrames(_unit_pose(pose_from_rapid(tool.tframe)), _unit_pose(wobj_pose), robot_holds_tool)
 
-    def target(self, robtarget: Any) -> Target:
+    def target(self, robtarget: Any) -> MoveTarget:
         """A robtarget with the offset of the external axes."""
         angle_deg = robtarget.extax[0]
         has_angle = self.arm.kinematics.reference is not None and angle_deg < NOT_PRESENT
         conf = robtarget.robconf
-        return Target(
+        return MoveTarget(
             np.array(robtarget.trans) * 1e-3,
             matrix(unit_quaternion(robtarget.rot)),
             radians(angle_deg + self.unit.settings.offsets[0]) if has_angle else None,
-            Configuration(round(conf.cf1), round(conf.cf4), round(conf.cf6), round(conf.cfx)),
+            Confdata(round(conf.cf1), round(conf.cf4), round(conf.cf6), round(conf.cfx)),
         )
 
     def speed(self, call: Call, speed: Any) -> Speed:
@@ -375,7 +375,7 @@ class MoveInstructions:
 
     # Where the robot is -------------------------------------------------------------------------------------------
 
-    def read_frames(self, call: Call) -> Frames:
+    def read_frames(self, call: Call) -> LegFrames:
         tool, wobj = self.unit.tool or _predefined(call, "tool0"), self.unit.wobj or _predefined(call, "wobj0")
         return self.frames(call.get("Tool", tool), call.get("WObj", wobj))
 
@@ -407,7 +407,7 @@ class MoveInstructions:
         """The work object of the last motion."""
         return self._of_task(call).unit.wobj or _predefined(call, "wobj0")
 
-    def robtarget(self, position: Joints, frames: Frames) -> tuple[Any, ...]:
+    def robtarget(self, position: Joints, frames: LegFrames) -> tuple[Any, ...]:
         """RAPID's robtarget of the tool at joint positions [rad]."""
         kinematics = self.arm.kinematics
         point, rotation, angle = place_of(kinematics, position, frames)
@@ -468,7 +468,7 @@ class MoveInstructions:
 
     def _of_task(self, call: Call) -> MoveInstructions:
         r"""The moves of the task that \TaskRef or \TaskName names; raises ERR_TASKNAME, ERR_NOT_MOVETASK."""
-        task = task_meant(call)
+        task = task_of_argument(call)
         if task is call.task:
             return self
         unit = self._units_of_tasks.get(task.name)
@@ -487,7 +487,7 @@ _BUILDS: Mapping[str, Callable[[MoveInstructions, Call], Build]] = {
 }
 
 
-def _planned(arm: Arm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, Piece | None]:
+def _planned(arm: KinematicArm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, Piece | None]:
     """A leg, with the corner from the one before where there is room for one."""
     leg = build(start, STOP if before is None else before.zone)
     has_corner = before is not None and before.out < len(before.shares) - 1 and leg.into > 0
@@ -496,7 +496,7 @@ def _planned(arm: Arm, build: Build, start: Joints, before: Leg | None) -> tuple
     return leg, corner(arm, before, leg)
 
 
-def posture(arm: Arm, target: Target, frames: Frames, near: Joints, *, is_checked: bool) -> Joints:
+def posture(arm: KinematicArm, target: MoveTarget, frames: LegFrames, near: Joints, *, is_checked: bool) -> Joints:
     """The posture [rad] of a target: of its configuration, or the one nearest to ``near`` where that is not checked.
 
     Raises:
@@ -528,21 +528,23 @@ def posture(arm: Arm, target: Target, frames: Frames, near: Joints, *, is_checke
     return min(fitting, key=lambda each: sum((a - b) ** 2 for a, b in zip(each, near, strict=True)))
 
 
-def place_of(arm: Arm, position: Joints, frames: Frames) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def place_of(
+    arm: KinematicArm, position: Joints, frames: LegFrames
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Point [m], rotation and arm angle [rad] of the tool in the work object, at joint positions [rad]."""
     joints = np.array([position])
     points, rotations = frames.tip(*arm.forward(joints))
     return points[0], rotations[0], float(arm.angles(joints)[0])
 
 
-def _angle(target: Target, here: float) -> float:
+def _angle(target: MoveTarget, here: float) -> float:
     """The arm angle [rad] of a target, counted on from where the arm is."""
     if target.angle is None:
         return here
     return here + (target.angle - here + pi) % tau - pi
 
 
-def _with_configuration(arm: Arm, leg: Leg, target: Target) -> Leg:
+def _with_configuration(arm: KinematicArm, leg: Leg, target: MoveTarget) -> Leg:
     """The leg, which has to end in the configuration that is programmed, or in a neighbouring quarter turn (ConfL)."""
     if not arm.is_beside_configuration(leg.end, target.configuration):
         wanted, ends = list(target.configuration), list(arm.configuration(leg.end))

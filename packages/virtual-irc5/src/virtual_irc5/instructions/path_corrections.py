@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from abb_protocols.robot.arm_kinematics import Lost
 from abb_protocols.robot.joints import Joints
 from abb_protocols.rws.values import EventType
-from virtual_irc5.controller_log import EventLog
+from virtual_irc5.controller_log import ControllerEventLog
 from virtual_irc5.instructions.moves import MOVES, place_of
 from virtual_irc5.mechanics.path import Passage
 from virtual_irc5.mechanics.path_geometry import Leg, MotionFault
@@ -46,7 +46,7 @@ class PathCorrections:
     Each leg of the path says where its offset comes from: the program's generators, or EGM's sensor.
     """
 
-    def __init__(self, unit: ArmUnit, events: EventLog) -> None:
+    def __init__(self, unit: ArmUnit, events: ControllerEventLog) -> None:
         self._unit, self._events = unit, events
         self._generators: list[CorrectionGenerator] = []
         self._offset, self._rate = np.zeros(3), np.zeros(3)

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from abb_protocols.robot.arm_kinematics import Arm
+from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.joints import (
     JOINT_COUNT,
     JointLimits,
@@ -24,8 +24,8 @@ from abb_protocols.robot.joints import (
     joints,
 )
 from abb_protocols.robot.kinematics import compose, inverse, upper_half
-from virtual_irc5.mechanics.egm_client import EgmState
-from virtual_irc5.mechanics.egm_motion import StopMode
+from virtual_irc5.mechanics.egm_client import EgmClientState
+from virtual_irc5.mechanics.egm_motion import EgmStopMode
 from virtual_irc5.rapid import STANDARD, Library, RapidRuntimeError
 from virtual_irc5.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
 
@@ -87,9 +87,9 @@ ROBOT_DATA.record("egm_minmax", {"min": "num", "max": "num"})
 ROBOT_DATA.record("tasks", {"taskname": "string"})
 for _name, _components in _RECORDS.items():
     ROBOT_DATA.record(_name, _components)
-for _state in EgmState:
+for _state in EgmClientState:
     ROBOT_DATA.data(f"EGM_STATE_{_state.name}", "egmstate", float(_state))
-for _mode in StopMode:
+for _mode in EgmStopMode:
     ROBOT_DATA.data(f"EGM_STOP_{_mode.name}", "egmstopmode", float(_mode.value))
 for _number, _name in enumerate(FRAME_TYPES):
     ROBOT_DATA.data(f"EGM_FRAME_{_name}", "egmframetype", float(_number))
@@ -146,7 +146,7 @@ def wobj_from_rapid(wobj: Any) -> Pose:
     return compose(pose_from_rapid(wobj.uframe), pose_from_rapid(wobj.oframe))
 
 
-def robtarget(arm: Arm, position: Joints, tool: Pose | None, wobj: Pose | None) -> tuple[Any, ...]:
+def robtarget(arm: KinematicArm, position: Joints, tool: Pose | None, wobj: Pose | None) -> tuple[Any, ...]:
     """RAPID's robtarget of the tool at joint positions [rad]; ``eax_a`` is the arm angle of seven axes."""
     pose = arm.tool0(position)
     pose = pose if tool is None else compose(pose, tool)

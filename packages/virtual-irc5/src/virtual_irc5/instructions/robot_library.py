@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from virtual_irc5.controller_log import EventLog
+from virtual_irc5.controller_log import ControllerEventLog
 from virtual_irc5.instructions.calibration import CALIBRATION, CalibrationInstructions
 from virtual_irc5.instructions.egm_instructions import EGM, EgmInstructions
 from virtual_irc5.instructions.measurements import MEASUREMENTS, MeasurementInstructions
@@ -21,14 +21,14 @@ from virtual_irc5.instructions.triggers import TRIGGERS, TriggerInstructions
 from virtual_irc5.instructions.world_zones import ZONES, WorldZoneInstructions
 from virtual_irc5.mechanics.units import ArmUnit, MechanicalUnit, SyncPoints
 from virtual_irc5.rapid import InstructionSet, Library
-from virtual_irc5.system_parameters import Configuration
+from virtual_irc5.system_parameters import SystemConfiguration
 
 
 def robot_library(
     unit: ArmUnit,
     *,
-    configuration: Configuration,
-    events: EventLog,
+    configuration: SystemConfiguration,
+    events: ControllerEventLog,
     speed_ratio: SpeedRatio,
     units: Sequence[MechanicalUnit],
     sync_points: SyncPoints,

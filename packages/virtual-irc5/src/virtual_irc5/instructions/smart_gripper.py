@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.gripper_values import MAX_FORCE, TOP_SPEED, TRAVEL, ServoState
 from abb_protocols.rws.values import EventType
-from virtual_irc5.controller_log import EventLog
+from virtual_irc5.controller_log import ControllerEventLog
 from virtual_irc5.mechanics.virtual_gripper import CHANNELS, SETTLING_TIME, VirtualGripper
 from virtual_irc5.rapid import STANDARD, Call, Library, RapidRuntimeError, Wait
 
@@ -60,7 +60,7 @@ def _channel(call: Call) -> int:
 class GripperInstructions:
     """The gripper's instructions of one task."""
 
-    def __init__(self, gripper: VirtualGripper, events: EventLog) -> None:
+    def __init__(self, gripper: VirtualGripper, events: ControllerEventLog) -> None:
         self._gripper = gripper
         self._events = events
 

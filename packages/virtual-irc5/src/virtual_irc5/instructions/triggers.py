@@ -17,7 +17,7 @@ from virtual_irc5.mechanics.path import Passage, Trigger
 from virtual_irc5.mechanics.units import Contact
 from virtual_irc5.rapid import Call, Library, Wait
 from virtual_irc5.rapid.builtins.strings import RELATIONS
-from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, SignalType, resolved
+from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, RapidSignalType, resolved
 
 _MOST_TRIGGERS = 8
 _ZERO_CYCLES = 100  # 0.4 s after a stop process signals are set to zero
@@ -26,7 +26,7 @@ _INSTANT = 1e-4  # [s] over which the tool's speed is measured
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class TriggerEvent:
     """What a triggdata describes.
 
     Attributes:
@@ -48,7 +48,7 @@ class Event:
 class TriggData:
     """A triggdata: empty, or what happens where."""
 
-    events: tuple[Event, ...] = ()
+    events: tuple[TriggerEvent, ...] = ()
 
 
 @dataclass(slots=True)
@@ -127,13 +127,13 @@ class TriggerInstructions:
             else:
                 move.task.write_signal(name, wanted)
 
-        self._define(call, Event(act))
+        self._define(call, TriggerEvent(act))
 
     @TRIGGERS.instruction("TriggInt", rf"{_DATA}, {_WHERE}, VAR intnum Interrupt")
     def define_interrupt(self, call: Call) -> None:
         """An interrupt occurs."""
         number = int(call["Interrupt"])
-        self._define(call, Event(lambda move: move.task.interrupts.occur(number)))
+        self._define(call, TriggerEvent(lambda move: move.task.interrupts.occur(number)))
 
     @TRIGGERS.instruction(
         "TriggCheckIO",
@@ -153,7 +153,7 @@ class TriggerInstructions:
                     self._motion.arm.path.hold("StopMove")
                 move.task.interrupts.occur(number)
 
-        self._define(call, Event(act))
+        self._define(call, TriggerEvent(act))
 
     @TRIGGERS.instruction(
         "TriggStopProc",
@@ -231,7 +231,7 @@ class TriggerInstructions:
 
             follow()
 
-        self._define(call, Event(act, lead=call["ScaleLag"]))
+        self._define(call, TriggerEvent(act, lead=call["ScaleLag"]))
 
     @TRIGGERS.instruction(
         "TriggRampAO",
@@ -259,9 +259,9 @@ class TriggerInstructions:
                 move.task.later(length * share, lambda share=share: act(share)(move))  # type: ignore[misc]
 
         if call.present("Time"):
-            self._define(call, Event(ramp))
+            self._define(call, TriggerEvent(ramp))
             return
-        self._define(call, Event(act(0.0)))
+        self._define(call, TriggerEvent(act(0.0)))
         (event,) = call["TriggData"].events
         sign = 1.0 if event.is_from_start else -1.0
         call["TriggData"].events = tuple(
@@ -269,7 +269,7 @@ class TriggerInstructions:
             for step in range(steps + 1)
         )
 
-    def _define(self, call: Call, event: Event) -> None:
+    def _define(self, call: Call, event: TriggerEvent) -> None:
         is_time = call.name.lower() != "triggrampao" and bool(call.get("Time", False))
         distance = call["Distance"]
         if distance < 0.0:
@@ -302,7 +302,7 @@ class TriggerInstructions:
     @TRIGGERS.instruction("TriggJIOs", rf"\switch Conc, {_TO}, {_WITH_OUTPUTS}")
     def move_with_outputs(self, call: Call) -> Wait:
         """A move with outputs of arrays of records (triggios, triggstrgo, triggiosdnum), those with used TRUE."""
-        events: list[Event] = []
+        events: list[TriggerEvent] = []
         for number in range(1, 4):
             for row in call.get(f"TriggData{number}", ()):
                 if not row.used:
@@ -315,7 +315,9 @@ class TriggerInstructions:
                 def act(move: Call, name: str = name, value: float = value) -> None:
                     move.task.write_signal(name, value)
 
-                events.append(Event(act, distance=row.distance, is_from_start=bool(row.start), lead=row.equiplag))
+                events.append(
+                    TriggerEvent(act, distance=row.distance, is_from_start=bool(row.start), lead=row.equiplag)
+                )
         yield from self._acting(call, events)
 
     @TRIGGERS.instruction("TriggL", rf"\switch Conc, {_TO}, \identno ID, {_WITH_TRIGGERS}")
@@ -334,7 +336,7 @@ class TriggerInstructions:
         events = [event for each in data for event in each.events]
         yield from self._acting(call, events)
 
-    def _attach(self, call: Call, passage: Passage, events: list[Event]) -> None:
+    def _attach(self, call: Call, passage: Passage, events: list[TriggerEvent]) -> None:
         """Add what happens to the run; a distance longer than the move is its other end."""
         leg, run = passage.leg, passage.run
         total = float(leg.piece.way[-1]) * 1e3
@@ -353,14 +355,14 @@ class TriggerInstructions:
         value, name = call.get("DValue", call.get("Value", 0.0)), call["Signal"].name
         if call.name.upper().endswith("DO"):
             value = 1.0 if value else 0.0
-        yield from self._acting(call, [Event(lambda _: call.task.write_signal(name, value))])
+        yield from self._acting(call, [TriggerEvent(lambda _: call.task.write_signal(name, value))])
 
     def call_at_end(self, call: Call) -> Wait:
         """A procedure is called at the end of a move, as a trap routine is."""
         number = call.task.interrupt_of(call["ProcName"])
-        yield from self._acting(call, [Event(lambda _: call.task.interrupts.occur(number))])
+        yield from self._acting(call, [TriggerEvent(lambda _: call.task.interrupts.occur(number))])
 
-    def _acting(self, call: Call, events: list[Event]) -> Wait:
+    def _acting(self, call: Call, events: list[TriggerEvent]) -> Wait:
         added: Callable[[Passage], None] = lambda passage: self._attach(call, passage, events)  # noqa: E731
         yield from self._motion.passed(call, self._motion.build(call), added)
 
@@ -455,7 +457,7 @@ class TriggerInstructions:
 def _watched(call: Call) -> tuple[str, str, Callable[[], float]]:
     """What a search watches: how it is called, the error of one that is set already, and its level."""
     watched = call.reference("Signal")
-    if isinstance(resolved(watched.type), SignalType):
+    if isinstance(resolved(watched.type), RapidSignalType):
         name = watched.value.name
         return f"the signal {name}", "ERR_SIGSUPSEARCH", lambda: call.task.read_signal(name)
     return f"the persistent {watched.name}", "ERR_PERSSUPSEARCH", lambda: float(watched.value)

@@ -14,7 +14,7 @@ from abb_protocols.robot.joints import Joints, Vector, chain_from_abb
 from virtual_irc5.instructions.moves import FATAL
 from virtual_irc5.instructions.robot_data import ROBOT_DATA
 from virtual_irc5.mechanics.units import ArmUnit
-from virtual_irc5.mechanics.watched_zones import Box, JointRange, Outside, Shape, Sphere, UprightCylinder, WorldZone
+from virtual_irc5.mechanics.watched_zones import JointRange, Outside, Shape, Sphere, UprightCylinder, WorldZone, ZoneBox
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError
 
 _SMALLEST_ZONE_M = 0.01  # ABB's limit
@@ -55,7 +55,7 @@ class WorldZoneInstructions:
         pairs = list(zip(low, high, strict=True))
         corners = [tuple(min(pair) for pair in pairs), tuple(max(pair) for pair in pairs)]
         self._check_size(call, min(abs(a - b) for a, b in pairs))
-        self._define(call, Box(*(cast("Vector", corner) for corner in corners)))
+        self._define(call, ZoneBox(*(cast("Vector", corner) for corner in corners)))
 
     @ZONES.instruction("WZSphDef", f"{_SHAPE}, pos CentrePoint, num Radius")
     def define_sphere(self, call: Call) -> None:

@@ -8,12 +8,12 @@ from itertools import pairwise
 from math import acos, dist, pi, sin
 
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.arm_kinematics import Arm
+from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.joints import Joints, Pose, Side, joint_names
 from abb_protocols.robot.kinematics import compose, tool0_to_body
 from abb_protocols.robot.yumi_arms import yumi_arm
-from virtual_irc5.mechanics.arm_motion import ArmModel, Motion, MotionState, Standstill, braking, stopping, travel
-from virtual_irc5.mechanics.egm_motion import EgmMotion, EgmSettings
+from virtual_irc5.mechanics.arm_motion import ArmModel, ArmMotion, MotionState, Standstill, braking, stopping, travel
+from virtual_irc5.mechanics.egm_motion import EgmMotion, EgmMotionParameters
 from virtual_irc5.mechanics.load_supervision import LoadSupervision, Overload
 from virtual_irc5.mechanics.path import PathMotion
 from virtual_irc5.mechanics.servo import Servo, between
@@ -52,7 +52,7 @@ class VirtualArm:
         side: Side,
         position: Joints | None = None,
         model: ArmModel | None = None,
-        kinematics: Arm | None = None,
+        kinematics: KinematicArm | None = None,
         unit: str = "",
     ) -> None:
         self.side = side
@@ -60,7 +60,7 @@ class VirtualArm:
         self.model = model or ArmModel()
         self.kinematics = kinematics or yumi_arm(side, self.model.limits)
         self._motors_on = False
-        self._motion: Motion = Standstill(position or self.kinematics.home)
+        self._motion: ArmMotion = Standstill(position or self.kinematics.home)
         self.path = PathMotion(self.planned, self.model.limits)
         self._is_regaining = False
         self._servo = Servo(self.planned, self.model)
@@ -248,7 +248,7 @@ class VirtualArm:
         self._motion, self._is_regaining, self._push_left = Standstill(position), False, 0.0
         self._servo.rest_at(position)
 
-    def start_egm(self, settings: EgmSettings) -> None:
+    def start_egm(self, settings: EgmMotionParameters) -> None:
         """Let EGM move the arm, from its planned position.
 
         Raises:

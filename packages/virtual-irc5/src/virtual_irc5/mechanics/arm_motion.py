@@ -97,7 +97,7 @@ class MotionState:
         return cls(position, still, still)
 
 
-class Motion(Protocol):
+class ArmMotion(Protocol):
     """A motion that the arm plans."""
 
     @property

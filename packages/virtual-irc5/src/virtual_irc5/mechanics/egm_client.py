@@ -22,10 +22,10 @@ from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.egm_motion import (
     DEFAULT_BANDS,
     EgmActivation,
+    EgmMotionParameters,
     EgmRun,
-    EgmSettings,
+    EgmStopMode,
     ExternalMotionData,
-    StopMode,
 )
 from virtual_irc5.mechanics.path import Passage
 
@@ -130,7 +130,7 @@ class EgmSession:
         self.is_over, self.mci = True, mci
 
 
-class EgmState(IntEnum):
+class EgmClientState(IntEnum):
     """``egmstate`` of RAPID; the examples of the manual compare with <=, so the order counts."""
 
     DISCONNECTED = 0
@@ -195,7 +195,7 @@ class EgmClient:
     """
 
     def __init__(self, arm: VirtualArm, options: EgmOptions | None = None) -> None:
-        self.state = EgmState.DISCONNECTED
+        self.state = EgmClientState.DISCONNECTED
         self.outcome: EgmOutcome | None = None
         self.fault = ""
         self.rapid = RapidState.RUNNING
@@ -226,7 +226,7 @@ class EgmClient:
 
     def get_id(self) -> None:
         """EGMGetId: reserve the identity; nothing happens when it is reserved."""
-        self.state = max(self.state, EgmState.CONNECTED)
+        self.state = max(self.state, EgmClientState.CONNECTED)
 
     def setup(
         self,
@@ -244,7 +244,7 @@ class EgmClient:
         Raises:
             RobotNotReady: there is no identity yet, or EGM runs.
         """
-        self._check_state(EgmState.CONNECTED)
+        self._check_state(EgmClientState.CONNECTED)
         self._comm_timeout = comm_timeout
         self._data = ext_config or ExternalMotionData()
         self._signals = signals
@@ -256,7 +256,7 @@ class EgmClient:
             RobotNotReady: there is no identity yet, or EGM moves the arm.
         """
         if not self.is_streaming:
-            self._check_state(EgmState.CONNECTED)
+            self._check_state(EgmClientState.CONNECTED)
         self._activation = activation
 
     def run_joint(self, run: EgmRun) -> None:
@@ -268,13 +268,13 @@ class EgmClient:
             RobotNotReady: there is no identity yet, EGM runs already, or the motors are off.
         """
         self.stream_stop()  # a stream ends where a run begins
-        self._check_state(EgmState.CONNECTED)
+        self._check_state(EgmClientState.CONNECTED)
         self.fault = ""
         if not any(run.axes):
             self.outcome = EgmOutcome.CONVERGED
             return
         self._goal = None
-        self._arm.start_egm(EgmSettings.of(self._data, self._activation, run))
+        self._arm.start_egm(EgmMotionParameters.of(self._data, self._activation, run))
         self._run = run
         self.outcome = EgmOutcome.RUNNING
         self._begin(self._activation.sample_rate_ms, EgmUse.GUIDANCE)
@@ -287,7 +287,7 @@ class EgmClient:
         """
         if not self.has_path:
             if not self.is_streaming:
-                self._check_state(EgmState.CONNECTED)
+                self._check_state(EgmClientState.CONNECTED)
             self.offset, self.outcome = np.zeros(3), None
 
     def correct_path(self, passage: Passage) -> None:
@@ -306,17 +306,17 @@ class EgmClient:
         if self.is_correcting:
             return
         self.stream_stop()
-        self._check_state(EgmState.CONNECTED)
+        self._check_state(EgmClientState.CONNECTED)
         self.fault, self.outcome = "", EgmOutcome.RUNNING
         self._begin(self._activation.sample_rate_ms, EgmUse.PATH_CORRECTION)
 
-    def stop(self, mode: StopMode = StopMode.HOLD, ramp_out_time: float = 1.0) -> None:
+    def stop(self, mode: EgmStopMode = EgmStopMode.HOLD, ramp_out_time: float = 1.0) -> None:
         """EGMStop: end the run; with RAMP_DOWN the arm goes back to where it began, in ``ramp_out_time`` [s].
 
         An arm whose path is corrected goes on along the path: with RAMP_DOWN back on the path, with HOLD beside it.
         """
         if self._run_session() is not None:
-            if mode is StopMode.RAMP_DOWN:
+            if mode is EgmStopMode.RAMP_DOWN:
                 self.offset = np.zeros(3)
             self._finish(EgmOutcome.STOPPED, mode, ramp_out_time)
 
@@ -336,26 +336,26 @@ class EgmClient:
         Raises:
             RobotNotReady: there is no identity yet, or EGM runs.
         """
-        self._check_state(EgmState.CONNECTED)
+        self._check_state(EgmClientState.CONNECTED)
         self._begin(sample_rate_ms, EgmUse.STREAM)
 
     def stream_stop(self) -> None:
         """EGMStreamStop: end a position stream; a run goes on."""
         if self._session is not None and self.is_streaming:
             self._session.end(MciState.STOPPED)
-            self.state = EgmState.CONNECTED
+            self.state = EgmClientState.CONNECTED
 
     def reset(self) -> None:
         """EGMReset: end whatever runs and give the identity back."""
         self.stop()
         self.stream_stop()
-        self.state = EgmState.DISCONNECTED
+        self.state = EgmClientState.DISCONNECTED
 
     def power_down(self) -> None:
         """The controller restarts: the session ends without a last datagram, the identity is lost."""
         self.abort()
         self._session = None
-        self.state = EgmState.DISCONNECTED
+        self.state = EgmClientState.DISCONNECTED
 
     def lose_sensor(self) -> None:
         """End the run as after CommTimeout without a datagram; nothing happens without a run."""
@@ -447,7 +447,7 @@ class EgmClient:
         session = self._session
         return session if session is not None and session.use is not EgmUse.STREAM and not session.is_over else None
 
-    def _check_state(self, needed: EgmState) -> None:
+    def _check_state(self, needed: EgmClientState) -> None:
         if self.state is not needed:
             raise RobotNotReady(
                 f"EGM of the {self._arm.kinematics.name} is {self.state.name.lower()}: "
@@ -460,11 +460,11 @@ class EgmClient:
             cycles_per_datagram=max(1, sample_rate_ms // 4),
             mci=MciState.STOPPED if use is EgmUse.STREAM else MciState.RUNNING,
         )
-        self.state = EgmState.RUNNING
+        self.state = EgmClientState.RUNNING
 
-    def _finish(self, outcome: EgmOutcome, mode: StopMode, ramp_out_time: float) -> None:
+    def _finish(self, outcome: EgmOutcome, mode: EgmStopMode, ramp_out_time: float) -> None:
         """End the run as its stop mode says; with HOLD the ramp means nothing (reference/egm.md §4.6)."""
-        returns = mode is StopMode.RAMP_DOWN
+        returns = mode is EgmStopMode.RAMP_DOWN
         self._arm.stop_egm(ramp_out_time if returns else 0.0, returns_to_start=returns)
         self._end(outcome, MciState.STOPPED)
 
@@ -477,7 +477,7 @@ class EgmClient:
         if self._session is not None:
             self._session.end(mci)
         self.outcome = outcome
-        self.state = EgmState.CONNECTED
+        self.state = EgmClientState.CONNECTED
 
     def _supervise(self, session: EgmSession) -> None:
         """End a run that ends without an instruction."""

@@ -26,7 +26,7 @@ Axes = tuple[bool, ...]
 ALL_AXES: Axes = (True,) * JOINT_COUNT
 
 
-class StopMode(Enum):
+class EgmStopMode(Enum):
     """``egmstopmode``: what the arm does when EGM ends."""
 
     HOLD = 0
@@ -100,7 +100,7 @@ class EgmRun:
         is_waited: whether RAPID waits for the end; False with NoWaitCond, when a missing sensor stops the program.
     """
 
-    stop_mode: StopMode = StopMode.HOLD
+    stop_mode: EgmStopMode = EgmStopMode.HOLD
     axes: Axes = ALL_AXES
     cond_time: float = 1.0
     ramp_in_time: float = 0.0
@@ -110,7 +110,7 @@ class EgmRun:
 
 
 @dataclass(frozen=True, slots=True)
-class EgmSettings:
+class EgmMotionParameters:
     """The parameters of the controller.
 
     Attributes:
@@ -130,7 +130,7 @@ class EgmSettings:
     level: int = 0
 
     @classmethod
-    def of(cls, data: ExternalMotionData, activation: EgmActivation, run: EgmRun) -> EgmSettings:
+    def of(cls, data: ExternalMotionData, activation: EgmActivation, run: EgmRun) -> EgmMotionParameters:
         """From configuration, activation and run."""
         return cls(
             gain=run.pos_corr_gain * data.position_gain,
@@ -159,7 +159,7 @@ class EgmMotion:
 
     is_finished = False
 
-    def __init__(self, position: Joints, settings: EgmSettings, model: ArmModel) -> None:
+    def __init__(self, position: Joints, settings: EgmMotionParameters, model: ArmModel) -> None:
         self._settings = settings
         self._model = model
         self._start = position

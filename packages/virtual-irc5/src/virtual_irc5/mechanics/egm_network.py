@@ -12,7 +12,7 @@ from typing import NamedTuple
 from abb_protocols.egm.codec import RobotCodec, SensorCodec
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE, Side
-from abb_runtime.faults import Fault, Way
+from abb_runtime.faults import Fault, FaultDirection
 
 FORGED = {Fault.EGM_FORGE: 1, Fault.EGM_FORGE_OLD: -100, Fault.EGM_FORGE_AHEAD: 1000}
 """Sequence number of a forged datagram, minus that of the arm's last."""
@@ -57,7 +57,7 @@ class _LastingFault(NamedTuple):
     """A fault that lasts: how strong it is, which way, and until when [s]."""
 
     amount: float
-    way: Way
+    way: FaultDirection
     until: float
 
 
@@ -87,12 +87,17 @@ class EgmNetwork:
         self._effects: dict[tuple[Fault, Side], _LastingFault] = {}
         self._once: dict[Side, list[_SingleFault]] = {side: [] for side in Side}
         self._sent: dict[Side, deque[bytes]] = {side: deque(maxlen=MOST_REMEMBERED) for side in Side}
-        self._under_way: dict[tuple[Way, Side], list[tuple[float, bytes]]] = {}
+        self._under_way: dict[tuple[FaultDirection, Side], list[tuple[float, bytes]]] = {}
         self._count = dict.fromkeys(Side, 0)
         self._reader, self._writer = SensorCodec(axes=7), RobotCodec()
 
     def inject(
-        self, fault: Fault, side: Side, amount: float = 0.0, way: Way = Way.BOTH, duration: float | None = None
+        self,
+        fault: Fault,
+        side: Side,
+        amount: float = 0.0,
+        way: FaultDirection = FaultDirection.BOTH,
+        duration: float | None = None,
     ) -> None:
         """Inject a fault; it replaces one of the same kind.
 
@@ -120,13 +125,13 @@ class EgmNetwork:
         """Let all datagrams of an arm through as they are; what is under way is lost."""
         self._effects = {(fault, each): one for (fault, each), one in self._effects.items() if each is not side}
         self._once[side].clear()
-        for way in Way:
+        for way in FaultDirection:
             self._under_way.pop((way, side), None)
 
-    def amount(self, fault: Fault, side: Side, way: Way = Way.BOTH) -> float | None:
+    def amount(self, fault: Fault, side: Side, way: FaultDirection = FaultDirection.BOTH) -> float | None:
         """Strength of a fault of an arm in a direction; None where there is none."""
         effect = self._effects.get((fault, side))
-        return effect.amount if effect is not None and effect.way in (way, Way.BOTH) else None
+        return effect.amount if effect is not None and effect.way in (way, FaultDirection.BOTH) else None
 
     def advance(self, dt: float) -> None:
         """Begin the next cycle, ``dt`` [s] after the last: faults whose time is over end."""
@@ -138,7 +143,7 @@ class EgmNetwork:
 
     def arriving(self, inboxes: Mapping[Side, Sequence[bytes]]) -> Mapping[Side, Sequence[bytes]]:
         """What of the driver's datagrams reaches the arms in this cycle."""
-        return {side: self._deliver(Way.TO_ROBOT, side, inboxes.get(side, ())) for side in Side}
+        return {side: self._deliver(FaultDirection.TO_ROBOT, side, inboxes.get(side, ())) for side in Side}
 
     def leaving(self, datagrams: Mapping[Side, bytes]) -> list[Outgoing]:
         """What goes to the driver in this cycle, in its order, when the arms send ``datagrams``."""
@@ -146,7 +151,7 @@ class EgmNetwork:
         for side in Side:
             fresh = self._made(side, datagrams[side]) if side in datagrams else ()
             to = side if self.amount(Fault.EGM_SWAP_ARMS, side) is None else side.other
-            for datagram in self._deliver(Way.FROM_ROBOT, side, fresh):
+            for datagram in self._deliver(FaultDirection.FROM_ROBOT, side, fresh):
                 if self.amount(Fault.EGM_FOREIGN_PORT, side) is not None:
                     outgoing.append(Outgoing(to, datagram, is_foreign=True))
                 outgoing.append(Outgoing(to, datagram))
@@ -187,7 +192,7 @@ class EgmNetwork:
             )
         )
 
-    def _deliver(self, way: Way, side: Side, fresh: Iterable[bytes]) -> Sequence[bytes]:
+    def _deliver(self, way: FaultDirection, side: Side, fresh: Iterable[bytes]) -> Sequence[bytes]:
         """What of ``fresh``, and of what was under way, arrives now in one direction."""
         if not self._effects and not self._under_way:
             return tuple(fresh)

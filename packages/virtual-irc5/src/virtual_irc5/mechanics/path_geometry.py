@@ -18,7 +18,7 @@ import numpy.ma  # np.unique imports it when called first, 80 ms in the middle o
 from numpy.typing import NDArray
 
 from abb_protocols.errors import YumiError
-from abb_protocols.robot.arm_kinematics import Arm, Lost
+from abb_protocols.robot.arm_kinematics import KinematicArm, Lost
 from abb_protocols.robot.joints import ORIGIN, Joints, Pose
 from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
 from abb_protocols.robot.rotations import rotation_vectors, rotations_about
@@ -57,7 +57,7 @@ class MotionRefused(YumiError):
 
 
 @dataclass(frozen=True, slots=True)
-class Frames:
+class LegFrames:
     """Which tool moves in which work object.
 
     Attributes:
@@ -169,7 +169,7 @@ class Leg:
         out: index of the sample where the corner at its end may begin.
     """
 
-    frames: Frames
+    frames: LegFrames
     zone: Zone
     shares: Array
     piece: Piece
@@ -189,7 +189,7 @@ class Leg:
 
 
 def joint_leg(
-    arm: Arm, start: Joints, end: Joints, frames: Frames, speed: Speed, zone: Zone, entry: Zone = STOP
+    arm: KinematicArm, start: Joints, end: Joints, frames: LegFrames, speed: Speed, zone: Zone, entry: Zone = STOP
 ) -> Leg:
     """All joints from start to end together: MoveAbsJ and MoveJ.
 
@@ -221,7 +221,7 @@ def joint_leg(
     return Leg(frames, zone, shares, piece, None, into, out)
 
 
-def retraced_leg(arm: Arm, joints: Array, frames: Frames, speed: Speed) -> Leg:
+def retraced_leg(arm: KinematicArm, joints: Array, frames: LegFrames, speed: Speed) -> Leg:
     """Through positions that the arm has been at [rad], (n, k), to a stop."""
     way, turned = _distances(arm, joints, frames)
     return Leg(
@@ -319,10 +319,10 @@ class CircleMode(Enum):
 
 
 def tool_leg(
-    arm: Arm,
+    arm: KinematicArm,
     start: Joints,
     place: Place,
-    frames: Frames,
+    frames: LegFrames,
     speed: Speed,
     zone: Zone,
     entry: Zone = STOP,
@@ -354,7 +354,7 @@ def tool_leg(
     return Leg(frames, zone, shares, Piece(joints, way, turned, speed), place, into, out)
 
 
-def corner(arm: Arm, before: Leg, after: Leg) -> Piece:
+def corner(arm: KinematicArm, before: Leg, after: Leg) -> Piece:
     """From where the zone at the end of a leg begins to where it ends on the next leg: C1, inside the zone.
 
     Both legs are passed slower and slower towards the corner point, the second one backwards, and added: of two lines
@@ -383,7 +383,9 @@ def corner(arm: Arm, before: Leg, after: Leg) -> Piece:
     return Piece(joints, way, turned, before.piece.speed)
 
 
-def followed(arm: Arm, points: Array, rotations: Array, angles: Array, frames: Frames, start: Joints) -> Array:
+def followed(
+    arm: KinematicArm, points: Array, rotations: Array, angles: Array, frames: LegFrames, start: Joints
+) -> Array:
     """Joint positions [rad], (n, k), on a path of the tool.
 
     Raises:
@@ -410,7 +412,7 @@ def _is_aligned(wrist: Array) -> bool:
     return bool(np.min(np.abs(wrist)) < _WRIST_MARGIN or np.any(wrist[:-1] * wrist[1:] < 0.0))
 
 
-def check_limits(arm: Arm, joints: Array) -> None:
+def check_limits(arm: KinematicArm, joints: Array) -> None:
     """Raise MotionRefused where a sample, (n, k), is out of the joints' range."""
     lower, upper = np.array(arm.limits.lower), np.array(arm.limits.upper)
     beyond = np.maximum(lower - joints, joints - upper)
@@ -440,7 +442,7 @@ def _corner_shares(shares: Array, way: Array, turned: Array, entry: Zone, zone: 
     return float(np.interp(begin, measure, shares)), float(np.interp(total - leave, measure, shares))
 
 
-def _distances(arm: Arm, joints: Array, frames: Frames) -> tuple[Array, Array]:
+def _distances(arm: KinematicArm, joints: Array, frames: LegFrames) -> tuple[Array, Array]:
     """Way [m] and turn [rad] of the tool from the first of joint positions on, (n,) each."""
     points, rotations = frames.tip(*arm.forward(joints))
     return _cumulated(np.linalg.norm(np.diff(points, axis=0), axis=1)), _cumulated(_turns(rotations))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from abb_protocols.robot.joints import CYCLE, Joints
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from virtual_irc5.mechanics.egm_motion import EgmMotion, EgmSettings
+from virtual_irc5.mechanics.egm_motion import EgmMotion, EgmMotionParameters
 
 _SLEWING = 0.5  # how fast the delay may change [s/s]: below 1, so the past never runs backwards
 
@@ -71,7 +71,7 @@ class Servo:
             self.position = between(self.position, after, (shown - start) / (end - start))
 
 
-class Answer(NamedTuple):
+class ServoAnswer(NamedTuple):
     """What an arm under EGM reports in a cycle: its measured and its planned position [rad]."""
 
     measured: Joints
@@ -82,11 +82,11 @@ def follow_references(
     references: Sequence[Joints],
     start: Joints,
     model: ArmModel,
-    settings: EgmSettings,
+    settings: EgmMotionParameters,
     *,
     cycle: float = CYCLE,
     speeds: Sequence[Joints] | None = None,
-) -> list[Answer]:
+) -> list[ServoAnswer]:
     """How an arm follows references without anything else of a robot: what it reports and plans, cycle by cycle.
 
     EGM takes reference ``n`` in cycle ``n``, after the datagram of that cycle: the answer to a datagram, which arrives
@@ -108,7 +108,7 @@ def follow_references(
     answer = []
     fed = [motion.state.velocity] * len(references) if speeds is None else speeds
     for reference, velocity in zip(references, fed, strict=True):
-        answer.append(Answer(servo.position, motion.state.position))
+        answer.append(ServoAnswer(servo.position, motion.state.position))
         motion.reference, motion.reference_velocity, motion.reported = reference, velocity, servo.position
         motion.advance(cycle)
         servo.advance(motion.state.position, cycle)

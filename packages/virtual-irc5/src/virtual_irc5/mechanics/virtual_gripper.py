@@ -195,7 +195,7 @@ class Jog(Action):
         return left
 
 
-class Pause(Action):
+class GripperPause(Action):
     """Stand still in a state for a time [s], then do ``at_end``."""
 
     def __init__(
@@ -429,7 +429,7 @@ class VirtualGripper:
         """g_Calibrate: with ``jog`` the fingers close first; where they are then becomes 0. It takes seconds."""
         closing: tuple[Action, ...] = (
             Jog(opens=False, ends_at_standstill=True),
-            Pause(ServoState.READY, SETTLING_TIME, state_after=ServoState.READY),
+            GripperPause(ServoState.READY, SETTLING_TIME, state_after=ServoState.READY),
         )
         self._begin(*(closing if jog else ()), self._zeroing(ServoState.READY))
         self._command_shown = ServoCommand.GO_TO_READY
@@ -572,14 +572,14 @@ class VirtualGripper:
         if actions:
             self._state = actions[0].state
 
-    def _zeroing(self, state_after: ServoState) -> Pause:
+    def _zeroing(self, state_after: ServoState) -> GripperPause:
         """Take the position for 0 after a while: calibrated, correctly if the fingers are closed."""
 
         def take_zero() -> None:
             self._zero = self._fingers.opening
             self.is_calibrated = True
 
-        return Pause(ServoState.CALIBRATION, CALIBRATION_TIME, state_after=state_after, at_end=take_zero)
+        return GripperPause(ServoState.CALIBRATION, CALIBRATION_TIME, state_after=state_after, at_end=take_zero)
 
 
 def _check_position(position: float, limit: float) -> None:

@@ -18,7 +18,7 @@ class Shape(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class ZoneBox:
     """Between two corners [m], along the world's axes."""
 
     low: Vector

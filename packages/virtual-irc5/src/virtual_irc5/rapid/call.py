@@ -122,7 +122,7 @@ VISUALIZE = (
 
 
 @dataclass(frozen=True, slots=True)
-class Deadline:
+class CallDeadline:
     r"""The end of a wait with \MaxTime and \TimeFlag.
 
     Attributes:
@@ -133,8 +133,8 @@ class Deadline:
     time: float
 
     @staticmethod
-    def of(call: Call) -> Deadline:
-        return Deadline(call, call.task.now + call.get("MaxTime", math.inf))
+    def of(call: Call) -> CallDeadline:
+        return CallDeadline(call, call.task.now + call.get("MaxTime", math.inf))
 
     def expire(self) -> bool:
         r"""Whether the time is up; sets \TimeFlag, or raises ERR_WAIT_MAXTIME without one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from virtual_irc5.rapid.frame import Code, Evaluate, Frame, Span, Stack, Step, Target
+from virtual_irc5.rapid.frame import Code, Evaluate, RoutineFrame, Span, Stack, Step, Target
 
 
 class CodeBuilder:
@@ -44,20 +44,20 @@ class CodeBuilder:
         return Target(len(self.code.steps))
 
     def jump(self, target: Target) -> None:
-        def jump(stack: Stack, frame: Frame) -> None:
+        def jump(stack: Stack, frame: RoutineFrame) -> None:
             frame.step = target.step
 
         self.add(jump)
 
     def jump_if(self, condition: Evaluate, target: Target) -> None:
-        def jump_if(stack: Stack, frame: Frame) -> None:
+        def jump_if(stack: Stack, frame: RoutineFrame) -> None:
             if condition(frame):
                 frame.step = target.step
 
         self.add(jump_if)
 
     def jump_unless(self, condition: Evaluate, target: Target) -> None:
-        def jump_unless(stack: Stack, frame: Frame) -> None:
+        def jump_unless(stack: Stack, frame: RoutineFrame) -> None:
             if not condition(frame):
                 frame.step = target.step
 
@@ -67,7 +67,7 @@ class CodeBuilder:
         """Keep an intermediate result in a slot of its own; returns the slot."""
         index = self.new_slot() if slot is None else slot
 
-        def store(stack: Stack, frame: Frame) -> None:
+        def store(stack: Stack, frame: RoutineFrame) -> None:
             frame.slots[index] = evaluate(frame)
 
         self.add(store)

@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 
 from abb_protocols.errors import RapidError
 from virtual_irc5.rapid import ast as s
-from virtual_irc5.rapid.call import VISUALIZE, Deadline
+from virtual_irc5.rapid.call import VISUALIZE, CallDeadline
 from virtual_irc5.rapid.code_builder import CodeBuilder
 from virtual_irc5.rapid.expressions import Expressions, Scope, caller
-from virtual_irc5.rapid.frame import Code, Evaluate, Frame, HandlerCode, LocalName, Stack, Step, Target
+from virtual_irc5.rapid.frame import Code, Evaluate, HandlerCode, LocalName, RoutineFrame, Stack, Step, Target
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
 from virtual_irc5.rapid.program import Local, Program
 from virtual_irc5.rapid.rapid_library import LibraryRoutine
@@ -28,10 +28,10 @@ from virtual_irc5.rapid.types import (
     ProgramTooLarge,
     RapidReferenceError,
     RapidRuntimeError,
+    RapidUnresolvedTrap,
     Type,
     Unresolved,
     UnresolvedProcedure,
-    UnresolvedTrap,
     Variable,
     binary_operation,
     described,
@@ -192,7 +192,7 @@ class Statements:
         slot, name = self.builder.new_slot(), datum.name
         self.builder.code.value_count += value_count(type_)
 
-        def declare(stack: Stack, frame: Frame) -> None:
+        def declare(stack: Stack, frame: RoutineFrame) -> None:
             value = type_.default() if initial is None else convert(initial(frame))
             frame.slots[slot] = Variable(name, type_, value)
 
@@ -247,7 +247,7 @@ class Statements:
 
         late = self._late(only_step)
 
-        def execute(stack: Stack, frame: Frame) -> None:
+        def execute(stack: Stack, frame: RoutineFrame) -> None:
             step = late()
             if step is None:
                 raise RapidRuntimeError(error.error, str(error))
@@ -262,7 +262,7 @@ class Statements:
 
         late = self._late(condition)
 
-        def evaluate(frame: Frame) -> bool:
+        def evaluate(frame: RoutineFrame) -> bool:
             is_met: bool = late()(frame)
             return is_met
 
@@ -272,7 +272,7 @@ class Statements:
         """What happens after the last statement."""
         name, is_function = self.routine.name, self.routine.syntax.kind is s.RoutineKind.FUNC
 
-        def end(stack: Stack, frame: Frame) -> None:
+        def end(stack: Stack, frame: RoutineFrame) -> None:
             if is_function:
                 raise RapidRuntimeError("ERR_FNCNORET", f"The function '{name}' ended without a RETURN.")
             stack.leave(None)
@@ -286,10 +286,10 @@ class Statements:
         get_reference, type_ = self.expressions.writable(node.target, (s.Storage.VAR, s.Storage.PERS))
         evaluate, convert = self.expressions.value(node.value, type_).evaluate, type_.convert
 
-        def assign(stack: Stack, frame: Frame) -> None:
+        def assign(stack: Stack, frame: RoutineFrame) -> None:
             get_reference(frame).value = convert(evaluate(frame))
 
-        def assign_to_open_array(stack: Stack, frame: Frame) -> None:
+        def assign_to_open_array(stack: Stack, frame: RoutineFrame) -> None:
             datum = get_reference(frame)  # the caller's, which has a size
             datum.value = datum.type.convert(evaluate(frame))
 
@@ -319,7 +319,7 @@ class Statements:
         compiled, module = self.scope.program, self.scope.module
         known, faults = dict(self.scope.locals), self.scope.faults
 
-        def call(stack: Stack, frame: Frame) -> None:
+        def call(stack: Stack, frame: RoutineFrame) -> None:
             called, program = name(frame), compiled.current()
             found = program.find_late(called, module)
             if found is None and program.library.is_missing(called):
@@ -344,16 +344,16 @@ class Statements:
         placeholder = s.Argument(None, s.Literal(True), False)
         given = [placeholder if a is conditions[0] else a for a in node.arguments]
         call = caller(instruction, self.expressions.calls.arguments(instruction, given, node))
-        slot = self.builder.store(lambda frame: Deadline.of(call(frame)))
+        slot = self.builder.store(lambda frame: CallDeadline.of(call(frame)))
         again = self.builder.here()
         condition = self.expressions.condition(conditions[0].value)
 
-        def until_next_poll(deadline: Deadline) -> Generator[float | None, None, None]:
+        def until_next_poll(deadline: CallDeadline) -> Generator[float | None, None, None]:
             with deadline.visualized("a condition"):
                 yield deadline.due
 
-        def decide(stack: Stack, frame: Frame) -> None:
-            deadline: Deadline = frame.slots[slot]
+        def decide(stack: Stack, frame: RoutineFrame) -> None:
+            deadline: CallDeadline = frame.slots[slot]
             if deadline.call.task.is_settled(deadline.call) and condition(frame):
                 deadline.met()
             elif not deadline.expire():
@@ -376,7 +376,7 @@ class Statements:
         arguments = self.expressions.calls.arguments(found, [node.arguments[0], placeholder], node)
         implementation, call = found.implementation, caller(found, arguments)
 
-        def setup(stack: Stack, frame: Frame) -> None:
+        def setup(stack: Stack, frame: RoutineFrame) -> None:
             implementation(call(frame))(lambda: evaluate(frame))
 
         self.builder.add(setup)
@@ -426,7 +426,7 @@ class Statements:
 
     def connect(self, node: s.Connect) -> None:
         get_reference, type_ = self.expressions.writable(node.target, (s.Storage.VAR,))
-        trap = self.scope.find(node.trap, node, UnresolvedTrap)
+        trap = self.scope.find(node.trap, node, RapidUnresolvedTrap)
         if type_.name != "intnum" or not isinstance(trap, UserRoutine) or trap.syntax.kind is not s.RoutineKind.TRAP:
             self.scope.refuse(node, "CONNECT takes a VAR intnum and the name of a TRAP")
         self.builder.add(lambda stack, frame: stack.connect(get_reference(frame), trap))
@@ -469,13 +469,13 @@ class Statements:
         outer, slot = self.scope.locals, self.builder.new_slot()
         self.scope.locals = {**outer, name.lower(): Local(slot, NUM, is_constant=True)}
 
-        def goes_on(frame: Frame) -> bool:
+        def goes_on(frame: RoutineFrame) -> bool:
             value = frame.slots[counter]
             frame.slots[slot] = Variable(name, NUM, value)
             is_rising: bool = frame.slots[step] >= 0.0
             return bool(value <= frame.slots[last] if is_rising else value >= frame.slots[last])
 
-        def advance(stack: Stack, frame: Frame) -> None:
+        def advance(stack: Stack, frame: RoutineFrame) -> None:
             frame.slots[counter] += frame.slots[step]
 
         start, end = self.builder.here(), Target()
@@ -541,7 +541,7 @@ _COMPILERS: Mapping[type[s.Node], Callable[[Statements, Any], None]] = {
 def _failing(error: Unresolved) -> Step:
     name, sentence = error.error, str(error)
 
-    def fail(stack: Stack, frame: Frame) -> None:
+    def fail(stack: Stack, frame: RoutineFrame) -> None:
         raise RapidRuntimeError(name, sentence)
 
     return fail

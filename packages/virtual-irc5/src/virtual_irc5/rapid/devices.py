@@ -20,7 +20,7 @@ from virtual_irc5.rapid.types import RapidRuntimeError
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class DiskEntry:
     """A file or directory of the disk.
 
     Attributes:
@@ -43,10 +43,10 @@ class Disk(Protocol):
     def write(self, path: str, content: bytes) -> None:
         """Create or replace a file in a directory that exists."""
 
-    def entry(self, path: str) -> Entry:
+    def entry(self, path: str) -> DiskEntry:
         """What has the path."""
 
-    def entries(self, path: str) -> tuple[Entry, ...]:
+    def entries(self, path: str) -> tuple[DiskEntry, ...]:
         """What is in a directory."""
 
     def make_directory(self, path: str) -> None: ...
@@ -99,7 +99,7 @@ class Socket(Protocol):
     def close(self) -> None: ...
 
 
-class Network(Protocol):
+class NetworkDevice(Protocol):
     """Makes sockets."""
 
     def tcp(self) -> Socket: ...
@@ -133,7 +133,7 @@ class Choice:
 
 
 @dataclass(eq=False, slots=True)
-class Dialog:
+class DeviceDialog:
     """A question on the FlexPendant that a program waits for.
 
     Attributes:
@@ -227,12 +227,12 @@ class FlexPendant:
     """
 
     def __init__(self) -> None:
-        self.dialogs: dict[int, Dialog] = {}
+        self.dialogs: dict[int, DeviceDialog] = {}
         self.messages: dict[str, tuple[str, ...]] = {}
         self.is_connected = True
         self._numbers = itertools.count(1)
 
-    def ask(self, dialog: Dialog) -> None:
+    def ask(self, dialog: DeviceDialog) -> None:
         """Show a question; raises ERR_TP_NO_CLIENT where there is no screen."""
         if not self.is_connected:
             raise RapidRuntimeError("ERR_TP_NO_CLIENT", f"{dialog.instruction}: no FlexPendant is connected.")
@@ -241,12 +241,12 @@ class FlexPendant:
         dialog.number = next(self._numbers)
         self.dialogs[dialog.number] = dialog
 
-    def withdraw(self, dialog: Dialog) -> None:
+    def withdraw(self, dialog: DeviceDialog) -> None:
         """Take a question away, answered or not."""
         self.dialogs.pop(dialog.number, None)
 
     @property
-    def active(self) -> Dialog | None:
+    def active(self) -> DeviceDialog | None:
         """The question on top, which is the newest one without an answer."""
         return next((d for d in reversed(self.dialogs.values()) if d.answer is None), None)
 
@@ -360,7 +360,7 @@ class LoggedEvent:
 # All together -----------------------------------------------------------------------------------------------------
 
 
-class Configuration(Protocol):
+class ConfigurationDevice(Protocol):
     """The system parameters."""
 
     def read(self, path: str, attribute: str) -> str:
@@ -409,7 +409,7 @@ class Devices:
     """
 
     disk: Disk
-    network: Network
+    network: NetworkDevice
     pendant: FlexPendant = field(default_factory=FlexPendant)
     queues: MessageQueues = field(default_factory=MessageQueues)
     facts: Mapping[str, str] = field(default_factory=dict)
@@ -418,7 +418,7 @@ class Devices:
     texts: dict[str, dict[int, str]] = field(default_factory=dict)
     disabled: set[str] = field(default_factory=set)
     io: IoDevices | None = None
-    configuration: Configuration | None = None
+    configuration: ConfigurationDevice | None = None
     restart: Callable[[], None] | None = None
     watchers: list[Callable[[LoggedEvent], None]] = field(default_factory=list)
     trapped: dict[str, LoggedEvent] = field(default_factory=dict)

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.code_builder import CodeBuilder
-from virtual_irc5.rapid.frame import Evaluate, Frame, Stack, Step, Target
+from virtual_irc5.rapid.frame import Evaluate, RoutineFrame, Stack, Step, Target
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
 from virtual_irc5.rapid.program import Found, Local, Program, Signature
 from virtual_irc5.rapid.rapid_library import FormalParameter, LibraryRoutine
@@ -37,10 +37,10 @@ from virtual_irc5.rapid.types import (
     ProtectedVariable,
     RapidReferenceError,
     RapidRuntimeError,
+    RapidSignalType,
     RecordType,
     Reference,
     Signal,
-    SignalType,
     Type,
     Unresolved,
     UnresolvedFunction,
@@ -51,12 +51,12 @@ from virtual_irc5.rapid.types import (
     is_numeric,
     one,
     resolved,
-    single,
+    single_precision,
     unary_operation,
 )
 
 MOST_IN_STATEMENT = 2000  # names, numbers and operators: they are executed without a pause
-GetReference = Callable[[Frame], Reference]
+GetReference = Callable[[RoutineFrame], Reference]
 Routine = UserRoutine | LibraryRoutine
 WRITABLE = {
     s.Mode.VAR: (s.Storage.VAR,),
@@ -140,7 +140,7 @@ class Expressions:
     def fitted(self, given: Compiled, wanted: Type, node: s.Node) -> Compiled:
         if is_assignable(wanted, given.type):
             return given
-        if isinstance(resolved(given.type), SignalType):
+        if isinstance(resolved(given.type), RapidSignalType):
             wanted_type = resolved(wanted)  # a signal stands for its level where a number is needed
             if isinstance(wanted_type, OpenType) or is_numeric(wanted_type):
                 return _level(given.evaluate, NUM if isinstance(wanted_type, OpenType) else wanted_type)
@@ -197,7 +197,7 @@ class Expressions:
         if isinstance(found, Variable):
             return Compiled(lambda frame: found.value, found.type)
         if isinstance(found, Signal):
-            return Compiled(lambda frame: found, SignalType("signal"))
+            return Compiled(lambda frame: found, RapidSignalType("signal"))
         self.scope.refuse(node, f"'{node.name}' is a routine or type and has no value")
 
     def field(self, node: s.Field, wanted: Type | None) -> Compiled:
@@ -219,7 +219,7 @@ class Expressions:
         path, type_ = self.index(base.type, node)
         evaluate = base.evaluate
 
-        def element(frame: Frame) -> Any:
+        def element(frame: RoutineFrame) -> Any:
             value = evaluate(frame)
             for index in path(frame, value):
                 value = value[index]
@@ -227,14 +227,14 @@ class Expressions:
 
         return Compiled(element, type_)
 
-    def index(self, array: Type, node: s.Element) -> tuple[Callable[[Frame, Any], tuple[int, ...]], Type]:
+    def index(self, array: Type, node: s.Element) -> tuple[Callable[[RoutineFrame, Any], tuple[int, ...]], Type]:
         """How to compute the path to an element, counted from 0 and checked, and the element's type."""
         array = resolved(array)
         if not isinstance(array, ArrayType) or len(array.sizes) != len(node.indices):
             self.scope.refuse(node, f"{one(array)} has no {len(node.indices)}-dimensional elements")
         evaluates = [compiled.evaluate for compiled in self.in_order([(n, NUM) for n in node.indices])]
 
-        def path(frame: Frame, value: Any) -> tuple[int, ...]:
+        def path(frame: RoutineFrame, value: Any) -> tuple[int, ...]:
             found = []
             for evaluate in evaluates:
                 position = evaluate(frame)
@@ -374,7 +374,7 @@ class Expressions:
             return lambda frame: Part(get_whole(frame), (index,), component), component
         path, element = self.index(type_, node)
 
-        def get_element(frame: Frame) -> Reference:
+        def get_element(frame: RoutineFrame) -> Reference:
             whole = get_whole(frame)
             return Part(whole, path(frame, whole.value), element)
 
@@ -407,7 +407,7 @@ class Expressions:
 
     def _without_signal(self, compiled: Compiled) -> Compiled:
         """A signal beside an operator stands for its level."""
-        if not isinstance(resolved(compiled.type), SignalType):
+        if not isinstance(resolved(compiled.type), RapidSignalType):
             return compiled
         return _level(compiled.evaluate, NUM)
 
@@ -427,7 +427,7 @@ _COMPILERS: Mapping[type[s.Node], Callable[[Expressions, Any, Type | None], Comp
 def _fits_num(value: float) -> bool:
     """Whether single precision has this very value."""
     try:
-        return single(value) == value
+        return single_precision(value) == value
     except RapidRuntimeError:  # too large
         return False
 
@@ -437,16 +437,16 @@ def _rounded(literal: Compiled, node: s.Expression) -> Compiled:
     evaluate = literal.evaluate
     if isinstance(node, s.Literal) and not isinstance(node.value, str):
         with suppress(RapidRuntimeError):  # too large: an error where it is executed
-            value = single(node.value)
+            value = single_precision(node.value)
             return Compiled(lambda frame: value, NUM)
-    return Compiled(lambda frame: single(evaluate(frame)), NUM)
+    return Compiled(lambda frame: single_precision(evaluate(frame)), NUM)
 
 
 def _level(signal: Evaluate, type_: Type) -> Compiled:
     return Compiled(lambda frame: type_.convert(frame.task.read_signal(signal(frame).name)), type_)
 
 
-def _absent(frame: Frame) -> Reference:
+def _absent(frame: RoutineFrame) -> Reference:
     """What is passed for an argument that is left out."""
     return ABSENT
 
@@ -567,7 +567,7 @@ class Calls:
             self.scope.refuse(argument, f"'{name}' is not {one(parameter.type)}")
         slot, is_copy = local.slot, parameter.mode is s.Mode.VALUE
 
-        def conditional(frame: Frame) -> Reference:
+        def conditional(frame: RoutineFrame) -> Reference:
             passed: Reference = frame.slots[slot]
             return Variable(passed.name, passed.type, passed.value) if is_copy and passed is not ABSENT else passed
 
@@ -577,8 +577,8 @@ class Calls:
         if not isinstance(value, (s.Name, s.Element, s.Field)):
             self.scope.refuse(node, f"'{parameter.name}' needs a datum, not an expression")
         wanted = resolved(parameter.type)
-        is_signal = wanted is DI_OR_BOOL and isinstance(resolved(self.expressions.any(value).type), SignalType)
-        if is_signal or isinstance(wanted, (SignalType, ObjectType)):
+        is_signal = wanted is DI_OR_BOOL and isinstance(resolved(self.expressions.any(value).type), RapidSignalType)
+        if is_signal or isinstance(wanted, (RapidSignalType, ObjectType)):
             # A signal or an object such as a mechanical unit; predefined ones count as variables.
             compiled = self.expressions.value(value, parameter.type)
             if isinstance(value, s.Name) and isinstance(self.scope.find(value.name, value), Signal):
@@ -591,12 +591,12 @@ class Calls:
         return get_reference
 
 
-def caller(routine: LibraryRoutine, arguments: Sequence[GetReference]) -> Callable[[Frame], Call]:
+def caller(routine: LibraryRoutine, arguments: Sequence[GetReference]) -> Callable[[RoutineFrame], Call]:
     """How to make the `Call` that an instruction or function receives."""
     named = [(p.key, get_reference) for p, get_reference in zip(routine.parameters, arguments, strict=True)]
     name = routine.name
 
-    def call(frame: Frame) -> Call:
+    def call(frame: RoutineFrame) -> Call:
         frame.task.instruction_used()
         return Call(frame.task, name, {key: get_reference(frame) for key, get_reference in named})
 
@@ -607,14 +607,14 @@ def entering(routine: Routine, arguments: Sequence[GetReference], slot: int | No
     """The step that calls a routine; a function's value goes into `slot`."""
     if isinstance(routine, UserRoutine):
 
-        def enter(stack: Stack, frame: Frame) -> None:
+        def enter(stack: Stack, frame: RoutineFrame) -> None:
             stack.enter(routine, [get_reference(frame) for get_reference in arguments], slot)
 
         return enter
     call, implementation = caller(routine, arguments), routine.implementation
     convert = routine.returns.convert if routine.returns is not None else None
 
-    def execute(stack: Stack, frame: Frame) -> None:
+    def execute(stack: Stack, frame: RoutineFrame) -> None:
         outcome = implementation(call(frame))
         if isinstance(outcome, Generator):
             frame.begin_wait(outcome, slot, convert)

@@ -11,8 +11,8 @@ from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.states import SystemEvent
 from virtual_irc5.rapid.types import ABSENT, ALL_ERRORS, RapidRuntimeError, RapidValueError, Reference
 
-Step = Callable[["Stack", "Frame"], None]
-Evaluate = Callable[["Frame"], Any]
+Step = Callable[["Stack", "RoutineFrame"], None]
+Evaluate = Callable[["RoutineFrame"], Any]
 
 
 @dataclass(eq=False, slots=True)
@@ -83,15 +83,15 @@ class Code:
 class Stack(Protocol):
     """The call stack that a step changes."""
 
-    def enter(self, routine: UserRoutine, arguments: Sequence[Reference], result_slot: int | None) -> Frame: ...
+    def enter(self, routine: UserRoutine, arguments: Sequence[Reference], result_slot: int | None) -> RoutineFrame: ...
 
     def leave(self, value: Any) -> None: ...
 
     def exit(self) -> None: ...
 
-    def raise_number(self, frame: Frame, number: float) -> None: ...
+    def raise_number(self, frame: RoutineFrame, number: float) -> None: ...
 
-    def raise_again(self, frame: Frame) -> None: ...
+    def raise_again(self, frame: RoutineFrame) -> None: ...
 
     def connect(self, reference: Reference, trap: UserRoutine) -> None: ...
 
@@ -109,7 +109,7 @@ class Propagated(Exception):
         self.is_long_jump = is_long_jump
 
 
-class Frame:
+class RoutineFrame:
     """A routine under way.
 
     Attributes:

@@ -29,7 +29,7 @@ class Edge(Enum):
         return self is Edge.BOTH or bool(new) == (self is Edge.HIGH)
 
 
-class Change(Protocol):
+class InterruptChange(Protocol):
     """Which change of a signal orders an interrupt."""
 
     def is_in(self, old: float, new: float) -> bool: ...
@@ -40,7 +40,7 @@ class SignalOrder:
     """ISignalDI, ISignalDO, ISignalGI, ISignalGO, ISignalAI, ISignalAO."""
 
     signal: str
-    edge: Change
+    edge: InterruptChange
     is_single: bool
 
 

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from virtual_irc5.rapid.call import RunningTask
 from virtual_irc5.rapid.compiler import MOST_VALUES, compile_routine, link_module
-from virtual_irc5.rapid.frame import Code, Frame, Propagated, too_large
+from virtual_irc5.rapid.frame import Code, Propagated, RoutineFrame, too_large
 from virtual_irc5.rapid.interrupts import Interrupts
 from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.program import Program
@@ -47,11 +47,11 @@ class MachineTask(RunningTask, Protocol):
 
     def event_changed(self) -> None: ...
 
-    def paused(self, kind: EventKind, frame: Frame) -> None: ...
+    def paused(self, kind: EventKind, frame: RoutineFrame) -> None: ...
 
-    def failed(self, error: RapidRuntimeError, frame: Frame) -> None: ...
+    def failed(self, error: RapidRuntimeError, frame: RoutineFrame) -> None: ...
 
-    def exited(self, frame: Frame) -> None: ...
+    def exited(self, frame: RoutineFrame) -> None: ...
 
     def finished(self) -> None: ...
 
@@ -67,7 +67,7 @@ class Machine:
 
     def __init__(self, task: MachineTask) -> None:
         self.task = task
-        self.frames: list[Frame] = []
+        self.frames: list[RoutineFrame] = []
         self.interrupts = Interrupts()
         self.booked: dict[float, str] = {}
         self.in_trap = False
@@ -76,7 +76,7 @@ class Machine:
         self.budget = 0
         self.deadline = math.inf
         self.until_clock_read = 0
-        self.pause: Callable[[Frame], EventKind | None] | None = None
+        self.pause: Callable[[RoutineFrame], EventKind | None] | None = None
         self._unwinding: tuple[int, Callable[[], None]] | None = None
 
     # Running ------------------------------------------------------------------------------------------------------
@@ -122,7 +122,7 @@ class Machine:
                 self.budget = 0
         return self.budget <= 0
 
-    def _execute(self, frame: Frame) -> None:
+    def _execute(self, frame: RoutineFrame) -> None:
         self.budget -= 1
         step = frame.code.steps[frame.step]
         frame.step += 1
@@ -152,10 +152,10 @@ class Machine:
         arguments: Sequence[Reference],
         result_slot: int | None,
         event: SystemEvent | None = None,
-    ) -> Frame:
+    ) -> RoutineFrame:
         if len(self.frames) >= DEEPEST_STACK:
             raise RapidRuntimeError("ERR_EXECPHR", f"More than {DEEPEST_STACK} routines call each other.")
-        frame = Frame(self.task, routine, arguments, result_slot)
+        frame = RoutineFrame(self.task, routine, arguments, result_slot)
         frame.event = event
         code = self.task.program.codes.get(routine)
         if code is None or (event is not None and not self.task.is_linked):
@@ -165,7 +165,7 @@ class Machine:
         self.frames.append(frame)
         return frame
 
-    def _compiling(self, frame: Frame) -> Generator[float | None, None, None]:
+    def _compiling(self, frame: RoutineFrame) -> Generator[float | None, None, None]:
         """Compile the frame's routine in the background, and begin it then."""
         program, routine = self.task.program, frame.routine
 
@@ -187,7 +187,7 @@ class Machine:
             raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
         self._begin(frame, program.codes[routine])
 
-    def _begin(self, frame: Frame, code: Code) -> None:
+    def _begin(self, frame: RoutineFrame, code: Code) -> None:
         """Let a routine be executed; raises ERR_PRGMEMFULL where there is no memory for its data beside all others."""
         if code.value_count:
             wanted = code.value_count + sum(each.value_count for each in self.task.program.modules.values())
@@ -312,7 +312,7 @@ class Machine:
             self._find_event()
 
     @property
-    def program(self) -> Sequence[Frame]:
+    def program(self) -> Sequence[RoutineFrame]:
         """The routines of the program, without the event routines that are executed before it goes on."""
         return list(itertools.takewhile(lambda frame: frame.event is None, self.frames))
 
@@ -329,7 +329,7 @@ class Machine:
 
     # Interrupts ---------------------------------------------------------------------------------------------------
 
-    def _begin_trap(self, below: Frame) -> None:
+    def _begin_trap(self, below: RoutineFrame) -> None:
         number, trap = self.interrupts.take()
         self.set_system("intno", float(number))
         below.is_interrupted = below.waiting is None
@@ -367,7 +367,7 @@ class Machine:
     def set_system(self, name: str, value: float) -> None:
         self.task.program.system_data[name].value = value
 
-    def raise_number(self, frame: Frame, number: float) -> None:
+    def raise_number(self, frame: RoutineFrame, number: float) -> None:
         """RAISE with a number; in an error handler that lists numbers it is a long jump."""
         error = RapidRuntimeError(self.error_name(number), f"The program raised the error {number:g}.")
         error.number = number
@@ -378,7 +378,7 @@ class Machine:
             raise RapidRuntimeError("ERR_ILLRAISE", sentence)
         raise error
 
-    def raise_again(self, frame: Frame) -> None:
+    def raise_again(self, frame: RoutineFrame) -> None:
         assert frame.error is not None
         assert frame.code.handler is not None
         raise Propagated(frame.error, is_long_jump=bool(frame.code.handler.numbers))

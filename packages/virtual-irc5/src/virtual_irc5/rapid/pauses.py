@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from virtual_irc5.rapid.frame import Frame
+from virtual_irc5.rapid.frame import RoutineFrame
 from virtual_irc5.rapid.machine import Machine
 from virtual_irc5.rapid.states import EventKind
 
@@ -45,7 +45,7 @@ class Pauses:
         self._step: StepKind | None = None
         self._stops_at_breakpoints = False
         self._started_at = 0  # the machine's instant
-        self._reason: Callable[[Frame], EventKind | None] | None = None
+        self._reason: Callable[[RoutineFrame], EventKind | None] | None = None
 
     def begin(self, step: StepKind | None, *, stop_at_breakpoints: bool) -> None:
         """The task starts, to the end of one step when one is given."""
@@ -62,21 +62,21 @@ class Pauses:
             self._reason = self._reason_of(self._step, has_begun=self._machine.instant != self._started_at)
         reason = self._reason
 
-        def spied(frame: Frame) -> EventKind | None:
+        def spied(frame: RoutineFrame) -> EventKind | None:
             if self.spy is not None:
                 self.spy(StackEntry(frame.routine.module.name, frame.routine.name, frame.next_line))
             return None if reason is None else reason(frame)
 
         self._machine.pause = reason if self.spy is None else spied
 
-    def _reason_of(self, step: StepKind | None, *, has_begun: bool) -> Callable[[Frame], EventKind | None]:
+    def _reason_of(self, step: StepKind | None, *, has_begun: bool) -> Callable[[RoutineFrame], EventKind | None]:
         """Why the task pauses before a statement; not before the one it starts with."""
         frames, program = self._machine.frames, self._machine.program
         depth, top = len(program), program[-1]
         begun = has_begun or not top.is_between_statements()
         depths = {StepKind.IN: math.inf, StepKind.OVER: depth, StepKind.OUT: depth - 1, None: -1}
 
-        def reason(frame: Frame) -> EventKind | None:
+        def reason(frame: RoutineFrame) -> EventKind | None:
             nonlocal begun
             if not begun and frame is top:
                 begun = True

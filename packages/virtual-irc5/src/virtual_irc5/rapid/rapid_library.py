@@ -55,8 +55,8 @@ from virtual_irc5.rapid.types import (
     ProtectedVariable,
     RapidReferenceError,
     RapidRuntimeError,
+    RapidSignalType,
     RecordType,
-    SignalType,
     Type,
     Variable,
 )
@@ -286,7 +286,7 @@ def core_library() -> Library:
     for type_ in (NUM, DNUM, BOOL, STRING, SWITCH, ANY_TYPE, ANY_NUM, ANY_VALUE, ANY_SIGNAL, DI_OR_BOOL):
         core.add_type(type_)
     for kind in ("signaldi", "signaldo", "signalgi", "signalgo", "signalai", "signalao"):
-        core.add_type(SignalType(kind))
+        core.add_type(RapidSignalType(kind))
     core.alias("errnum", "num")
     for name in (*ERROR_NAMES, ALL_ERRORS):
         core.error(name)

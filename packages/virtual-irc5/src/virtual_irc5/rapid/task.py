@@ -15,7 +15,7 @@ from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.compiler import compile_program, faults_of, initialise_variables
 from virtual_irc5.rapid.devices import Host
-from virtual_irc5.rapid.frame import Frame
+from virtual_irc5.rapid.frame import RoutineFrame
 from virtual_irc5.rapid.interrupts import Interrupts
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine
 from virtual_irc5.rapid.loading import Prepared, free, prepared, removed_by
@@ -582,7 +582,7 @@ class Task(TaskData):
 
     # Stops ---------------------------------------------------------------------------------------
 
-    def failed(self, error: RapidRuntimeError, frame: Frame) -> None:
+    def failed(self, error: RapidRuntimeError, frame: RoutineFrame) -> None:
         """No handler took an error: stop at the statement that failed."""
         where, name = self._where(frame), error.name or f"error {error.number:g}"
         sentence = f"{self.name} stopped in {where}, with {name}: {error}"
@@ -599,10 +599,10 @@ class Task(TaskData):
             return
         self._halt(kind, f"{self.name} was stopped by the program in {self._where(frame)}.", frame)
 
-    def exited(self, frame: Frame) -> None:
+    def exited(self, frame: RoutineFrame) -> None:
         self._halt(EventKind.EXIT, f"{self.name} was ended by EXIT in {self._where(frame)}.", frame)
 
-    def paused(self, kind: EventKind, frame: Frame) -> None:
+    def paused(self, kind: EventKind, frame: RoutineFrame) -> None:
         """A step has been executed, or a breakpoint is reached."""
         why = "at the breakpoint in" if kind is EventKind.BREAKPOINT else "after one step, in"
         frame.is_interrupted = True  # it stands before the statement
@@ -625,7 +625,9 @@ class Task(TaskData):
     def _until_next_advance(self) -> Generator[float | None, None, None]:
         yield None
 
-    def _halt(self, kind: EventKind, sentence: str, frame: Frame, error: RapidRuntimeError | None = None) -> None:
+    def _halt(
+        self, kind: EventKind, sentence: str, frame: RoutineFrame, error: RapidRuntimeError | None = None
+    ) -> None:
         self.stop()
         name, number = (error.name, int(error.number or 0)) if error else ("", 0)
         routine = frame.routine
@@ -633,7 +635,7 @@ class Task(TaskData):
         self.host.report(self.name, event)
 
     @staticmethod
-    def _where(frame: Frame) -> str:
+    def _where(frame: RoutineFrame) -> str:
         return f"{frame.routine.module.name}/{frame.routine.name}, line {frame.line}"
 
     # Signals ------------------------------------------------------------------------------------------------------
@@ -657,7 +659,7 @@ class Task(TaskData):
         return not call.present("InPos") or self.in_position()
 
 
-def frame_of(call: Call) -> Frame:
+def frame_of(call: Call) -> RoutineFrame:
     """The routine that executes a call."""
     return task_of(call).machine.frames[-1]
 
@@ -682,7 +684,7 @@ def task_named(call: Call, name: str) -> Task:
     raise RapidRuntimeError("ERR_TASKNAME", f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}.")
 
 
-def task_meant(call: Call) -> Task:
+def task_of_argument(call: Call) -> Task:
     r"""The task that \TaskRef or \TaskName names, the caller's without them; raises ERR_TASKNAME."""
     name = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", call.task.name)
     return task_of(call) if name.lower() == call.task.name.lower() else task_named(call, name)

@@ -11,7 +11,7 @@ import re
 from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.compiler import CONSTANT_FRAME, link
 from virtual_irc5.rapid.expressions import Expressions, Scope
-from virtual_irc5.rapid.frame import Frame, LocalName
+from virtual_irc5.rapid.frame import LocalName, RoutineFrame
 from virtual_irc5.rapid.literals import format_value, parse_value
 from virtual_irc5.rapid.loaded_modules import LoadedModule
 from virtual_irc5.rapid.machine import Machine
@@ -86,7 +86,7 @@ class TaskData:
             return tuple(name.name for name, _ in frame.locals.values())
         return tuple(variable.name for variable in self._module(block).data)
 
-    def _frame(self, block: str) -> Frame | None:
+    def _frame(self, block: str) -> RoutineFrame | None:
         """The routine under way that a block is, None for a module; raises UnknownSymbol."""
         frames = self.machine.frames[::-1]
         if block.startswith("%"):
@@ -102,7 +102,7 @@ class TaskData:
                 return frame
         raise UnknownSymbol(f"The task {self.name} does not execute the routine {block}.")
 
-    def _local(self, frame: Frame, symbol: str) -> tuple[LocalName, Reference]:
+    def _local(self, frame: RoutineFrame, symbol: str) -> tuple[LocalName, Reference]:
         found = frame.locals.get(symbol.partition("{")[0].lower())
         if found is None:
             raise UnknownSymbol(f"The routine '{frame.routine.name}' has no datum '{symbol}' here.")

@@ -82,7 +82,7 @@ class UnresolvedProcedure(Unresolved):
     error = "ERR_REFUNKPRC"
 
 
-class UnresolvedTrap(Unresolved):
+class RapidUnresolvedTrap(Unresolved):
     error = "ERR_REFUNKTRP"
 
 
@@ -169,7 +169,7 @@ LARGEST_ARRAY = 50_000  # elements; a controller has memory for more, but not wi
 MOST_OBJECTS = 1000  # values of an array of clocks and the like, each of which is made anew whenever it is declared
 
 
-def single(value: float) -> float:
+def single_precision(value: float) -> float:
     """The value as a num holds it: single precision."""
     try:
         rounded: float = SINGLE.unpack(SINGLE.pack(value))[0]
@@ -302,7 +302,7 @@ class ObjectType:
 
 
 @dataclass(frozen=True, slots=True)
-class SignalType:
+class RapidSignalType:
     """signaldi, signaldo, signalgi, ...: a datum of it stands for a `Signal`; used as a value it is the level."""
 
     name: str
@@ -334,9 +334,9 @@ class OpenType:
         return value
 
 
-Type = AtomicType | RecordType | ArrayType | AliasType | ObjectType | SignalType | OpenType
+Type = AtomicType | RecordType | ArrayType | AliasType | ObjectType | RapidSignalType | OpenType
 
-NUM = AtomicType("num", 0.0, single)
+NUM = AtomicType("num", 0.0, single_precision)
 DNUM = AtomicType("dnum", 0.0, _double)
 BOOL = AtomicType("bool", False, bool)
 STRING = AtomicType("string", "", _string)
@@ -347,7 +347,7 @@ ANY_VALUE = OpenType("anyvalue")
 """ABB's `anytype` where a literal keeps all its digits; elsewhere it is a num, as the data it is written to."""
 DI_OR_BOOL = OpenType("signaldi_or_bool")
 """What a search watches: a digital input, or a persistent bool."""
-ANY_SIGNAL = SignalType("signal")
+ANY_SIGNAL = RapidSignalType("signal")
 
 
 def resolved(type_: Type) -> Type:
@@ -385,10 +385,10 @@ def is_assignable(wanted: Type, given: Type) -> bool:
     """Whether a value of `given` may stand where `wanted` is declared, without any conversion."""
     wanted, given = resolved(wanted), resolved(given)
     if wanted is DI_OR_BOOL:
-        return given is BOOL or is_assignable(SignalType("signaldi"), given)
+        return given is BOOL or is_assignable(RapidSignalType("signaldi"), given)
     if isinstance(wanted, OpenType):
         return wanted is not ANY_NUM or is_numeric(given)
-    if isinstance(wanted, SignalType) and isinstance(given, SignalType):
+    if isinstance(wanted, RapidSignalType) and isinstance(given, RapidSignalType):
         return ANY_SIGNAL in (wanted, given) or wanted == given
     if isinstance(wanted, ArrayType) and isinstance(given, ArrayType):
         same_rank = len(wanted.sizes) == len(given.sizes)

@@ -6,17 +6,17 @@ import re
 from collections.abc import Iterable, Mapping
 
 from abb_protocols.errors import SettingsError
-from abb_protocols.rws.documents import Link, Page, State
+from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import configuration as table
-from abb_protocols.rws.values import Code, read_cfg
+from abb_protocols.rws.values import RwsCode, read_cfg
 from virtual_irc5.controller.installed_system import DOMAINS
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
-from virtual_irc5.system_parameters import Configuration, Instance, defaults_of
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.system_parameters import Instance, SystemConfiguration, defaults_of
 
 _CFG_BASE = "/rw/cfg/"
 _MOST_TYPES = 70
@@ -48,12 +48,12 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.DOMAINS)
-def get_domains(controller: Irc5, call: Call) -> Page:
+def get_domains(controller: Irc5, call: RwsCall) -> Page:
     return resource("cfg", _CFG_BASE, "", *(entry("cfg-domain-li", domain) for domain in DOMAINS))
 
 
 @ROUTES.answer(table.TYPES)
-def get_types(controller: Irc5, call: Call) -> Page:
+def get_types(controller: Irc5, call: RwsCall) -> Page:
     """The types of a domain, in pages of 70."""
     domain = _domain(call)
     types = controller.configuration.types(domain)
@@ -67,7 +67,7 @@ def get_types(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.TYPE)
-def get_type(controller: Irc5, call: Call) -> Page:
+def get_type(controller: Irc5, call: RwsCall) -> Page:
     place, found = _place(call), _instances(controller, call)
     attributes = entry("cfg-dt-attributes-li", "attributes", f"{place}/attributes")
     instances = entry("cfg-dt-instances-li", "instances", f"{place}/instances")
@@ -76,7 +76,7 @@ def get_type(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.ATTRIBUTES)
-def get_attributes(controller: Irc5, call: Call) -> Mapping[str, table.CfgAttribute]:
+def get_attributes(controller: Irc5, call: RwsCall) -> Mapping[str, table.CfgAttribute]:
     """What instances of a type have, as far as those that exist show it."""
     place, found = _place(call), _instances(controller, call)
     domain, type_name = place.split("/")
@@ -94,7 +94,7 @@ def _attributes(instances: Iterable[Instance]) -> list[str]:
 
 
 @ROUTES.answer(table.INSTANCES)
-def get_instances(controller: Irc5, call: Call) -> Page:
+def get_instances(controller: Irc5, call: RwsCall) -> Page:
     place = _place(call)
     found = list(enumerate(_instances(controller, call)))
     start, limit = call.number_option("start", 0), call.number_option("limit", len(found))
@@ -106,14 +106,14 @@ def get_instances(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.CREATE_INSTANCE)
-def create_instance(controller: Irc5, call: Call) -> HttpReply:
+def create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
     """An instance with the default values of its type."""
     place, name, found = _place(call), call.required("name"), _instances(controller, call)
     domain, type_name = place.split("/")
     if (domain, type_name) in _OF_ROBOT:
-        raise Failure(403, Code.REJECT, f"{place} describes the robot; nothing is added to it")
+        raise CallFailure(403, RwsCode.REJECT, f"{place} describes the robot; nothing is added to it")
     if any(each.name == name for each in found):
-        raise Failure(400, Code.CFG_NAME_EXIST, f"{place} has {name} already")
+        raise CallFailure(400, RwsCode.CFG_NAME_EXIST, f"{place} has {name} already")
     known = _attributes(found)
     key = "name" if "name" in known else "Name"
     values = {key: name, **{each: "" for each in known if each != key}, **defaults_of(domain, type_name)}
@@ -125,24 +125,24 @@ def create_instance(controller: Irc5, call: Call) -> HttpReply:
 
 
 @ROUTES.answer(table.RESET_INSTANCES)
-def reset_instances(controller: Irc5, call: Call) -> None:
+def reset_instances(controller: Irc5, call: RwsCall) -> None:
     _instances(controller, call)
     _reset(controller.configuration, *_place(call).split("/"))
 
 
 @ROUTES.answer(table.RESET_DOMAIN)
-def reset_domain(controller: Irc5, call: Call) -> None:
+def reset_domain(controller: Irc5, call: RwsCall) -> None:
     _reset(controller.configuration, _domain(call))
 
 
 @ROUTES.answer(table.VALIDATE_REMOVAL)
-def validate_removal(controller: Irc5, call: Call) -> None:
+def validate_removal(controller: Irc5, call: RwsCall) -> None:
     """Refuse to remove an instance that another one names."""
     _check_unused(controller, call.required("name"))
 
 
 @ROUTES.answer(table.VALIDATE_INSTANCES)
-def validate_instances(controller: Irc5, call: Call) -> None:
+def validate_instances(controller: Irc5, call: RwsCall) -> None:
     domain, type_name = call.required("cfgdomain").upper(), call.required("cfgtype").upper()
     names = [name for name in call.required("instances").split(",") if name]
     if len(names) != call.number("instancescount"):
@@ -151,10 +151,12 @@ def validate_instances(controller: Irc5, call: Call) -> None:
         is_there = controller.configuration.find(domain, type_name, name) is not None
         if call.parameter("operation", "0") == "1":
             if not is_there:
-                raise Failure(400, Code.CFG_INSTANCE_INVALID, f"{domain}/{type_name} has no instance {name[:50]}")
+                raise CallFailure(
+                    400, RwsCode.CFG_INSTANCE_INVALID, f"{domain}/{type_name} has no instance {name[:50]}"
+                )
             _check_unused(controller, name)
         elif is_there:
-            raise Failure(400, Code.CFG_NAME_EXIST, f"{domain}/{type_name} has {name} already")
+            raise CallFailure(400, RwsCode.CFG_NAME_EXIST, f"{domain}/{type_name} has {name} already")
 
 
 def _check_unused(controller: Irc5, name: str) -> None:
@@ -163,26 +165,28 @@ def _check_unused(controller: Irc5, name: str) -> None:
         for type_name in cfg.types(domain):
             for each in cfg.instances(domain, type_name):
                 if each.name != name and name in each.attributes.values():
-                    raise Failure(400, Code.CFG_DATA_INCORRECT, f"{domain}/{type_name}/{each.name} names {name[:50]}")
+                    raise CallFailure(
+                        400, RwsCode.CFG_DATA_INCORRECT, f"{domain}/{type_name}/{each.name} names {name[:50]}"
+                    )
 
 
 @ROUTES.answer(table.KEYLESS)
-def refuse_keyless(controller: Irc5, call: Call) -> None:
-    raise Failure(403, Code.MODE_REJECT, "the motors are switched on with the button on the controller")
+def refuse_keyless(controller: Irc5, call: RwsCall) -> None:
+    raise CallFailure(403, RwsCode.MODE_REJECT, "the motors are switched on with the button on the controller")
 
 
 @ROUTES.answer(table.INSTANCE)
-def get_instance(controller: Irc5, call: Call) -> Page:
+def get_instance(controller: Irc5, call: RwsCall) -> Page:
     place, name = _place(call), call.names["instance"]
     for index, each in enumerate(_instances(controller, call)):
         if each.name == name:
             state = _instance_state("cfg-dt-instance", place, index, each)
             return resource("cfg", _CFG_BASE, f"{place}/instances/{name}", state)
-    raise Failure(400, Code.CFG_INSTANCE_INVALID, f"{place} has no instance {name}")
+    raise CallFailure(400, RwsCode.CFG_INSTANCE_INVALID, f"{place} has no instance {name}")
 
 
 @ROUTES.answer(table.SET_INSTANCE)
-def set_instance(controller: Irc5, call: Call) -> None:
+def set_instance(controller: Irc5, call: RwsCall) -> None:
     domain, type_name, name = _existing_place(controller, call)
     known = _instances(controller, call)[0].attributes
     for attribute, _ in call.form:
@@ -192,30 +196,30 @@ def set_instance(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.REMOVE_INSTANCE)
-def remove_instance(controller: Irc5, call: Call) -> None:
+def remove_instance(controller: Irc5, call: RwsCall) -> None:
     domain, type_name, name = _existing_place(controller, call)
     if (domain, type_name) in _OF_ROBOT:
-        raise Failure(403, Code.REJECT, f"{domain}/{type_name} describes the robot; nothing is removed from it")
+        raise CallFailure(403, RwsCode.REJECT, f"{domain}/{type_name} describes the robot; nothing is removed from it")
     controller.configuration.remove(domain, type_name, name)
 
 
 @ROUTES.answer(table.LOAD_FILE)
-def load_file(controller: Irc5, call: Call) -> None:
+def load_file(controller: Irc5, call: RwsCall) -> None:
     """Load a file: all of it, or nothing."""
     controller.configuration.become(_with_file(controller, call))
 
 
 @ROUTES.answer(table.VALIDATE_FILE)
-def validate_file(controller: Irc5, call: Call) -> Page:
+def validate_file(controller: Irc5, call: RwsCall) -> Page:
     _with_file(controller, call)
-    return resource("cfg", "/rw/", "cfg", State("cfg-validate", "validate", {"status": "OK"}))
+    return resource("cfg", "/rw/", "cfg", RwsState("cfg-validate", "validate", {"status": "OK"}))
 
 
-def _with_file(controller: Irc5, call: Call) -> Configuration:
+def _with_file(controller: Irc5, call: RwsCall) -> SystemConfiguration:
     """The configuration with a file loaded as the call says: added, replacing, or in the place of what was added."""
     mode = call.parameter("action-type", "add")
     path = path_of_file(call.required("filepath"))
-    loaded = Configuration()
+    loaded = SystemConfiguration()
     loaded.become(controller.configuration)
     try:
         text = controller.files[path]
@@ -223,13 +227,13 @@ def _with_file(controller: Irc5, call: Call) -> Configuration:
             _reset(loaded, read_cfg(text).domain)
         loaded.load(text, replace=mode != "add")
     except KeyError as error:
-        raise Failure(400, Code.FILE_NOT_FOUND, f"there is no file {path}") from error
+        raise CallFailure(400, RwsCode.FILE_NOT_FOUND, f"there is no file {path}") from error
     except SettingsError as error:
         raise invalid(str(error)) from error
     return loaded
 
 
-def _reset(configuration: Configuration, domain: str, type_name: str = "") -> None:
+def _reset(configuration: SystemConfiguration, domain: str, type_name: str = "") -> None:
     """Remove all instances that are not the robot's own."""
     for kind in configuration.types(domain):
         if (domain, kind) in _OF_ROBOT or (type_name and kind != type_name):
@@ -239,33 +243,33 @@ def _reset(configuration: Configuration, domain: str, type_name: str = "") -> No
 
 
 @ROUTES.answer(table.SAVE_DOMAIN)
-def save_domain(controller: Irc5, call: Call) -> None:
+def save_domain(controller: Irc5, call: RwsCall) -> None:
     domain = _domain(call)
     controller.files[path_of_file(call.required("filepath"))] = controller.configuration.text(domain)
 
 
-def _domain(call: Call) -> str:
+def _domain(call: RwsCall) -> str:
     domain = call.names["domain"].upper()
     if domain not in DOMAINS:
-        raise Failure(400, Code.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain[:50]}")
+        raise CallFailure(400, RwsCode.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain[:50]}")
     return domain
 
 
-def _existing_place(controller: Irc5, call: Call) -> tuple[str, str, str]:
+def _existing_place(controller: Irc5, call: RwsCall) -> tuple[str, str, str]:
     domain, type_name, name = call.names["domain"].upper(), call.names["type"].upper(), call.names["instance"]
     if controller.configuration.find(domain, type_name, name) is None:
-        raise Failure(400, Code.CFG_INSTANCE_INVALID, f"{domain}/{type_name} has no instance {name}")
+        raise CallFailure(400, RwsCode.CFG_INSTANCE_INVALID, f"{domain}/{type_name} has no instance {name}")
     return domain, type_name, name
 
 
-def _place(call: Call) -> str:
+def _place(call: RwsCall) -> str:
     return f"{call.names['domain'].upper()}/{call.names['type'].upper()}"
 
 
-def _instances(controller: Irc5, call: Call) -> tuple[Instance, ...]:
+def _instances(controller: Irc5, call: RwsCall) -> tuple[Instance, ...]:
     domain, type_name = call.names["domain"].upper(), call.names["type"].upper()
     if domain not in DOMAINS:
-        raise Failure(400, Code.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain}")
+        raise CallFailure(400, RwsCode.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain}")
     if (domain, type_name) == ("SYS", "PRESENT_OPTIONS"):
         # The options once more as system parameters: number and description apart, in this order.
         split = ((_NUMBERED_OPTION.fullmatch(option), option) for option in controller.identity.options)
@@ -273,7 +277,7 @@ def _instances(controller: Irc5, call: Call) -> tuple[Instance, ...]:
         return tuple(Instance(name, {"name": name, "desc": description}) for name, description in pairs)
     found = tuple(controller.cfg(domain, type_name))
     if not found:
-        raise Failure(400, Code.CFG_TYPE_INVALID, f"domain {domain} has no type {type_name} with instances")
+        raise CallFailure(400, RwsCode.CFG_TYPE_INVALID, f"domain {domain} has no type {type_name} with instances")
     listed = _LISTED_DEFAULTS.get((domain, type_name), {})
     return tuple(
         Instance(each.name, {**each.attributes, **{k: v for k, v in listed.items() if k not in each.attributes}})
@@ -281,9 +285,9 @@ def _instances(controller: Irc5, call: Call) -> tuple[Instance, ...]:
     )
 
 
-def _instance_state(type: str, place: str, index: int, instance: Instance) -> State:
-    attributes = tuple(State("cfg-ia-t-li", name, {"value": text}) for name, text in instance.attributes.items())
+def _instance_state(type: str, place: str, index: int, instance: Instance) -> RwsState:
+    attributes = tuple(RwsState("cfg-ia-t-li", name, {"value": text}) for name, text in instance.attributes.items())
     is_own = tuple(place.split("/")) == ("SYS", "PRESENT_OPTIONS")
     fields = {"rdonly": "true" if is_own else "false", "instanceid": str(index)}
-    links = (Link("self", f"{place}/instances/{instance.name}"),)
-    return State(type, instance.name, fields, links, attributes)
+    links = (RwsLink("self", f"{place}/instances/{instance.name}"),)
+    return RwsState(type, instance.name, fields, links, attributes)

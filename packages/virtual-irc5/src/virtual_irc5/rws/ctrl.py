@@ -12,18 +12,18 @@ from math import inf
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from abb_protocols.errors import RapidError, SettingsError
-from abb_protocols.rws.documents import Link, Page, State
+from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import ctrl as table
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.backup import check_backup, restore_backup, write_backup
 from virtual_irc5.controller.file_store import DEVICES
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import entry, resource
-from virtual_irc5.rws.router import Routes, absent
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
+from virtual_irc5.rws.router import Routes, absent_routes
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
 
 _BASE = "/ctrl/"
 _DURATION = 2.0  # of a backup and other jobs [s]
@@ -40,11 +40,11 @@ def identity_fields(controller: Irc5) -> Mapping[str, str]:
 
 
 @ROUTES.answer(table.CONTROLLER)
-def get_controller(controller: Irc5, call: Call) -> Page:
-    links = (Link("self", "identity"),)
+def get_controller(controller: Irc5, call: RwsCall) -> Page:
+    links = (RwsLink("self", "identity"),)
     states = (
         entry("ctrl-clock-info-li", "clock", **_time_fields(controller)),
-        State("ctrl-identity-info-li", "identity", identity_fields(controller), links),
+        RwsState("ctrl-identity-info-li", "identity", identity_fields(controller), links),
         *(entry(f"ctrl-{name}-info-li", name) for name in ("system", "backup", "compress", "diagnostics", "safety")),
         entry("ctrl-netw-li", "network"),
     )
@@ -52,16 +52,16 @@ def get_controller(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.IDENTITY)
-def get_identity(controller: Irc5, call: Call) -> Page:
+def get_identity(controller: Irc5, call: RwsCall) -> Page:
     fields = dict(identity_fields(controller))
     if not controller.identity.is_virtual:
         fields["ctrl-mac"] = "00:00:00:00:00:00"
     fields["ctrl-level"] = "System Level"
-    return resource("ctrl", _BASE, "identity", State("ctrl-identity-info", "identity", fields))
+    return resource("ctrl", _BASE, "identity", RwsState("ctrl-identity-info", "identity", fields))
 
 
 @ROUTES.answer(table.SET_IDENTITY)
-def set_identity(controller: Irc5, call: Call) -> None:
+def set_identity(controller: Irc5, call: RwsCall) -> None:
     name = call.parameter("ctrl-name", "") or call.parameter("ctrl-id", "")
     if not name:
         raise invalid("the body lacks ctrl-name and ctrl-id; give one of them")
@@ -69,16 +69,16 @@ def set_identity(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.ENVIRONMENT)
-def get_environment(controller: Irc5, call: Call) -> Mapping[str, str]:
+def get_environment(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     """What an environment variable stands for: our devices stand for themselves."""
     name = call.names["variable"].upper()
     if name not in DEVICES:
-        raise Failure(404, Code.FAIL, f"there is no environment variable ${name}")
+        raise CallFailure(404, RwsCode.FAIL, f"there is no environment variable ${name}")
     return {f"${name}": f"{name}:"}
 
 
 @ROUTES.answer(table.RESTART)
-def restart(controller: Irc5, call: Call) -> None:
+def restart(controller: Irc5, call: RwsCall) -> None:
     """Restart in one of the modes; bstart finds the state that was saved last, which is the present one."""
     mode = call.required("restart-mode")
     if mode in ("shutdown", "xstart"):
@@ -89,7 +89,7 @@ def restart(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.SET_LANGUAGE)
-def set_language(controller: Irc5, call: Call) -> None:
+def set_language(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.language = call.parameter("lang", "") or call.required("lang-code")
 
 
@@ -107,14 +107,14 @@ def _time_fields(controller: Irc5) -> Mapping[str, str]:
 
 
 @ROUTES.answer(table.CLOCK)
-def get_clock(controller: Irc5, call: Call) -> Page:
+def get_clock(controller: Irc5, call: RwsCall) -> Page:
     links = (entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
-    state = State("ctrl-clock-info", "clock", _time_fields(controller))
+    state = RwsState("ctrl-clock-info", "clock", _time_fields(controller))
     return resource("ctrl", _BASE, "clock", state, *links)
 
 
 @ROUTES.answer(table.SET_CLOCK)
-def set_clock(controller: Irc5, call: Call) -> None:
+def set_clock(controller: Irc5, call: RwsCall) -> None:
     parts = [call.number(f"sys-clock-{part}") for part in ("year", "month", "day", "hour", "min", "sec")]
     year, month, day, hour, minute, second = (int(part) for part in parts)
     try:
@@ -124,12 +124,12 @@ def set_clock(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.TIMEZONE)
-def get_timezone(controller: Irc5, call: Call) -> str:
+def get_timezone(controller: Irc5, call: RwsCall) -> str:
     return controller.own_settings.timezone or datetime.now().astimezone().tzname() or "UTC"
 
 
 @ROUTES.answer(table.SET_TIMEZONE_TOO, table.SET_TIMEZONE)
-def set_timezone(controller: Irc5, call: Call) -> None:
+def set_timezone(controller: Irc5, call: RwsCall) -> None:
     name = call.required("timezone")
     try:
         ZoneInfo(name)
@@ -139,17 +139,17 @@ def set_timezone(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.TIMESERVER)
-def get_timeserver(controller: Irc5, call: Call) -> str:
+def get_timeserver(controller: Irc5, call: RwsCall) -> str:
     return controller.own_settings.timeserver
 
 
 @ROUTES.answer(table.SERVER_TIME)
-def get_server_time(controller: Irc5, call: Call) -> Page:
-    raise Failure(400, Code.TIMEOUT, f"no time server answers at {call.option('server-ip') or 'that address'}")
+def get_server_time(controller: Irc5, call: RwsCall) -> Page:
+    raise CallFailure(400, RwsCode.TIMEOUT, f"no time server answers at {call.option('server-ip') or 'that address'}")
 
 
 @ROUTES.answer(table.SET_TIMESERVER)
-def set_timeserver(controller: Irc5, call: Call) -> None:
+def set_timeserver(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.timeserver = call.required("timeserver")
 
 
@@ -157,7 +157,7 @@ def set_timeserver(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.NETWORK)
-def get_network(controller: Irc5, call: Call) -> Page:
+def get_network(controller: Irc5, call: RwsCall) -> Page:
     own = controller.own_settings
     fields = {
         "addr": own.address,
@@ -167,12 +167,12 @@ def get_network(controller: Irc5, call: Call) -> Page:
         "gateway": own.gateway,
     }
     service = {"addr": "192.168.125.1", "mask": "255.255.255.0", "name": "Service Port"}
-    states = (State("ctrl-netw", "Service Port", service), State("ctrl-netw", "LAN", fields))
+    states = (RwsState("ctrl-netw", "Service Port", service), RwsState("ctrl-netw", "LAN", fields))
     return resource("ctrl", _BASE, "network", *states)
 
 
 @ROUTES.answer(table.SET_NETWORK)
-def set_network(controller: Irc5, call: Call) -> HttpReply:
+def set_network(controller: Irc5, call: RwsCall) -> HttpReply:
     own, method = controller.own_settings, call.required("method")
     if method == "fixip":
         own.address, own.mask = _address(call, "address"), _address(call, "mask")
@@ -181,7 +181,7 @@ def set_network(controller: Irc5, call: Call) -> HttpReply:
     return HttpReply(202, (("Location", "/ctrl?action=show"), ("Content-Type", "application/xhtml+xml")))
 
 
-def _address(call: Call, name: str) -> str:
+def _address(call: RwsCall, name: str) -> str:
     text = call.required(name)
     try:
         return str(ipaddress.IPv4Address(text))
@@ -190,29 +190,31 @@ def _address(call: Call, name: str) -> str:
 
 
 @ROUTES.answer(table.DNS)
-def get_dns(controller: Irc5, call: Call) -> Page:
+def get_dns(controller: Irc5, call: RwsCall) -> Page:
     fields = {"name": controller.identity.controller_name, "addr": controller.own_settings.dns, "port": "53"}
-    return resource("ctrl", "/ctrl/network/", "dns", State("ctrl-netw", "dns", fields))
+    return resource("ctrl", "/ctrl/network/", "dns", RwsState("ctrl-netw", "dns", fields))
 
 
 @ROUTES.answer(table.ROUTES)
-def get_routes(controller: Irc5, call: Call) -> Mapping[str, table.Route]:
-    return {destination: table.Route(destination, via) for destination, via in controller.own_settings.routes.items()}
+def get_routes(controller: Irc5, call: RwsCall) -> Mapping[str, table.NetworkRoute]:
+    return {
+        destination: table.NetworkRoute(destination, via) for destination, via in controller.own_settings.routes.items()
+    }
 
 
 @ROUTES.answer(table.ADD_ROUTE)
-def add_route(controller: Irc5, call: Call) -> None:
+def add_route(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.routes[_destination(call)] = _address(call, "gateway")
 
 
 @ROUTES.answer(table.REMOVE_ROUTE)
-def remove_route(controller: Irc5, call: Call) -> HttpReply:
+def remove_route(controller: Irc5, call: RwsCall) -> HttpReply:
     if controller.own_settings.routes.pop(_destination(call), None) is None:
         raise invalid("there is no route to that destination")
     return HttpReply(202, (("Location", "/ctrl?action=show"), ("Content-Type", "application/xhtml+xml")))
 
 
-def _destination(call: Call) -> str:
+def _destination(call: RwsCall) -> str:
     text = call.required("destination")
     try:
         return str(ipaddress.IPv4Network(text))
@@ -221,10 +223,10 @@ def _destination(call: Call) -> str:
 
 
 @ROUTES.answer(table.ADD_ROUTE_OPTIONS, table.REMOVE_ROUTE_OPTIONS)
-def get_route_options(controller: Irc5, call: Call) -> Page:
+def get_route_options(controller: Irc5, call: RwsCall) -> Page:
     names = ("destination", "gateway") if call.path[-1] == "add" else ("destination",)
     fields = {"method": "POST", **dict.fromkeys(names, "")}
-    return resource("ctrl", "/ctrl/network/route/", call.path[-1], State("form", f"{call.path[-1]}route", fields))
+    return resource("ctrl", "/ctrl/network/route/", call.path[-1], RwsState("form", f"{call.path[-1]}route", fields))
 
 
 # Jobs: backup, compression, diagnostics
@@ -238,22 +240,22 @@ def _begin(controller: Irc5, work: Callable[[], None]) -> HttpReply:
 
 
 @ROUTES.answer(table.PROGRESS)
-def get_progress(controller: Irc5, call: Call) -> Mapping[str, table.Progress]:
+def get_progress(controller: Irc5, call: RwsCall) -> Mapping[str, table.Progress]:
     job = controller.jobs.find(call.names["job"])
     if job is None:
-        raise Failure(404, Code.FAIL, f"there is no job {call.names['job'][:20]!r}")
+        raise CallFailure(404, RwsCode.FAIL, f"there is no job {call.names['job'][:20]!r}")
     code, state = (table.JOB_DONE, "Ready") if job.is_done else (table.JOB_PENDING, "Pending")
     if job.failure:
-        code, state = int(Code.FAIL), f"Error: {job.failure}"
+        code, state = int(RwsCode.FAIL), f"Error: {job.failure}"
     return {str(job.number): table.Progress(code, state)}
 
 
 @ROUTES.answer(table.PROGRESS_LIST)
-def get_progress_list(controller: Irc5, call: Call) -> Page:
+def get_progress_list(controller: Irc5, call: RwsCall) -> Page:
     return resource("progress", "/", "progress")
 
 
-def _backup_path(call: Call, text: str) -> str:
+def _backup_path(call: RwsCall, text: str) -> str:
     path = path_of_file(text)
     if path.upper().startswith("HOME:") or "/" not in path:
         raise invalid("a backup is a directory of its own, such as /fileservice/$BACKUP/monday, and not in HOME")
@@ -261,24 +263,24 @@ def _backup_path(call: Call, text: str) -> str:
 
 
 @ROUTES.answer(table.BACKUP)
-def get_backup(controller: Irc5, call: Call) -> Page:
+def get_backup(controller: Irc5, call: RwsCall) -> Page:
     state = entry("ctrl-backup-li", "backup", "backup", backup_state=controller.own_settings.backup_state)
     return resource("ctrl", _BASE, "backup", state)
 
 
 @ROUTES.answer(table.BACKUP_STATE)
-def get_backup_state(controller: Irc5, call: Call) -> Mapping[str, str]:
+def get_backup_state(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     return {"backup-state": controller.own_settings.backup_state}
 
 
 @ROUTES.answer(table.BACK_UP)
-def back_up(controller: Irc5, call: Call) -> HttpReply:
+def back_up(controller: Irc5, call: RwsCall) -> HttpReply:
     path = _backup_path(call, call.required("backup"))
     own = controller.own_settings
     if own.backup_state == "Backup in Progress":
-        raise Failure(409, Code.RESOURCE_HELD, "another backup is under way; wait for its end")
+        raise CallFailure(409, RwsCode.RESOURCE_HELD, "another backup is under way; wait for its end")
     if any(file.lower().startswith(f"{path.lower()}/") for file in controller.files):
-        raise Refused(Refusal.NAME_TAKEN, f"{path} exists; choose another name.")
+        raise Refused(RefusalReason.NAME_TAKEN, f"{path} exists; choose another name.")
 
     def work() -> None:
         own.backup_state = "Error during backup"
@@ -290,11 +292,11 @@ def back_up(controller: Irc5, call: Call) -> HttpReply:
 
 
 @ROUTES.answer(table.RESTORE)
-def restore(controller: Irc5, call: Call) -> None:
+def restore(controller: Irc5, call: RwsCall) -> None:
     """Become as in a backup; then the controller restarts. The backup stays unless ``delete-dir`` is true."""
     path = _backup_path(call, call.required("backup"))
     if controller.is_running:
-        raise Refused(Refusal.NOT_STOPPED, "a backup is restored while RAPID is stopped: stop it first.")
+        raise Refused(RefusalReason.NOT_STOPPED, "a backup is restored while RAPID is stopped: stop it first.")
     _check_restore(controller, call, path, call.parameter("ignore", "none"))
     include = call.parameter("include", "all")
     try:
@@ -306,33 +308,33 @@ def restore(controller: Irc5, call: Call) -> None:
     controller.restart()
 
 
-def _check_restore(controller: Irc5, call: Call, path: str, ignored: str) -> None:
+def _check_restore(controller: Irc5, call: RwsCall, path: str, ignored: str) -> None:
     name = check_backup(controller, path)
     if ignored not in ("all", "system-id") and name != controller.identity.system_name:
         raise invalid(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
 
 
 @ROUTES.answer(table.CHECK_RESTORE)
-def check_restore(controller: Irc5, call: Call) -> Mapping[str, bool]:
+def check_restore(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     path = _backup_path(call, call.option("backup") or "")
     _check_restore(controller, call, path, call.option("ignore") or "none")
     return {"check-restore": True}
 
 
 @ROUTES.answer(table.BACKUP_INFO)
-def get_backup_info(controller: Irc5, call: Call) -> Page:
+def get_backup_info(controller: Irc5, call: RwsCall) -> Page:
     asked = call.option("backup-path") or ""
     fields = {"system-name": check_backup(controller, _backup_path(call, asked))}
-    return resource("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", State("ctrl-backup-info", "info", fields))
+    return resource("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", RwsState("ctrl-backup-info", "info", fields))
 
 
 @ROUTES.answer(table.COMPRESSION)
-def get_compress(controller: Irc5, call: Call) -> Page:
+def get_compress(controller: Irc5, call: RwsCall) -> Page:
     return resource("ctrl", _BASE, "compress", entry("ctrl-compress-li", "compress"))
 
 
 @ROUTES.answer(table.COMPRESS)
-def compress(controller: Irc5, call: Call) -> HttpReply:
+def compress(controller: Irc5, call: RwsCall) -> HttpReply:
     """Pack a file or directory; the archive has the format of our own, since ABB's is not known."""
     source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
     files = controller.files
@@ -352,7 +354,7 @@ def compress(controller: Irc5, call: Call) -> HttpReply:
 
 
 @ROUTES.answer(table.DECOMPRESS)
-def decompress(controller: Irc5, call: Call) -> HttpReply:
+def decompress(controller: Irc5, call: RwsCall) -> HttpReply:
     source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
     content = controller.files.get_file(source).content
     if content is None or not zipfile.is_zipfile(bytes_io.BytesIO(content)):
@@ -374,12 +376,12 @@ def _is_directory(controller: Irc5, path: str) -> bool:
 
 
 @ROUTES.answer(table.DIAGNOSTICS)
-def get_diagnostics(controller: Irc5, call: Call) -> Page:
+def get_diagnostics(controller: Irc5, call: RwsCall) -> Page:
     return resource("ctrl", _BASE, "diagnostics", entry("ctrl-diagnostics-li", "diagnostics"))
 
 
 @ROUTES.answer(table.SAVE_DIAGNOSTICS)
-def save_diagnostics(controller: Irc5, call: Call) -> HttpReply:
+def save_diagnostics(controller: Irc5, call: RwsCall) -> HttpReply:
     target = path_of_file(call.required("dstpath"))
 
     def work() -> None:
@@ -399,71 +401,71 @@ def save_diagnostics(controller: Irc5, call: Call) -> HttpReply:
 
 
 @ROUTES.answer(table.SYSTEMS)
-def get_systems(controller: Irc5, call: Call) -> Page:
+def get_systems(controller: Irc5, call: RwsCall) -> Page:
     name = controller.identity.system_name
     return resource("ctrl", _BASE, "system", entry("ctrl-system-li", name, f"system/{name}"))
 
 
 @ROUTES.answer(table.SYSTEM)
-def get_one_system(controller: Irc5, call: Call) -> table.InstalledSystem:
+def get_one_system(controller: Irc5, call: RwsCall) -> table.InstalledSystem:
     _check_system(controller, call)
     own = controller.identity
     return table.InstalledSystem(own.system_name, own.system_id, own.robotware)
 
 
-def _check_system(controller: Irc5, call: Call) -> None:
+def _check_system(controller: Irc5, call: RwsCall) -> None:
     if call.names["system"] != controller.identity.system_name:
-        raise Failure(404, Code.FAIL, f"there is no system {call.names['system'][:50]!r}")
+        raise CallFailure(404, RwsCode.FAIL, f"there is no system {call.names['system'][:50]!r}")
 
 
 @ROUTES.answer(table.RENAME_SYSTEM)
-def rename_system(controller: Irc5, call: Call) -> None:
+def rename_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
     controller.identity = replace(controller.identity, system_name=call.required("newname"))
 
 
 @ROUTES.answer(table.ACTIVATE_SYSTEM)
-def activate_system(controller: Irc5, call: Call) -> None:
+def activate_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
-    raise Failure(409, Code.INVALID_STATE, "the system is active already")
+    raise CallFailure(409, RwsCode.INVALID_STATE, "the system is active already")
 
 
 @ROUTES.answer(table.DELETE_SYSTEM)
-def delete_system(controller: Irc5, call: Call) -> None:
+def delete_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
     raise invalid("the active system cannot be deleted")
 
 
 @ROUTES.answer(table.OPTIONS)
-def get_options(controller: Irc5, call: Call) -> None:
+def get_options(controller: Irc5, call: RwsCall) -> None:
     """Whether there are options: which, is asked one by one."""
 
 
 @ROUTES.answer(table.OPTION)
-def get_option(controller: Irc5, call: Call) -> Page | HttpReply:
+def get_option(controller: Irc5, call: RwsCall) -> Page | HttpReply:
     """An option that is installed; no content (204) says that it is not."""
     name = call.names["option"]
     if name not in controller.identity.options:
         return HttpReply(204)
-    return resource("ctrl", "/ctrl/options/", name, State("ctrl-option", name, {"option": name}))
+    return resource("ctrl", "/ctrl/options/", name, RwsState("ctrl-option", name, {"option": name}))
 
 
 @ROUTES.answer(table.COMPATIBLE, table.COMPATIBILITY)
-def get_compatible(controller: Irc5, call: Call) -> Page:
+def get_compatible(controller: Irc5, call: RwsCall) -> Page:
     """Whether a version of RobotWare runs on this controller: an IRC5 runs RobotWare 5 and 6."""
     version = call.names.get("version", controller.identity.robotware)
     major = version.partition(".")[0]
     if not major.isdecimal():
         raise invalid(f"{version[:50]!r} is not a version of RobotWare")
     compatible = "TRUE" if major in ("5", "6") else "FALSE"
-    state = State("ctrl-compatibility", version, {"compatible": compatible})
+    state = RwsState("ctrl-compatibility", version, {"compatible": compatible})
     return resource("ctrl", "/ctrl/compatibility/", version, state)
 
 
 @ROUTES.answer(table.SAFETY)
-def get_safety(controller: Irc5, call: Call) -> Page:
+def get_safety(controller: Irc5, call: RwsCall) -> Page:
     """A robot without a safety controller has the resource and nothing in it."""
     return resource("ctrl", _BASE, "safety")
 
 
-ROUTES += absent(table.ABSENT)
+ROUTES += absent_routes(table.ABSENT)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from abb_protocols.rws.documents import Page, State
+from abb_protocols.rws.documents import Page, RwsState
 from abb_protocols.rws.operations import rapid as table
 from abb_protocols.rws.operations.operation import get
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from abb_runtime.faults import DISPLAY_PATH
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rapid.devices import Dialog
+from virtual_irc5.rapid.devices import DeviceDialog
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
 
 _BASE = "/rw/rapid/"
 _DISPLAYED = 30  # lines of a task
@@ -23,44 +23,44 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.DIALOGS)
-def get_dialogs(controller: Irc5, call: Call) -> Page:
+def get_dialogs(controller: Irc5, call: RwsCall) -> Page:
     return resource("rapid", _BASE, "uiinstr", entry("rap-uiactive-li", "active", "uiinstr/active"))
 
 
 @ROUTES.answer(table.ACTIVE_DIALOG)
-def get_active_dialog(controller: Irc5, call: Call) -> table.Dialog:
+def get_active_dialog(controller: Irc5, call: RwsCall) -> table.Dialog:
     """The newest question without an answer."""
     found = controller.devices.pendant.active
     if found is None:
-        raise Failure(404, Code.UI_NOT_ACTIVE, "no program asks anything")
+        raise CallFailure(404, RwsCode.UI_NOT_ACTIVE, "no program asks anything")
     return shown_dialog(found)
 
 
-def shown_dialog(dialog: Dialog) -> table.Dialog:
+def shown_dialog(dialog: DeviceDialog) -> table.Dialog:
     """A question in the words of RWS."""
     lines = (line for line in (dialog.header, *dialog.lines) if line)
     return table.Dialog(dialog.instruction, _dialog_stack(dialog), "\n".join(lines))
 
 
 @ROUTES.answer(table.DIALOG_PARAMETERS)
-def get_dialog_parameters(controller: Irc5, call: Call) -> Page:
+def get_dialog_parameters(controller: Irc5, call: RwsCall) -> Page:
     """What the question shows, and the parameter that takes the answer."""
     values = _dialog_values(_dialog_at(controller, call.names["stack"]))
-    states = (State("rap-uiparam-li", name, {"name": name, "value": value}) for name, value in values.items())
+    states = (RwsState("rap-uiparam-li", name, {"name": name, "value": value}) for name, value in values.items())
     return resource("rapid", f"{_BASE}uiinstr/active/", f"params/{call.names['stack']}", *states)
 
 
 @ROUTES.answer(table.DIALOG_PARAMETER)
-def get_dialog_parameter(controller: Irc5, call: Call) -> Page:
+def get_dialog_parameter(controller: Irc5, call: RwsCall) -> Page:
     stack, _, parameter = call.names["stack"].rpartition("/")
     for name, value in _dialog_values(_dialog_at(controller, stack)).items():
         if name.lower() == parameter.lower():
             state = table.DIALOG_PARAMETER.answered.state(name, value)
             return resource("rapid", f"{_BASE}uiinstr/active/", f"param/{stack}/{name}", state)
-    raise Failure(404, Code.NO_SUCH_SYMBOL, f"the question has no parameter {parameter[:50]!r}")
+    raise CallFailure(404, RwsCode.NO_SUCH_SYMBOL, f"the question has no parameter {parameter[:50]!r}")
 
 
-def _dialog_values(dialog: Dialog) -> dict[str, str]:
+def _dialog_values(dialog: DeviceDialog) -> dict[str, str]:
     return {
         "Header": dialog.header,
         **{f"MsgLine{number}": line for number, line in enumerate(dialog.lines, 1)},
@@ -80,7 +80,7 @@ def _dialog_values(dialog: Dialog) -> dict[str, str]:
 
 
 @ROUTES.answer(table.ANSWER_DIALOG)
-def answer_dialog(controller: Irc5, call: Call) -> None:
+def answer_dialog(controller: Irc5, call: RwsCall) -> None:
     """Answer the question."""
     stack, _, parameter = call.names["stack"].rpartition("/")
     dialog = _dialog_at(controller, stack)
@@ -92,22 +92,22 @@ def answer_dialog(controller: Irc5, call: Call) -> None:
         raise invalid(str(error)) from error
 
 
-def _dialog_stack(dialog: Dialog) -> str:
+def _dialog_stack(dialog: DeviceDialog) -> str:
     return f"RAPID/{dialog.task}/%${dialog.number}"
 
 
-def _dialog_at(controller: Irc5, stack: str) -> Dialog:
+def _dialog_at(controller: Irc5, stack: str) -> DeviceDialog:
     for dialog in controller.devices.pendant.dialogs.values():
         if _dialog_stack(dialog).lower() == stack.lower():
             return dialog
-    raise Failure(404, Code.FAIL, f"no program asks anything at {stack!r}")
+    raise CallFailure(404, RwsCode.FAIL, f"no program asks anything at {stack!r}")
 
 
 @ROUTES.answer(get(DISPLAY_PATH))
-def get_display(controller: Irc5, call: Call) -> Page:
+def get_display(controller: Irc5, call: RwsCall) -> Page:
     """What each task wrote to the FlexPendant last (TPWrite), lines numbered from 1; no ABB controller has this."""
     states = (
-        State("display-line", f"{name}/{first + index}", {"task": name, "number": str(first + index), "text": text})
+        RwsState("display-line", f"{name}/{first + index}", {"task": name, "number": str(first + index), "text": text})
         for name, each in controller.execution.installed.items()
         for lines in [tuple(each.host.lines)[-_DISPLAYED:]]
         for first in [each.host.line_count - len(lines) + 1]

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime, timezone
 
-from abb_protocols.rws.documents import Argument, Form, Link, Page, State
+from abb_protocols.rws.documents import Form, Page, RwsArgument, RwsLink, RwsState
 from abb_protocols.rws.operations import event_log as table
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller_log import Event
+from virtual_irc5.controller_log import ControllerLogEvent
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import resource
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import Call, Failure
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall
 
 _LOG_BASE = "/rw/elog/"
 _LOG_PAGE = 50
@@ -40,19 +40,19 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.LOGS)
-def get_logs(controller: Irc5, call: Call) -> Page:
+def get_logs(controller: Irc5, call: RwsCall) -> Page:
     states = []
     for number, name in _LOG_DOMAINS.items():
         fields = {} if call.option("lang") is None else {"domain-name": name}
         if call.option("resource") == "count":
             fields["numevts"] = str(len(controller.events.entries(number)))
         fields["buffsize"] = "20" if number else "1000"
-        states.append(State("elog-domain-li", str(number), fields, (Link("self", str(number)),)))
+        states.append(RwsState("elog-domain-li", str(number), fields, (RwsLink("self", str(number)),)))
     return resource("Elog", _LOG_BASE, "", *states)
 
 
 @ROUTES.answer(table.EVENTS)
-def get_events(controller: Irc5, call: Call) -> Page:
+def get_events(controller: Irc5, call: RwsCall) -> Page:
     """Newest first, in pages counted from 1."""
     domain = _log_domain(call)
     entries = controller.events.entries(domain)
@@ -61,7 +61,7 @@ def get_events(controller: Irc5, call: Call) -> Page:
         fields = {"numevts": str(len(entries))}
         if asked == "info":
             fields["buffsize"] = "20" if domain else "1000"
-        return resource("Elog", _LOG_BASE, str(domain), State("elog-domain", str(domain), fields))
+        return resource("Elog", _LOG_BASE, str(domain), RwsState("elog-domain", str(domain), fields))
     if since >= 0:
         entries = tuple(event for event in entries if event.number >= since)
     ordered = tuple(reversed(entries)) if call.option("order") == "fifo" else entries
@@ -75,23 +75,23 @@ def get_events(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.EVENT)
-def get_event(controller: Irc5, call: Call) -> Page:
+def get_event(controller: Irc5, call: RwsCall) -> Page:
     domain, number = _log_domain(call), call.names["number"]
     for event in controller.events.entries(domain):
         if str(event.number) == number:
             state = _event_state("elog-message", domain, event, call)
             return resource("Elog", _LOG_BASE, f"{domain}/{number}", state)
-    raise Failure(404, Code.FAIL, f"domain {domain} has no message {number}")
+    raise CallFailure(404, RwsCode.FAIL, f"domain {domain} has no message {number}")
 
 
-def _log_domain(call: Call) -> int:
+def _log_domain(call: RwsCall) -> int:
     text = call.names["domain"]
     if text not in map(str, _LOG_DOMAINS):
-        raise Failure(404, Code.FAIL, f"there is no event log {text!r}")
+        raise CallFailure(404, RwsCode.FAIL, f"there is no event log {text!r}")
     return int(text)
 
 
-def _event_state(type: str, domain: int, event: Event, call: Call) -> State:
+def _event_state(type: str, domain: int, event: ControllerLogEvent, call: RwsCall) -> RwsState:
     fields = {
         "msgtype": str(int(event.type)),
         "code": str(event.code),
@@ -105,12 +105,12 @@ def _event_state(type: str, domain: int, event: Event, call: Call) -> State:
         texts = {"title": event.title, "desc": event.description}
         fields |= {**texts, "conseqs": "", "causes": "", "actions": ""}
     title = f"/rw/elog/{domain}/{event.number}"
-    arguments = tuple(Argument("string", text) for text in event.arguments)
-    return State(type, title, fields, (Link("self", f"{domain}/{event.number}"),), arguments=arguments)
+    arguments = tuple(RwsArgument("string", text) for text in event.arguments)
+    return RwsState(type, title, fields, (RwsLink("self", f"{domain}/{event.number}"),), arguments=arguments)
 
 
 @ROUTES.answer(table.SAVE_EVENTS)
-def save_events(controller: Irc5, call: Call) -> HttpReply:
+def save_events(controller: Irc5, call: RwsCall) -> HttpReply:
     path = path_of_file(call.required("path"))
 
     def work() -> None:
@@ -123,10 +123,10 @@ def save_events(controller: Irc5, call: Call) -> HttpReply:
 
 
 @ROUTES.answer(table.CLEAR_ALL)
-def clear_all(controller: Irc5, call: Call) -> None:
+def clear_all(controller: Irc5, call: RwsCall) -> None:
     controller.events.clear()
 
 
 @ROUTES.answer(table.CLEAR)
-def clear(controller: Irc5, call: Call) -> None:
+def clear(controller: Irc5, call: RwsCall) -> None:
     controller.events.clear(_log_domain(call))

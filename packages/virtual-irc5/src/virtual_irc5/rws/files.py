@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 
-from abb_protocols.rws.documents import Link, Page, State
+from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import files as table
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.file_store import CAPACITY, DEVICES, File
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import Call, Failure, Shown, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, invalid
 
 _FILES_BASE = "/fileservice/"
 _OCTETS = (("Content-Type", "application/octet-stream"),)
@@ -24,7 +24,7 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.DISKS)
-def get_disks(controller: Irc5, call: Call) -> Page:
+def get_disks(controller: Irc5, call: RwsCall) -> Page:
     free = CAPACITY - sum(len(controller.files.get_file(path).content or b"") for path in controller.files)
     states = (
         entry(
@@ -42,7 +42,7 @@ def get_disks(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.FILE)
-def get_file(controller: Irc5, call: Call) -> Shown:
+def get_file(controller: Irc5, call: RwsCall) -> Shown:
     """The content of a file, or the list of a directory."""
     file = _file_of(controller, call)
     if file.content is not None:
@@ -54,28 +54,28 @@ def get_file(controller: Irc5, call: Call) -> Shown:
         if each.content is not None:
             fields |= {"fs-size": str(len(each.content)), "fs-readonly": "false"}
         kind = "fs-dir" if each.content is None else "fs-file"
-        states.append(State(kind, each.name, fields, (Link("self", each.name),)))
+        states.append(RwsState(kind, each.name, fields, (RwsLink("self", each.name),)))
     return resource("File Service", f"{_FILES_BASE}{call.names['path']}/", "", *states)
 
 
 @ROUTES.answer(table.HEAD_FILE)
-def head_file(controller: Irc5, call: Call) -> None:
+def head_file(controller: Irc5, call: RwsCall) -> None:
     _file_of(controller, call)
 
 
 @ROUTES.answer(table.PUT_FILE)
-def put_file(controller: Irc5, call: Call) -> HttpReply:
+def put_file(controller: Irc5, call: RwsCall) -> HttpReply:
     is_new = controller.files.write(_path_of(call), call.content)
     return HttpReply(_CREATED if is_new else _OK, _OCTETS)
 
 
 @ROUTES.answer(table.DELETE_FILE)
-def delete_file(controller: Irc5, call: Call) -> None:
+def delete_file(controller: Irc5, call: RwsCall) -> None:
     controller.files.remove(_file_of(controller, call).path)
 
 
 @ROUTES.answer(table.CHANGE_FILE)
-def change_file(controller: Irc5, call: Call) -> HttpReply | None:
+def change_file(controller: Irc5, call: RwsCall) -> HttpReply | None:
     """Create a directory in one, copy or rename; the body names the action."""
     if call.option("fs-action") is not None:
         raise invalid("Invalid/No Query Parameter: fs-action belongs into the body")
@@ -92,23 +92,23 @@ def change_file(controller: Irc5, call: Call) -> HttpReply | None:
         raise invalid(f"fs-newname is a name without a path, not {name[:50]!r}")
     is_taken = target.lower() in (entry.path.lower() for entry in controller.files.entries(target.rpartition("/")[0]))
     if is_taken and call.parameter("fs-overwrite", "false") != "true":
-        raise Failure(409, Code.INVALIDARG, f"{target} exists")
+        raise CallFailure(409, RwsCode.INVALIDARG, f"{target} exists")
     controller.files.copy(file.path, target)
     if action == "rename":
         controller.files.remove(file.path)
     return HttpReply(_OK, _OCTETS) if action == "rename" and file.content is None else None
 
 
-def _file_of(controller: Irc5, call: Call) -> File:
+def _file_of(controller: Irc5, call: RwsCall) -> File:
     """The file of a call; a missing one has another status here than where RAPID loads it."""
     try:
         return controller.files.get_file(_path_of(call))
     except Refused as refused:
-        status = 404 if refused.reason is Refusal.NO_FILE else 400
-        raise Failure(status, Code.FAIL, str(refused)) from refused
+        status = 404 if refused.reason is RefusalReason.NO_FILE else 400
+        raise CallFailure(status, RwsCode.FAIL, str(refused)) from refused
 
 
-def _path_of(call: Call) -> str:
+def _path_of(call: RwsCall) -> str:
     return path_of_file(call.names["path"])
 
 
@@ -117,7 +117,7 @@ def path_of_file(text: str) -> str:
     device, _, rest = text.removeprefix("/fileservice/").partition("/")
     name = device.removeprefix("$").removesuffix(":").upper()
     if name not in DEVICES:
-        raise Failure(404, Code.FAIL, f"there is no device {device}")
+        raise CallFailure(404, RwsCode.FAIL, f"there is no device {device}")
     if ".." in rest.split("/"):
         raise invalid("a path does not lead upwards")
     return f"{name}:/{rest}".rstrip("/")

@@ -211,7 +211,7 @@ class TooManySessions(YumiError):
 
 
 @dataclass(slots=True)
-class Session:
+class HttpSession:
     """One login.
 
     Attributes:
@@ -230,14 +230,14 @@ class SessionTable:
 
     def __init__(self, make_id: Callable[[], str] = secrets.token_hex) -> None:
         self._make_id = make_id
-        self._sessions: dict[str, Session] = {}
+        self._sessions: dict[str, HttpSession] = {}
         self._opened = 0
         self._connections = 0
 
     def __len__(self) -> int:
         return len(self._sessions)
 
-    def find(self, request_cookies: Mapping[str, str], now: float) -> Session | None:
+    def find(self, request_cookies: Mapping[str, str], now: float) -> HttpSession | None:
         """The session a request belongs to, by its session cookie."""
         session = self._sessions.get(request_cookies.get(SESSION_COOKIE, ""))
         if session is not None and _is_idle(session, now):
@@ -245,7 +245,7 @@ class SessionTable:
             return None
         return session
 
-    def find_by_connection(self, request_cookies: Mapping[str, str]) -> Session | None:
+    def find_by_connection(self, request_cookies: Mapping[str, str]) -> HttpSession | None:
         """The session of a connection cookie; a small number proves nothing: check the digest first."""
         number = request_cookies.get(CONNECTION_COOKIE)
         return next((each for each in self._sessions.values() if number in each.connections.values()), None)
@@ -264,7 +264,7 @@ class SessionTable:
         """End all sessions."""
         self._sessions.clear()
 
-    def open(self, now: float) -> Session:
+    def open(self, now: float) -> HttpSession:
         """A new session.
 
         Raises:
@@ -274,15 +274,15 @@ class SessionTable:
         if len(self._sessions) >= MAX_SESSIONS:
             raise TooManySessions(f"Too many sessions {len(self._sessions)}/{MAX_SESSIONS}.")
         self._opened += 1
-        session = Session(f"{self._opened}::http.session::{self._make_id()[:32]}", now)
+        session = HttpSession(f"{self._opened}::http.session::{self._make_id()[:32]}", now)
         self._sessions[session.id] = session
         return session
 
-    def close(self, session: Session) -> None:
+    def close(self, session: HttpSession) -> None:
         """End a session."""
         self._sessions.pop(session.id, None)
 
-    def touch(self, session: Session, peer: str, now: float) -> tuple[str, ...]:
+    def touch(self, session: HttpSession, peer: str, now: float) -> tuple[str, ...]:
         """Note a request on TCP connection ``peer``; the ``Set-Cookie`` values its answer must carry.
 
         The session cookie comes first and the connection cookie last; some clients count on the order.
@@ -304,5 +304,5 @@ class SessionTable:
             self.close(session)
 
 
-def _is_idle(session: Session, now: float) -> bool:
+def _is_idle(session: HttpSession, now: float) -> bool:
     return now - session.last_used > IDLE_LIFE

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from abb_protocols.rws.documents import Link, Page, Pairs, State, first_value
+from abb_protocols.rws.documents import Page, Pairs, RwsLink, RwsState, first_value
 from abb_protocols.rws.operations import io as table
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller.signals import Signal, path_of, printed
+from virtual_irc5.controller.signals import ControllerSignal, path_of, printed_signal
 from virtual_irc5.rws.render import entry, resource
-from virtual_irc5.rws.router import Routes, absent
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
+from virtual_irc5.rws.router import Routes, absent_routes
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
 
 _IO_BASE = "/rw/iosystem/"
 _DEFAULT_LIMIT = 100
@@ -36,7 +36,7 @@ class Device:
 
 
 @ROUTES.answer(table.IO_SYSTEM)
-def get_io_system(controller: Irc5, call: Call) -> Page:
+def get_io_system(controller: Irc5, call: RwsCall) -> Page:
     names = ("networks", "devices", "signals")
     return resource("io", "/rw/", "iosystem", *(entry(f"ios-{name}-li", name, f"iosystem/{name}") for name in names))
 
@@ -57,24 +57,24 @@ def _networks(controller: Irc5) -> list[str]:
     return list(dict.fromkeys(device.network for device in _devices(controller)))
 
 
-def _network_state(controller: Irc5, name: str, type: str) -> State:
+def _network_state(controller: Irc5, name: str, type: str) -> RwsState:
     stopped = name in controller.signals.stopped
     fields = {
         "name": name,
         "pstate": "halted" if stopped else "running",
         "lstate": "stopped" if stopped else "started",
     }
-    return State(type, name, fields, (Link("self", f"networks/{name}"), Link("devices", "devices")))
+    return RwsState(type, name, fields, (RwsLink("self", f"networks/{name}"), RwsLink("devices", "devices")))
 
 
 @ROUTES.answer(table.NETWORKS)
-def get_networks(controller: Irc5, call: Call) -> Page:
+def get_networks(controller: Irc5, call: RwsCall) -> Page:
     states = (_network_state(controller, name, "ios-network-li") for name in _networks(controller))
     return resource("io", _IO_BASE, "networks", *states)
 
 
 @ROUTES.answer(table.SEARCH_NETWORKS)
-def search_networks(controller: Irc5, call: Call) -> Page:
+def search_networks(controller: Irc5, call: RwsCall) -> Page:
     name, state = call.parameter("name", ""), call.parameter("state", "")
     if not name and not state:
         raise invalid("a search needs name or state")
@@ -87,46 +87,46 @@ def search_networks(controller: Irc5, call: Call) -> Page:
     return resource("io", _IO_BASE, "networks", *found)
 
 
-def _network(controller: Irc5, call: Call) -> str:
+def _network(controller: Irc5, call: RwsCall) -> str:
     asked = call.names["network"]
     for name in _networks(controller):
         if name.lower() == asked.lower():
             return name
-    raise Failure(404, Code.UNRESOLVED_URL, f"there is no network {asked[:50]!r}")
+    raise CallFailure(404, RwsCode.UNRESOLVED_URL, f"there is no network {asked[:50]!r}")
 
 
 @ROUTES.answer(table.NETWORK)
-def get_network(controller: Irc5, call: Call) -> Page:
+def get_network(controller: Irc5, call: RwsCall) -> Page:
     name = _network(controller, call)
     return resource("io", _IO_BASE, f"networks/{name}", _network_state(controller, name, "ios-network"))
 
 
 @ROUTES.answer(table.SET_NETWORK)
-def set_network(controller: Irc5, call: Call) -> None:
+def set_network(controller: Irc5, call: RwsCall) -> None:
     name = _network(controller, call)
     if call.required("lstate") == "start":
         controller.signals.stopped.discard(name)
     elif name == _LOCAL:
-        raise Failure(403, Code.UNIT_DISABLE_NOT_ALLOWED, "the network Local cannot be stopped")
+        raise CallFailure(403, RwsCode.UNIT_DISABLE_NOT_ALLOWED, "the network Local cannot be stopped")
     else:
         controller.signals.stopped.add(name)
 
 
 @ROUTES.answer(table.NETWORK_CONFIG)
-def get_network_config(controller: Irc5, call: Call) -> Page:
+def get_network_config(controller: Irc5, call: RwsCall) -> Page:
     name = _network(controller, call)
     fields = {"networkname": name, "networktype": name[:3].upper(), "networkaddress": "-"}
-    return resource("io", _IO_BASE, f"networks/{name}", State("ios-network-config-runtime", name, fields))
+    return resource("io", _IO_BASE, f"networks/{name}", RwsState("ios-network-config-runtime", name, fields))
 
 
 @ROUTES.answer(table.CONFIGURE_NETWORK)
-def configure_network(controller: Irc5, call: Call) -> None:
+def configure_network(controller: Irc5, call: RwsCall) -> None:
     """Ask a network to write its configuration anew: ours is always that of the system parameters."""
     _network(controller, call)
     call.required("config-type")
 
 
-def _device_state(controller: Irc5, device: Device, type: str) -> State:
+def _device_state(controller: Irc5, device: Device, type: str) -> RwsState:
     disabled, stopped = device.name in controller.signals.disabled, device.network in controller.signals.stopped
     fields = {
         "name": device.name,
@@ -135,17 +135,17 @@ def _device_state(controller: Irc5, device: Device, type: str) -> State:
         "address": device.address,
     }
     path = f"{device.network}/{device.name}"
-    return State(type, path, fields, (Link("self", f"devices/{path}"),))
+    return RwsState(type, path, fields, (RwsLink("self", f"devices/{path}"),))
 
 
 @ROUTES.answer(table.DEVICES)
-def get_devices(controller: Irc5, call: Call) -> Page:
+def get_devices(controller: Irc5, call: RwsCall) -> Page:
     states = (_device_state(controller, device, "ios-device-li") for device in _devices(controller))
     return resource("io", _IO_BASE, "devices", *states)
 
 
 @ROUTES.answer(table.SEARCH_DEVICES)
-def search_devices(controller: Irc5, call: Call) -> Page:
+def search_devices(controller: Irc5, call: RwsCall) -> Page:
     name, state, network = (call.parameter(each, "").lower() for each in ("name", "lstate", "network"))
     if not name and not state:
         raise invalid("a search needs name or lstate")
@@ -160,16 +160,16 @@ def search_devices(controller: Irc5, call: Call) -> Page:
     return resource("io", _IO_BASE, "devices", *found)
 
 
-def _device(controller: Irc5, call: Call) -> Device:
+def _device(controller: Irc5, call: RwsCall) -> Device:
     name = call.names["device"].rpartition("/")[2]
     for device in _devices(controller):
         if device.name.lower() == name.lower():
             return device
-    raise Failure(404, Code.UNRESOLVED_URL, f"there is no device {name[:50]!r}")
+    raise CallFailure(404, RwsCode.UNRESOLVED_URL, f"there is no device {name[:50]!r}")
 
 
 @ROUTES.answer(table.DEVICE)
-def get_device(controller: Irc5, call: Call) -> Page:
+def get_device(controller: Irc5, call: RwsCall) -> Page:
     """The device with its data: each signal's bits where DeviceMap has them."""
     device = _device(controller, call)
     state = _device_state(controller, device, "ios-device")
@@ -192,7 +192,7 @@ def get_device(controller: Irc5, call: Call) -> Page:
     return resource("io", _IO_BASE, f"devices/{state.title}", replace(state, fields={**state.fields, **contents}))
 
 
-def _bits(controller: Irc5, signal: Signal) -> Sequence[int]:
+def _bits(controller: Irc5, signal: ControllerSignal) -> Sequence[int]:
     """The bits of a device that a signal has, lowest first: ``5`` or ``8-15`` of its DeviceMap."""
     instance = controller.effective.find("EIO", "EIO_SIGNAL", signal.name)
     first, _, last = (instance.attributes.get("DeviceMap", "") if instance else "").partition("-")
@@ -200,18 +200,18 @@ def _bits(controller: Irc5, signal: Signal) -> Sequence[int]:
 
 
 @ROUTES.answer(table.SET_DEVICE)
-def set_device(controller: Irc5, call: Call) -> None:
+def set_device(controller: Irc5, call: RwsCall) -> None:
     device = _device(controller, call)
     if call.required("lstate") == "enable":
         controller.signals.disabled.discard(device.name)
     elif device.network == _LOCAL:
-        raise Failure(403, Code.UNIT_DISABLE_NOT_ALLOWED, f"the device {device.name} cannot be disabled")
+        raise CallFailure(403, RwsCode.UNIT_DISABLE_NOT_ALLOWED, f"the device {device.name} cannot be disabled")
     else:
         controller.signals.disabled.add(device.name)
 
 
 @ROUTES.answer(table.DEVICE_CONFIG)
-def get_device_config(controller: Irc5, call: Call) -> Page:
+def get_device_config(controller: Irc5, call: RwsCall) -> Page:
     device = _device(controller, call)
     signals = [signal for signal in _signals(controller) if signal.device == device.name]
     bits = {
@@ -228,46 +228,50 @@ def get_device_config(controller: Irc5, call: Call) -> Page:
         "denydeactivate": "TRUE" if device.network == _LOCAL else "FALSE",
     }
     path = f"devices/{device.network}/{device.name}"
-    return resource("io", _IO_BASE, path, State("ios-device-config-runtime", device.name, fields))
+    return resource("io", _IO_BASE, path, RwsState("ios-device-config-runtime", device.name, fields))
 
 
 @ROUTES.answer(table.UPGRADE)
-def get_upgrade(controller: Irc5, call: Call) -> None:
+def get_upgrade(controller: Irc5, call: RwsCall) -> None:
     """No firmware is waiting for a device."""
     _device(controller, call)
 
 
 @ROUTES.answer(table.SET_INPUTDATA, table.SET_OUTPUTDATA)
-def refuse_data(controller: Irc5, call: Call) -> None:
+def refuse_data(controller: Irc5, call: RwsCall) -> None:
     _device(controller, call)
-    raise Failure(400, Code.SERVICE_NOT_SUPPORTED, "the data of a device are set in RobotStudio's controllers alone")
+    raise CallFailure(
+        400, RwsCode.SERVICE_NOT_SUPPORTED, "the data of a device are set in RobotStudio's controllers alone"
+    )
 
 
 # Signals
 
 
-def _signals(controller: Irc5) -> Iterable[Signal]:
+def _signals(controller: Irc5) -> Iterable[ControllerSignal]:
     return map(controller.signals.get, controller.signals.names)
 
 
 @ROUTES.answer(table.SIGNALS)
-def get_signals(controller: Irc5, call: Call) -> Page:
+def get_signals(controller: Irc5, call: RwsCall) -> Page:
     """All signals, or one page of them where the client asks for pages."""
     return _listed(controller, call, list(_signals(controller)), "signals")
 
 
-def _listed(controller: Irc5, call: Call, signals: Sequence[Signal], href: str, *, is_full: bool = False) -> Page:
+def _listed(
+    controller: Irc5, call: RwsCall, signals: Sequence[ControllerSignal], href: str, *, is_full: bool = False
+) -> Page:
     start, limit = call.number_option("start", 0), call.number_option("limit", _DEFAULT_LIMIT)
     is_paged = call.option("start") is not None or call.option("limit") is not None
     shown = signals[start : start + limit] if is_paged else signals
     following = start + limit
     more = f"{href}?start={following}&limit={limit}" if is_paged and following < len(signals) else None
     entries = (
-        State(
+        RwsState(
             "ios-signal-li",
             path_of(one),
             {**_signal_fields(one), **(_physical_fields(one) | {"write-access-level": one.access} if is_full else {})},
-            (Link("self", f"signals/{path_of(one)}"),),
+            (RwsLink("self", f"signals/{path_of(one)}"),),
         )
         for one in shown
     )
@@ -275,7 +279,7 @@ def _listed(controller: Irc5, call: Call, signals: Sequence[Signal], href: str, 
 
 
 @ROUTES.answer(table.SIGNAL_SEARCH, table.SIGNAL_SEARCHEX)
-def search_signals(controller: Irc5, call: Call) -> Page:
+def search_signals(controller: Irc5, call: RwsCall) -> Page:
     """The signals that fit; two sets of conditions may be given, one of them inverted."""
     found = [
         signal
@@ -285,7 +289,7 @@ def search_signals(controller: Irc5, call: Call) -> Page:
     return _listed(controller, call, found, "signals", is_full=call.option("action") == "signal-searchex")
 
 
-def _fits(controller: Irc5, signal: Signal, form: Pairs, suffix: str) -> bool:
+def _fits(controller: Irc5, signal: ControllerSignal, form: Pairs, suffix: str) -> bool:
     def asked(name: str) -> str:
         return (first_value(form, f"{name}{suffix}") or "").lower()
 
@@ -304,21 +308,23 @@ def _fits(controller: Irc5, signal: Signal, form: Pairs, suffix: str) -> bool:
 
 
 @ROUTES.answer(table.UNBLOCK_SIGNALS)
-def unblock_signals(controller: Irc5, call: Call) -> None:
+def unblock_signals(controller: Irc5, call: RwsCall) -> None:
     controller.signals.end_simulations()
     controller.settle()
 
 
 @ROUTES.answer(table.SIGNAL)
-def get_signal(controller: Irc5, call: Call) -> Page:
+def get_signal(controller: Irc5, call: RwsCall) -> Page:
     signal = controller.signals.get(_signal_name(call))
     fields = {**_signal_fields(signal), "unitnm": signal.device, **_physical_fields(signal)}
-    links = (Link("device", f"devices/{signal.device}"),) if signal.device else ()
-    return resource("io", _IO_BASE, f"signals/{path_of(signal)}", State("ios-signal", path_of(signal), fields, links))
+    links = (RwsLink("device", f"devices/{signal.device}"),) if signal.device else ()
+    return resource(
+        "io", _IO_BASE, f"signals/{path_of(signal)}", RwsState("ios-signal", path_of(signal), fields, links)
+    )
 
 
 @ROUTES.answer(table.SIGNAL_CONFIG)
-def get_signal_config(controller: Irc5, call: Call) -> Page:
+def get_signal_config(controller: Irc5, call: RwsCall) -> Page:
     signal = controller.signals.get(_signal_name(call))
     may_write = signal.access.upper() == "ALL"
     rights = table.AccessRights(True, True, may_write, may_write, may_write)
@@ -329,17 +335,17 @@ def get_signal_config(controller: Irc5, call: Call) -> Page:
         "setbydevicetransfer": "FALSE",
     }
     return resource(
-        "io", _IO_BASE, f"signals/{path_of(signal)}", State("ios-signal-config-runtime", signal.name, fields)
+        "io", _IO_BASE, f"signals/{path_of(signal)}", RwsState("ios-signal-config-runtime", signal.name, fields)
     )
 
 
 @ROUTES.answer(table.SET_SIGNAL)
-def set_signal(controller: Irc5, call: Call) -> None:
+def set_signal(controller: Irc5, call: RwsCall) -> None:
     """Write a signal or simulate it; the interrupts of its edge run before the answer."""
     signals = controller.signals
     signal = signals.get(_signal_name(call))
     if controller.mode.value != "AUTO" and call.privilege == "none":
-        raise Failure(403, Code.REJECT, f"Rejected: signal {signal.name} is not written in manual mode")
+        raise CallFailure(403, RwsCode.REJECT, f"Rejected: signal {signal.name} is not written in manual mode")
     simulated = call.parameter("lstate", "")
     if simulated:
         signals.simulate(signal.name, signal.value if simulated == "simulated" else None)
@@ -348,7 +354,7 @@ def set_signal(controller: Irc5, call: Call) -> None:
             return
         signal = signals.get(signal.name)
     if signal.device and not signal.type.is_output and not signal.is_simulated:
-        raise Failure(403, Code.UNBLOCKED_INSIGNAL, f"input signal {signal.name} is not simulated")
+        raise CallFailure(403, RwsCode.UNBLOCKED_INSIGNAL, f"input signal {signal.name} is not simulated")
     mode = call.parameter("mode", "value")
     if mode in ("invert", "toggle", "pulse") and signal.type.value.startswith("A"):
         raise invalid(f"an analog signal is not {mode}d")
@@ -367,7 +373,7 @@ def set_signal(controller: Irc5, call: Call) -> None:
         controller.jobs.later(_milliseconds(call, "ActivePulse"), lambda: _drive(controller, signal.name, back))
 
 
-def _pulse(controller: Irc5, call: Call, signal: Signal) -> None:
+def _pulse(controller: Irc5, call: RwsCall, signal: ControllerSignal) -> None:
     """Pulse a signal: it becomes its opposite, or what ``lvalue`` says, and back again."""
     count = int(call.number("Pulses"))
     if not 1 <= count <= _MOST_PULSES:
@@ -394,12 +400,12 @@ def _drive(controller: Irc5, name: str, value: float) -> None:
         controller.settle()
 
 
-def _inverted(controller: Irc5, signal: Signal) -> float:
+def _inverted(controller: Irc5, signal: ControllerSignal) -> float:
     """All bits of a digital or group signal the other way round."""
     return float((1 << max(len(_bits(controller, signal)), 1)) - 1 - int(signal.value))
 
 
-def _milliseconds(call: Call, name: str) -> float:
+def _milliseconds(call: RwsCall, name: str) -> float:
     """A time of the body [s]."""
     value = call.number(name) if first_value(call.form, name) is not None else 0.0
     if not 0.0 <= value <= _LONGEST_TIME_MS:
@@ -407,25 +413,25 @@ def _milliseconds(call: Call, name: str) -> float:
     return value * 1e-3
 
 
-def _signal_name(call: Call) -> str:
+def _signal_name(call: RwsCall) -> str:
     """The last part: network and device may be left out, and may be wrong for a virtual signal (rws.md §17)."""
     return call.names["signal"].rpartition("/")[2]
 
 
-def _signal_fields(signal: Signal) -> dict[str, str]:
+def _signal_fields(signal: ControllerSignal) -> dict[str, str]:
     return {
         "name": signal.name,
         "type": signal.type.value,
         "category": signal.category,
-        "lvalue": printed(signal.value),
+        "lvalue": printed_signal(signal.value),
         "lstate": "simulated" if signal.is_simulated else "not simulated",
     }
 
 
-def _physical_fields(signal: Signal) -> dict[str, str]:
+def _physical_fields(signal: ControllerSignal) -> dict[str, str]:
     return {
         "phstate": "valid",
-        "pvalue": printed(signal.value if signal.physical is None else signal.physical),
+        "pvalue": printed_signal(signal.value if signal.physical is None else signal.physical),
         "ltime-sec": "0",
         "ltime-microsec": "0",
         "ptime-sec": "0",
@@ -434,4 +440,4 @@ def _physical_fields(signal: Signal) -> dict[str, str]:
     }
 
 
-ROUTES += absent(table.ABSENT)
+ROUTES += absent_routes(table.ABSENT)

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from abb_protocols.rws.documents import Page, State
+from abb_protocols.rws.documents import Page, RwsState
 from abb_protocols.rws.operations import mastership as table
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.users import User
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Route
-from virtual_irc5.rws.rws_call import Call, Failure
-from virtual_irc5.rws.users import Users, refuse_in_manual_mode
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall
+from virtual_irc5.rws.users import VirtualUsers, refuse_in_manual_mode
 
 _MASTERSHIP_BASE = "/rw/mastership/"
 
@@ -32,7 +32,7 @@ class Mastership:
         names: of the domains, as clients know them.
     """
 
-    def __init__(self, users: Users, domains: Domains) -> None:
+    def __init__(self, users: VirtualUsers, domains: Domains) -> None:
         self._users = users
         self._domains = domains
         self.names = tuple(dict.fromkeys(domains.values()))
@@ -50,7 +50,7 @@ class Mastership:
         """Release what all other sessions hold."""
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder in sessions}
 
-    def check(self, operation: Operation[Any], controller: Irc5, call: Call, *, is_implicit: bool = False) -> None:
+    def check(self, operation: Operation[Any], controller: Irc5, call: RwsCall, *, is_implicit: bool = False) -> None:
         """Refuse an operation that another client's mastership forbids, or that needs one.
 
         Args:
@@ -70,22 +70,22 @@ class Mastership:
         if is_implicit:
             self._check_taking(controller, call, (domain,))
         else:
-            raise Failure(403, Code.MASTER_REJECT, f"the mastership of {domain} is needed; request it first")
+            raise CallFailure(403, RwsCode.MASTER_REJECT, f"the mastership of {domain} is needed; request it first")
 
     def _exclude_others(self, domain: str, session: str) -> None:
         if self._holders.get(domain, session) != session:
-            raise Failure(403, Code.RESOURCE_HELD, f"Requested resource is held by someone else: {domain}")
+            raise CallFailure(403, RwsCode.RESOURCE_HELD, f"Requested resource is held by someone else: {domain}")
 
-    def get_domains(self, controller: Irc5, call: Call) -> Page:
+    def get_domains(self, controller: Irc5, call: RwsCall) -> Page:
         return resource(
             "MasterShip", _MASTERSHIP_BASE, "", *(entry("msh-resource-li", domain) for domain in self.names)
         )
 
-    def get_domain(self, controller: Irc5, call: Call) -> Page:
+    def get_domain(self, controller: Irc5, call: RwsCall) -> Page:
         domain = self._domain(call)
         is_own = self._holders.get(domain) == call.session
         fields = {**self.fields(domain), "mastershipheldbyme": "TRUE" if is_own else "FALSE"}
-        return resource("MasterShip", _MASTERSHIP_BASE, domain, State("msh-resource", domain, fields))
+        return resource("MasterShip", _MASTERSHIP_BASE, domain, RwsState("msh-resource", domain, fields))
 
     def fields(self, domain: str) -> dict[str, str]:
         """Who holds a domain."""
@@ -99,17 +99,17 @@ class Mastership:
             "mastership": "nomaster" if holder is None else "local" if user.is_local else "remote",
         }
 
-    def request_all(self, controller: Irc5, call: Call) -> None:
+    def request_all(self, controller: Irc5, call: RwsCall) -> None:
         self._take(controller, call, self.names)
 
-    def request(self, controller: Irc5, call: Call) -> None:
+    def request(self, controller: Irc5, call: RwsCall) -> None:
         self._take(controller, call, (self._domain(call),))
 
-    def _take(self, controller: Irc5, call: Call, domains: Sequence[str]) -> None:
+    def _take(self, controller: Irc5, call: RwsCall, domains: Sequence[str]) -> None:
         self._check_taking(controller, call, domains)
         self._holders |= dict.fromkeys(domains, call.session)
 
-    def _check_taking(self, controller: Irc5, call: Call, domains: Sequence[str]) -> None:
+    def _check_taking(self, controller: Irc5, call: RwsCall, domains: Sequence[str]) -> None:
         """Refuse a mastership, for one request or until it is released.
 
         Raises:
@@ -120,17 +120,17 @@ class Mastership:
         for domain in domains:
             self._exclude_others(domain, call.session)
 
-    def release_all(self, controller: Irc5, call: Call) -> None:
+    def release_all(self, controller: Irc5, call: RwsCall) -> None:
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder != call.session}
 
-    def release(self, controller: Irc5, call: Call) -> None:
+    def release(self, controller: Irc5, call: RwsCall) -> None:
         domain = self._domain(call)
         if self._holders.get(domain) != call.session:
-            raise Failure(403, Code.RESOURCE_NOT_HELD, f"the mastership of {domain} is not held by this client")
+            raise CallFailure(403, RwsCode.RESOURCE_NOT_HELD, f"the mastership of {domain} is not held by this client")
         del self._holders[domain]
 
-    def _domain(self, call: Call) -> str:
+    def _domain(self, call: RwsCall) -> str:
         domain = call.names["domain"].lower()
         if domain not in self.names:
-            raise Failure(404, Code.FAIL, f"there is no mastership of {domain!r}")
+            raise CallFailure(404, RwsCode.FAIL, f"there is no mastership of {domain!r}")
         return domain

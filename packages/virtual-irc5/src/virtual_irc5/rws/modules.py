@@ -11,10 +11,10 @@ from dataclasses import replace
 from typing import TypeVar
 
 from abb_protocols.errors import ProtocolError
-from abb_protocols.rws.documents import Form, Link, Page, State
+from abb_protocols.rws.documents import Form, Page, RwsLink, RwsState
 from abb_protocols.rws.operations import modules as table
 from abb_protocols.rws.operations.rapid import Range
-from abb_protocols.rws.values import Code, RapidValue, decode
+from abb_protocols.rws.values import RapidValue, RwsCode, decode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.literals import format_value, parse_value
@@ -27,7 +27,7 @@ from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.rapid import find_task, prepare_modules
 from virtual_irc5.rws.render import resource
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import Call, Failure, Shown, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, invalid
 from virtual_irc5.rws.users import refuse_in_manual_mode
 
 T = TypeVar("T")
@@ -58,28 +58,28 @@ ROUTES = Routes()
 # Modules
 
 
-def _module(controller: Irc5, call: Call) -> tuple[Task, LoadedModule]:
+def _module(controller: Irc5, call: RwsCall) -> tuple[Task, LoadedModule]:
     task = find_task(controller, call.option("task") or call.parameter("task", "") or call.names.get("task", ""))
     name = call.names["module"]
     module = task.program.modules.get(name.lower())
     if module is None:
-        raise Failure(404, Code.FAIL, f"the task {task.name} has no module {name[:50]!r}")
+        raise CallFailure(404, RwsCode.FAIL, f"the task {task.name} has no module {name[:50]!r}")
     return task, module
 
 
-def _module_page(task: Task, module: LoadedModule, state: State) -> Page:
+def _module_page(task: Task, module: LoadedModule, state: RwsState) -> Page:
     """A page of a module; its address names the task, without which there is no such module."""
     return resource("rapid", f"{_BASE}modules/", f"{module.name}?task={task.name}", state)
 
 
 @ROUTES.answer(table.MODULES)
-def get_modules(controller: Irc5, call: Call) -> Page:
+def get_modules(controller: Irc5, call: RwsCall) -> Page:
     task = find_task(controller, call.option("task") or "")
     states = (
         table.MODULES.answered.state(
             module.name,
-            table.ModuleInfo(module.name, "SysMod" if module.is_system else "ProgMod"),
-            Link("self", f"modules/{module.name}?task={task.name}"),
+            table.ModuleInfoAnswer(module.name, "SysMod" if module.is_system else "ProgMod"),
+            RwsLink("self", f"modules/{module.name}?task={task.name}"),
         )
         for module in task.modules
     )
@@ -87,7 +87,7 @@ def get_modules(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.MODULE)
-def get_module(controller: Irc5, call: Call) -> Page:
+def get_module(controller: Irc5, call: RwsCall) -> Page:
     """Attributes of a module, a range of its text, or where a text is."""
     task, module = _module(controller, call)
     name, text = module.name, module.syntax.text
@@ -108,31 +108,31 @@ def _offset(text: str, row: int, column: int) -> int:
     """The place of a row and column, both from 1; column -1 is the end of the row."""
     lines = text.splitlines(keepends=True)
     if not 1 <= row <= len(lines):
-        raise Failure(400, Code.SOURCEPOS, f"the module has rows 1 to {len(lines)}, not {row}")
+        raise CallFailure(400, RwsCode.SOURCEPOS, f"the module has rows 1 to {len(lines)}, not {row}")
     line = lines[row - 1].rstrip("\r\n")
     if column != -1 and not 1 <= column <= len(line) + 1:
-        raise Failure(400, Code.SOURCEPOS, f"row {row} has columns 1 to {len(line) + 1}, not {column}")
+        raise CallFailure(400, RwsCode.SOURCEPOS, f"row {row} has columns 1 to {len(line) + 1}, not {column}")
     return sum(map(len, lines[: row - 1])) + (len(line) if column == -1 else column - 1)
 
 
-def _position(call: Call, name: str) -> int:
+def _position(call: RwsCall, name: str) -> int:
     text = call.option(name) or call.parameter(name, "")
     if not re.fullmatch(r"-1|\d{1,7}", text):
         raise invalid(f"{name} is a whole number, not {text[:20]!r}")
     return int(text)
 
 
-def _range(text: str, call: Call) -> tuple[int, int]:
+def _range(text: str, call: RwsCall) -> tuple[int, int]:
     begin = _offset(text, _position(call, "startrow"), _position(call, "startcol"))
     end_row, end_column = _position(call, "endrow"), _position(call, "endcol")
     end = _offset(text, end_row, end_column)
     end = min(end + (end_column != -1), len(text))  # the last column belongs to the range
     if end < begin:
-        raise Failure(400, Code.SOURCEPOS, "the range ends before it begins")
+        raise CallFailure(400, RwsCode.SOURCEPOS, "the range ends before it begins")
     return begin, end
 
 
-def _search(text: str, wanted: str, call: Call) -> tuple[int, int]:
+def _search(text: str, wanted: str, call: RwsCall) -> tuple[int, int]:
     """Row and column of a text from a position on; both are 0 where it is not found."""
     begin = _offset(text, _position(call, "startrow"), _position(call, "startcol"))
     found = text.lower().find(wanted.lower(), begin) if wanted else -1
@@ -144,7 +144,7 @@ def _search(text: str, wanted: str, call: Call) -> tuple[int, int]:
 _DECLARED = {s.Record: "Record", s.Alias: "Alias", s.Data: "Data", s.Routine: "Routine"}
 
 
-def _object(task: Task, module: LoadedModule, call: Call) -> State:
+def _object(task: Task, module: LoadedModule, call: RwsCall) -> RwsState:
     """What stands at a row: the declaration it is in."""
     row = _position(call, "startrow")
     _position(call, "startcol")
@@ -152,7 +152,7 @@ def _object(task: Task, module: LoadedModule, call: Call) -> State:
     declared = [*module.syntax.records, *module.syntax.aliases, *module.syntax.data, *module.syntax.routines]
     before = [node for node in declared if node.line <= row]
     if not before:
-        raise Failure(400, Code.SOURCEPOS, f"nothing is declared at row {row}")
+        raise CallFailure(400, RwsCode.SOURCEPOS, f"nothing is declared at row {row}")
     node = max(before, key=lambda each: each.line)
     fields = {
         **table.TEXT_OBJECT.write(Range(node.line, node.column, node.line, -1)),
@@ -163,11 +163,11 @@ def _object(task: Task, module: LoadedModule, call: Call) -> State:
         "data-type-instance": "0",
         "expression-type": getattr(node, "type_name", ""),
     }
-    return State("rap-object", module.name, fields)
+    return RwsState("rap-object", module.name, fields)
 
 
 @ROUTES.answer(table.MODULE_TEXT)
-def get_module_text(controller: Irc5, call: Call) -> Page:
+def get_module_text(controller: Irc5, call: RwsCall) -> Page:
     """The text, URL-encoded."""
     task, module = _module(controller, call)
     fields = {
@@ -175,37 +175,37 @@ def get_module_text(controller: Irc5, call: Call) -> Page:
         **table.MODULE_TEXT.answered.write(module.syntax.text),
         "module-length": str(len(module.syntax.text)),
     }
-    state = State("rap-module-text", module.name, fields)
+    state = RwsState("rap-module-text", module.name, fields)
     return _module_page(task, module, state)
 
 
 @ROUTES.answer(table.MODULE_CHANGES)
-def get_module_changes(controller: Irc5, call: Call) -> Page:
+def get_module_changes(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     count = controller.program_changes(task.name)
     return _module_page(task, module, table.MODULE_CHANGES.answered.state(module.name, count))
 
 
 @ROUTES.answer(table.EXTENSION)
-def get_extension(controller: Irc5, call: Call) -> Page:
+def get_extension(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     lines = module.syntax.text.splitlines()
     fields = {
         **table.EXTENSION.answered.write((len(lines), max(map(len, lines), default=0))),
         "count": str(controller.program_changes(task.name)),
     }
-    return _module_page(task, module, State("rap-module-extension", module.name, fields))
+    return _module_page(task, module, RwsState("rap-module-extension", module.name, fields))
 
 
 @ROUTES.answer(table.SYNC_STATUS)
-def get_sync_status(controller: Irc5, call: Call) -> Page:
+def get_sync_status(controller: Irc5, call: RwsCall) -> Page:
     """Whether the text has the present values of its persistents."""
     task, module = _module(controller, call)
     return _module_page(task, module, table.SYNC_STATUS.answered.state(module.name, 0))
 
 
 @ROUTES.answer(table.SAVE_MODULE)
-def save_module(controller: Irc5, call: Call) -> None:
+def save_module(controller: Irc5, call: RwsCall) -> None:
     _, module = _module(controller, call)
     name, folder = call.required("name"), path_of_file(call.required("path"))
     if not re.fullmatch(r"\w{1,80}", name):
@@ -213,34 +213,36 @@ def save_module(controller: Irc5, call: Call) -> None:
     controller.files.write(f"{folder}/{name}.mod", module.syntax.text.encode("latin-1", "replace"))
 
 
-def prepare_module_text(controller: Irc5, call: Call) -> Callable[[], None]:
+def prepare_module_text(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     task, module = _module(controller, call)
     return functools.partial(prepare_modules, task, {module.syntax.filename: call.required("text")})
 
 
 @ROUTES.answer(table.SET_MODULE_TEXT, prepare=prepare_module_text)
-def set_module_text(controller: Irc5, call: Call) -> None:
+def set_module_text(controller: Irc5, call: RwsCall) -> None:
     _replace_text(controller, *_module(controller, call), call.required("text"))
 
 
 def _replace_text(controller: Irc5, task: Task, module: LoadedModule, text: str) -> None:
     if not re.search(rf"\bMODULE\s+{re.escape(module.name)}\b", text, re.IGNORECASE):
-        raise Failure(400, Code.SYNTAX, f"the text is not that of the module {module.name}")
+        raise CallFailure(400, RwsCode.SYNTAX, f"the text is not that of the module {module.name}")
     controller.execution.load_module(task.name, text, module.syntax.filename, replace=True)
 
 
-def prepare_text_range(controller: Irc5, call: Call) -> Callable[[], None]:
+def prepare_text_range(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     task, module = _module(controller, call)
     return functools.partial(prepare_modules, task, {module.syntax.filename: _changed_text(module, call)})
 
 
 @ROUTES.answer(table.SET_TEXT_RANGE, prepare=prepare_text_range)
-def set_text_range(controller: Irc5, call: Call) -> None:
+def set_text_range(controller: Irc5, call: RwsCall) -> None:
     """Replace a range of a module's text, or put a text before or after it."""
     task, module = _module(controller, call)
     text = _changed_text(module, call)
     if call.required("query-mode") == "Try" and not task.call_stack:
-        raise Failure(400, Code.NO_PP, f"{task.name} has no program pointer; Force changes the text all the same")
+        raise CallFailure(
+            400, RwsCode.NO_PP, f"{task.name} has no program pointer; Force changes the text all the same"
+        )
     rows = range(_position(call, "startrow"), _position(call, "endrow") + 1)
     if text != module.syntax.text:
         _replace_text(controller, task, module, text)
@@ -252,7 +254,7 @@ def set_text_range(controller: Irc5, call: Call) -> None:
         task.clear_breakpoints(module.name, rows)
 
 
-def _changed_text(module: LoadedModule, call: Call) -> str:
+def _changed_text(module: LoadedModule, call: RwsCall) -> str:
     call.required("task")
     text, new = module.syntax.text, call.required("text")
     begin, end = _range(text, call)
@@ -265,13 +267,13 @@ def _changed_text(module: LoadedModule, call: Call) -> str:
 
 
 @ROUTES.answer(table.ROUTINES)
-def get_routines(controller: Irc5, call: Call) -> Page:
+def get_routines(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     states = (_routine_state(task, each, "-li") for each in module.routines)
     return resource("rapid", f"{_BASE}modules/{task.name}/{module.name}/", "routines", *states)
 
 
-def _routine_state(task: Task, routine: UserRoutine, suffix: str = "") -> State:
+def _routine_state(task: Task, routine: UserRoutine, suffix: str = "") -> RwsState:
     kind = _KINDS[routine.syntax.kind]
     url = f"RAPID/{task.name}/{routine.module.name}/{routine.name}"
     fields = {
@@ -283,17 +285,17 @@ def _routine_state(task: Task, routine: UserRoutine, suffix: str = "") -> State:
         "local": str(routine.syntax.is_local).lower(),
         "npar": str(len(routine.syntax.parameters)),
     }
-    return State(f"{_ROUTINE_TYPES[kind]}{suffix}", url, fields)
+    return RwsState(f"{_ROUTINE_TYPES[kind]}{suffix}", url, fields)
 
 
 @ROUTES.answer(table.ROUTINE_AT)
-def get_routine_at(controller: Irc5, call: Call) -> Page:
+def get_routine_at(controller: Irc5, call: RwsCall) -> Page:
     """The routine that a row is in."""
     task, module = _module(controller, call)
     row = _position(call, "row")
     before = [each for each in module.routines if each.syntax.line <= row]
     if not before:
-        raise Failure(400, Code.SOURCEPOS, f"there is no routine at row {row} of {module.name}")
+        raise CallFailure(400, RwsCode.SOURCEPOS, f"there is no routine at row {row} of {module.name}")
     found = max(before, key=lambda each: each.syntax.line)
     state = _routine_state(task, found)
     names = ("name", "symtyp", "named", "local", "npar")
@@ -302,12 +304,12 @@ def get_routine_at(controller: Irc5, call: Call) -> Page:
         "rapid",
         f"{_BASE}modules/{module.name}/",
         f"routine?task={task.name}&row={row}",
-        State("rap-routine-prop", found.name, fields),
+        RwsState("rap-routine-prop", found.name, fields),
     )
 
 
 @ROUTES.answer(table.SYMBOL_AT)
-def get_symbol_at(controller: Irc5, call: Call) -> Page:
+def get_symbol_at(controller: Irc5, call: RwsCall) -> Page:
     """The symbol whose name stands at a row and column."""
     task, module = _module(controller, call)
     lines = module.syntax.text.splitlines()
@@ -316,7 +318,7 @@ def get_symbol_at(controller: Irc5, call: Call) -> Page:
     word = next((each[0] for each in re.finditer(r"\w+", line) if each.start() < column <= each.end()), "")
     found = module.symbols.get(word.lower())
     if not isinstance(found, Variable):
-        raise Failure(400, Code.NO_SUCH_SYMBOL, f"there is no datum at row {row}, column {column}")
+        raise CallFailure(400, RwsCode.NO_SUCH_SYMBOL, f"there is no datum at row {row}, column {column}")
     state = _symbol_state(task, module.name, found.name)
     fields = {
         "symbolname": found.name,
@@ -324,20 +326,20 @@ def get_symbol_at(controller: Irc5, call: Call) -> Page:
         "symbol_type": state.fields["symtyp"],
     }
     fields |= {name: state.fields[name] for name in ("linked", "local", "typurl", "dattyp", "ndim")}
-    state = State("rap-module-symbol", found.name, {"version": "1", **fields, "heap": "false", "refcount": "1"})
+    state = RwsState("rap-module-symbol", found.name, {"version": "1", **fields, "heap": "false", "refcount": "1"})
     return _module_page(task, module, state)
 
 
 @ROUTES.answer(table.MOD_POSSIBLE_ALL, table.MODIFY_ALL_POSITION, table.MOD_POSSIBLE, table.MODIFY_POSITION)
-def refuse_positions(controller: Irc5, call: Call) -> Page:
-    raise Failure(400, Code.SERVICE_NOT_SUPPORTED, "positions are modified on the FlexPendant")
+def refuse_positions(controller: Irc5, call: RwsCall) -> Page:
+    raise CallFailure(400, RwsCode.SERVICE_NOT_SUPPORTED, "positions are modified on the FlexPendant")
 
 
 # Data
 
 
 @ROUTES.answer(table.SYMBOL)
-def get_symbol(controller: Irc5, call: Call) -> Shown:
+def get_symbol(controller: Irc5, call: RwsCall) -> Shown:
     url = call.names["symbol"]
     value = _at(controller, url, _read, missing=400)
     if call.option("value") == "raw" and call.option("json") == "1":  # a value of JSON, not its text
@@ -368,19 +370,19 @@ def _plain(text: str) -> RapidValue:
         return text
 
 
-def prepare_value(controller: Irc5, call: Call) -> Callable[[], None] | None:
+def prepare_value(controller: Irc5, call: RwsCall) -> Callable[[], None] | None:
     literal = call.required("value")
     return functools.partial(_parse, literal) if len(literal) > _LONG_VALUE else None
 
 
 @ROUTES.answer(table.SET_SYMBOL, prepare=prepare_value)
-def set_symbol(controller: Irc5, call: Call) -> None:
+def set_symbol(controller: Irc5, call: RwsCall) -> None:
     refuse_in_manual_mode(controller, call, "writing RAPID data")
     literal = call.required("value")
     try:
         _at(controller, call.names["symbol"], lambda task, module, name: task.write(module, name, literal), 404)
     except RapidValueError as error:
-        raise Failure(400, Code.SYNTAX, str(error)) from error
+        raise CallFailure(400, RwsCode.SYNTAX, str(error)) from error
     controller.settle()
 
 
@@ -391,18 +393,18 @@ def _parse(literal: str) -> None:
 
 
 @ROUTES.answer(table.SET_INITIAL_VALUE)
-def set_initial_value(controller: Irc5, call: Call) -> None:
+def set_initial_value(controller: Irc5, call: RwsCall) -> None:
     """The value a datum begins with: that of a persistent is its value at all times."""
     kind = _at(controller, call.names["symbol"], lambda task, module, name: task.kind_of(module, name), 404)
     if kind != "per":
-        raise Failure(
-            400, Code.SYMBOL_NOT_PERSISTENT, "the initial value of a VAR or CONST is changed in its module's text"
+        raise CallFailure(
+            400, RwsCode.SYMBOL_NOT_PERSISTENT, "the initial value of a VAR or CONST is changed in its module's text"
         )
     set_symbol(controller, call)
 
 
 @ROUTES.answer(table.VALIDATE)
-def validate(controller: Irc5, call: Call) -> None:
+def validate(controller: Irc5, call: RwsCall) -> None:
     """Whether a literal is a value of a type."""
     task, name = find_task(controller, call.required("task")), call.required("datatype")
     node = s.Name(name)
@@ -412,11 +414,11 @@ def validate(controller: Irc5, call: Call) -> None:
         type_ = task.library.type(name) if module is None else task.program.type_named(name, module, node)
         parse_value(type_, call.required("value"))
     except (RapidValueError, RapidReferenceError) as error:
-        raise Failure(400, Code.SEMANTIC, str(error)) from error
+        raise CallFailure(400, RwsCode.SEMANTIC, str(error)) from error
 
 
 @ROUTES.answer(table.SYMBOL_PROPERTIES)
-def get_symbol_properties(controller: Irc5, call: Call) -> Page:
+def get_symbol_properties(controller: Irc5, call: RwsCall) -> Page:
     url = call.names["symbol"]
     state = _at(controller, url, _symbol_state, missing=400)
     return resource("rapid", _BASE, f"symbol/properties/{state.title}", state)
@@ -427,7 +429,7 @@ def _is_routine(block: str) -> bool:
     return "/" in block or block.startswith("%")
 
 
-def _symbol_state(task: Task, block: str, name: str) -> State:
+def _symbol_state(task: Task, block: str, name: str) -> RwsState:
     kind, sizes = task.kind_of(block, name), task.dimensions_of(block, name)
     url = f"RAPID/{task.name}/{block}/{name}"
     type_name = task.type_of(block, name)
@@ -447,7 +449,7 @@ def _symbol_state(task: Task, block: str, name: str) -> State:
         "storage": kind,
         "typurl": f"RAPID/{type_name}" if _is_routine(block) else f"RAPID/{task.name}/{block}/{type_name}",
     }
-    return State(_SYMBOL_TYPES[kind], url, fields)
+    return RwsState(_SYMBOL_TYPES[kind], url, fields)
 
 
 def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], T], missing: int) -> T:
@@ -463,18 +465,18 @@ def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], T], missing:
                 return act(task, place, name)
             except UnknownSymbol:
                 continue
-    code = Code.FAIL if missing == 400 else Code.NO_SUCH_SYMBOL
-    raise Failure(missing, code, f"Symbol not found: RAPID/{url}")
+    code = RwsCode.FAIL if missing == 400 else RwsCode.NO_SUCH_SYMBOL
+    raise CallFailure(missing, code, f"Symbol not found: RAPID/{url}")
 
 
 @ROUTES.answer(table.SYMBOLS)
-def get_symbols(controller: Irc5, call: Call) -> Page:
+def get_symbols(controller: Irc5, call: RwsCall) -> Page:
     """Nothing: symbols are searched, since a robot has thousands."""
     return resource("rapid", _BASE, "symbols")
 
 
 @ROUTES.answer(table.SEARCH)
-def search(controller: Irc5, call: Call) -> Page:
+def search(controller: Irc5, call: RwsCall) -> Page:
     """The symbols of a block that fit; at least one parameter has to say which."""
     if not call.form:
         raise invalid("a search needs a parameter, such as blockurl=RAPID/T_ROB_L")
@@ -504,48 +506,50 @@ def search(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, "symbols", *named)
 
 
-def _symbols_of_frame(task: Task, call: Call) -> list[State]:
+def _symbols_of_frame(task: Task, call: RwsCall) -> list[RwsState]:
     """What has a value in a routine under way: parameters, data and loop variables of a stack frame."""
     number = call.parameter("stack", "1")
     block = f"%{max(int(number), 1) if number.isdecimal() else 1}"  # 0, which means none elsewhere, is the first, too
     try:
         return [_in_list(_symbol_state(task, block, name)) for name in task.symbols(block)]
     except UnknownSymbol as error:
-        raise Failure(400, Code.NO_PP, str(error)) from error
+        raise CallFailure(400, RwsCode.NO_PP, str(error)) from error
 
 
-def _symbols_of_block(tasks: Sequence[Task], parts: Sequence[str], call: Call) -> list[State]:
+def _symbols_of_block(tasks: Sequence[Task], parts: Sequence[str], call: RwsCall) -> list[RwsState]:
     """The symbols of a module, a task or all."""
     is_recursive = call.parameter("recursive", "TRUE").upper() == "TRUE"
-    found: list[State] = []
+    found: list[RwsState] = []
     for task in tasks:
         modules = [
             each for each in task.program.modules.values() if len(parts) < 3 or each.name.lower() == parts[2].lower()
         ]
         if len(parts) > 2 and not modules:
-            raise Failure(400, Code.NO_SUCH_SYMBOL, f"the task {task.name} has no module {parts[2][:50]!r}")
+            raise CallFailure(400, RwsCode.NO_SUCH_SYMBOL, f"the task {task.name} has no module {parts[2][:50]!r}")
         if len(parts) == 1:
-            found.append(State("rap-symproptask-li", f"RAPID/{task.name}", _plain_fields(f"RAPID/{task.name}", "tsk")))
+            found.append(
+                RwsState("rap-symproptask-li", f"RAPID/{task.name}", _plain_fields(f"RAPID/{task.name}", "tsk"))
+            )
         for module in modules if len(parts) > 1 or is_recursive else ():
             url = f"RAPID/{task.name}/{module.name}"
             if len(parts) < 3:
-                found.append(State("rap-sympropmodule-li", url, _plain_fields(url, "mod")))
+                found.append(RwsState("rap-sympropmodule-li", url, _plain_fields(url, "mod")))
             if len(parts) > 2 or is_recursive:
                 found += _symbols(task, module)
     return found
 
 
-def _in_list(state: State) -> State:
+def _in_list(state: RwsState) -> RwsState:
     """A symbol as a search lists it, which has not all of its properties."""
     fields = {name: text for name, text in state.fields.items() if name not in ("heap", "linked", "storage")}
-    return State(f"{state.type}-li", state.title, fields)
+    return RwsState(f"{state.type}-li", state.title, fields)
 
 
 def _plain_fields(url: str, kind: str) -> dict[str, str]:
     return {"symburl": url, "name": url.rpartition("/")[2], "symtyp": kind, "named": "true"}
 
 
-def _symbols(task: Task, module: LoadedModule) -> Iterator[State]:
+def _symbols(task: Task, module: LoadedModule) -> Iterator[RwsState]:
     for symbol in tuple(module.symbols.values()):
         if isinstance(symbol, Variable):
             try:
@@ -557,7 +561,7 @@ def _symbols(task: Task, module: LoadedModule) -> Iterator[State]:
         else:
             kind = "rec" if isinstance(symbol.syntax, s.Record) else "ali"
             url = f"RAPID/{task.name}/{module.name}/{symbol.syntax.name}"
-            yield State(f"rap-symprop{'record' if kind == 'rec' else 'alias'}-li", url, _plain_fields(url, kind))
+            yield RwsState(f"rap-symprop{'record' if kind == 'rec' else 'alias'}-li", url, _plain_fields(url, kind))
 
 
 def _pattern(text: str) -> re.Pattern[str]:

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from abb_protocols.errors import CommandRefused, ProtocolError, RobotNotReady
-from abb_protocols.robot.arm_kinematics import Arm
+from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_from_abb
 from abb_protocols.robot.kinematics import compose, inverse, matrix
-from abb_protocols.rws.documents import JointTarget, Link, Page, RobTarget, State, first_value
+from abb_protocols.rws.documents import JointTarget, Page, RobTarget, RwsLink, RwsState, first_value
 from abb_protocols.rws.operations import motion as table
-from abb_protocols.rws.values import Code, Coordinates, JogMode, decode
+from abb_protocols.rws.values import Coordinates, JogMode, RwsCode, decode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.instructions.robot_data import pose_from_rapid, robtarget, wobj_from_rapid
 from virtual_irc5.mechanics.arm import VirtualArm
@@ -23,7 +23,7 @@ from virtual_irc5.mechanics.units import MechanicalUnit, UnitSupervision
 from virtual_irc5.rapid.types import Variable
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
 from virtual_irc5.rws.users import refuse_in_manual_mode
 
 _BASE = "/rw/motionsystem/"
@@ -38,12 +38,12 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.MOTION_SYSTEM)
-def get_motion_system(controller: Irc5, call: Call) -> Page:
+def get_motion_system(controller: Irc5, call: RwsCall) -> Page:
     shown = table.MotionSystem(controller.motion.changes, _active(controller).name)
     fields = table.MOTION_SYSTEM.answered.write(shown)
     asked = call.option("resource")
     if asked is not None:
-        return resource("motionsystem", "/rw/", "motionsystem", State("ms", "motionsystem", {asked: fields[asked]}))
+        return resource("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", {asked: fields[asked]}))
     links = (
         entry("ms-change-count-li", "checkchangecount", "motionsystem/checkchangecount"),
         entry("ms-mechunit-li", "mechunits", "motionsystem/mechunits"),
@@ -52,7 +52,7 @@ def get_motion_system(controller: Irc5, call: Call) -> Page:
         entry("ms-pathsupervision-li", "pathsupervision", "motionsystem/pathsupervision"),
         entry("ms-nonmotion-execution-mode-li", "nonmotionexecution", "motionsystem/nonmotionexecution"),
     )
-    return resource("motionsystem", "/rw/", "motionsystem", State("ms", "motionsystem", fields), *links)
+    return resource("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", fields), *links)
 
 
 def _active(controller: Irc5) -> MechanicalUnit:
@@ -64,14 +64,14 @@ def _unit(controller: Irc5, name: str) -> MechanicalUnit:
     for unit in controller.units:
         if unit.name.upper() == name.upper():
             return unit
-    raise Failure(404, Code.NO_SUCH_MECHUNIT, f"there is no mechanical unit {name[:50]}")
+    raise CallFailure(404, RwsCode.NO_SUCH_MECHUNIT, f"there is no mechanical unit {name[:50]}")
 
 
-def _find(controller: Irc5, call: Call) -> MechanicalUnit:
+def _find(controller: Irc5, call: RwsCall) -> MechanicalUnit:
     return _unit(controller, call.names["unit"])
 
 
-def _asked_unit(controller: Irc5, call: Call) -> MechanicalUnit:
+def _asked_unit(controller: Irc5, call: RwsCall) -> MechanicalUnit:
     return _unit(controller, call.option("mechunit") or _active(controller).name)
 
 
@@ -83,13 +83,13 @@ def _changed(controller: Irc5) -> None:
 
 
 @ROUTES.answer(table.SET_ACTIVE)
-def set_active(controller: Irc5, call: Call) -> None:
+def set_active(controller: Irc5, call: RwsCall) -> None:
     controller.motion.active_unit = _unit(controller, call.required("mechunit-name")).name
     _changed(controller)
 
 
 @ROUTES.answer(table.JOG)
-def jog(controller: Irc5, call: Call) -> None:
+def jog(controller: Irc5, call: RwsCall) -> None:
     """Move the axes of the active unit by a step each; the axis values are the deflection of the joystick."""
     _check_jogging(controller, call)
     values = [call.number(f"axis{number}") for number in range(1, 7)]
@@ -116,19 +116,19 @@ def _abb(position: Joints) -> tuple[Sequence[float], float]:
     return (position, 0.0) if len(position) < JOINT_COUNT else abb_from_chain(position)
 
 
-def _chain(kinematics: Arm, robot: Sequence[float], axis_7: float) -> Joints:
+def _chain(kinematics: KinematicArm, robot: Sequence[float], axis_7: float) -> Joints:
     return tuple(robot) if kinematics.joint_count < JOINT_COUNT else chain_from_abb(robot, axis_7)
 
 
-def _arm_angle(kinematics: Arm, position: Joints) -> float:
+def _arm_angle(kinematics: KinematicArm, position: Joints) -> float:
     """The first extra axis of a robtarget [rad]; 0 with six axes."""
     return float(kinematics.angles(np.array([position]))[0])
 
 
-def _check_jogging(controller: Irc5, call: Call) -> None:
+def _check_jogging(controller: Irc5, call: RwsCall) -> None:
     refuse_in_manual_mode(controller, call, "jogging")
     if controller.is_running:
-        raise Failure(403, Code.EXEC_STATE, "an arm is jogged while RAPID is stopped")
+        raise CallFailure(403, RwsCode.EXEC_STATE, "an arm is jogged while RAPID is stopped")
 
 
 def _move(arm: VirtualArm, target: Joints) -> None:
@@ -137,11 +137,11 @@ def _move(arm: VirtualArm, target: Joints) -> None:
     except CommandRefused as error:
         raise invalid(str(error)) from error
     except RobotNotReady as error:
-        raise Failure(403, Code.INVALID_STATE, str(error)) from error
+        raise CallFailure(403, RwsCode.INVALID_STATE, str(error)) from error
 
 
 @ROUTES.answer(table.POSITION_TARGET, table.SET_TARGET)
-def go_to_position(controller: Irc5, call: Call) -> None:
+def go_to_position(controller: Irc5, call: RwsCall) -> None:
     """Move the active unit to a robtarget in its base."""
     _check_jogging(controller, call)
     position = [call.number(f"pos-{axis}") * 1e-3 for axis in "xyz"]
@@ -165,12 +165,12 @@ def _pose(position: list[float], orientation: list[float]) -> Pose:
     return Pose((x, y, z), (w, i, j, k))
 
 
-def _nearest(kinematics: Arm, pose: Pose, angle: float, near: Joints) -> Joints:
+def _nearest(kinematics: KinematicArm, pose: Pose, angle: float, near: Joints) -> Joints:
     """The posture of a pose that is nearest to another one: of its branch, or any where that does not reach it."""
     followed = kinematics.reached(np.array([pose.position]), matrix(pose.orientation)[None], angle, near)
     found = kinematics.postures(pose, angle) if followed is None else (followed,)
     if not found:
-        raise Failure(400, Code.POSE_OUTSIDE_REACH, f"the {kinematics.name} does not reach the pose")
+        raise CallFailure(400, RwsCode.POSE_OUTSIDE_REACH, f"the {kinematics.name} does not reach the pose")
     return min(found, key=lambda each: max(abs(a - b) for a, b in zip(each, near, strict=True)))
 
 
@@ -178,12 +178,12 @@ def _nearest(kinematics: Arm, pose: Pose, angle: float, near: Joints) -> Joints:
 
 
 @ROUTES.answer(table.CHANGE_COUNT)
-def get_change_count(controller: Irc5, call: Call) -> bool:
+def get_change_count(controller: Irc5, call: RwsCall) -> bool:
     return call.number_option("changecount", 0) != controller.motion.changes
 
 
 @ROUTES.answer(table.ERROR_STATE)
-def get_error_state(controller: Irc5, call: Call) -> table.MotionError:
+def get_error_state(controller: Irc5, call: RwsCall) -> table.MotionError:
     return table.MotionError()
 
 
@@ -192,27 +192,27 @@ def _supervision(controller: Irc5, unit: MechanicalUnit) -> UnitSupervision:
 
 
 @ROUTES.answer(table.MOTION_SUPERVISION)
-def get_motion_supervision(controller: Irc5, call: Call) -> Mapping[str, table.Supervision]:
+def get_motion_supervision(controller: Irc5, call: RwsCall) -> Mapping[str, table.Supervision]:
     unit = _asked_unit(controller, call)
     found = _supervision(controller, unit)
     return {unit.name: table.Supervision(found.jogging, found.jog_level)}
 
 
 @ROUTES.answer(table.SET_MOTION_SUPERVISION)
-def set_motion_supervision(controller: Irc5, call: Call) -> None:
+def set_motion_supervision(controller: Irc5, call: RwsCall) -> None:
     unit = _unit(controller, call.required("mechunit-name"))
     _supervision(controller, unit).jogging = call.required("mode").lower() == "true"
     _changed(controller)
 
 
 @ROUTES.answer(table.SET_MOTION_SENSITIVITY)
-def set_motion_sensitivity(controller: Irc5, call: Call) -> None:
+def set_motion_sensitivity(controller: Irc5, call: RwsCall) -> None:
     unit = _unit(controller, call.required("mechunit-name"))
     _supervision(controller, unit).jog_level = _level(call, "sensitivity")
     _changed(controller)
 
 
-def _level(call: Call, name: str) -> int:
+def _level(call: RwsCall, name: str) -> int:
     level = call.number(name)
     if not 0 <= level <= 300:
         raise invalid(f"{name} is 0 to 300")
@@ -220,44 +220,44 @@ def _level(call: Call, name: str) -> int:
 
 
 @ROUTES.answer(table.COLLISION_PREDICTION)
-def get_collision_prediction(controller: Irc5, call: Call) -> Mapping[str, bool]:
+def get_collision_prediction(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     return {"collision-prediction-mode": controller.motion.predicts_collisions}
 
 
 @ROUTES.answer(table.SET_COLLISION_PREDICTION)
-def set_collision_prediction(controller: Irc5, call: Call) -> None:
+def set_collision_prediction(controller: Irc5, call: RwsCall) -> None:
     controller.motion.predicts_collisions = call.required("mode") == "true"
     _changed(controller)
 
 
 @ROUTES.answer(table.PATH_SUPERVISION)
-def get_path_supervision(controller: Irc5, call: Call) -> Mapping[str, table.Supervision]:
+def get_path_supervision(controller: Irc5, call: RwsCall) -> Mapping[str, table.Supervision]:
     unit = _asked_unit(controller, call)
     found = _supervision(controller, unit)
     return {unit.name: table.Supervision(found.path, found.path_level)}
 
 
 @ROUTES.answer(table.SET_PATH_SUPERVISION)
-def set_path_supervision(controller: Irc5, call: Call) -> None:
+def set_path_supervision(controller: Irc5, call: RwsCall) -> None:
     _supervision(controller, _unit(controller, call.required("mechunit"))).path = call.required("mode") == "ON"
     _changed(controller)
 
 
 @ROUTES.answer(table.SET_PATH_LEVEL)
-def set_path_level(controller: Irc5, call: Call) -> None:
+def set_path_level(controller: Irc5, call: RwsCall) -> None:
     _supervision(controller, _unit(controller, call.required("mechunit"))).path_level = _level(call, "level")
     _changed(controller)
 
 
 @ROUTES.answer(table.NON_MOTION)
-def get_non_motion(controller: Irc5, call: Call) -> bool:
+def get_non_motion(controller: Irc5, call: RwsCall) -> bool:
     return controller.motion.is_non_motion
 
 
 @ROUTES.answer(table.SET_NON_MOTION, table.SET_NON_MOTION_TOO)
-def set_non_motion(controller: Irc5, call: Call) -> None:
+def set_non_motion(controller: Irc5, call: RwsCall) -> None:
     if call.required("mode") == "ON":
-        raise Failure(400, Code.NOTIMPL, "this virtual controller always moves its arms")
+        raise CallFailure(400, RwsCode.NOTIMPL, "this virtual controller always moves its arms")
     controller.motion.is_non_motion = False
 
 
@@ -265,7 +265,7 @@ def set_non_motion(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.UNITS)
-def get_units(controller: Irc5, call: Call) -> Page:
+def get_units(controller: Irc5, call: RwsCall) -> Page:
     entries = (
         entry(
             "ms-mechunit-li",
@@ -285,7 +285,7 @@ _STATIC_FIELDS = 6  # of a unit, which come first
 
 
 @ROUTES.answer(table.UNIT)
-def get_unit(controller: Irc5, call: Call) -> Page:
+def get_unit(controller: Irc5, call: RwsCall) -> Page:
     """A unit's fields: all, or the groups and single fields in ``resource``, joined by ``;``."""
     unit = _find(controller, call)
     members = list(table.UNIT.answered.write(unit).items())
@@ -301,8 +301,8 @@ def get_unit(controller: Irc5, call: Call) -> Page:
         for name, text in members.items()
         if group in asked or name in asked or _short(name) in asked
     }
-    links = () if call.option("resource") else tuple(Link(name, f"{unit.name}/{name}") for name in _SUB_RESOURCES)
-    state = State("ms-mechunit", unit.name, fields, links)
+    links = () if call.option("resource") else tuple(RwsLink(name, f"{unit.name}/{name}") for name in _SUB_RESOURCES)
+    state = RwsState("ms-mechunit", unit.name, fields, links)
     return resource("motionsystem", f"{_BASE}mechunits/", unit.name, state)
 
 
@@ -311,7 +311,7 @@ def _short(name: str) -> str:
 
 
 @ROUTES.answer(table.SET_UNIT)
-def set_unit(controller: Irc5, call: Call) -> None:
+def set_unit(controller: Irc5, call: RwsCall) -> None:
     """Change what jogging uses: tool, work object, loads, mode and coordinate system."""
     unit = _find(controller, call)
     if not call.form:
@@ -321,7 +321,7 @@ def set_unit(controller: Irc5, call: Call) -> None:
             _datum(controller, unit, call.required(kind), kind)
     mode = call.parameter("mode", "")
     if mode == "Deactivated" and unit.type == "TCPRobot":
-        raise Failure(400, Code.REJECT, f"the robot {unit.name} cannot be deactivated")
+        raise CallFailure(400, RwsCode.REJECT, f"the robot {unit.name} cannot be deactivated")
     system = call.parameter("coord-system", unit.coordinates.value)
     changed = replace(
         unit,
@@ -337,20 +337,20 @@ def set_unit(controller: Irc5, call: Call) -> None:
     _changed(controller)
 
 
-def _led_unit(controller: Irc5, call: Call) -> MechanicalUnit:
+def _led_unit(controller: Irc5, call: RwsCall) -> MechanicalUnit:
     if _LEAD_THROUGH not in controller.identity.options:
-        raise Failure(400, Code.OPTION, f"the controller lacks the option {_LEAD_THROUGH}")
+        raise CallFailure(400, RwsCode.OPTION, f"the controller lacks the option {_LEAD_THROUGH}")
     return _find(controller, call)
 
 
 @ROUTES.answer(table.LEAD_THROUGH)
-def get_lead_through(controller: Irc5, call: Call) -> Mapping[str, bool]:
+def get_lead_through(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     unit = _led_unit(controller, call)
     return {unit.name: unit.name in controller.motion.lead_through}
 
 
 @ROUTES.answer(table.SET_LEAD_THROUGH)
-def set_lead_through(controller: Irc5, call: Call) -> None:
+def set_lead_through(controller: Irc5, call: RwsCall) -> None:
     """Let an arm be led by hand; no hand leads this one, so that it stands still all the same."""
     unit = _led_unit(controller, call)
     if unit.type != "TCPRobot":
@@ -361,12 +361,12 @@ def set_lead_through(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.FINE_CALIBRATE, table.UPDATE_REVOLUTION_COUNTER, table.SET_SMB_DATA, table.CLEAR_SMB_DATA)
-def refuse_calibration(controller: Irc5, call: Call) -> None:
+def refuse_calibration(controller: Irc5, call: RwsCall) -> None:
     """Calibration changes what the controller takes for the arm's zero; there is nothing to be calibrated here."""
     _find(controller, call)
     if controller.mode.value == "AUTO":
-        raise Failure(400, Code.NOT_MANUAL_MODE, "an axis is calibrated in manual mode")
-    raise Failure(400, Code.NOTIMPL, "the axes of a virtual robot are always calibrated")
+        raise CallFailure(400, RwsCode.NOT_MANUAL_MODE, "an axis is calibrated in manual mode")
+    raise CallFailure(400, RwsCode.NOTIMPL, "the axes of a virtual robot are always calibrated")
 
 
 # Positions
@@ -380,7 +380,7 @@ def joint_target(controller: Irc5, unit: str) -> JointTarget:
 
 
 @ROUTES.answer(table.JOINT_TARGET, table.PHYSICAL_JOINTS)
-def get_joint_target(controller: Irc5, call: Call) -> Mapping[str, JointTarget]:
+def get_joint_target(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
     unit = _find(controller, call)
     return {unit.name: joint_target(controller, unit.name)}
 
@@ -398,12 +398,12 @@ def _datum(controller: Irc5, unit: MechanicalUnit, name: str, kind: str) -> Any:
     value = found.value if isinstance(found, Variable) else found
     has_type = isinstance(found, Variable) and found.type.name == type_name
     if not has_type:
-        code = Code.TOOL_ERROR if kind == "tool" else Code.WOBJ_ERROR
-        raise Failure(400, code, f"{unit.task} has no {type_name} {name[:50]}")
+        code = RwsCode.TOOL_ERROR if kind == "tool" else RwsCode.WOBJ_ERROR
+        raise CallFailure(400, code, f"{unit.task} has no {type_name} {name[:50]}")
     return value
 
 
-def target(controller: Irc5, call: Call, unit: MechanicalUnit) -> RobTarget:
+def target(controller: Irc5, call: RwsCall, unit: MechanicalUnit) -> RobTarget:
     """The position of a unit's tool as the call asks for it."""
     tool = pose_from_rapid(_datum(controller, unit, call.option("tool") or unit.tool, "tool").tframe)
     system = call.option("coordinate") or unit.coordinates.value
@@ -416,13 +416,13 @@ def target(controller: Irc5, call: Call, unit: MechanicalUnit) -> RobTarget:
 
 
 @ROUTES.answer(table.ROBTARGET)
-def get_robtarget(controller: Irc5, call: Call) -> Mapping[str, RobTarget]:
+def get_robtarget(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     unit = _find(controller, call)
     return {unit.name: target(controller, call, unit)}
 
 
 @ROUTES.answer(table.CARTESIAN)
-def get_cartesian(controller: Irc5, call: Call) -> Mapping[str, RobTarget]:
+def get_cartesian(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     return {"cartesian": target(controller, call, _find(controller, call))}
 
 
@@ -431,7 +431,7 @@ def _frame_instance(unit: MechanicalUnit) -> tuple[str, str, str]:
 
 
 @ROUTES.answer(table.BASE_FRAME)
-def get_base_frame(controller: Irc5, call: Call) -> Mapping[str, Pose]:
+def get_base_frame(controller: Irc5, call: RwsCall) -> Mapping[str, Pose]:
     """The base frame in the world, of the system parameters."""
     unit = _find(controller, call)
     instance = controller.effective.find(*_frame_instance(unit))
@@ -442,7 +442,7 @@ def get_base_frame(controller: Irc5, call: Call) -> Mapping[str, Pose]:
 
 
 @ROUTES.answer(table.SET_BASE_FRAME)
-def set_base_frame(controller: Irc5, call: Call) -> None:
+def set_base_frame(controller: Irc5, call: RwsCall) -> None:
     """Change the system parameters of the base frame; they act after a restart."""
     unit = _find(controller, call)
     numbers = [call.number(f"q{number}") for number in range(1, 5)]
@@ -453,28 +453,28 @@ def set_base_frame(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.AXES)
-def get_axes(controller: Irc5, call: Call) -> Page:
+def get_axes(controller: Irc5, call: RwsCall) -> Page:
     unit = _find(controller, call)
-    states = [State("ms-mechunit-axes", "axes", table.AXES.answered.write(unit.axes))]
+    states = [RwsState("ms-mechunit-axes", "axes", table.AXES.answered.write(unit.axes))]
     states += [entry("ms-mechunit-axis-li", str(number), f"axes/{number}") for number in range(1, unit.axes + 1)]
     return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "axes", *states)
 
 
-def _axis(controller: Irc5, call: Call) -> tuple[MechanicalUnit, int]:
+def _axis(controller: Irc5, call: RwsCall) -> tuple[MechanicalUnit, int]:
     unit, text = _find(controller, call), call.names["axis"]
     if text not in map(str, range(1, unit.axes + 1)):
-        raise Failure(404, Code.UNRESOLVED_URL, f"{unit.name} has axes 1 to {unit.axes}, not {text[:20]!r}")
+        raise CallFailure(404, RwsCode.UNRESOLVED_URL, f"{unit.name} has axes 1 to {unit.axes}, not {text[:20]!r}")
     return unit, int(text) if unit.axes > 1 else 7
 
 
 @ROUTES.answer(table.AXIS)
-def get_axis(controller: Irc5, call: Call) -> table.Axis:
+def get_axis(controller: Irc5, call: RwsCall) -> table.Axis:
     unit, logical = _axis(controller, call)
     return table.Axis(unit.is_synchronized, int(call.names["axis"]), logical)
 
 
 @ROUTES.answer(table.AXIS_POSE)
-def get_axis_pose(controller: Irc5, call: Call) -> Pose:
+def get_axis_pose(controller: Irc5, call: RwsCall) -> Pose:
     """Where an axis is: the flange when all axes after it stand at zero, as the kinematic chain counts them."""
     unit, logical = _axis(controller, call)
     arm = controller.arm_of(unit)
@@ -484,20 +484,20 @@ def get_axis_pose(controller: Irc5, call: Call) -> Pose:
 
 
 @ROUTES.answer(table.SET_AXIS_POSE, table.UPDATE_COMMUTATE, table.UPDATE_SYNC_COUNTER)
-def refuse_axis(controller: Irc5, call: Call) -> None:
+def refuse_axis(controller: Irc5, call: RwsCall) -> None:
     _axis(controller, call)
     refuse_calibration(controller, call)
 
 
 @ROUTES.answer(table.SET_POSITION)
-def set_position(controller: Irc5, call: Call) -> None:
+def set_position(controller: Irc5, call: RwsCall) -> None:
     """Put an arm somewhere while the motors are off; RobotStudio's controllers alone can."""
     _find(controller, call)
-    raise Failure(400, Code.SERVICE_NOT_SUPPORTED, "a position is set in RobotStudio's controllers alone")
+    raise CallFailure(400, RwsCode.SERVICE_NOT_SUPPORTED, "a position is set in RobotStudio's controllers alone")
 
 
 @ROUTES.answer(table.CALIBRATION)
-def get_calibration(controller: Irc5, call: Call) -> Page:
+def get_calibration(controller: Irc5, call: RwsCall) -> Page:
     unit = _find(controller, call)
     method = _HALL if _HALL in controller.identity.options else "Undefined"
     count = str(unit.axes)
@@ -507,16 +507,16 @@ def get_calibration(controller: Irc5, call: Call) -> Page:
     for number in range(1, unit.axes + 1):
         joint = f"{prefix}_{number if unit.axes > 1 else 7}"
         shown = table.Calibration(method, joint=joint, factory_method=method, method=method)
-        states.append(State("ms-calibrationinfo-joint", str(number), table.CALIBRATION.answered.write(shown)))
+        states.append(RwsState("ms-calibrationinfo-joint", str(number), table.CALIBRATION.answered.write(shown)))
     base = f"{_BASE}mechunits/{unit.name}/"
-    return resource("motionsystem", base, "calibrationinfo", State("ms-calibrationinfo", unit.name, head), *states)
+    return resource("motionsystem", base, "calibrationinfo", RwsState("ms-calibrationinfo", unit.name, head), *states)
 
 
 _SMB = ("sis", "abs_acc", "calib", "axis_cal")
 
 
 @ROUTES.answer(table.SMB_DATA)
-def get_smb_data(controller: Irc5, call: Call) -> Page:
+def get_smb_data(controller: Irc5, call: RwsCall) -> Page:
     """Controller and robot agree (0, SMB_VALID); there is no absolute accuracy (3, SMB_NOT_USED)."""
     unit = _find(controller, call)
     fields = {
@@ -524,11 +524,13 @@ def get_smb_data(controller: Irc5, call: Call) -> Page:
         for place in ("controller", "robot")
         for kind in _SMB
     }
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "smbdata", State("ms-smbdata", unit.name, fields))
+    return resource(
+        "motionsystem", f"{_BASE}mechunits/{unit.name}/", "smbdata", RwsState("ms-smbdata", unit.name, fields)
+    )
 
 
 @ROUTES.answer(table.MOTOR_CALIBRATION)
-def get_motor_calibration(controller: Irc5, call: Call) -> Mapping[str, str]:
+def get_motor_calibration(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     unit = _find(controller, call)
     prefix = unit.name.replace("ROB", "rob", 1).removesuffix("_7")
     numbers = range(1, unit.axes + 1) if unit.axes > 1 else (7,)
@@ -538,7 +540,7 @@ def get_motor_calibration(controller: Irc5, call: Call) -> Mapping[str, str]:
 # Calculations, in metres and radians
 
 
-def _numbers(call: Call, name: str, count: int) -> list[float]:
+def _numbers(call: RwsCall, name: str, count: int) -> list[float]:
     """A parameter ``[1,2,3]`` of a body."""
     text = call.required(name)
     try:
@@ -550,18 +552,18 @@ def _numbers(call: Call, name: str, count: int) -> list[float]:
     return [float(each) for each in value if isinstance(each, float)]
 
 
-def _tool(call: Call) -> Pose:
+def _tool(call: RwsCall) -> Pose:
     return _pose(_numbers(call, "tool_frame_position", 3), _numbers(call, "tool_frame_orientation", 4))
 
 
-def _given(kinematics: Arm, call: Call, prefix: str = "") -> Joints:
+def _given(kinematics: KinematicArm, call: RwsCall, prefix: str = "") -> Joints:
     """The joint positions in a body."""
     robot, extra = _numbers(call, f"{prefix}rob_joints", 6), _numbers(call, f"{prefix}ext_joints", 6)
     return _chain(kinematics, robot, extra[0])
 
 
 @ROUTES.answer(table.POSE_FROM_JOINTS, table.ROBTARGET_FROM_JOINTS)
-def pose_from_joints(controller: Irc5, call: Call) -> Mapping[str, RobTarget]:
+def pose_from_joints(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     kinematics = controller.arm_of(_find(controller, call)).kinematics
     position = _given(kinematics, call)
     pose = compose(kinematics.tool0(position), _tool(call))
@@ -569,12 +571,12 @@ def pose_from_joints(controller: Irc5, call: Call) -> Mapping[str, RobTarget]:
     return {"positionData": RobTarget(pose, (one, four, six, last), (_arm_angle(kinematics, position),))}
 
 
-def _solution(kinematics: Arm, position: Joints, *, with_configuration: bool = False) -> table.Solution:
+def _solution(kinematics: KinematicArm, position: Joints, *, with_configuration: bool = False) -> table.Solution:
     robot, axis_7 = _abb(position)
     return table.Solution(tuple(robot), axis_7, tuple(kinematics.configuration(position)) if with_configuration else ())
 
 
-def _wanted(call: Call) -> tuple[Pose, float, list[float]]:
+def _wanted(call: RwsCall) -> tuple[Pose, float, list[float]]:
     """Pose of tool0 in the body, arm angle, and configuration of a calculation."""
     pose = _pose(_numbers(call, "curr_position", 3), _numbers(call, "curr_orientation", 4))
     extra = _numbers(call, "curr_ext_joints", 6)
@@ -582,7 +584,7 @@ def _wanted(call: Call) -> tuple[Pose, float, list[float]]:
 
 
 @ROUTES.answer(table.JOINTS_FROM_POSE, table.JOINTS_FROM_CARTESIAN)
-def joints_from_pose(controller: Irc5, call: Call) -> Mapping[str, table.Solution]:
+def joints_from_pose(controller: Irc5, call: RwsCall) -> Mapping[str, table.Solution]:
     """The posture nearest to the old one; the first extra axis of the pose is the arm angle."""
     kinematics = controller.arm_of(_find(controller, call)).kinematics
     pose, angle, _ = _wanted(call)
@@ -595,7 +597,7 @@ def joints_from_pose(controller: Irc5, call: Call) -> Mapping[str, table.Solutio
 
 
 @ROUTES.answer(table.ALL_SOLUTIONS)
-def all_solutions(controller: Irc5, call: Call) -> Mapping[str, table.Solution]:
+def all_solutions(controller: Irc5, call: RwsCall) -> Mapping[str, table.Solution]:
     kinematics = controller.arm_of(_find(controller, call)).kinematics
     pose, angle, _ = _wanted(call)
     found = kinematics.postures(pose, angle)

@@ -9,12 +9,12 @@ from typing import Any
 from abb_protocols.rws.documents import Page
 from abb_protocols.rws.operations import panel as table
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.values import Code, OperatingMode
+from abb_protocols.rws.values import OperatingMode, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws import ctrl
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Route, Routes
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
 
 _VALUES: Mapping[str, tuple[Operation[Any], Callable[[Irc5], object]]] = {
     "ctrlstate": (table.CONTROLLER_STATE, lambda controller: controller.controller_state),
@@ -32,11 +32,11 @@ ROUTES.answer(table.SET_LANGUAGE)(ctrl.set_language)
 
 
 @ROUTES.answer(table.PANEL)
-def get_panel(controller: Irc5, call: Call) -> Page:
+def get_panel(controller: Irc5, call: RwsCall) -> Page:
     return resource("panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in _VALUES))
 
 
-def get_panel_value(controller: Irc5, call: Call) -> Mapping[str, object]:
+def get_panel_value(controller: Irc5, call: RwsCall) -> Mapping[str, object]:
     name = call.path[-1]
     return {TITLES.get(name, name): _VALUES[name][1](controller)}
 
@@ -52,55 +52,55 @@ def panel_text(controller: Irc5, name: str) -> str:
 
 
 @ROUTES.answer(table.SET_CONTROLLER_STATE)
-def set_controller_state(controller: Irc5, call: Call) -> None:
+def set_controller_state(controller: Irc5, call: RwsCall) -> None:
     controller.set_motors(call.required("ctrl-state") == "motoron")
 
 
 @ROUTES.answer(table.SET_SPEED_RATIO)
-def set_speed_ratio(controller: Irc5, call: Call) -> None:
+def set_speed_ratio(controller: Irc5, call: RwsCall) -> None:
     controller.set_speed_ratio(int(call.number("speed-ratio")))
 
 
 @ROUTES.answer(table.ACKNOWLEDGE)
-def acknowledge(controller: Irc5, call: Call) -> None:
+def acknowledge(controller: Irc5, call: RwsCall) -> None:
     what = call.required("opmode")
     if what != "coldet":
-        raise Failure(403, Code.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
+        raise CallFailure(403, RwsCode.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
     controller.acknowledge_collision()
 
 
 @ROUTES.answer(table.MODE_LOCK)
-def get_mode_lock(controller: Irc5, call: Call) -> Mapping[str, str]:
+def get_mode_lock(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     return {"lock-state": controller.own_settings.mode_lock}
 
 
 @ROUTES.answer(table.LOCK_MODE)
-def lock_mode(controller: Irc5, call: Call) -> None:
+def lock_mode(controller: Irc5, call: RwsCall) -> None:
     own, pin = controller.own_settings, call.required("pin")
     if not re.fullmatch(r"\d{4}", pin):
         raise invalid("pin has four digits")
     if own.mode_lock != "unlocked":
-        raise Failure(403, Code.DENIED, "the operating mode is locked already")
+        raise CallFailure(403, RwsCode.DENIED, "the operating mode is locked already")
     own.pin = pin
     own.mode_lock = "permlocked" if call.required("permanent") == "1" else "locked"
 
 
 @ROUTES.answer(table.UNLOCK_MODE)
-def unlock_mode(controller: Irc5, call: Call) -> None:
+def unlock_mode(controller: Irc5, call: RwsCall) -> None:
     own = controller.own_settings
     if own.mode_lock == "unlocked":
         raise invalid("the operating mode is not locked")
     if call.required("pin") != own.pin:
-        raise Failure(403, Code.DENIED, "the pin is another one")
+        raise CallFailure(403, RwsCode.DENIED, "the pin is another one")
     own.mode_lock, own.pin = "unlocked", ""
 
 
 @ROUTES.answer(table.SELECT_MODE)
-def select_mode(controller: Irc5, call: Call) -> None:
+def select_mode(controller: Irc5, call: RwsCall) -> None:
     """The mode is selected by a key on the controller; RobotStudio's controllers alone have none."""
     mode = _MODES[call.required("opmode")]
     if not controller.identity.is_virtual:
-        raise Failure(403, Code.MODE_REJECT, "the operating mode is selected by the key on the controller")
+        raise CallFailure(403, RwsCode.MODE_REJECT, "the operating mode is selected by the key on the controller")
     if controller.own_settings.mode_lock != "unlocked":
-        raise Failure(403, Code.MODE_REJECT, "the operating mode is locked")
+        raise CallFailure(403, RwsCode.MODE_REJECT, "the operating mode is locked")
     controller.select_mode(mode)

@@ -7,15 +7,15 @@ from collections import deque
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
-from abb_protocols.rws.documents import Page, State
+from abb_protocols.rws.documents import Page, RwsState
 from abb_protocols.rws.operations import queues as table
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rapid.devices import LONGEST_MESSAGE, MOST_MESSAGES, Message
 from virtual_irc5.rapid.types import RapidRuntimeError
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Route
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
 
 _DIPC_BASE = "/rw/dipc/"
 _DIPC_TITLE = "RobAPI2 DIPC"
@@ -89,13 +89,13 @@ class MessageService:
         """The queue of that name, or None."""
         return self._queues.get(name.lower())
 
-    def get_queues(self, controller: Irc5, call: Call) -> Page:
+    def get_queues(self, controller: Irc5, call: RwsCall) -> Page:
         sizes = entry("dipc-info-li", "info", "", max_body_size=str(MOST_DATA_BYTES), max_pkg_size="5000")
         queues = (entry("dipc-queue-li", queue.name, f"dipc/{queue.name}") for queue in self._queues.values())
         tasks = (entry("dipc-queue-li", f"RMQ_{name}", f"dipc/RMQ_{name}") for name in controller.tasks)
         return resource(_DIPC_TITLE, "/rw/", "dipc", sizes, *tasks, *queues)
 
-    def create(self, controller: Irc5, call: Call) -> None:
+    def create(self, controller: Irc5, call: RwsCall) -> None:
         name = call.required("dipc-queue-name")
         size, largest = int(call.number("dipc-queue-size")), int(call.number("dipc-max-msg-size"))
         if not name or not 1 <= size <= 32767 or not 1 <= largest <= MOST_DATA_BYTES:
@@ -103,7 +103,7 @@ class MessageService:
         if self.find(name) is not None or name.lower() in (f"rmq_{task}".lower() for task in controller.tasks):
             raise invalid(f"there is a queue {name} already")
         if len(self._queues) >= MOST_QUEUES:
-            raise Failure(400, Code.MAX_LIMIT_REACHED, f"there are {MOST_QUEUES} queues at most")
+            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"there are {MOST_QUEUES} queues at most")
         self._made += 1
         queue = self._queues[name.lower()] = DipcQueue(name, call.session, size, largest, self._made)
 
@@ -119,7 +119,7 @@ class MessageService:
         queues.open(name)
         queues.listeners[name.lower()] = receive
 
-    def get_queue(self, controller: Irc5, call: Call) -> Mapping[str, table.QueueInfo]:
+    def get_queue(self, controller: Irc5, call: RwsCall) -> Mapping[str, table.QueueInfo]:
         for number, task in enumerate(controller.tasks, 1):
             if f"RMQ_{task}".lower() == call.names["queue"].lower():
                 shown = DipcQueue(f"RMQ_{task}", "", MOST_MESSAGES, LONGEST_MESSAGE, MOST_QUEUES + number)
@@ -128,7 +128,7 @@ class MessageService:
             shown = self._find(call)
         return {shown.name: table.QueueInfo(shown.size, shown.name, shown.largest, shown.slot)}
 
-    def read(self, controller: Irc5, call: Call) -> Page:
+    def read(self, controller: Irc5, call: RwsCall) -> Page:
         """The oldest message; an empty page when there is none: the answer does not wait for one."""
         queue = self._find(call)
         states = []
@@ -145,10 +145,10 @@ class MessageService:
                 "queue-sid": str(queue.slot),
                 "queue-did": str(sender.slot if sender else 0),
             }
-            states.append(State("dipc-read-li", queue.name, fields))
+            states.append(RwsState("dipc-read-li", queue.name, fields))
         return resource(_DIPC_TITLE, _DIPC_BASE, queue.name, *states)
 
-    def send(self, controller: Irc5, call: Call) -> None:
+    def send(self, controller: Irc5, call: RwsCall) -> None:
         task = next((name for name in controller.tasks if f"RMQ_{name}".lower() == call.names["queue"].lower()), None)
         if task is not None:
             self._send_to_task(task, call)
@@ -157,7 +157,7 @@ class MessageService:
         if len(data.encode()) > queue.largest:
             raise invalid(f"a message to {queue.name} has up to {queue.largest} bytes")
         if len(queue.messages) >= queue.size:
-            raise Failure(400, Code.MAX_LIMIT_REACHED, f"the queue {queue.name} is full")
+            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"the queue {queue.name} is full")
         queue.messages.append(
             DipcMessage(
                 data,
@@ -168,10 +168,10 @@ class MessageService:
             )
         )
 
-    def delete(self, controller: Irc5, call: Call) -> None:
+    def delete(self, controller: Irc5, call: RwsCall) -> None:
         queue = self._find(call)
         if queue.session != call.session:
-            raise Failure(403, Code.DENIED, f"the queue {queue.name} belongs to another client")
+            raise CallFailure(403, RwsCode.DENIED, f"the queue {queue.name} belongs to another client")
         self._forget(queue)
 
     def _forget(self, queue: DipcQueue) -> None:
@@ -180,7 +180,7 @@ class MessageService:
         queues.close(queue.name)
         del self._queues[queue.name.lower()]
 
-    def _send_to_task(self, task: str, call: Call) -> None:
+    def _send_to_task(self, task: str, call: RwsCall) -> None:
         queues, name = self._controller.devices.queues, f"RMQ_{task}"
         sender, user_defined = call.required("dipc-src-queue-name"), call.number("dipc-userdef")
         match = _RAPID_MESSAGE.fullmatch(call.required("dipc-data"))
@@ -194,10 +194,10 @@ class MessageService:
         try:
             queues.send(name, Message(type_name, dimensions, text, sender, user_defined))
         except RapidRuntimeError as error:
-            raise Failure(400, Code.MAX_LIMIT_REACHED, str(error)) from error
+            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, str(error)) from error
 
-    def _find(self, call: Call) -> DipcQueue:
+    def _find(self, call: RwsCall) -> DipcQueue:
         queue = self.find(call.names["queue"])
         if queue is None:
-            raise Failure(404, Code.UNRESOLVED_URL, f"there is no queue {call.names['queue'][:50]!r}")
+            raise CallFailure(404, RwsCode.UNRESOLVED_URL, f"there is no queue {call.names['queue'][:50]!r}")
         return queue

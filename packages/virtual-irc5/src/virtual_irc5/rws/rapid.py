@@ -12,11 +12,11 @@ from functools import partial
 from xml.etree import ElementTree
 
 from abb_protocols.errors import RapidError
-from abb_protocols.rws.documents import JointTarget, Link, Page, RobTarget, State
+from abb_protocols.rws.documents import JointTarget, Page, RobTarget, RwsLink, RwsState
 from abb_protocols.rws.operations import rapid as table
-from abb_protocols.rws.operations.modules import quoted
+from abb_protocols.rws.operations.modules import quoted_module_text
 from abb_protocols.rws.operations.motion import UNIT
-from abb_protocols.rws.values import Code, ExecutionState, RunCycle, TaskExecution
+from abb_protocols.rws.values import ExecutionState, RunCycle, RwsCode, TaskExecution
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller.tasks import InstalledTask
 from virtual_irc5.rapid import ast as s
@@ -31,7 +31,7 @@ from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.motion import joint_target, target
 from virtual_irc5.rws.render import entry, resource
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
 
 _BASE = "/rw/rapid/"
 
@@ -42,30 +42,30 @@ _MOST_PAGE = 30
 ROUTES = Routes()
 
 
-def execution_of(controller: Irc5) -> table.Execution:
+def execution_of(controller: Irc5) -> table.ExecutionAnswer:
     """Whether RAPID runs, and its cycle."""
     state = ExecutionState.RUNNING if controller.is_running else ExecutionState.STOPPED
-    return table.Execution(state, RunCycle(controller.cycle))
+    return table.ExecutionAnswer(state, RunCycle(controller.cycle))
 
 
 def find_task(controller: Irc5, name: str) -> Task:
     """The task of that name; raises Failure."""
     task = controller.tasks.get(name.upper())
     if task is None:
-        raise Failure(404, Code.FAIL, f"there is no task {name[:50]!r}")
+        raise CallFailure(404, RwsCode.FAIL, f"there is no task {name[:50]!r}")
     return task
 
 
-def _task(controller: Irc5, call: Call) -> Task:
+def _task(controller: Irc5, call: RwsCall) -> Task:
     return find_task(controller, call.names["task"])
 
 
-def _installed(controller: Irc5, call: Call) -> InstalledTask:
+def _installed(controller: Irc5, call: RwsCall) -> InstalledTask:
     return controller.execution.installed[_task(controller, call).name]
 
 
 @ROUTES.answer(table.RAPID)
-def get_rapid(controller: Irc5, call: Call) -> Page:
+def get_rapid(controller: Irc5, call: RwsCall) -> Page:
     names = ("tasks", "modules", "symbols", "execution", "uiinstr", "taskselection", "aliasio")
     return resource("rapid", "/rw/", "rapid", *(entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
 
@@ -74,23 +74,23 @@ def get_rapid(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.EXECUTION)
-def get_execution(controller: Irc5, call: Call) -> table.Execution:
+def get_execution(controller: Irc5, call: RwsCall) -> table.ExecutionAnswer:
     return execution_of(controller)
 
 
 @ROUTES.answer(table.START)
-def start(controller: Irc5, call: Call) -> None:
+def start(controller: Irc5, call: RwsCall) -> None:
     cycle, mode = call.parameter("cycle", "asis"), call.parameter("execmode", "continue")
     step = None
     if mode != "continue":
         step = next((kind for kind in StepKind if kind.value == mode), None)
         if step is None:
-            raise Failure(400, Code.NOTIMPL, f"a step {mode} is not possible; stepin, stepover and stepout are")
+            raise CallFailure(400, RwsCode.NOTIMPL, f"a step {mode} is not possible; stepin, stepover and stepout are")
     is_stopping = call.parameter("stopatbp", "disabled") == "enabled"
     controller.start_rapid("" if cycle == "asis" else cycle, step, stop_at_breakpoints=is_stopping)
 
 
-def prepare_compiled(controller: Irc5, call: Call) -> Callable[[], None]:
+def prepare_compiled(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     """Compile the programs of all tasks, which moving a program pointer then finds done."""
     tasks = tuple(controller.tasks.values())
 
@@ -102,14 +102,14 @@ def prepare_compiled(controller: Irc5, call: Call) -> Callable[[], None]:
 
 
 @ROUTES.answer(table.START_PRODUCTION, prepare=prepare_compiled)
-def start_production(controller: Irc5, call: Call) -> None:
+def start_production(controller: Irc5, call: RwsCall) -> None:
     """Start from the production entry, which is the main of each task."""
     controller.move_pp_to_main()
     controller.start_rapid()
 
 
 @ROUTES.answer(table.SET_CYCLE)
-def set_cycle(controller: Irc5, call: Call) -> None:
+def set_cycle(controller: Irc5, call: RwsCall) -> None:
     cycle = call.required("cycle")
     if cycle != "asis":
         controller.execution.cycle = cycle
@@ -119,28 +119,34 @@ def set_cycle(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.HOLD_TO_RUN, table.HOLD_TASK_TO_RUN)
-def hold_to_run(controller: Irc5, call: Call) -> None:
+def hold_to_run(controller: Irc5, call: RwsCall) -> None:
     call.required("state")
-    raise Failure(403, Code.MODE_REJECT, "hold-to-run is pressed on the FlexPendant; RobotStudio alone has it here")
+    raise CallFailure(
+        403, RwsCode.MODE_REJECT, "hold-to-run is pressed on the FlexPendant; RobotStudio alone has it here"
+    )
 
 
 # Tasks
 
 
 @ROUTES.answer(table.TASKS)
-def get_tasks(controller: Irc5, call: Call) -> Page:
+def get_tasks(controller: Irc5, call: RwsCall) -> Page:
     states = (
-        table.TASKS.answered.state(name, _task_info(each), Link("self", f"tasks/{name}"))
+        table.TASKS.answered.state(name, _task_info(each), RwsLink("self", f"tasks/{name}"))
         for name, each in controller.execution.installed.items()
     )
     return resource("rapid", _BASE, "tasks", *states)
 
 
 @ROUTES.answer(table.TASK)
-def get_task(controller: Irc5, call: Call) -> Page:
+def get_task(controller: Irc5, call: RwsCall) -> Page:
     installed = _installed(controller, call)
     name, settings = installed.task.name, installed.settings
-    links = (Link("self", name), Link("program", f"{name}/program"), Link("modules", f"../modules?task={name}"))
+    links = (
+        RwsLink("self", name),
+        RwsLink("program", f"{name}/program"),
+        RwsLink("modules", f"../modules?task={name}"),
+    )
     level = "Normal" if installed.task.call_stack else "None"
     details = table.TaskDetails(
         **asdict(_task_info(installed)),
@@ -153,7 +159,7 @@ def get_task(controller: Irc5, call: Call) -> Page:
         entry=settings.entry,
     )
     rest = {"bind_ref": "False", "task_in_forgnd": str(not settings.foreground)}
-    state = State("rap-task", name, {**table.TASK.answered.write(details), **rest}, links)
+    state = RwsState("rap-task", name, {**table.TASK.answered.write(details), **rest}, links)
     return resource("rapid", f"{_BASE}tasks/", name, state)
 
 
@@ -170,7 +176,7 @@ def _task_info(installed: InstalledTask) -> table.TaskInfo:
 
 
 @ROUTES.answer(table.ACTIVATE_ALL, table.DEACTIVATE_ALL, table.ACTIVATE, table.DEACTIVATE)
-def activate(controller: Irc5, call: Call) -> None:
+def activate(controller: Irc5, call: RwsCall) -> None:
     """Select a task on the task panel, or all."""
     tasks = [_installed(controller, call)] if "task" in call.names else controller.execution.installed.values()
     for each in tasks:
@@ -178,14 +184,14 @@ def activate(controller: Irc5, call: Call) -> None:
             controller.execution.select(each.task.name, is_active=call.option("action") == "activate")
 
 
-def prepare_module(controller: Irc5, call: Call) -> Callable[[], None] | None:
+def prepare_module(controller: Irc5, call: RwsCall) -> Callable[[], None] | None:
     path = path_of_file(call.required("modulepath"))
     text = controller.files.get(path)
     return None if text is None else partial(prepare_modules, _task(controller, call), {path: text})
 
 
 @ROUTES.answer(table.LOAD_MODULE, prepare=prepare_module)
-def load_module(controller: Irc5, call: Call) -> None:
+def load_module(controller: Irc5, call: RwsCall) -> None:
     is_replacing = call.parameter("replace", "false") == "true"
     path = path_of_file(call.required("modulepath"))
     controller.load_module(_task(controller, call).name, path, replace=is_replacing)
@@ -199,61 +205,61 @@ def prepare_modules(task: Task, texts: Mapping[str, str], *, replaces_program: b
 
 def parsed(text: str, path: str) -> s.Module:
     """The module, with its text encoded for clients that read it."""
-    quoted(text)
+    quoted_module_text(text)
     return parse_module(text, path)
 
 
 @ROUTES.answer(table.UNLOAD_MODULE)
-def unload_module(controller: Irc5, call: Call) -> None:
+def unload_module(controller: Irc5, call: RwsCall) -> None:
     controller.unload_module(_task(controller, call).name, call.required("module"))
 
 
 @ROUTES.answer(table.ABORT_LEVEL)
-def abort_level(controller: Irc5, call: Call) -> None:
+def abort_level(controller: Irc5, call: RwsCall) -> None:
     """Leave the execution level that a service routine or trap has: the normal one stays, as nothing is above it."""
     task = _task(controller, call)
     if task.execution is Execution.STARTED:
-        raise Failure(400, Code.EXEC_STATE, f"{task.name} runs: stop RAPID first")
+        raise CallFailure(400, RwsCode.EXEC_STATE, f"{task.name} runs: stop RAPID first")
     if not task.call_stack:
-        raise Failure(400, Code.NO_PP, f"{task.name} has no program pointer")
+        raise CallFailure(400, RwsCode.NO_PP, f"{task.name} has no program pointer")
 
 
 @ROUTES.answer(table.BUILD)
-def build(controller: Irc5, call: Call) -> None:
+def build(controller: Irc5, call: RwsCall) -> None:
     """Link a task; its errors are at ``program/builderror``."""
     faults = _task(controller, call).faults()
     if faults:
-        raise Failure(400, Code.SEMANTIC, str(faults[0]))
+        raise CallFailure(400, RwsCode.SEMANTIC, str(faults[0]))
 
 
 @ROUTES.answer(table.SYNC_STATE, table.TASK_SYNC_STATE)
-def get_sync_state(controller: Irc5, call: Call) -> Page:
+def get_sync_state(controller: Irc5, call: RwsCall) -> Page:
     """Whether the pointers of motion tasks are on synchronized motion, which this robot does not have."""
     states = (
-        State("rap-sync-state", task, {"Program-Pointer-State": "OFF", "Motion-Pointer-State": "OFF"})
+        RwsState("rap-sync-state", task, {"Program-Pointer-State": "OFF", "Motion-Pointer-State": "OFF"})
         for task in ([_task(controller, call).name] if "task" in call.names else controller.tasks)
     )
     return resource("rapid", _BASE, "tasks", *states)
 
 
 @ROUTES.answer(table.SPY)
-def get_spy(controller: Irc5, call: Call) -> Mapping[str, bool]:
+def get_spy(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     return {"spy-status": False}
 
 
 @ROUTES.answer(table.START_SPY, table.STOP_SPY)
-def refuse_spy(controller: Irc5, call: Call) -> None:
-    raise Failure(400, Code.SERVICE_NOT_SUPPORTED, "execution is not logged statement by statement here")
+def refuse_spy(controller: Irc5, call: RwsCall) -> None:
+    raise CallFailure(400, RwsCode.SERVICE_NOT_SUPPORTED, "execution is not logged statement by statement here")
 
 
 @ROUTES.answer(table.STACK_FRAME, table.ACTIVATION_RECORD)
-def get_stack_frame(controller: Irc5, call: Call) -> Page:
+def get_stack_frame(controller: Irc5, call: RwsCall) -> Page:
     """A routine under way: 1 is that of the program pointer."""
     task = _task(controller, call)
     number = call.number_option("stackframe", 1)
     stack = task.call_stack
     if not 1 <= number <= len(stack):
-        raise Failure(404, Code.NO_PP, f"{task.name} has {len(stack)} stack frames, not {number}")
+        raise CallFailure(404, RwsCode.NO_PP, f"{task.name} has {len(stack)} stack frames, not {number}")
     at = stack[number - 1]
     url = f"RAPID/{task.name}"
     frame = table.StackFrame(
@@ -268,7 +274,7 @@ def text_of(task: Task, module: str) -> str:
     for each in task.modules:
         if each.name.lower() == module.lower():
             return each.text
-    raise Failure(404, Code.FAIL, f"the task {task.name} has no module {module[:50]!r}")
+    raise CallFailure(404, RwsCode.FAIL, f"the task {task.name} has no module {module[:50]!r}")
 
 
 def _range(task: Task, at: StackEntry) -> table.Range:
@@ -280,16 +286,16 @@ def _range(task: Task, at: StackEntry) -> table.Range:
 
 
 @ROUTES.answer(table.CHANGE_COUNT_TOO, table.CHANGE_COUNT)
-def get_change_count(controller: Irc5, call: Call) -> Page:
+def get_change_count(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     count = controller.program_changes(task.name)
     fields = {"change-count": str(count), **table.CHANGE_COUNT.answered.write(count)}
-    state = State("task-struc-change-count", task.name, fields)
+    state = RwsState("task-struc-change-count", task.name, fields)
     return resource("rapid", f"{_BASE}tasks/", task.name, state)
 
 
 @ROUTES.answer(table.PREFERRED_TYPES)
-def get_preferred_types(controller: Irc5, call: Call) -> Page:
+def get_preferred_types(controller: Irc5, call: RwsCall) -> Page:
     """The data types a parameter of an instruction takes."""
     task = _task(controller, call)
     instruction, parameter = call.option("instruction") or "", call.option("parameter") or ""
@@ -298,11 +304,11 @@ def get_preferred_types(controller: Irc5, call: Call) -> Page:
     if not found:
         raise invalid(f"the instruction {instruction[:50]!r} has no parameter {parameter[:50]!r}")
     fields = {"name-prefdattype": parameter, **table.PREFERRED_TYPES.answered.write(found[0].type.name)}
-    return resource("rapid", f"{_BASE}tasks/", task.name, State("task-pref-data-types", parameter, fields))
+    return resource("rapid", f"{_BASE}tasks/", task.name, RwsState("task-pref-data-types", parameter, fields))
 
 
 @ROUTES.answer(table.ROUTINES_OF_TASK)
-def get_routines_of_task(controller: Irc5, call: Call) -> Page:
+def get_routines_of_task(controller: Irc5, call: RwsCall) -> Page:
     """The procedures that may be called as service routines: those without parameters."""
     task = _task(controller, call)
     routines = [each for each in task.program.routines if _is_entry(each)]
@@ -310,7 +316,7 @@ def get_routines_of_task(controller: Irc5, call: Call) -> Page:
     shown = routines[(start - 1) * limit : start * limit]
     more = f"{task.name}/serviceroutine?start={start + 1}&limit={limit}" if start * limit < len(routines) else None
     states = (
-        State(
+        RwsState(
             "rap-task-routine",
             each.name,
             {
@@ -329,12 +335,14 @@ def _is_entry(routine: UserRoutine) -> bool:
 
 
 @ROUTES.answer(table.TASK_EXECUTION)
-def get_task_execution(controller: Irc5, call: Call) -> Page:
+def get_task_execution(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     fields = {"excstate": task.execution.value}
     if task.call_stack:
         fields |= table.TASK_EXECUTION.answered.write(table.TaskPlace(*astuple(task.call_stack[0])))
-    return resource("rapid", f"{_BASE}tasks/", f"{task.name}/execution", State("rap-task-execution", task.name, fields))
+    return resource(
+        "rapid", f"{_BASE}tasks/", f"{task.name}/execution", RwsState("rap-task-execution", task.name, fields)
+    )
 
 
 # Pointers
@@ -349,19 +357,19 @@ def pointer_of(task: Task) -> table.Pointer | None:
 
 
 @ROUTES.answer(table.POINTERS)
-def get_pointers(controller: Irc5, call: Call) -> Page:
+def get_pointers(controller: Irc5, call: RwsCall) -> Page:
     """Both pointers: the motion pointer is where the program pointer is, as no motion runs ahead of it."""
     task = _task(controller, call)
     fields: Mapping[str, str] = {}
-    lost: tuple[Link, ...] = (Link("error", f"/rw/retcode?code={int(Code.UNEXPECTED)}"),)
+    lost: tuple[RwsLink, ...] = (RwsLink("error", f"/rw/retcode?code={int(RwsCode.UNEXPECTED)}"),)
     if (at := pointer_of(task)) is not None:
         fields, lost = {**table.POINTERS.answered.write(at), "changecount": "0", "executiontype": "Normal"}, ()
-    states = (State("pcp-info", name, fields, lost) for name in ("progpointer", "motionpointer"))
+    states = (RwsState("pcp-info", name, fields, lost) for name in ("progpointer", "motionpointer"))
     return resource("rapid", f"{_BASE}tasks/{task.name}/", "pcp", *states)
 
 
 @ROUTES.answer(table.SET_PP_CURSOR, table.SET_PP_ROUTINE, table.SET_PP_ROUTINE_FROM_URL, prepare=prepare_compiled)
-def move_pp(controller: Irc5, call: Call) -> None:
+def move_pp(controller: Irc5, call: RwsCall) -> None:
     """Set the program pointer to a procedure; a line has to be one of its beginning, or it is refused."""
     task = _task(controller, call)
     module, routine = call.parameter("module", ""), call.required("routine").rpartition("/")[2]
@@ -371,61 +379,63 @@ def move_pp(controller: Irc5, call: Call) -> None:
         found = loaded.symbols.get(routine.lower()) if loaded is not None else None
         if not isinstance(found, UserRoutine):
             sentence = f"the task {task.name} has no routine {name[:50]}/{routine[:50]}"
-            raise Failure(400, Code.NO_SUCH_SYMBOL, sentence)
+            raise CallFailure(400, RwsCode.NO_SUCH_SYMBOL, sentence)
         line = int(call.number("line"))
         call.number("column")
         first = found.syntax.body[0].line if found.syntax.body else found.syntax.line
         if not found.syntax.line <= line <= first:
-            raise Failure(
-                400, Code.ILLEGAL_PCP_MOVE, f"the pointer moves to the first statement of {routine}, line {first}"
+            raise CallFailure(
+                400, RwsCode.ILLEGAL_PCP_MOVE, f"the pointer moves to the first statement of {routine}, line {first}"
             )
     controller.execution.move_pp_to_routine(task.name, routine, module)
 
 
 @ROUTES.answer(table.SET_PP_PREV_INST, table.SET_PP_NEXT_INST)
-def refuse_pp_step(controller: Irc5, call: Call) -> None:
+def refuse_pp_step(controller: Irc5, call: RwsCall) -> None:
     _task(controller, call)
-    raise Failure(400, Code.ILLEGAL_PCP_MOVE, "the pointer moves by steps of execution: start with execmode=stepover")
+    raise CallFailure(
+        400, RwsCode.ILLEGAL_PCP_MOVE, "the pointer moves by steps of execution: start with execmode=stepover"
+    )
 
 
 # Motion of a task
 
 
 @ROUTES.answer(table.MOTION)
-def get_motion(controller: Irc5, call: Call) -> Page:
+def get_motion(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     unit = _unit_of(controller, task)
     names = ("robtarget", "jointtarget", "mechunit", "extjointstate")
     states = (entry(f"rap-{name}-li", name, f"motion?resource={name}") for name in names)
-    state = State("rap-motion", task.name, {"mechunit-name": unit})
+    state = RwsState("rap-motion", task.name, {"mechunit-name": unit})
     return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", state, *states)
 
 
 def _unit_of(controller: Irc5, task: Task) -> str:
     found = next((unit.name for unit in controller.units if unit.task == task.name), None)
     if found is None:
-        raise Failure(400, Code.NO_TCPROBOT_ACTIVE, f"{task.name} moves no robot")
+        raise CallFailure(400, RwsCode.NO_TCPROBOT_ACTIVE, f"{task.name} moves no robot")
     return found
 
 
 @ROUTES.answer(table.MOTION_TARGET)
-def get_motion_target(controller: Irc5, call: Call) -> Mapping[str, RobTarget]:
+def get_motion_target(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     task = _task(controller, call)
     unit = next(each for each in controller.units if each.name == _unit_of(controller, task))
     return {unit.name: target(controller, call, unit)}
 
 
 @ROUTES.answer(table.MOTION_JOINTS)
-def get_motion_joints(controller: Irc5, call: Call) -> Mapping[str, JointTarget]:
+def get_motion_joints(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
     unit = _unit_of(controller, _task(controller, call))
     return {unit: joint_target(controller, unit)}
 
 
 @ROUTES.answer(table.MOTION_UNITS)
-def get_motion_units(controller: Irc5, call: Call) -> Page:
+def get_motion_units(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     states = (
-        State(
+        RwsState(
             "rapid-mechunit",
             unit.name,
             {"name": unit.name, "mode": UNIT.answered.write(unit)["mode"], "type": unit.type},
@@ -437,7 +447,7 @@ def get_motion_units(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.EXTRA_JOINTS)
-def get_extra_joints(controller: Irc5, call: Call) -> Mapping[str, tuple[str, ...]]:
+def get_extra_joints(controller: Irc5, call: RwsCall) -> Mapping[str, tuple[str, ...]]:
     task = _task(controller, call)
     _unit_of(controller, task)
     return {task.name: ("rotating", *("not_active",) * 5)}
@@ -447,7 +457,7 @@ def get_extra_joints(controller: Irc5, call: Call) -> Mapping[str, tuple[str, ..
 
 
 @ROUTES.answer(table.PROGRAM)
-def get_program(controller: Irc5, call: Call) -> Page | HttpReply:
+def get_program(controller: Irc5, call: RwsCall) -> Page | HttpReply:
     task = _task(controller, call)
     if not task.modules:
         return HttpReply(_NO_CONTENT)
@@ -459,13 +469,13 @@ def get_program(controller: Irc5, call: Call) -> Page | HttpReply:
     return resource("rapid", f"{_BASE}tasks/{task.name}/", "program", state, *links)
 
 
-def prepare_program(controller: Irc5, call: Call) -> Callable[[], None]:
+def prepare_program(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     texts = _program_files(controller, path_of_file(call.required("progpath")))
     return partial(prepare_modules, _task(controller, call), texts, replaces_program=_is_replacing(call))
 
 
 @ROUTES.answer(table.LOAD_PROGRAM, prepare=prepare_program)
-def load_program(controller: Irc5, call: Call) -> None:
+def load_program(controller: Irc5, call: RwsCall) -> None:
     """Load the modules that a program file (.pgf) lists, all or none, for the program modules or beside them."""
     task, path = _task(controller, call), path_of_file(call.required("progpath"))
     texts = _program_files(controller, path)
@@ -474,7 +484,7 @@ def load_program(controller: Irc5, call: Call) -> None:
     controller.program_loaded(task.name)
 
 
-def _is_replacing(call: Call) -> bool:
+def _is_replacing(call: RwsCall) -> bool:
     return call.parameter("loadmode", "replace") == "replace"
 
 
@@ -482,7 +492,7 @@ def _program_files(controller: Irc5, path: str) -> dict[str, str]:
     """The texts of the modules of a program file, by path; raises Failure."""
     text = controller.files.get(path)
     if text is None:
-        raise Failure(400, Code.FILE_NOT_FOUND, f"there is no file {path}")
+        raise CallFailure(400, RwsCode.FILE_NOT_FOUND, f"there is no file {path}")
     try:
         names = [(each.text or "").strip() for each in ElementTree.fromstring(text.encode()).iter("Module")]
     except (ElementTree.ParseError, ValueError, LookupError) as error:
@@ -491,12 +501,12 @@ def _program_files(controller: Irc5, path: str) -> dict[str, str]:
     texts = {each: controller.files.get(each) for each in paths}
     missing = [each for each, module in texts.items() if module is None]
     if not paths or missing:
-        raise Failure(400, Code.FILE_NOT_FOUND, f"the program lists {missing[0] if missing else 'no modules'}")
+        raise CallFailure(400, RwsCode.FILE_NOT_FOUND, f"the program lists {missing[0] if missing else 'no modules'}")
     return {each: module for each, module in texts.items() if module is not None}
 
 
 @ROUTES.answer(table.UNLOAD_PROGRAM)
-def unload_program(controller: Irc5, call: Call) -> None:
+def unload_program(controller: Irc5, call: RwsCall) -> None:
     task = _task(controller, call)
     for module in task.modules:
         if not module.is_system:
@@ -504,7 +514,7 @@ def unload_program(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.SAVE_PROGRAM)
-def save_program(controller: Irc5, call: Call) -> None:
+def save_program(controller: Irc5, call: RwsCall) -> None:
     """Write the program modules and the program file that lists them into a directory."""
     task, folder = _task(controller, call), path_of_file(call.required("path"))
     name = controller.program_name(task.name)
@@ -517,20 +527,22 @@ def save_program(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.SET_PROGRAM_NAME)
-def set_program_name(controller: Irc5, call: Call) -> None:
+def set_program_name(controller: Irc5, call: RwsCall) -> None:
     controller.name_program(_task(controller, call).name, call.required("name"))
 
 
 @ROUTES.answer(table.SET_ENTRY)
-def set_entry(controller: Irc5, call: Call) -> None:
+def set_entry(controller: Irc5, call: RwsCall) -> None:
     task, name = _task(controller, call), call.required("routine")
     if not any(_is_entry(each) and each.name.lower() == name.lower() for each in task.program.routines):
-        raise Failure(400, Code.ILLEGAL_ENTRYPOINT, f"{task.name} has no procedure {name[:50]}() without parameters")
+        raise CallFailure(
+            400, RwsCode.ILLEGAL_ENTRYPOINT, f"{task.name} has no procedure {name[:50]}() without parameters"
+        )
     task.entry = name
 
 
 @ROUTES.answer(table.BUILD_ERRORS)
-def get_build_errors(controller: Irc5, call: Call) -> Page:
+def get_build_errors(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     faults = task.faults()
     start = max(call.number_option("start", 1), 1)
@@ -548,7 +560,7 @@ def get_build_errors(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.BREAKPOINTS, table.TASK_BREAKPOINTS)
-def get_breakpoints(controller: Irc5, call: Call) -> Page:
+def get_breakpoints(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     names = {module.name.lower(): module.name for module in task.modules}
     places = [(names[module], line) for module, line in task.breakpoints if module in names]
@@ -562,7 +574,7 @@ def get_breakpoints(controller: Irc5, call: Call) -> Page:
 
 
 @ROUTES.answer(table.SET_BREAKPOINT)
-def set_breakpoint(controller: Irc5, call: Call) -> None:
+def set_breakpoint(controller: Irc5, call: RwsCall) -> None:
     """Set a breakpoint on a line; one that is there stays."""
     task, module, row = _task(controller, call), call.required("module"), int(call.number("row"))
     call.number("column")
@@ -570,28 +582,28 @@ def set_breakpoint(controller: Irc5, call: Call) -> None:
     try:
         task.set_breakpoint(module, row)
     except RapidReferenceError as error:
-        raise Failure(400, Code.SOURCEPOS, str(error)) from error
+        raise CallFailure(400, RwsCode.SOURCEPOS, str(error)) from error
 
 
 # Task panel, alias I/O
 
 
 @ROUTES.answer(table.TASK_SELECTION)
-def get_task_selection(controller: Irc5, call: Call) -> bool:
+def get_task_selection(controller: Irc5, call: RwsCall) -> bool:
     return True
 
 
 @ROUTES.answer(table.ALIASES)
-def get_aliases(controller: Irc5, call: Call) -> Page:
+def get_aliases(controller: Irc5, call: RwsCall) -> Page:
     """Signals that programs call by other names (AliasIO); none is listed, as an alias is a name of one program."""
     return resource("rapid", _BASE, "aliasio")
 
 
 @ROUTES.answer(table.STOP)
-def stop(controller: Irc5, call: Call) -> None:
+def stop(controller: Irc5, call: RwsCall) -> None:
     controller.stop_rapid()
 
 
 @ROUTES.answer(table.MOVE_PP_TO_MAIN, prepare=prepare_compiled)
-def move_pp_to_main(controller: Irc5, call: Call) -> None:
+def move_pp_to_main(controller: Irc5, call: RwsCall) -> None:
     controller.move_pp_to_main()

@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import Any
 from xml.sax.saxutils import escape
 
-from abb_protocols.rws.documents import XMLNS, Form, Link, Page, State, Status
+from abb_protocols.rws.documents import XMLNS, Form, Page, RwsLink, RwsState, Status
 from abb_protocols.rws.operations.operation import Operation
 
 _XML = '<?xml version="1.0" encoding="UTF-8"?>'
@@ -26,17 +26,17 @@ MAX_EVENT = 1024
 """What the receive buffers of common clients hold [byte]."""
 
 
-def resource(title: str, base: str, href: str, *states: State, next_href: str | None = None) -> Page:
+def resource(title: str, base: str, href: str, *states: RwsState, next_href: str | None = None) -> Page:
     """A page with the links every resource has; ``base`` is a path, the service puts the host before it."""
-    links = (Link("self", href), Link("action", f"{href}{'&' if '?' in href else '?'}action=show"))
-    more = () if next_href is None else (Link("next", next_href),)
+    links = (RwsLink("self", href), RwsLink("action", f"{href}{'&' if '?' in href else '?'}action=show"))
+    more = () if next_href is None else (RwsLink("next", next_href),)
     return Page(title, base, states, links + more)
 
 
-def entry(type: str, title: str, href: str | None = None, /, **fields: str) -> State:
+def entry(type: str, title: str, href: str | None = None, /, **fields: str) -> RwsState:
     """An entry of a list that leads to ``href``, by default its title; ``_`` in field names stands for ``-``."""
     named = {name.replace("_", "-"): text for name, text in fields.items()}
-    return State(type, title, named, (Link("self", title if href is None else href),))
+    return RwsState(type, title, named, (RwsLink("self", title if href is None else href),))
 
 
 _TITLES = {
@@ -108,7 +108,7 @@ def write_hal_status(status: Status, base: str) -> bytes:
     return _json_bytes({"_links": {"base": {"href": base}}, "status": {"code": status.code, "msg": status.message}})
 
 
-def write_group(root: str, group: int, events: Sequence[Sequence[State]], *, is_secure: bool = False) -> bytes:
+def write_group(root: str, group: int, events: Sequence[Sequence[RwsState]], *, is_secure: bool = False) -> bytes:
     """The answer to a subscription, with the values of this moment; ``root`` is ``host:port`` of the controller."""
     links = (
         f'<a href="subscription/{group}" rel="group"></a>'
@@ -119,7 +119,7 @@ def write_group(root: str, group: int, events: Sequence[Sequence[State]], *, is_
     return _event_document(root, links, (state for event in events for state in event), is_secure)
 
 
-def write_event(root: str, group: int, event: Sequence[State], *, is_secure: bool = False) -> str:
+def render_event(root: str, group: int, event: Sequence[RwsState], *, is_secure: bool = False) -> str:
     """The message with one event; common clients look for one only in each.
 
     What is too long for their buffers is sent without its value, which a client can read where the link leads.
@@ -131,7 +131,7 @@ def write_event(root: str, group: int, event: Sequence[State], *, is_secure: boo
     return text.decode("ascii")
 
 
-def _event_document(root: str, links: str, states: Iterable[State], is_secure: bool) -> bytes:
+def _event_document(root: str, links: str, states: Iterable[RwsState], is_secure: bool) -> bytes:
     content = f'<div class="state">{links}<ul>{"".join(map(_list_item, states))}</ul></div>'
     base = f"{'https' if is_secure else 'http'}://{root}/"
     return f"{_XML}{_html('Event', base, content)}".encode("ascii", "xmlcharrefreplace")
@@ -145,7 +145,7 @@ def _html(title: str, base: str, content: str) -> str:
     return f'<html xmlns="{XMLNS}">{head}<body>{content}</body></html>'
 
 
-def _list_item(state: State) -> str:
+def _list_item(state: RwsState) -> str:
     spans = "".join([_span(name, text) for name, text in state.fields.items()])
     arguments = "".join(
         f'<span class="arg{number}" type="{_escaped(argument.type)}">{_escaped(argument.value)}</span>'
@@ -156,7 +156,7 @@ def _list_item(state: State) -> str:
     return f"{head}{_anchors(state.links)}{spans}{arguments}{children}</li>"
 
 
-def _anchors(links: tuple[Link, ...]) -> str:
+def _anchors(links: tuple[RwsLink, ...]) -> str:
     return "".join([f'<a href="{_escaped(link.href)}" rel="{_escaped_name(link.rel)}"/>' for link in links])
 
 
@@ -202,7 +202,7 @@ def _json_bytes(value: object) -> bytes:
     return _ENCODER.encode(value).encode("utf-8", "replace")
 
 
-def _json_state(state: State) -> dict[str, object]:
+def _json_state(state: RwsState) -> dict[str, object]:
     names = _JSON_FIELD_NAMES.get(state.type, {})
     result: dict[str, object] = {"_type": _JSON_TYPES.get(state.type, state.type), "_title": state.title}
     if state.links:
@@ -224,7 +224,7 @@ def _number_or_text(text: str) -> float | str:
         return text
 
 
-def _json_links(links: tuple[Link, ...]) -> dict[str, dict[str, str]]:
+def _json_links(links: tuple[RwsLink, ...]) -> dict[str, dict[str, str]]:
     return {link.rel: {"href": f"{link.href}{'&' if '?' in link.href else '?'}json=1"} for link in links}
 
 
@@ -235,7 +235,7 @@ _HAL_SUCCESS = 294912
 _HAL_TYPES = {"sys-option": "sys-options"}  # where it differs from the XHTML
 
 
-def _hal_state(state: State) -> dict[str, object]:
+def _hal_state(state: RwsState) -> dict[str, object]:
     result: dict[str, object] = {"_links": _hal_links(state.links)} if state.links else {}
     result |= {"_type": _HAL_TYPES.get(state.type, state.type), "_title": state.title, **state.fields}
     if state.arguments:
@@ -245,5 +245,5 @@ def _hal_state(state: State) -> dict[str, object]:
     return result
 
 
-def _hal_links(links: tuple[Link, ...]) -> dict[str, dict[str, str]]:
+def _hal_links(links: tuple[RwsLink, ...]) -> dict[str, dict[str, str]]:
     return {link.rel: {"href": link.href} for link in links}

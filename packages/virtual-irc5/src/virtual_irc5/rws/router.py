@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 
 from abb_protocols.rws.documents import Page, Pairs, first_value
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import page_of
-from virtual_irc5.rws.rws_call import Call, Failure, Handler, Preparation, Shown, invalid
+from virtual_irc5.rws.rws_call import CallFailure, Handler, Preparation, RwsCall, Shown, invalid
 
 T = TypeVar("T")
 
@@ -29,7 +29,7 @@ class Route:
     handler: Handler
     prepare: Preparation | None = None
 
-    def answer(self, controller: Irc5, call: Call) -> Shown:
+    def answer(self, controller: Irc5, call: RwsCall) -> Shown:
         """What the handler answers, its values as a page."""
         found = self.handler(controller, call)
         if found is None or isinstance(found, Page | HttpReply):
@@ -43,7 +43,7 @@ class Routes(list[Route]):
 
     def answer(
         self, *operations: Operation[T], prepare: Preparation | None = None
-    ) -> Callable[[Callable[[Irc5, Call], T | Mapping[str, T] | Shown]], Handler]:
+    ) -> Callable[[Callable[[Irc5, RwsCall], T | Mapping[str, T] | Shown]], Handler]:
         """Let the handler below answer these operations, with a value, with values by title, or with what is shown."""
 
         def added(handler: Handler) -> Handler:
@@ -53,13 +53,13 @@ class Routes(list[Route]):
         return added
 
 
-def absent(operations: Iterable[Operation[Any]]) -> list[Route]:
+def absent_routes(operations: Iterable[Operation[Any]]) -> list[Route]:
     """The routes of operations that need what this robot lacks."""
     return [Route(each, _not_there) for each in operations]
 
 
-def _not_there(controller: Irc5, call: Call) -> None:
-    raise Failure(404, Code.FAIL, f"there is no resource /{'/'.join(call.path)}")
+def _not_there(controller: Irc5, call: RwsCall) -> None:
+    raise CallFailure(404, RwsCode.FAIL, f"there is no resource /{'/'.join(call.path)}")
 
 
 @dataclass(slots=True)
@@ -119,10 +119,10 @@ class Router:
         shown = "/" + "/".join(path)
         ends = list(self._ends(path))
         if not ends:
-            raise Failure(404, Code.FAIL, f"there is no resource {shown}")
+            raise CallFailure(404, RwsCode.FAIL, f"there is no resource {shown}")
         alternatives, names = next(((end.routes[method], each) for end, each in ends if method in end.routes), ([], {}))
         if not alternatives:
-            raise Failure(405, Code.NOTIMPL, f"{method} is not possible on {shown}")
+            raise CallFailure(405, RwsCode.NOTIMPL, f"{method} is not possible on {shown}")
         action, asked = first_value(query, "action"), first_value(query, "resource") or None  # an empty one is none
         fitting = [each for each in alternatives if each.operation.action == action]
         if method != "POST":  # an action of POST changes something; elsewhere an unknown one is ignored

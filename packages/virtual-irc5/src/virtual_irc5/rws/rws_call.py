@@ -10,15 +10,15 @@ from typing import Any
 from abb_protocols.errors import YumiError
 from abb_protocols.rws.documents import Page, Pairs, Status, first_value
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller_log import Refusal, Refused
+from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rws.http import HttpReply
 
 _MOST_DIGITS = 12
 
 
-class Failure(YumiError):
+class CallFailure(YumiError):
     """The answer is an error.
 
     Attributes:
@@ -26,7 +26,7 @@ class Failure(YumiError):
         code: ABB's.
     """
 
-    def __init__(self, status: int, code: Code, sentence: str) -> None:
+    def __init__(self, status: int, code: RwsCode, sentence: str) -> None:
         super().__init__(sentence)
         self.status = status
         self.code = code
@@ -40,38 +40,38 @@ class Failure(YumiError):
         return Status(int(self.code), message)
 
 
-def invalid(sentence: str) -> Failure:
+def invalid(sentence: str) -> CallFailure:
     """The failure for a parameter that makes no sense."""
-    return Failure(400, Code.INVALIDARG, sentence)
+    return CallFailure(400, RwsCode.INVALIDARG, sentence)
 
 
-_REFUSALS: Mapping[Refusal, tuple[int, Code]] = {
-    Refusal.WRONG_MODE: (403, Code.MODE_REJECT),
-    Refusal.MOTORS_OFF: (400, Code.EXEC_STATE),
-    Refusal.NOT_STOPPED: (400, Code.EXEC_STATE),
-    Refusal.ALREADY_RUNNING: (400, Code.EXEC_STATE),
-    Refusal.NO_PROGRAM_POINTER: (400, Code.EXEC_STATE),
-    Refusal.READ_ONLY: (403, Code.REJECT),
-    Refusal.UNKNOWN: (404, Code.UNRESOLVED_URL),
-    Refusal.OUT_OF_RANGE: (400, Code.INVALIDARG),
-    Refusal.EMERGENCY_STOP: (403, Code.INVALID_STATE),
-    Refusal.BAD_VALUE: (400, Code.INVALIDARG),
-    Refusal.NO_FILE: (400, Code.FILE_NOT_FOUND),
-    Refusal.NO_MODULE: (400, Code.NO_SUCH_SYMBOL),
-    Refusal.NAME_TAKEN: (400, Code.MODULE_NAME_TAKEN),
-    Refusal.BAD_PROGRAM: (400, Code.SYNTAX),
-    Refusal.NO_SPACE: (507, Code.MAX_LIMIT_REACHED),
+_REFUSALS: Mapping[RefusalReason, tuple[int, RwsCode]] = {
+    RefusalReason.WRONG_MODE: (403, RwsCode.MODE_REJECT),
+    RefusalReason.MOTORS_OFF: (400, RwsCode.EXEC_STATE),
+    RefusalReason.NOT_STOPPED: (400, RwsCode.EXEC_STATE),
+    RefusalReason.ALREADY_RUNNING: (400, RwsCode.EXEC_STATE),
+    RefusalReason.NO_PROGRAM_POINTER: (400, RwsCode.EXEC_STATE),
+    RefusalReason.READ_ONLY: (403, RwsCode.REJECT),
+    RefusalReason.UNKNOWN: (404, RwsCode.UNRESOLVED_URL),
+    RefusalReason.OUT_OF_RANGE: (400, RwsCode.INVALIDARG),
+    RefusalReason.EMERGENCY_STOP: (403, RwsCode.INVALID_STATE),
+    RefusalReason.BAD_VALUE: (400, RwsCode.INVALIDARG),
+    RefusalReason.NO_FILE: (400, RwsCode.FILE_NOT_FOUND),
+    RefusalReason.NO_MODULE: (400, RwsCode.NO_SUCH_SYMBOL),
+    RefusalReason.NAME_TAKEN: (400, RwsCode.MODULE_NAME_TAKEN),
+    RefusalReason.BAD_PROGRAM: (400, RwsCode.SYNTAX),
+    RefusalReason.NO_SPACE: (507, RwsCode.MAX_LIMIT_REACHED),
 }
 
 
-def refusal(refused: Refused) -> Failure:
+def call_refusal(refused: Refused) -> CallFailure:
     """The answer to a request that the controller refuses."""
     status, code = _REFUSALS[refused.reason]
-    return Failure(status, code, str(refused))
+    return CallFailure(status, code, str(refused))
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class RwsCall:
     """A request whose path is understood.
 
     Attributes:
@@ -158,13 +158,13 @@ class Call:
 Shown = Page | HttpReply | None
 """A page, a reply that is not a page, or None for "done, nothing to show"."""
 
-Handler = Callable[[Irc5, Call], object]
+Handler = Callable[[Irc5, RwsCall], object]
 """Answers a call with a value of its operation, with values by their titles, or with what is shown.
 
 It raises Failure or Refused.
 """
 
-Preparation = Callable[[Irc5, Call], Callable[[], object] | None]
+Preparation = Callable[[Irc5, RwsCall], Callable[[], object] | None]
 """Work that may be done while the robot goes on, and that the handler then finds done; None where nothing takes long.
 
 It reads the controller, raises Failure, and changes nothing; the work touches nothing that the robot changes.

@@ -16,10 +16,10 @@ from math import inf
 from typing import Any
 
 from abb_protocols.errors import ProtocolError, RapidError, SettingsError
-from abb_protocols.rws.documents import FORM_TYPE, Form, Page, Pairs, State, Status, decode_form, first_value
+from abb_protocols.rws.documents import FORM_TYPE, Form, Page, Pairs, RwsState, Status, decode_form, first_value
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.users import LOGOUT
-from abb_protocols.rws.values import GRANTS, Code, Grant
+from abb_protocols.rws.values import GRANTS, Grant, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import Refused
 from virtual_irc5.rws import configuration, ctrl, dialogs, event_log, files, io, modules, motion, panel, rapid, system
@@ -28,7 +28,7 @@ from virtual_irc5.rws.http import (
     Challenge,
     HttpReply,
     HttpRequest,
-    Session,
+    HttpSession,
     SessionTable,
     TooManySessions,
     is_genuine,
@@ -41,9 +41,9 @@ from virtual_irc5.rws.mastership import OWN_DOMAINS, Mastership
 from virtual_irc5.rws.queues import MessageService
 from virtual_irc5.rws.render import resource, write_page, write_status
 from virtual_irc5.rws.router import Route, Router
-from virtual_irc5.rws.rws_call import Call, Failure, Shown, invalid, refusal
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, call_refusal, invalid
 from virtual_irc5.rws.subscriptions import Rules, Subscriptions, Upgrade
-from virtual_irc5.rws.users import Users
+from virtual_irc5.rws.users import VirtualUsers
 
 ROUTES = (
     *system.ROUTES,
@@ -98,7 +98,7 @@ class RwsService:
         self._sessions = SessionTable()
         self._nonce_secret = secrets.token_hex()[:16]
         self._nonces = 0
-        self._users = Users(granted)
+        self._users = VirtualUsers(granted)
         self._mastership = Mastership(self._users, self.domains)
         self._messages = MessageService(controller)
         self._subscriptions = Subscriptions(self._mastership, self._users, self._messages, self.rules)
@@ -192,7 +192,7 @@ class RwsService:
         headers = tuple(("Set-Cookie", line) for line in set_cookies)
         return replace(reply, headers=(*headers, *reply.headers))
 
-    def _log_in(self, request: HttpRequest, now: float) -> Session | HttpReply:
+    def _log_in(self, request: HttpRequest, now: float) -> HttpSession | HttpReply:
         """The session of a request with genuine credentials, or the challenge for one without."""
         age = self._proven_age(request, now)
         if age is None or age > NONCE_LIFE:
@@ -224,7 +224,7 @@ class RwsService:
 
     # Answering
 
-    def find(self, request: HttpRequest) -> tuple[Route, Call]:
+    def find(self, request: HttpRequest) -> tuple[Route, RwsCall]:
         """The route of a request, and its call, neither authorized nor checked; its form only where work is prepared.
 
         Raises:
@@ -232,9 +232,9 @@ class RwsService:
         """
         route, names = self._router.find(request.method, request.path, request.query)
         form = () if route.prepare is None else form_of(request.body)
-        return route, Call(request.method, request.path, request.query, form, names)
+        return route, RwsCall(request.method, request.path, request.query, form, names)
 
-    def _answer(self, request: HttpRequest, session: Session) -> HttpReply | Upgrade:
+    def _answer(self, request: HttpRequest, session: HttpSession) -> HttpReply | Upgrade:
         form = Form.XHTML
         try:
             if request.path[:1] == ("poll",) and _is_upgrade(request):
@@ -242,24 +242,24 @@ class RwsService:
                 return self._subscriptions.upgrade(request.path, session.id, protocols)
             form = self._form(request)
             return self._operate(request, form, session)
-        except Failure as error:
+        except CallFailure as error:
             failure = error
         except Refused as error:
-            failure = refusal(error)
+            failure = call_refusal(error)
         except RapidError as error:
-            failure = Failure(400, Code.TASK_STATE, str(error))
+            failure = CallFailure(400, RwsCode.TASK_STATE, str(error))
         except SettingsError as error:
             failure = invalid(str(error))
         except Exception:  # whatever a client sends, the controller goes on
             log.exception("%s /%s met a fault of the virtual controller", request.method, "/".join(request.path))
-            failure = Failure(400, Code.FAIL, "a fault of the virtual controller")
+            failure = CallFailure(400, RwsCode.FAIL, "a fault of the virtual controller")
         service = next((part for part in request.path if part != "rw"), "rw")
         title = "Error" if service == "fileservice" else "rw"
         host = request.header("Host") or ""
         content_type = (("Content-Type", self._content_type(form)),)
         return HttpReply(failure.status, content_type, self._status(failure.document(service), form, host, title))
 
-    def _operate(self, request: HttpRequest, form: Form, session: Session) -> HttpReply:
+    def _operate(self, request: HttpRequest, form: Form, session: HttpSession) -> HttpReply:
         """Check a request against the table, carry it out, and show its result in the client's format."""
         pairs = self._pairs(request)
         host = request.header("Host") or ""
@@ -273,7 +273,7 @@ class RwsService:
             operation = route.operation
             privilege = self._users.privilege(session.id)
             own = _with_port(host, self.default_port)
-            call = Call(method, path, query, pairs, names, request.body, session.id, own, privilege)
+            call = RwsCall(method, path, query, pairs, names, request.body, session.id, own, privilege)
             self._users.check(operation, self._controller, call)
             self._check_mastership(operation, call)
             call.check(operation)
@@ -303,7 +303,7 @@ class RwsService:
             return ()
         kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
         if request.body and kind != FORM_TYPE:  # only a body that is there must have its type
-            raise Failure(415, Code.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
+            raise CallFailure(415, RwsCode.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
         return form_of(request.body)
 
     def _wants_forms(self, request: HttpRequest) -> bool:
@@ -311,7 +311,7 @@ class RwsService:
         is_group = request.path[:1] == ("subscription",) and len(request.path) > 1  # which shows its values
         return request.method == "GET" and first_value(request.query, "action") == "show" and not is_group
 
-    def _check_mastership(self, operation: Operation[Any], call: Call) -> None:
+    def _check_mastership(self, operation: Operation[Any], call: RwsCall) -> None:
         self._mastership.check(operation, self._controller, call)
 
     def _content_type(self, form: Form) -> str:
@@ -328,11 +328,11 @@ class RwsService:
         """What can be done with a resource, as a form for each of its actions."""
         operations = self._router.actions(path)
         if not operations:
-            raise Failure(404, Code.FAIL, f"there is nothing to do with /{'/'.join(path)}")
+            raise CallFailure(404, RwsCode.FAIL, f"there is nothing to do with /{'/'.join(path)}")
         states = []
         for each in operations:
             fields = {name: "|".join(allowed) for name, allowed in each.values.items()}
-            states.append(State("form", each.action or each.method.lower(), {"method": each.method, **fields}))
+            states.append(RwsState("form", each.action or each.method.lower(), {"method": each.method, **fields}))
         return resource(path[0], "/", "/".join(path), *states)
 
 

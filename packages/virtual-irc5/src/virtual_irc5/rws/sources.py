@@ -6,11 +6,11 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from abb_protocols.rws.documents import Link, State
+from abb_protocols.rws.documents import RwsLink, RwsState
 from abb_protocols.rws.operations.rapid import ACTIVE_DIALOG, range_in
-from abb_protocols.rws.values import Code, Priority, Resource
+from abb_protocols.rws.values import Priority, Resource, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller.signals import path_of, printed
+from virtual_irc5.controller.signals import path_of, printed_signal
 from virtual_irc5.controller_log import Refused
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import UnknownSymbol
@@ -19,10 +19,10 @@ from virtual_irc5.rws.mastership import Mastership
 from virtual_irc5.rws.panel import TITLES, panel_text
 from virtual_irc5.rws.queues import MessageService
 from virtual_irc5.rws.rapid import execution_of, pointer_of
-from virtual_irc5.rws.rws_call import Failure
-from virtual_irc5.rws.users import Users
+from virtual_irc5.rws.rws_call import CallFailure
+from virtual_irc5.rws.users import VirtualUsers
 
-Event = tuple[State, ...]
+Event = tuple[RwsState, ...]
 """One event: a state, or two that belong together."""
 
 _MOST_MESSAGES = 20
@@ -59,22 +59,22 @@ def find_source(
     found_own = (own or {}).get(resource.path.lower())
     if found_own is not None:
         if resource.priority > Priority.MEDIUM:
-            raise Failure(400, Code.INVALIDARG, f"{resource.path} has no priority {int(resource.priority)}")
+            raise CallFailure(400, RwsCode.INVALIDARG, f"{resource.path} has no priority {int(resource.priority)}")
         return found_own
     for pattern, find, highest in _KINDS:
         found = re.fullmatch(pattern, resource.path if rws1 is None else rws1, re.IGNORECASE)
         if found is None:
             continue
         if resource.priority > highest:
-            raise Failure(400, Code.INVALIDARG, f"{resource.path} has no priority {int(resource.priority)}")
+            raise CallFailure(400, RwsCode.INVALIDARG, f"{resource.path} has no priority {int(resource.priority)}")
         return find(controller, resource.path, found.groupdict())
-    raise Failure(400, Code.INVALIDARG, f"Invalid resource URI in Create: {resource.path}")
+    raise CallFailure(400, RwsCode.INVALIDARG, f"Invalid resource URI in Create: {resource.path}")
 
 
 def _field(path: str, type: str, name: str, title: str, read: Callable[[], str]) -> Source:
     """A source whose events are one field."""
-    links = (Link("self", path),)
-    return Source(read, lambda _, text: ((State(type, title, {name: text}, links),),))
+    links = (RwsLink("self", path),)
+    return Source(read, lambda _, text: ((RwsState(type, title, {name: text}, links),),))
 
 
 def panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
@@ -101,13 +101,13 @@ def signal_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sour
     try:
         signal = signals.get(names["signal"].rpartition("/")[2])
     except Refused as refused:
-        raise Failure(400, Code.UNRESOLVED_URL, f"Invalid resource URI in Create: {path}") from refused
+        raise CallFailure(400, RwsCode.UNRESOLVED_URL, f"Invalid resource URI in Create: {path}") from refused
 
     def show(_: str | None, text: str) -> Sequence[Event]:
         fields = {"lvalue": text, "lstate": "simulated" if signals.get(signal.name).is_simulated else "not simulated"}
-        return ((State("ios-signalstate-ev", path_of(signal), fields, (Link("self", path),)),),)
+        return ((RwsState("ios-signalstate-ev", path_of(signal), fields, (RwsLink("self", path),)),),)
 
-    return Source(lambda: printed(signals.get(signal.name).value), show)
+    return Source(lambda: printed_signal(signals.get(signal.name).value), show)
 
 
 def variable_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
@@ -120,9 +120,9 @@ def variable_source(controller: Irc5, path: str, names: Mapping[str, str]) -> So
             continue
         break
     else:
-        raise Failure(400, Code.FAIL, f"Symbol not found: {path}")
+        raise CallFailure(400, RwsCode.FAIL, f"Symbol not found: {path}")
     if kind != "per":
-        raise Failure(400, Code.SYMBOL_NOT_PERSISTENT, f"{path} is not persistent; only PERS can be subscribed")
+        raise CallFailure(400, RwsCode.SYMBOL_NOT_PERSISTENT, f"{path} is not persistent; only PERS can be subscribed")
 
     def read() -> str | None:
         try:
@@ -131,8 +131,8 @@ def variable_source(controller: Irc5, path: str, names: Mapping[str, str]) -> So
             return None  # its module has been unloaded
 
     def show(_: str | None, text: str) -> Sequence[Event]:
-        event = State("rap-value-ev", "value", {}, (Link("self", path),))
-        return ((event, State("rap-data", f"RAPID/{task.name}/{module}/{name}", {"value": text})),)
+        event = RwsState("rap-value-ev", "value", {}, (RwsLink("self", path),))
+        return ((event, RwsState("rap-data", f"RAPID/{task.name}/{module}/{name}", {"value": text})),)
 
     return Source(read, show)
 
@@ -148,7 +148,7 @@ def event_log_source(controller: Irc5, path: str, names: Mapping[str, str]) -> S
         first = int(new) - 1 if old is None else int(old)
         numbers = [event.number for event in controller.events.entries(domain) if event.number > first]
         places = [(f"{path}/{number}", {"seqnum": str(number)}) for number in reversed(numbers[:_MOST_MESSAGES])]
-        return [(State("elog-message-ev", place, fields, (Link("self", place),)),) for place, fields in places]
+        return [(RwsState("elog-message-ev", place, fields, (RwsLink("self", place),)),) for place, fields in places]
 
     return Source(read, show)
 
@@ -169,7 +169,7 @@ def task_change_source(controller: Irc5, path: str, names: Mapping[str, str]) ->
             "program-name": "",
             "changetype": "struc",
         }
-        return ((State("rap-task-ev", task.name, {} if old is None else fields, (Link("self", path),)),),)
+        return ((RwsState("rap-task-ev", task.name, {} if old is None else fields, (RwsLink("self", path),)),),)
 
     return Source(lambda: str(controller.program_changes(task.name)), show)
 
@@ -191,7 +191,7 @@ def pointer_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sou
         fields = {}
         if at is not None and at.range is not None:
             fields = {"module-name": at.module, "routine-name": at.routine, **_PLACE.write("", at.range)}
-        return ((State("rap-pp-ev", task.name, fields, (Link("self", path),)),),)
+        return ((RwsState("rap-pp-ev", task.name, fields, (RwsLink("self", path),)),),)
 
     return Source(read, show)
 
@@ -205,7 +205,7 @@ def build_log_source(controller: Irc5, path: str, names: Mapping[str, str]) -> S
     def show(_: str | None, text: str) -> Sequence[Event]:
         changed = text.split(" ")
         fields = {"task-name": changed[0], "build-count": changed[1], "build-log-change": "SYS_CTRL_S_OK"}
-        return ((State("rap-rap-buildlog-ev", "buildlogchange", fields, (Link("self", path),)),),)
+        return ((RwsState("rap-rap-buildlog-ev", "buildlogchange", fields, (RwsLink("self", path),)),),)
 
     return Source(read, show)
 
@@ -216,7 +216,7 @@ def task_panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> 
 
     def show(_: str | None, text: str) -> Sequence[Event]:
         fields = {"change-count": str(text.count("1"))}
-        return ((State("rap-taskpanel-ev", "taskpanelchange", fields, (Link("self", path),)),),)
+        return ((RwsState("rap-taskpanel-ev", "taskpanelchange", fields, (RwsLink("self", path),)),),)
 
     return Source(read, show)
 
@@ -231,7 +231,7 @@ def dialog_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sour
     def show(_: str | None, text: str) -> Sequence[Event]:
         dialog = controller.devices.pendant.active
         fields = {} if dialog is None else ACTIVE_DIALOG.answered.write(shown_dialog(dialog))
-        return ((State("rap-ui-ev", "uievent", fields, (Link("self", path),)),),)
+        return ((RwsState("rap-ui-ev", "uievent", fields, (RwsLink("self", path),)),),)
 
     return Source(read, show)
 
@@ -241,7 +241,7 @@ def network_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sou
 
     def show(_: str | None, text: str) -> Sequence[Event]:
         fields = {"lstate": text, "pstate": "running" if text == "started" else "halted"}
-        return ((State("ios-networkstate-ev", name, fields, (Link("self", path),)),),)
+        return ((RwsState("ios-networkstate-ev", name, fields, (RwsLink("self", path),)),),)
 
     return Source(lambda: "stopped" if name in stopped else "started", show)
 
@@ -251,7 +251,7 @@ def device_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sour
 
     def show(_: str | None, text: str) -> Sequence[Event]:
         fields = {"lstate": text, "pstate": "running" if text == "enabled" else "deact"}
-        return ((State("ios-devicestate-ev", name, fields, (Link("self", path),)),),)
+        return ((RwsState("ios-devicestate-ev", name, fields, (RwsLink("self", path),)),),)
 
     return Source(lambda: "disabled" if name in disabled else "enabled", show)
 
@@ -275,7 +275,7 @@ def energy_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sour
 def job_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     job = controller.jobs.find(names["job"])
     if job is None:
-        raise Failure(400, Code.UNRESOLVED_URL, f"Invalid resource URI in Create: {path}")
+        raise CallFailure(400, RwsCode.UNRESOLVED_URL, f"Invalid resource URI in Create: {path}")
     found = job
 
     def read() -> str:
@@ -287,7 +287,7 @@ def job_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
 def _find_task(controller: Irc5, path: str, name: str) -> Task:
     task = controller.tasks.get(name.upper())
     if task is None:
-        raise Failure(400, Code.FAIL, f"Invalid resource URI in Create: {path}")
+        raise CallFailure(400, RwsCode.FAIL, f"Invalid resource URI in Create: {path}")
     return task
 
 
@@ -298,14 +298,14 @@ def mastership_source(mastership: Mastership, path: str, domains: Sequence[str])
             fields = mastership.fields(domain)
             held = "0" if fields["mastership"] == "nomaster" else "1"
             events.append(
-                (State("msh-resource-value", domain, {"holdmastership": held, **fields}, (Link("self", path),)),)
+                (RwsState("msh-resource-value", domain, {"holdmastership": held, **fields}, (RwsLink("self", path),)),)
             )
         return events
 
     return Source(lambda: str([mastership.fields(domain) for domain in domains]), show)
 
 
-def rmmp_source(users: Users, path: str) -> Source:
+def rmmp_source(users: VirtualUsers, path: str) -> Source:
     return _field(path, "user-rmmp-ev", "state", "rmmp", lambda: users.state)
 
 
@@ -321,7 +321,7 @@ def queue_source(messages: MessageService, path: str, name: str, *, with_message
         if queue is None or not queue.messages:
             return ()
         if not with_message:
-            return ((State("dipc-msg-ev", name, {}, (Link("self", path),)),),)
+            return ((RwsState("dipc-msg-ev", name, {}, (RwsLink("self", path),)),),)
         message = queue.take()
         fields = {
             "dipc-data": message.data,
@@ -329,7 +329,7 @@ def queue_source(messages: MessageService, path: str, name: str, *, with_message
             "dipc-msgtype": message.kind,
             "dipc-userdef": message.user_def,
         }
-        return ((State("dipc-msg-ev", name, fields, (Link("self", path),)),),)
+        return ((RwsState("dipc-msg-ev", name, fields, (RwsLink("self", path),)),),)
 
     return Source(read, show)
 

@@ -16,16 +16,16 @@ from typing import Protocol
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import Form, Pairs, first_value
 from abb_protocols.rws.operations import subscriptions as table
-from abb_protocols.rws.values import PROTOCOL, Code, Priority, Resource
+from abb_protocols.rws.values import PROTOCOL, Priority, Resource, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.mastership import Mastership
 from virtual_irc5.rws.queues import MessageService
-from virtual_irc5.rws.render import write_event, write_group
+from virtual_irc5.rws.render import render_event, write_group
 from virtual_irc5.rws.router import Route
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
 from virtual_irc5.rws.sources import Event, Source, find_source, mastership_source, queue_source, rmmp_source
-from virtual_irc5.rws.users import Users
+from virtual_irc5.rws.users import VirtualUsers
 
 MAX_GROUPS = 2
 """Groups a session may have."""
@@ -37,7 +37,7 @@ MAX_HIGH = 64
 """Resources with high priority, of all clients together."""
 
 
-class Channel(Protocol):
+class SubscriptionChannel(Protocol):
     """The server's end of a WebSocket; its methods may be called from any thread."""
 
     @property
@@ -68,7 +68,7 @@ class Upgrade:
     """
 
     protocol: str
-    attach: Callable[[Channel], None]
+    attach: Callable[[SubscriptionChannel], None]
     headers: tuple[tuple[str, str], ...] = ()
 
 
@@ -172,7 +172,7 @@ class Group:
     root: str
     is_secure: bool = False
     watches: dict[str, Watch] = field(default_factory=dict)
-    channel: Channel | None = None
+    channel: SubscriptionChannel | None = None
     _polled_at: float = -inf
 
     def advance(self, now: float) -> None:
@@ -182,7 +182,7 @@ class Group:
         self._polled_at = now
         for watch in self.watches.values():
             for event in watch.due_events(now):
-                self.channel.send(write_event(self.root, self.number, event, is_secure=self.is_secure))
+                self.channel.send(render_event(self.root, self.number, event, is_secure=self.is_secure))
 
     def disconnect(self, *, in_order: bool) -> None:
         """End the connection to the client."""
@@ -201,7 +201,7 @@ class Subscriptions:
         rules: of the version that the server speaks.
     """
 
-    def __init__(self, mastership: Mastership, users: Users, messages: MessageService, rules: Rules) -> None:
+    def __init__(self, mastership: Mastership, users: VirtualUsers, messages: MessageService, rules: Rules) -> None:
         self._rules = rules
         self._mastership = mastership
         self._users = users
@@ -256,10 +256,10 @@ class Subscriptions:
         else:
             own = [group for group in self._groups.values() if group.session == session]
             if not own:
-                raise Failure(404, Code.FAIL, "there is no subscription of this client")
+                raise CallFailure(404, RwsCode.FAIL, "there is no subscription of this client")
             group = own[-1]
 
-        def attach(channel: Channel) -> None:
+        def attach(channel: SubscriptionChannel) -> None:
             group.disconnect(in_order=True)  # a client that connects again leaves its old connection
             group.channel = channel
             if self._groups.get(group.number) is not group:
@@ -267,10 +267,10 @@ class Subscriptions:
 
         return Upgrade(protocol, attach)
 
-    def create(self, controller: Irc5, call: Call) -> HttpReply:
+    def create(self, controller: Irc5, call: RwsCall) -> HttpReply:
         most = self._rules.max_groups
         if sum(group.session == call.session for group in self._groups.values()) >= most:
-            raise Failure(400, Code.MAX_LIMIT_REACHED, f"a client has {most} subscriptions at most")
+            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"a client has {most} subscriptions at most")
         watches = self._watches(controller, call)
         self._opened += 1
         group = self._groups[self._opened] = Group(
@@ -278,38 +278,38 @@ class Subscriptions:
         )
         return _shown(group, 201)
 
-    def show(self, controller: Irc5, call: Call) -> HttpReply:
+    def show(self, controller: Irc5, call: RwsCall) -> HttpReply:
         return _shown(self._find(call.names["group"], call.session), 200)
 
-    def replace(self, controller: Irc5, call: Call) -> HttpReply:
+    def replace(self, controller: Irc5, call: RwsCall) -> HttpReply:
         group = self._find(call.names["group"], call.session)
         watches = self._watches(controller, call, group)
         group.watches = {**group.watches, **watches} if self._rules.is_adding else watches
         return _shown(group, 200)
 
-    def delete(self, controller: Irc5, call: Call) -> HttpReply:
+    def delete(self, controller: Irc5, call: RwsCall) -> HttpReply:
         self._close(self._find(call.names["group"], call.session))
         return HttpReply(200, (("Content-Type", Form.XHTML.value),))
 
-    def delete_resource(self, controller: Irc5, call: Call) -> HttpReply:
+    def delete_resource(self, controller: Irc5, call: RwsCall) -> HttpReply:
         group = self._find(call.names["group"], call.session)
         deleted = f"/{call.names['resource'].strip('/')}".lower()
         for path in [path for path in group.watches if path.partition(";")[0].lower() == deleted]:
             del group.watches[path]
         return HttpReply(200, (("Content-Type", Form.XHTML.value),))
 
-    def _watches(self, controller: Irc5, call: Call, old: Group | None = None) -> dict[str, Watch]:
+    def _watches(self, controller: Irc5, call: RwsCall, old: Group | None = None) -> dict[str, Watch]:
         """What a form asks for, within the limits of a group and of all clients together."""
         try:
             resources = read_resources(call.form)
         except ProtocolError as error:
             raise invalid(str(error)) from error
         if len(resources) > MAX_RESOURCES:
-            raise Failure(400, Code.MAX_LIMIT_REACHED, f"a subscription has {MAX_RESOURCES} resources at most")
+            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"a subscription has {MAX_RESOURCES} resources at most")
         others = (group for group in self._groups.values() if group is not old)
         present = [watch.resource for group in others for watch in group.watches.values()]
         if sum(each.priority is Priority.HIGH for each in (*present, *resources)) > MAX_HIGH:
-            raise Failure(400, Code.MAX_LIMIT_REACHED, f"{MAX_HIGH} resources have high priority at most")
+            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"{MAX_HIGH} resources have high priority at most")
         sources = {}
         for resource in resources:
             rws1 = self._rules.rws1_resource(resource.path)
@@ -331,9 +331,9 @@ class Subscriptions:
     def _find(self, number: str, session: str) -> Group:
         group = next((group for known, group in self._groups.items() if str(known) == number), None)
         if group is None:
-            raise Failure(404, Code.FAIL, f"there is no subscription {number}")
+            raise CallFailure(404, RwsCode.FAIL, f"there is no subscription {number}")
         if group.session != session:
-            raise Failure(403, Code.DENIED, f"Group {number} does not belong to this client")
+            raise CallFailure(403, RwsCode.DENIED, f"Group {number} does not belong to this client")
         return group
 
     def _close(self, group: Group) -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime
 
-from abb_protocols.rws.documents import Link, Page, State
+from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import system as table
-from abb_protocols.rws.values import Code, sentence
+from abb_protocols.rws.values import RwsCode, code_sentence
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import entry, resource
-from virtual_irc5.rws.router import Routes, absent
-from virtual_irc5.rws.rws_call import Call, Failure
+from virtual_irc5.rws.router import Routes, absent_routes
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall
 
 _ROOT_SERVICES = ("ctrl", "rw", "progress", "fileservice", "users", "subscription")
 
@@ -39,17 +39,17 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.ROOT)
-def get_root(controller: Irc5, call: Call) -> Page:
+def get_root(controller: Irc5, call: RwsCall) -> Page:
     return resource("", "/", "", *(entry("srvlst-service-li", name) for name in _ROOT_SERVICES))
 
 
 @ROUTES.answer(table.SERVICES)
-def get_services(controller: Irc5, call: Call) -> Page:
+def get_services(controller: Irc5, call: RwsCall) -> Page:
     return resource("rw", "/rw/", "", *(entry("rwservice-li", name) for name in _RW_SERVICES))
 
 
 @ROUTES.answer(table.SYSTEM)
-def get_system(controller: Irc5, call: Call) -> Page:
+def get_system(controller: Irc5, call: RwsCall) -> Page:
     identity = controller.identity
     major, minor, revision, sub_revision = (*identity.robotware.split("."), "0", "0", "0")[:4]
     build = (
@@ -78,36 +78,36 @@ def get_system(controller: Irc5, call: Call) -> Page:
         "starttm": datetime.fromtimestamp(controller.started_at).strftime("%Y-%m-%d T %H:%M:%S"),
         "rwversionname": identity.robotware,
     }
-    products = State("sys-products-li", "products", {}, (Link("self", "system/products"),))
-    states = (State("sys-system-li", "system", fields), _option_list(controller, "system/options"), products)
+    products = RwsState("sys-products-li", "products", {}, (RwsLink("self", "system/products"),))
+    states = (RwsState("sys-system-li", "system", fields), _option_list(controller, "system/options"), products)
     return resource("system", "/rw/", "system", *states)
 
 
 @ROUTES.answer(table.OPTIONS)
-def get_options(controller: Irc5, call: Call) -> Page:
+def get_options(controller: Irc5, call: RwsCall) -> Page:
     return resource("system", "/rw/system/", "options", _option_list(controller, "options"))
 
 
-def _option_list(controller: Irc5, href: str) -> State:
+def _option_list(controller: Irc5, href: str) -> RwsState:
     names = controller.identity.options
-    options = tuple(State("sys-option-li", str(index), {"option": name}) for index, name in enumerate(names))
-    return State("sys-options-li", "options", {}, (Link("self", href),), options)
+    options = tuple(RwsState("sys-option-li", str(index), {"option": name}) for index, name in enumerate(names))
+    return RwsState("sys-options-li", "options", {}, (RwsLink("self", href),), options)
 
 
 @ROUTES.answer(table.ROBOT_TYPE)
-def get_robot_type(controller: Irc5, call: Call) -> Mapping[str, str]:
+def get_robot_type(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     """The robots: their names are options of their system."""
     types = [option for option in controller.identity.options if option.startswith("IRB ")]
     return {str(number): name for number, name in enumerate(types, 1)}
 
 
 @ROUTES.answer(table.LICENSE)
-def get_license(controller: Irc5, call: Call) -> str:
+def get_license(controller: Irc5, call: RwsCall) -> str:
     return controller.identity.system_id.strip("{}")
 
 
 @ROUTES.answer(table.PRODUCTS)
-def get_products(controller: Irc5, call: Call) -> Mapping[str, table.Product] | HttpReply:
+def get_products(controller: Irc5, call: RwsCall) -> Mapping[str, table.Product] | HttpReply:
     """RobotWare and its add-ins; 204 for one that is not installed."""
     robotware = controller.identity.robotware
     products = {"RobotWare": robotware}
@@ -121,7 +121,7 @@ def get_products(controller: Irc5, call: Call) -> Mapping[str, table.Product] | 
 
 
 @ROUTES.answer(table.ENERGY)
-def get_energy(controller: Irc5, call: Call) -> Page:
+def get_energy(controller: Irc5, call: RwsCall) -> Page:
     """What the arms use is not measured here: the state says so (-1), as of a robot without its last interval."""
     shown = datetime.fromtimestamp(controller.energy_reset_at).strftime("%Y-%m-%d T %H:%M:%S")
     fields = {
@@ -135,25 +135,27 @@ def get_energy(controller: Irc5, call: Call) -> Page:
         "accumulated-energy": "0",
     }
     units = tuple(
-        State(
+        RwsState(
             "sys-energy-mec-li",
             unit.name,
             {},
             (),
-            tuple(State("sys-energy-axis-li", str(axis), {"interval-energy": "0"}) for axis in range(1, unit.axes + 1)),
+            tuple(
+                RwsState("sys-energy-axis-li", str(axis), {"interval-energy": "0"}) for axis in range(1, unit.axes + 1)
+            ),
         )
         for unit in controller.units
     )
-    return resource("system", "/rw/system/", "energy", State("sys-energy-state-li", "energy", fields, (), units))
+    return resource("system", "/rw/system/", "energy", RwsState("sys-energy-state-li", "energy", fields, (), units))
 
 
 @ROUTES.answer(table.ENERGY_CHANGES)
-def get_energy_changes(controller: Irc5, call: Call) -> int:
+def get_energy_changes(controller: Irc5, call: RwsCall) -> int:
     return 0
 
 
 @ROUTES.answer(table.RESET_ENERGY)
-def reset_energy(controller: Irc5, call: Call) -> None:
+def reset_energy(controller: Irc5, call: RwsCall) -> None:
     controller.energy_reset_at = controller.time
 
 
@@ -161,21 +163,21 @@ def reset_energy(controller: Irc5, call: Call) -> None:
 
 
 @ROUTES.answer(table.CODES)
-def get_codes(controller: Irc5, call: Call) -> Page:
+def get_codes(controller: Irc5, call: RwsCall) -> Page:
     """All return codes, or the one that is asked for."""
     asked = call.option("code")
     if asked is None:
-        return resource("retcode", "/rw/", "retcode", *(_code_state("err-desc-li", code) for code in Code))
-    known = next((code for code in Code if str(int(code)) == asked), None)
+        return resource("retcode", "/rw/", "retcode", *(_code_state("err-desc-li", code) for code in RwsCode))
+    known = next((code for code in RwsCode if str(int(code)) == asked), None)
     if known is None:
-        raise Failure(404, Code.NO_DATA, f"there is no return code {asked[:20]!r}")
+        raise CallFailure(404, RwsCode.NO_DATA, f"there is no return code {asked[:20]!r}")
     return resource("retcode", "/rw/", f"retcode?code={asked}", _code_state("err-desc", known))
 
 
-def _code_state(type: str, code: Code) -> State:
-    description = sentence(code) or code.name.replace("_", " ").capitalize()
+def _code_state(type: str, code: RwsCode) -> RwsState:
+    description = code_sentence(code) or code.name.replace("_", " ").capitalize()
     shown = table.ReturnCode(name=f"SYS_CTRL_E_{code.name}", code=int(code), severity="Error", description=description)
-    return State(type, str(int(code)), table.CODES.answered.write(shown))
+    return RwsState(type, str(int(code)), table.CODES.answered.write(shown))
 
 
 def _device_tree(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
@@ -194,19 +196,19 @@ def _device_tree(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
 
 
 @ROUTES.answer(table.DEVICES, table.DEVICE)
-def get_devices(controller: Irc5, call: Call) -> Page:
+def get_devices(controller: Irc5, call: RwsCall) -> Page:
     place = call.names.get("device", "").upper().strip("/")
     tree = _device_tree(controller)
     if place and place not in tree:
-        raise Failure(404, Code.FAIL, f"there is no device {place[:80]!r}")
+        raise CallFailure(404, RwsCode.FAIL, f"there is no device {place[:80]!r}")
     inside = [path for path in tree if path.rpartition("/")[0] == place]
     children = tuple(entry("dev-id-li", path, f"devices/{path}", name=path.rpartition("/")[2]) for path in inside)
     properties = tuple(
-        State("dev-propstr-li", name, {"name": name, "value": value, "unit": ""})
+        RwsState("dev-propstr-li", name, {"name": name, "value": value, "unit": ""})
         for name, value in (tree[place] if place else {}).items()
     )
-    state = State("dev-id-li", place or "devices", {"name": place.rpartition("/")[2] or "devices"}, (), children)
+    state = RwsState("dev-id-li", place or "devices", {"name": place.rpartition("/")[2] or "devices"}, (), children)
     return resource("devices", "/rw/", f"devices/{place}".rstrip("/"), state, *properties)
 
 
-ROUTES += absent(table.ABSENT)
+ROUTES += absent_routes(table.ABSENT)

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
-from abb_protocols.rws.documents import Link, Page, State
+from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import users as table
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.users import User
-from abb_protocols.rws.values import GRANTS, Code, Grant, OperatingMode
+from abb_protocols.rws.values import GRANTS, Grant, OperatingMode, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import resource
 from virtual_irc5.rws.router import Route
-from virtual_irc5.rws.rws_call import Call, Failure, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
 
 _USERS_BASE = "/users/"
 
@@ -24,8 +24,8 @@ _FULL_SPEED = 100  # [%]
 _POLL_CODES = {
     "PENDING": 294914,
     "GRANTED": 294915,
-    "DENIED": int(Code.DENIED),
-    "NO SUCH REQUEST": int(Code.NO_SUCH_REQUEST),
+    "DENIED": int(RwsCode.DENIED),
+    "NO SUCH REQUEST": int(RwsCode.NO_SUCH_REQUEST),
 }
 """The states of a request for the privilege (3HAC050973, "Poll for RMMP grant status")."""
 
@@ -58,7 +58,7 @@ class _PrivilegeRequest:
     status: str = "PENDING"
 
 
-class Users:
+class VirtualUsers:
     """The users of all sessions, and who may write in manual mode (RMMP).
 
     Attributes:
@@ -117,12 +117,12 @@ class Users:
         elif held.status == "PENDING" and now - held.asked_at >= PENDANT_TIME:
             held.status = "GRANTED"
 
-    def get_users(self, controller: Irc5, call: Call) -> Page:
+    def get_users(self, controller: Irc5, call: RwsCall) -> Page:
         own = self.of(call.session)
         shown = [own] if call.option("user-type") == "self" else self._users.values()
         return resource("ROBAPI2 User", "/", "users", *(table.USERS.answered.state(user.name, user) for user in shown))
 
-    def register(self, controller: Irc5, call: Call) -> None:
+    def register(self, controller: Irc5, call: RwsCall) -> None:
         self._users[call.session] = User(
             self.of(call.session).uid,
             call.required("username"),
@@ -131,24 +131,24 @@ class Users:
             call.required("ulocale") == "local",
         )
 
-    def impersonate(self, controller: Irc5, call: Call) -> None:
+    def impersonate(self, controller: Irc5, call: RwsCall) -> None:
         uid = call.required("uid")
         if uid not in {str(user.uid) for user in self._users.values()}:
             raise invalid(f"there is no user {uid[:20]!r}")
 
-    def set_locale(self, controller: Irc5, call: Call) -> None:
+    def set_locale(self, controller: Irc5, call: RwsCall) -> None:
         locale, own = call.required("type"), self.of(call.session)
         if (locale == "local") is own.is_local:
-            raise Failure(409, Code.INVALIDARG, f"the client is {locale} already")
+            raise CallFailure(409, RwsCode.INVALIDARG, f"the client is {locale} already")
         if locale == "local":
-            raise Failure(403, Code.LOCAL_NOT_ALLOWED, "the enabling device was not pressed within 5 s")
+            raise CallFailure(403, RwsCode.LOCAL_NOT_ALLOWED, "the enabling device was not pressed within 5 s")
         self._users[call.session] = replace(own, is_local=False)
 
-    def get_grants(self, controller: Irc5, call: Call) -> Page:
+    def get_grants(self, controller: Irc5, call: RwsCall) -> Page:
         names = [each.value for each in Grant if each in self.granted]
-        return resource("ROBAPI2 User", _USERS_BASE, "grants", *(State("user-grant", name, {}) for name in names))
+        return resource("ROBAPI2 User", _USERS_BASE, "grants", *(RwsState("user-grant", name, {}) for name in names))
 
-    def check(self, operation: Operation[Any], controller: Irc5, call: Call) -> None:
+    def check(self, operation: Operation[Any], controller: Irc5, call: RwsCall) -> None:
         """Refuse an operation that the user is not granted.
 
         Raises:
@@ -171,9 +171,9 @@ class Users:
             Failure: 403.
         """
         if needed not in self.granted and Grant.FULL_ACCESS not in self.granted:
-            raise Failure(403, Code.UAS_REJECT, f"the user lacks the grant {needed.value}")
+            raise CallFailure(403, RwsCode.UAS_REJECT, f"the user lacks the grant {needed.value}")
 
-    def get_rmmp(self, controller: Irc5, call: Call) -> Page:
+    def get_rmmp(self, controller: Irc5, call: RwsCall) -> Page:
         held = self._request
         user = User(0) if held is None else self.of(held.session)
         privilege = "none" if held is None else held.privilege if held.status == "GRANTED" else "pending modify"
@@ -183,42 +183,44 @@ class Users:
             "rmmpheldbyme": "TRUE" if self.privilege(call.session) != "none" else "FALSE",
         }
         return resource(
-            "ROBAPI2 User", _USERS_BASE, "rmmp", State("user-rmmp", "state", fields, (Link("poll", "rmmp/poll"),))
+            "ROBAPI2 User", _USERS_BASE, "rmmp", RwsState("user-rmmp", "state", fields, (RwsLink("poll", "rmmp/poll"),))
         )
 
-    def ask(self, controller: Irc5, call: Call) -> HttpReply:
+    def ask(self, controller: Irc5, call: RwsCall) -> HttpReply:
         held = self._request
         if held is not None and held.session != call.session:
-            raise Failure(403, Code.RESOURCE_HELD, "another client has asked for the privilege or holds it")
+            raise CallFailure(403, RwsCode.RESOURCE_HELD, "another client has asked for the privilege or holds it")
         self._request = _PrivilegeRequest(call.session, call.required("privilege"), self._now, self._now)
         return HttpReply(202, (("Location", "/users/rmmp/poll"), ("Content-Type", "application/xhtml+xml")))
 
-    def grant(self, controller: Irc5, call: Call) -> None:
+    def grant(self, controller: Irc5, call: RwsCall) -> None:
         held, privilege = self._request, call.required("privilege")
         if not self.of(call.session).is_local:
-            raise Failure(403, Code.LOCAL_NOT_ALLOWED, "a local client grants the privilege, such as the FlexPendant")
+            raise CallFailure(
+                403, RwsCode.LOCAL_NOT_ALLOWED, "a local client grants the privilege, such as the FlexPendant"
+            )
         if held is None or str(self.of(held.session).uid) != call.required("uid"):
-            raise Failure(400, Code.NO_SUCH_REQUEST, "there is no request of that user")
+            raise CallFailure(400, RwsCode.NO_SUCH_REQUEST, "there is no request of that user")
         held.status = "DENIED" if privilege == "deny" else "GRANTED"
         held.privilege = held.privilege if privilege == "deny" else privilege
 
-    def cancel(self, controller: Irc5, call: Call) -> None:
+    def cancel(self, controller: Irc5, call: RwsCall) -> None:
         if self._request is not None and self._request.session == call.session:
             self._request = None
 
-    def poll(self, controller: Irc5, call: Call) -> Page:
+    def poll(self, controller: Irc5, call: RwsCall) -> Page:
         held, status = self._request, "NO SUCH REQUEST"
         if held is not None and held.session == call.session:
             held.polled_at, status = self._now, held.status
-        state = State("user-rmmp-poll", "poll", {"code": str(_POLL_CODES[status]), "status": status})
+        state = RwsState("user-rmmp-poll", "poll", {"code": str(_POLL_CODES[status]), "status": status})
         return resource("ROBAPI2 User", _USERS_BASE, "rmmp/poll", state)
 
 
-def refuse_in_manual_mode(controller: Irc5, call: Call, what: str) -> None:
+def refuse_in_manual_mode(controller: Irc5, call: RwsCall, what: str) -> None:
     """Refuse a change in manual mode to a client without the privilege.
 
     Raises:
         Failure: 403.
     """
     if controller.mode.value != "AUTO" and call.privilege == "none":
-        raise Failure(403, Code.MASTER_REJECT, f"in manual mode {what} needs RMMP: request it at /users/rmmp")
+        raise CallFailure(403, RwsCode.MASTER_REJECT, f"in manual mode {what} needs RMMP: request it at /users/rmmp")

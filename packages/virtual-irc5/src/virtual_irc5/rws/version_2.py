@@ -20,10 +20,10 @@ from urllib.parse import quote, unquote, urljoin
 from abb_protocols.rws.documents import (
     FORM_TYPE,
     Form,
-    Link,
     Page,
     Pairs,
-    State,
+    RwsLink,
+    RwsState,
     Status,
     decode_form,
     encode_form,
@@ -31,14 +31,14 @@ from abb_protocols.rws.documents import (
 )
 from abb_protocols.rws.operations.operation import Operation, Values
 from abb_protocols.rws.operations.rapid import LOAD_MODULE
-from abb_protocols.rws.values import REALM, Code
+from abb_protocols.rws.values import REALM, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.files import path_of_file
-from virtual_irc5.rws.http import HttpReply, HttpRequest, Session
+from virtual_irc5.rws.http import HttpReply, HttpRequest, HttpSession
 from virtual_irc5.rws.mastership import Domains
 from virtual_irc5.rws.render import resource, write_hal, write_hal_status, write_page, write_status
 from virtual_irc5.rws.router import Route, Router
-from virtual_irc5.rws.rws_call import Call, Failure, Shown
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown
 from virtual_irc5.rws.rws_service import RwsService, form_of
 from virtual_irc5.rws.subscriptions import Rules
 
@@ -313,20 +313,20 @@ class Translation:
         """What the router finds."""
         return Route(self.operation, self._answer, self._prepare if self.rws1.prepare else None)
 
-    def _answer(self, controller: Irc5, call: Call) -> Shown:
+    def _answer(self, controller: Irc5, call: RwsCall) -> Shown:
         rws1_call = self.rws1_call(call)
         answer = self.rws1.answer(controller, rws1_call)
         if self.rws1.operation is LOAD_MODULE:  # which shows what it has loaded
             text = controller.files[path_of_file(rws1_call.required("modulepath"))]
             name = next(iter(re.findall(r"^\s*MODULE\s+(\w+)", text, re.MULTILINE | re.IGNORECASE)), "")
-            return resource("rapid", "/rw/rapid/", "tasks", State("rap-task-module-li", name, {"name": name}))
+            return resource("rapid", "/rw/rapid/", "tasks", RwsState("rap-task-module-li", name, {"name": name}))
         return answer
 
-    def _prepare(self, controller: Irc5, call: Call) -> Callable[[], object] | None:
+    def _prepare(self, controller: Irc5, call: RwsCall) -> Callable[[], object] | None:
         assert self.rws1.prepare is not None
         return self.rws1.prepare(controller, self.rws1_call(call))
 
-    def rws1_call(self, call: Call) -> Call:
+    def rws1_call(self, call: RwsCall) -> RwsCall:
         """The call of 1.0 that a call of 2.0 stands for.
 
         Raises:
@@ -493,8 +493,8 @@ class RwsService2(RwsService):
             return form
         if request.path[:1] == ("fileservice",) and request.method in ("GET", "HEAD"):
             return Form.XHTML  # the content of a file is what it is
-        raise Failure(
-            406, Code.FAIL, f"Server cannot generate response for given accept header; it makes {XHTML} and {HAL}"
+        raise CallFailure(
+            406, RwsCode.FAIL, f"Server cannot generate response for given accept header; it makes {XHTML} and {HAL}"
         )
 
     def _pairs(self, request: HttpRequest) -> Pairs:
@@ -502,17 +502,17 @@ class RwsService2(RwsService):
         is_file = request.method == "PUT" and request.path[:1] == ("fileservice",)
         allowed = FILES if is_file else (FORM,)
         if (request.body or (kind and request.method in ("POST", "PUT"))) and kind not in allowed:
-            raise Failure(415, Code.INVALIDARG, f"a body is {' or '.join(allowed)}, not {kind or 'of no type'}")
+            raise CallFailure(415, RwsCode.INVALIDARG, f"a body is {' or '.join(allowed)}, not {kind or 'of no type'}")
         return () if is_file else form_of(request.body)
 
     def _wants_forms(self, request: HttpRequest) -> bool:
         return request.method == "OPTIONS"
 
-    def _check_mastership(self, operation: Operation[Any], call: Call) -> None:
+    def _check_mastership(self, operation: Operation[Any], call: RwsCall) -> None:
         is_implicit = call.option("mastership") == "implicit"
         self._mastership.check(operation, self._controller, call, is_implicit=is_implicit)
 
-    def _operate(self, request: HttpRequest, form: Form, session: Session) -> HttpReply:
+    def _operate(self, request: HttpRequest, form: Form, session: HttpSession) -> HttpReply:
         reply = super()._operate(request, form, session)
         headers = tuple((name, XHTML if text == Form.XHTML.value else text) for name, text in reply.headers)
         return replace(reply, headers=headers)
@@ -532,7 +532,7 @@ class RwsService2(RwsService):
             return write_hal_status(status, base)
         return write_status(status, form, base=base, title=title)
 
-    def _rws2_state(self, state: State, base: str) -> State:
+    def _rws2_state(self, state: RwsState, base: str) -> RwsState:
         names = _FIELDS.get(state.type, {})
         return replace(
             state,
@@ -543,7 +543,7 @@ class RwsService2(RwsService):
             children=tuple(self._rws2_state(child, base) for child in state.children),
         )
 
-    def _rws2_links(self, links: Sequence[Link], base: str) -> tuple[Link, ...]:
+    def _rws2_links(self, links: Sequence[RwsLink], base: str) -> tuple[RwsLink, ...]:
         """Links of 1.0 as 2.0 has them, without those to what it does not have."""
         found = []
         for link in links:
@@ -551,14 +551,14 @@ class RwsService2(RwsService):
             segments = tuple(unquote(part) for part in path.split("/") if part)
             try:
                 rws1, names = self._rws1_router.find("GET", segments, decode_form(query))
-            except Failure:
+            except CallFailure:
                 continue
             translation = self._by_rws1.get(id(rws1))
             target = translation.rws2_target(names, decode_form(query)) if translation is not None else None
             if translation is None or target is None:
                 continue
             is_same = _plain(translation.operation.path) == _plain(rws1.operation.path)
-            found.append(link if is_same else Link(link.rel, target))
+            found.append(link if is_same else RwsLink(link.rel, target))
         return tuple(found)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from abb_protocols.robot.joints import Side
 from abb_runtime.faults import Fault, inject_fault
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from abb_runtime.udp import free_port
 
@@ -43,7 +43,9 @@ class ControllerProcess:
             option = f"--{name.replace('_', '-')}"
             for each in value if isinstance(value, list) else [value]:
                 arguments += [] if each is False else [option] if each is True else [option, str(each)]
-        self._command = Command("virtual controller", "virtual_irc5", arguments, log, {"YUMI_PASSWORD": self.password})
+        self._command = CommandProcess(
+            "virtual controller", "virtual_irc5", arguments, log, {"YUMI_PASSWORD": self.password}
+        )
 
     def __enter__(self) -> ControllerProcess:
         self.start()

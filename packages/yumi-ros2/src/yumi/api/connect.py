@@ -18,7 +18,7 @@ from typing import Any, Concatenate, NoReturn, ParamSpec, Protocol, TypeVar, cas
 from abb_protocols.catalogue import message
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side
-from abb_runtime.parameters import Entry
+from abb_runtime.parameters import ParameterFileEntry
 from abb_runtime.rws.login import password_of_environment
 from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
 from yumi.api.gripper import Gripper
@@ -171,7 +171,7 @@ def controllers_for(
         "acceleration_scale": float(acceleration),
         "top_speed": radians(settings.egm_motion.max_speed_deviation),
     }
-    extra = {name: Entry(value, "connect", is_general=False) for name, value in scales.items()}
+    extra = {name: ParameterFileEntry(value, "connect", is_general=False) for name, value in scales.items()}
     chosen: dict[Side, tuple[ControllerSettings, ...]] = {}
     for side in Side:
         entries = read_controllers(side, Path(file) if file else None)

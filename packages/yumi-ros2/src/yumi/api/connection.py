@@ -30,7 +30,7 @@ from yumi.control.speed_scale import FULL
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.command import CommandedRobot
 from yumi.driver.endpoint_server import EndpointServer
-from yumi.driver.gripper import Gripper, GripperSetup, GripperSignals, close_as_test
+from yumi.driver.gripper import GripperSetup, GripperSignals, RwsGripper, close_as_test
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.robot_state import Report, arms_in_words
@@ -109,7 +109,7 @@ class Connection:
     """
 
     executor: MotionExecutor
-    grippers: Mapping[Side, Gripper]
+    grippers: Mapping[Side, RwsGripper]
     manager: RobotManager
     _robot: CommandedRobot
     _elsewhere: Elsewhere

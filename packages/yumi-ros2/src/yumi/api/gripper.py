@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
-from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripperGoal, Outcome, go_to, grip
+from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripOutcome, GripperGoal, go_to, grip
 from abb_protocols.robot.joints import Side
 
 if TYPE_CHECKING:  # yumi.pose takes no more than poses need
@@ -31,7 +31,7 @@ class Grip:
         width: distance between the fingers [m].
     """
 
-    outcome: Outcome
+    outcome: GripOutcome
     width: float
 
 
@@ -53,7 +53,7 @@ class Gripper:
     def __init__(
         self,
         side: Side,
-        gripper: Callable[[], driver.Gripper],
+        gripper: Callable[[], driver.RwsGripper],
         force: float,
         picked_pressure: float = PICKED_PRESSURE,
         check_not_stopped: Callable[[], None] = lambda: None,
@@ -103,7 +103,7 @@ class Gripper:
         if not 0.0 < width <= 2.0 * TRAVEL:  # NaN too
             raise CommandRefused(message("gripper_width_out_of_range", width=width, most=2.0 * TRAVEL))
         result = self._command(go_to(width / 2.0))
-        if result.outcome is Outcome.STALLED:
+        if result.outcome is GripOutcome.STALLED:
             raise GoalNotReached(
                 message("gripper_stopped_short", gripper=self.side.word, width=result.width, wanted=width)
             )
@@ -130,7 +130,7 @@ class Gripper:
             raise CommandRefused(message("object_width_out_of_range", width=width, most=2.0 * TRAVEL))
         self._direction = Direction.OUTWARDS if outwards else Direction.INWARDS
         result = self._command(grip(self._direction, self._force if force is None else force))
-        if result.outcome is not Outcome.HOLDING:
+        if result.outcome is not GripOutcome.HOLDING:
             raise GoalNotReached(message("gripper_holds_nothing", gripper=self.side.word, outcome=result.outcome.value))
         if width is not None and abs(result.width - width) > WIDTH_TOLERANCE:
             raise GoalNotReached(
@@ -148,7 +148,7 @@ class Gripper:
         if self._direction is Direction.INWARDS:
             return self.open()
         result = self._command(go_to(0.0))
-        if result.outcome is Outcome.STALLED:
+        if result.outcome is GripOutcome.STALLED:
             raise GoalNotReached(
                 message("gripper_stopped_short", gripper=self.side.word, width=result.width, wanted=0.0)
             )

@@ -14,14 +14,14 @@ from abb_protocols.robot.kinematics import compose, inverse, tool0_to_body
 from abb_runtime.clock import Clock
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.joint_positions import Position, TimedPosition, checked_goal, checked_scale, timed_points
-from yumi.api.motion_registry import Motion, MotionRegistry, Way
+from yumi.api.motion_registry import Motion, MotionRegistry, MotionWay
 from yumi.api.poses import pose_from
 from yumi.api.postures import posture_for
 from yumi.api.streams import ArmStreams
 from yumi.control.controllers.joint_goal import JointGoal
 from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
-from yumi.control.motion.point_motion import PointMotion, travel
+from yumi.control.motion.point_motion import PointMotion, point_travel
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint, slower
 from yumi.control.speed_scale import FULL
@@ -112,7 +112,7 @@ class MotionExecutor(ArmStreams):
         for side, goal in checked.items():
             plan = None
             with suppress(CommandRefused):  # a way that bends, as the arm moved when it got its goal
-                plan = travel(Setpoint(starts[side]), goal, limits[side])
+                plan = point_travel(Setpoint(starts[side]), goal, limits[side])
             motions[side].follow_way(partial(self._way_to_goal, side, starts[side], goal, plan))
         return sent
 
@@ -266,12 +266,12 @@ class MotionExecutor(ArmStreams):
         scales = speed_scale or values["speed_scale"], acceleration or values["acceleration_scale"]
         return slower(YUMI_LIMITS, *scales, values["top_speed"])
 
-    def _way_to_goal(self, side: Side, start: Joints, goal: Joints, motion: PointMotion | None) -> Way:
+    def _way_to_goal(self, side: Side, start: Joints, goal: Joints, motion: PointMotion | None) -> MotionWay:
         """By how far the arm is on the straight way, whose times are those of a motion that begins at rest."""
         whole = dist(start, goal)
         progress = 1.0 - min(1.0, dist(self.control.snapshot(side).position, goal) / whole) if whole else 1.0
         if motion is None:
-            return Way(progress, None)
+            return MotionWay(progress, None)
         # Distances on the way grow with time: the time at which it is as far as the arm is now.
         early, late = 0.0, motion.duration
         for _ in range(20):  # to a millionth
@@ -280,11 +280,11 @@ class MotionExecutor(ArmStreams):
                 early = middle
             else:
                 late = middle
-        return Way(progress, (motion.duration - late) / self._speed_scale())
+        return MotionWay(progress, (motion.duration - late) / self._speed_scale())
 
-    def _way_on_trajectory(self, motion: Motion, duration: float) -> Way:
+    def _way_on_trajectory(self, motion: Motion, duration: float) -> MotionWay:
         newest = next((it for it in self.trajectories(motion.side) if it.goal == motion.identity), None)
         if newest is None:
-            return Way(0.0, None)
+            return MotionWay(0.0, None)
         time, scale = min(max(newest.progress, 0.0), duration), newest.scale
-        return Way(time / duration if duration else 1.0, (duration - time) / scale if scale > 0.0 else None)
+        return MotionWay(time / duration if duration else 1.0, (duration - time) / scale if scale > 0.0 else None)

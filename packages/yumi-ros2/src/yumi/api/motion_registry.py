@@ -27,13 +27,13 @@ from yumi.control.loop_events import (
 from yumi.control.shared_state import Limited
 from yumi.control.stream_monitor import StreamReport
 from yumi.control.tool_limits import ToolLimited
-from yumi.control.trajectory_commands import Outcome, TrajectoryEnded
+from yumi.control.trajectory_commands import TrajectoryEnded, TrajectoryOutcome
 from yumi.driver.stops import Cause, explained
 
 log = logging.getLogger(__name__)
 
 
-class Way(NamedTuple):
+class MotionWay(NamedTuple):
     """How far a motion is: from 0 to 1, and the time it still takes [s], None where that is unknown."""
 
     progress: float
@@ -48,30 +48,30 @@ class Motion:
         self.identity = identity
         self.future: Future[None] = Future()
         self.future.set_running_or_notify_cancel()  # a wait that is given up does not end the motion
-        self._way: Callable[[], Way] = lambda: Way(0.0, None)
+        self._way: Callable[[], MotionWay] = lambda: MotionWay(0.0, None)
         self._last = 0.0  # progress when it was asked for last
 
     def __repr__(self) -> str:
         way = "ended" if self.is_done else f"under way, {self.progress:.0%}"
         return f"<yumi.Motion {self.identity} of the {self.side.word} arm: {way}>"
 
-    def follow_way(self, way: Callable[[], Way]) -> None:
+    def follow_way(self, way: Callable[[], MotionWay]) -> None:
         """Know from now on how far it is, until it ends."""
         self._way = way
         # It leads to Ruckig, which lists on standard error what is left of it at the program's end.
         self.future.add_done_callback(self._forget_way)
 
     def _forget_way(self, _: object) -> None:
-        self._way = lambda: Way(self._last, None)
+        self._way = lambda: MotionWay(self._last, None)
 
     @property
-    def way(self) -> Way:
+    def way(self) -> MotionWay:
         """How far it is: :attr:`progress` and :attr:`remaining` at the same moment."""
         if not self.is_done:
             way = self._way()
             self._last = way.progress
             return way
-        return Way(1.0 if self.future.exception() is None else self._last, 0.0)
+        return MotionWay(1.0 if self.future.exception() is None else self._last, 0.0)
 
     @property
     def progress(self) -> float:
@@ -196,7 +196,7 @@ class MotionRegistry:
         if isinstance(report, GoalEnded):
             self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.said)
         elif isinstance(report, TrajectoryEnded):
-            self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.said)
+            self._end(report.goal, report.outcome is TrajectoryOutcome.SUCCEEDED, report.said)
         elif isinstance(report, ToolLimited | ChunksExhausted):
             self._log(logging.INFO, f"{event.side.word.capitalize()} arm: {report}")
         elif isinstance(report, StreamReport):

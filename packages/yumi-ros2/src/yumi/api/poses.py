@@ -112,7 +112,7 @@ def numbers_from(values: Any, count: int, name: Message | str) -> list[float]:
 
 
 @dataclass
-class Frames:
+class PoseFrames:
     """Tools and work objects of a robot by name; scripts add their own.
 
     Attributes:
@@ -154,7 +154,7 @@ def checked_angle(angle: SupportsFloat) -> float:
 
 
 def waypoints_from(
-    frames: Frames, poses: Sequence[PoseLike], work_object: PoseLike | str | None, angle: float | None
+    frames: PoseFrames, poses: Sequence[PoseLike], work_object: PoseLike | str | None, angle: float | None
 ) -> tuple[Waypoint, ...]:
     """Poses given in a work object as waypoints in the body frame; the arm angle is that of the last."""
     base = frames.work_object(work_object)

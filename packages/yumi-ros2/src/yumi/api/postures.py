@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from abb_protocols.catalogue import message, quoted
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.confdata import Configuration, configuration
+from abb_protocols.robot.confdata import Confdata, configuration
 from abb_protocols.robot.inverse_kinematics import (
     Unreachable,
     arm_angle,
@@ -32,7 +32,7 @@ def posture_for(
     side: Side,
     tool0: Pose,
     angle: float | None,
-    desired: Configuration | Sequence[int] | None,
+    desired: Confdata | Sequence[int] | None,
     now: Joints,
     limits: JointLimits,
 ) -> Joints:

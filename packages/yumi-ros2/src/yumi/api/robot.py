@@ -20,7 +20,7 @@ from yumi.api.joint_positions import Position, TimedPosition, checked_goal
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE, MotionExecutor
 from yumi.api.motion_registry import Motion
 from yumi.api.obstacles import boxes_from
-from yumi.api.poses import Frames, PoseLike, poses_from, waypoints_from
+from yumi.api.poses import PoseFrames, PoseLike, poses_from, waypoints_from
 from yumi.api.robot_arm import Arm
 from yumi.control.chunk_commands import MOST_JUMP
 from yumi.control.goals import Tracking, stream_delay
@@ -67,7 +67,7 @@ class Robot:
         self._modules = {side: settings.gripper.modules(side) for side in Side}
         self._collision = settings.collision
         self._planner: Planner | None = None  # made when the first motion is planned
-        self._frames = Frames()
+        self._frames = PoseFrames()
         force, picked = settings.gripper.force, settings.gripper.picked_pressure
         self.right, self.left = (
             Arm(
@@ -582,7 +582,7 @@ class Robot:
     def _datagram(self, side: Side) -> bytes:
         return self._connected.datagram(side)
 
-    def _gripper(self, side: Side) -> driver.Gripper:
+    def _gripper(self, side: Side) -> driver.RwsGripper:
         return self._connected.grippers[side]
 
     @property

@@ -28,7 +28,7 @@ from yumi.api.gripper import Gripper
 from yumi.api.joint_positions import Position, TimedPosition, in_degrees
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion
-from yumi.api.poses import TOOL0, Frames, PoseLike, ToolPose, checked_angle, numbers_from, pose_from, waypoints_from
+from yumi.api.poses import TOOL0, PoseFrames, PoseLike, ToolPose, checked_angle, numbers_from, pose_from, waypoints_from
 from yumi.api.postures import posture_for, postures_of
 from yumi.control.goals import Tracking, stream_delay
 from yumi.control.shared_state import Snapshot
@@ -61,13 +61,13 @@ class Arm:
         executor: Callable[[], MotionExecutor],
         gripper: Gripper,
         datagram: Callable[[], bytes] = lambda: b"",
-        frames: Frames | None = None,
+        frames: PoseFrames | None = None,
         tcp: Callable[[], Pose] = lambda: TOOL0,
     ) -> None:
         self.side = side
         self.gripper = gripper
         self.tool: PoseLike | str | None = None
-        self._frames = frames or Frames()
+        self._frames = frames or PoseFrames()
         self._tcp = tcp
         self._executor = executor
         self._datagram = datagram

@@ -30,7 +30,7 @@ from yumi.control.hand_over import Commander, is_person_requesting, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.stream_begin import NEAR, Blend
-from yumi.control.shared_state import Deadline
+from yumi.control.shared_state import SharedDeadline
 from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
@@ -365,7 +365,7 @@ class ArmStreams(ArmAccess):
                 desired = twist_goal(session, goal.twist, FINGERTIPS, is_in_tool=goal.is_in_tool, time=time)
             buffer.write(desired._replace(speed=goal.speed, turning=goal.turning))
         self._followed[side] = _number(buffer)
-        self.control.buffers[side].deadline.write(Deadline(until - LINK_LOST, LINK_LOST, activation))
+        self.control.buffers[side].deadline.write(SharedDeadline(until - LINK_LOST, LINK_LOST, activation))
 
     def is_following(self, side: Side) -> bool:
         """Whether an arm follows the goals of its device, and nothing else has given it any."""
@@ -386,7 +386,7 @@ class ArmStreams(ArmAccess):
             # As at the end of a jog.
             self.control.call(Commands.send_commands, ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory()))
             _, _, activation = self.streaming[side]
-            self.control.buffers[side].deadline.write(Deadline(self.clock.now(), inf, activation))
+            self.control.buffers[side].deadline.write(SharedDeadline(self.clock.now(), inf, activation))
         else:
             self.stop((side,))
 

@@ -37,7 +37,7 @@ from abb_runtime.options import (
     speed_scale_option,
     yes_option,
 )
-from abb_runtime.process.command_process import Command
+from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import PASSWORD_VARIABLE
 from abb_runtime.udp import free_port
@@ -46,7 +46,7 @@ from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.settings import RobotSettings, read_settings
 
 if TYPE_CHECKING:
-    from yumi.ros.move_and_grab import ArmReport, Progress
+    from yumi.ros.move_and_grab import MoveAndGrabArmReport, MoveAndGrabProgress
 
 _INTERRUPTED = 130
 _PICTURE = Path("demo_joint_paths.png")
@@ -97,8 +97,8 @@ Confirm = Callable[[str, Callable[[], None]], bool]
 
 
 def run_demo(
-    plan: DemoPlan, progress: Progress, is_cancelled: Callable[[], bool], confirm: Confirm = lambda *_: False
-) -> Mapping[Side, ArmReport]:
+    plan: DemoPlan, progress: MoveAndGrabProgress, is_cancelled: Callable[[], bool], confirm: Confirm = lambda *_: False
+) -> Mapping[Side, MoveAndGrabArmReport]:
     """Run the task from start to end; on any way out motion is stopped and every process has ended.
 
     Args:
@@ -137,14 +137,18 @@ def run_demo(
             progress.step("start the virtual controller")
             ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
             arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
-            controller = Command("virtual controller", "yumi", arguments, plan.logs / "controller.log", plan.secrets)
+            controller = CommandProcess(
+                "virtual controller", "yumi", arguments, plan.logs / "controller.log", plan.secrets
+            )
             stack.enter_context(controller)
             import_module("yumi.ros.move_and_grab")  # takes a second, as the start of the controller does
             address = controller.wait_until_ready(_READY_TIMEOUT, check)
             progress.note(address)
             where = ("--robot", address.removeprefix("http://"), *ports)
         progress.step("start the driver")
-        command = Command("driver", "yumi", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
+        command = CommandProcess(
+            "driver", "yumi", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets
+        )
         driver = stack.enter_context(command)
         progress.note(driver.wait_until_ready(_READY_TIMEOUT, check, show_announcement))
         approaches = not plan.robot and read_settings().collision.enabled  # as the driver's own
@@ -194,8 +198,8 @@ def read_positions(robot: RobotSettings) -> Mapping[Side, Joints]:
 
 
 def _run_application(
-    progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool], *, approaches: bool
-) -> Mapping[Side, ArmReport]:
+    progress: MoveAndGrabProgress, check: Callable[[], None], confirm: Callable[[str], bool], *, approaches: bool
+) -> Mapping[Side, MoveAndGrabArmReport]:
     from yumi.ros.move_and_grab import MoveAndGrab  # noqa: PLC0415
     from yumi.ros.ros_driver import close_ros, open_ros  # noqa: PLC0415 - the command line works without ROS
 
@@ -278,7 +282,7 @@ class DemoScreen:
             if was_shown:
                 self._bars.start()
 
-    def table(self, reports: Mapping[Side, ArmReport]) -> None:
+    def table(self, reports: Mapping[Side, MoveAndGrabArmReport]) -> None:
         """Print what became of each arm."""
         table = Table("arm", "time to goal", "joint error", "missed cycles", "gripper")
         for side, report in reports.items():

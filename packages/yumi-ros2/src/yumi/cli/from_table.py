@@ -12,7 +12,7 @@ import click
 import msgspec
 
 from abb_protocols.errors import CommandRefused, SettingsError
-from abb_runtime.options import ARM, ARMS, JsonOutput, Measure, json_option, robot_option
+from abb_runtime.options import ARM, ARMS, JsonOutput, OptionNumber, json_option, robot_option
 from yumi.api.attach import RunningDriver, attach
 from yumi.driver.command import Arm, ArmNames, Command
 
@@ -77,7 +77,7 @@ def _parameter(field: msgspec.structs.FieldInfo) -> click.Parameter:
     elif get_origin(kind) is Literal:
         shown = click.Choice(get_args(kind))
     elif meta.extra is not None:
-        shown = Measure(field.name, 0.0, meta.extra["to"], is_open=True)
+        shown = OptionNumber(field.name, 0.0, meta.extra["to"], is_open=True)
     if field.required:
         return click.Argument([field.name], type=shown)
     option = f"--{field.name.replace('_', '-')}"

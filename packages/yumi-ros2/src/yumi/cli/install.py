@@ -34,7 +34,7 @@ from yumi.driver.launch_checks import EgmAddress, LaunchChecks
 
 if TYPE_CHECKING:
     from abb_protocols.rws.documents import SystemInfo
-    from yumi.driver.commissioning.installation import Installation, Plan
+    from yumi.driver.commissioning.installation import Installation, InstallationPlan
 
 
 @click.command()
@@ -150,7 +150,7 @@ def uninstall(config: Path | None, yes: bool, dry_run: bool, json_output: JsonOu
         )
 
 
-def _stop_at_refusals(session: _Session, plan: Plan) -> None:
+def _stop_at_refusals(session: _Session, plan: InstallationPlan) -> None:
     """End with code 1 where the plan cannot be carried out now."""
     if plan.refusals:
         session.finish("Nothing was changed.", plan)
@@ -204,7 +204,7 @@ class _Session:
         if not self.json_output.is_printed:
             click.echo(text)
 
-    def finish(self, outcome: str, plan: Plan | None = None, **more: object) -> None:
+    def finish(self, outcome: str, plan: InstallationPlan | None = None, **more: object) -> None:
         """Print the result."""
         value: dict[str, object] = {"robot": self.client.address, "outcome": outcome}
         if plan is not None:
@@ -226,7 +226,7 @@ class _Session:
             if finding.verdict is not Verdict.OK:
                 self.say(f"Note: {finding.found}; {finding.remedy}.")
 
-    def show(self, plan: Plan) -> None:
+    def show(self, plan: InstallationPlan) -> None:
         """The plan, like a diff."""
         colours = {"+": "green", "-": "red", "~": "yellow"}
         for note in plan.notes:
@@ -240,14 +240,14 @@ class _Session:
 @contextmanager
 def _session(config: Path | None, json_output: JsonOutput, options: dict[str, Any]) -> Iterator[_Session]:
     from yumi.driver.commissioning.installation import Installation  # noqa: PLC0415 - a quick --help
-    from yumi.driver.commissioning.installation_record import Record  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.installation_record import InstallationRecord  # noqa: PLC0415 - a quick --help
 
     client, remote, addresses = controller_for_doctor(config, options)
     try:
         system = client.connect()
         LaunchChecks(client).check_robot(system)
         identity = client.identity()
-        record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
+        record = InstallationRecord.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
         installation = Installation(client, record, _Progress(json_output.is_printed))
         session = _Session(client, system, remote, addresses, installation, json_output)
         version = ".".join(map(str, system.robotware))

@@ -24,7 +24,7 @@ from abb_runtime.options import (
     ARMS,
     SCALE,
     JsonOutput,
-    Measure,
+    OptionNumber,
     json_option,
     robot_option,
     speed_scale_option,
@@ -50,7 +50,7 @@ from yumi.driver.reports import MotionReport
 
 @click.command()
 @click.option("--watch", is_flag=True, help="Print it again and again, until Ctrl-C.")
-@click.option("--rate", type=Measure("rate", 0.1, 60.0, is_open=False), default=1.0, help="So often a second.")
+@click.option("--rate", type=OptionNumber("rate", 0.1, 60.0, is_open=False), default=1.0, help="So often a second.")
 @robot_option()
 @json_option
 def state(watch: bool, rate: float, robot: str | None, json_output: JsonOutput) -> None:
@@ -168,7 +168,7 @@ def _complete_goal(context: click.Context, parameter: click.Parameter, incomplet
 @timeout_option()
 @click.option("--pose", is_flag=True, help="GOAL is a place of the tool, x y z [m], and w x y z of its orientation.")
 @click.option("--linear", is_flag=True, help="Move the tool to the pose on a straight line.")
-@click.option("--speed", type=Measure("speed", 0.0, 1.5, is_open=True), help="Of the tool on the line [m/s].")
+@click.option("--speed", type=OptionNumber("speed", 0.0, 1.5, is_open=True), help="Of the tool on the line [m/s].")
 @of_driver
 def move(
     driver: RunningDriver,

@@ -13,7 +13,7 @@ import click
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.rws.documents import Page, State, decode_form
+from abb_protocols.rws.documents import Page, RwsState, decode_form
 from abb_protocols.rws.values import Resource
 from abb_runtime.options import FILE, NEW_FILE, JsonOutput, count_option, json_option
 from abb_runtime.rws.client import EXECUTION, Change, RwsClient, event_log, signal_state, variable_value
@@ -256,11 +256,11 @@ def _print(page: Page | None, json_output: JsonOutput) -> None:
         click.echo(text)
 
 
-def _states_text(states: Sequence[State]) -> str:
+def _states_text(states: Sequence[RwsState]) -> str:
     return json.dumps([_as_object(state) for state in states], indent=2, ensure_ascii=False)
 
 
-def _as_object(state: State) -> dict[str, object]:
+def _as_object(state: RwsState) -> dict[str, object]:
     value: dict[str, object] = {"type": state.type, "title": state.title, **state.fields}
     if state.children:
         value["items"] = [_as_object(child) for child in state.children]

@@ -16,7 +16,7 @@ import msgspec
 
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import CommandRefused, SettingsError
-from abb_runtime.options import ARMS, JsonOutput, Measure, json_option, robot_option
+from abb_runtime.options import ARMS, JsonOutput, OptionNumber, json_option, robot_option
 from yumi.api.attach import attach
 from yumi.api.input_device import find_devices, open_device
 from yumi.api.teleoperation_devices import Device, Gamepad, Leader, LeaderArm, SpaceMouse, teleoperate
@@ -28,7 +28,7 @@ _DEFAULT = DeviceSettings()
 
 
 def _of_settings(name: str, lowest: float, highest: float, default: float, text: str) -> Callable[..., Any]:
-    kind = Measure(name, lowest, highest, is_open=False)
+    kind = OptionNumber(name, lowest, highest, is_open=False)
     return click.option(f"--{name}", type=kind, default=default, show_default=True, help=text)
 
 

@@ -49,7 +49,7 @@ from abb_runtime.options import (
     speed_scale_option,
     until_stdin_closes_option,
 )
-from abb_runtime.process.command_process import DRIVER_READY, DRIVER_RUNNING, PAGE_READY, Command
+from abb_runtime.process.command_process import DRIVER_READY, DRIVER_RUNNING, PAGE_READY, CommandProcess
 from abb_runtime.process.realtime import release_process, settle_memory, short_switch_interval
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.process.supervision import Failures, SupervisedThread, start_thread
@@ -624,7 +624,7 @@ def _started(name: str, arguments: tuple[str, ...], logs: Path, is_over: Flag) -
         click.echo(line, err=True)
 
     logs.mkdir(parents=True, exist_ok=True)
-    command: Any = Command(name, "yumi", arguments, logs / f"{name.replace(' ', '_')}.log")
+    command: Any = CommandProcess(name, "yumi", arguments, logs / f"{name.replace(' ', '_')}.log")
     with command:
         yield command.wait_until_ready(_READY_TIMEOUT, check, show)
 

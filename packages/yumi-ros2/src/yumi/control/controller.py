@@ -174,7 +174,7 @@ def allowed(state: State) -> tuple[Transition, ...]:
     return tuple(transition for (source, transition) in TRANSITIONS if source is state)
 
 
-def find_parameter(parameters: Iterable[Parameter], name: str) -> Parameter | None:
+def find_controller_parameter(parameters: Iterable[Parameter], name: str) -> Parameter | None:
     """The parameter called ``name``, or the group of fixed ones that it belongs to."""
     known = {parameter.name: parameter for parameter in parameters}
     words = name.split(".")
@@ -182,7 +182,7 @@ def find_parameter(parameters: Iterable[Parameter], name: str) -> Parameter | No
     return known.get(name) or next((each for each in groups if each and each.is_group), None)
 
 
-def check_joints(values: Values, joint_names: Sequence[str], *, in_order: bool) -> None:
+def check_controller_joints(values: Values, joint_names: Sequence[str], *, in_order: bool) -> None:
     """Refuse a parameter ``joints`` that does not name the joints of the arm.
 
     Args:

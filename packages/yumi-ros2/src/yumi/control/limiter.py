@@ -41,13 +41,13 @@ if len(_TABLE) != TABLE.size:
     raise RuntimeError(f"the core's table has {TABLE.size} entries, and that of limiter_state.py {len(_TABLE)}")
 
 
-def state_of(values: tuple[Any, ...]) -> ArmState:
+def limiter_arm_state(values: tuple[Any, ...]) -> ArmState:
     """Of what the core has packed."""
     time, dt, session = values[:3]
     return ArmState(time, dt, session, values[3:10], values[10:17], values[17:24], values[24] != 0)
 
 
-def command_of(values: tuple[Any, ...]) -> ArmCommand:
+def limiter_arm_command(values: tuple[Any, ...]) -> ArmCommand:
     """Of what the core has packed."""
     return ArmCommand(values[:7], values[7:14] if values[14] else ZERO)
 
@@ -177,7 +177,7 @@ class Limiter:
         A position that no arm can have reached is replaced by the last plausible one, and the plan by where the
         references lead it, as long as it is in doubt.
         """
-        return state_of(_get_state(self._exchange))
+        return limiter_arm_state(_get_state(self._exchange))
 
     def sent(self) -> ArmCommand:
         """The command that was limited last.
@@ -185,7 +185,7 @@ class Limiter:
         The first of a session in which the robot does not follow yet equals the measured position: a robot that begins
         to follow finds no step. So do the commands while the robot does not follow, once they have come there.
         """
-        return command_of(_get_command(self._exchange, _COMMAND_AT))
+        return limiter_arm_command(_get_command(self._exchange, _COMMAND_AT))
 
     def done(self, result: int) -> int:
         """What the core returned.

@@ -32,7 +32,7 @@ from yumi.control.loop_events import (
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.standstill import AT_GOAL
-from yumi.control.shared_state import PROBLEMS, Deadline, JointStates, Limited, Problem, Snapshot
+from yumi.control.shared_state import PROBLEMS, JointStates, Limited, Problem, SharedDeadline, Snapshot
 from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.control.stage_times import AFTER_REPLY, StageClock
 
@@ -88,7 +88,7 @@ class ArmLoop:
         speed: SpeedScale | None = None,
         collisions: CollisionLimiter | None = None,
         read_joints: Buffer[JointStates] | None = None,
-        deadline: Buffer[Deadline] | None = None,
+        deadline: Buffer[SharedDeadline] | None = None,
     ) -> None:
         self.manager = manager
         self.collisions = collisions

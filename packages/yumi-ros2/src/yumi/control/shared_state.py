@@ -199,7 +199,7 @@ class TrajectoryFeedback(NamedTuple):
     monitor_period: float
 
 
-class Deadline(NamedTuple):
+class SharedDeadline(NamedTuple):
     """Until when the one who commands an arm must be heard again.
 
     Attributes:

@@ -138,7 +138,7 @@ class ScaleSpeed:
     factor: float
 
 
-class Outcome(Enum):
+class TrajectoryOutcome(Enum):
     """How a motion ended: the terminal states of a ROS action."""
 
     SUCCEEDED = "succeeded"
@@ -159,7 +159,7 @@ class TrajectoryEnded:
     """
 
     goal: int
-    outcome: Outcome
+    outcome: TrajectoryOutcome
     code: ResultCode
     said: Message
     skew: Skew | None = None

@@ -49,7 +49,7 @@ TOOL_FRAME = JOINT_COUNT
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class CollisionPart:
     """A capsule that moves with a link or with tool0.
 
     Attributes:
@@ -104,7 +104,7 @@ class Distance:
 LINK_NAMES = ("shoulder", "upper arm", "upper arm", "elbow", "forearm", "wrist", "flange")
 
 
-def gripper_parts(modules: GripperModules) -> tuple[Part, ...]:
+def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
     """The gripper with its fingers in any opening, its camera and its cups (reference/yumi.md §2.2, §2.4)."""
     (body,) = GRIPPER_SHAPES
     half_x, half_y, height = (value / 1000.0 for value in body.high_mm)
@@ -115,7 +115,9 @@ def gripper_parts(modules: GripperModules) -> tuple[Part, ...]:
     radius = corner + _ROUND_END
     inset = sqrt(radius * radius - corner * corner)
     parts = [
-        Part("gripper", TOOL_FRAME, (x * half_x, y * half_y, inset), (x * half_x, y * half_y, height - inset), radius)
+        CollisionPart(
+            "gripper", TOOL_FRAME, (x * half_x, y * half_y, inset), (x * half_x, y * half_y, height - inset), radius
+        )
         for x in columns
         for y in rows
     ]
@@ -127,11 +129,13 @@ def gripper_parts(modules: GripperModules) -> tuple[Part, ...]:
     half_y = max(abs(low_y + origin[1]), abs(high_y + origin[1]))
     for index in range(slices):
         z = origin[2] + low_z + (index + 0.5) * step
-        parts.append(Part("fingers", TOOL_FRAME, (-reach, 0.0, z), (reach, 0.0, z), hypot(half_y, step / 2.0)))
+        parts.append(CollisionPart("fingers", TOOL_FRAME, (-reach, 0.0, z), (reach, 0.0, z), hypot(half_y, step / 2.0)))
     if modules.has_camera:
-        parts.append(Part("camera", TOOL_FRAME, (-0.0073, 0.0, 0.0351), (-0.0073, 0.0283, 0.0351), 0.015))
+        parts.append(CollisionPart("camera", TOOL_FRAME, (-0.0073, 0.0, 0.0351), (-0.0073, 0.0283, 0.0351), 0.015))
     for channel, side in zip(modules.vacuum_channels, (1.0, -1.0), strict=False):
-        parts.append(Part(f"cup {channel}", TOOL_FRAME, (0.0, 0.0185, 0.0375), (side * 0.0635, 0.0185, 0.0375), 0.012))
+        parts.append(
+            CollisionPart(f"cup {channel}", TOOL_FRAME, (0.0, 0.0185, 0.0375), (side * 0.0635, 0.0185, 0.0375), 0.012)
+        )
     return tuple(parts)
 
 
@@ -145,7 +149,7 @@ MAX_TOOLS = 20
 """So many tools of an arm may be declared; each is compared with every part of the other arm."""
 
 
-def check_declared(tools: Mapping[Side, Sequence[Part]], obstacles: Sequence[Obstacle]) -> None:
+def check_declared(tools: Mapping[Side, Sequence[CollisionPart]], obstacles: Sequence[Obstacle]) -> None:
     """Check names and number of what a user declares.
 
     A margin, and whether two parts may touch, is looked up by name: a name means one thing.
@@ -234,7 +238,7 @@ class CollisionModel:
         self,
         grippers: Mapping[Side, GripperModules],
         *,
-        tools: Mapping[Side, Sequence[Part]] | None = None,
+        tools: Mapping[Side, Sequence[CollisionPart]] | None = None,
         obstacles: Sequence[Obstacle] = (),
         padding: float = PADDING,
     ) -> None:
@@ -242,7 +246,7 @@ class CollisionModel:
         self.names: list[str] = []
         self.arms: dict[Side, slice] = {}
         frames: list[int] = []
-        parts: dict[Side, tuple[Part, ...]] = {}
+        parts: dict[Side, tuple[CollisionPart, ...]] = {}
         for side in Side:
             own = parts[side] = (*link_parts(), *gripper_parts(grippers[side]), *(tools or {}).get(side, ()))
             self.arms[side] = slice(len(self.names), len(self.names) + len(own))
@@ -330,7 +334,7 @@ def _axes(position: Vector, orientation: Quaternion) -> list[float]:
     return [*matrix(orientation).T.ravel().tolist(), *position]
 
 
-def _reach(part: Part, side: Side) -> list[float]:
+def _reach(part: CollisionPart, side: Side) -> list[float]:
     """By how much a radian of each joint moves the axis of a part, at most, (7,) [m/rad]."""
     reach, behind = [0.0] * JOINT_COUNT, max(hypot(*part.start), hypot(*part.end))
     if part.frame == TOOL_FRAME:
@@ -342,7 +346,7 @@ def _reach(part: Part, side: Side) -> list[float]:
     return reach
 
 
-def link_parts() -> tuple[Part, ...]:
+def link_parts() -> tuple[CollisionPart, ...]:
     """The arm's links, the same on both arms."""
     parts = []
     for frame, shapes in enumerate(LINK_SHAPES):
@@ -352,7 +356,7 @@ def link_parts() -> tuple[Part, ...]:
             start, end = (
                 (x / 1000.0, y / 1000.0, z / 1000.0) for x, y, z in (shape.start_mm, shape.end_mm)
             )  # a cylinder lies inside the capsule of its axis and radius
-            parts.append(Part(LINK_NAMES[frame], frame, start, end, shape.radius_mm / 1000.0))
+            parts.append(CollisionPart(LINK_NAMES[frame], frame, start, end, shape.radius_mm / 1000.0))
     return tuple(parts)
 
 

@@ -30,7 +30,7 @@ from yumi.control.goals import CONFIGURED_DELAY
 from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import CommandPort, Commands
 from yumi.control.shared_state import JointStates, Snapshots
-from yumi.driver.gripper import Check, Gripper
+from yumi.driver.gripper import Check, RwsGripper
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.reports import (
     ArmReport,
@@ -351,7 +351,7 @@ class CommandedRobot:
     manager: RobotManager
     control: Control
     datagram: Callable[[Side], bytes]
-    grippers: Mapping[Side, Gripper]
+    grippers: Mapping[Side, RwsGripper]
     gripper_state: Callable[[Side], GripperState | None]
     force: float
     mover: Mover

@@ -36,7 +36,7 @@ from yumi.driver.command import (
 )
 from yumi.driver.motion_commands import Follow, Jog, JogTool, Move, Stream, Teleoperate
 from yumi.driver.reports import ControllerStatus, DriverState, GripReport
-from yumi.driver.robot_state import Mode, arms_in_words
+from yumi.driver.robot_state import RobotMode, arms_in_words
 from yumi.driver.surroundings import Surroundings
 
 _SCRIPT = frozenset({FrontEnd.SCRIPT})
@@ -151,15 +151,15 @@ class SetMode(Command[str], frozen=True):
 
     @property
     def is_stop(self) -> bool:
-        return self.mode == Mode.MOTORS_OFF.value
+        return self.mode == RobotMode.MOTORS_OFF.value
 
     def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
-        return Mode(self.mode).arms
+        return RobotMode(self.mode).arms
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         if self.is_stop:  # carried out for who is gone, too
-            return robot.manager.go_to(Mode.MOTORS_OFF, caller.show)
-        return robot.manager.go_to(Mode(self.mode), caller.report, caller.check)
+            return robot.manager.go_to(RobotMode.MOTORS_OFF, caller.show)
+        return robot.manager.go_to(RobotMode(self.mode), caller.report, caller.check)
 
 
 class Recover(Command[str], frozen=True):

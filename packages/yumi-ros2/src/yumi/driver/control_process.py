@@ -42,7 +42,7 @@ from yumi.control.shared_memory import (
     new_cycle_event,
     shared_numbers,
 )
-from yumi.control.shared_state import Deadline, Factor, JointStates, Snapshot, TrajectoryFeedback, read_snapshot
+from yumi.control.shared_state import Factor, JointStates, SharedDeadline, Snapshot, TrajectoryFeedback, read_snapshot
 from yumi.control.tool_goal import ToolGoal
 from yumi.driver.egm_arm import FallbackThread
 
@@ -124,7 +124,7 @@ class ArmBuffers:
         self.tool_path = SharedBuffer(TrajectoryFeedback)
         self.point_goals = SharedBuffer(SessionGoal)
         self.speed_scale = SharedBuffer(Factor)
-        self.deadline = SharedBuffer(Deadline)
+        self.deadline = SharedBuffer(SharedDeadline)
         self.read_joints = SharedBuffer(JointStates)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.datagram = SharedBytes(_LONGEST_DATAGRAM)
@@ -149,7 +149,7 @@ Build = Callable[[Mapping[Side, ArmBuffers]], Mapping[Side, ConnectedArm]]
 """Builds both arms inside the process; must be picklable."""
 
 
-class Call(NamedTuple):
+class ControlProcessCall(NamedTuple):
     """A command on its way through the pipe, with a number that its answer bears, too."""
 
     number: int
@@ -158,7 +158,7 @@ class Call(NamedTuple):
     kwargs: Mapping[str, object]
 
 
-class Stop(NamedTuple):
+class ControlProcessStop(NamedTuple):
     """End the control process when the arms stand."""
 
 
@@ -166,7 +166,7 @@ NO_NUMBER = 0
 """Stands for the number of a command that could not be read."""
 
 
-class Answer(NamedTuple):
+class ControlProcessAnswer(NamedTuple):
     """What the command of that number returned."""
 
     number: int
@@ -174,7 +174,7 @@ class Answer(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
+class ControlProcessRefusal:
     """The command broke a rule and changed nothing; where a switch failed halfway, the message says what it left."""
 
     said: Message
@@ -196,7 +196,7 @@ def run_control_process(
         for fallback in {arm.fallback for arm in arms.values() if arm.fallback is not None}:
             fallback.start()
     except (YumiError, OSError, MemoryError) as error:  # the last two: of limits of the operating system
-        pipe.send(Refusal(said_by(error)))
+        pipe.send(ControlProcessRefusal(said_by(error)))
         return
     processors = AwakeProcessors() if wake is WakeMode.AUTO and AwakeProcessors.are_permitted() else None
     how = "processors kept awake while EGM runs" if processors else "asleep between datagrams"
@@ -354,33 +354,35 @@ class ControlServer:
     def _read_command(self) -> None:
         self._has_command = False
         try:
-            command: Call | Stop = self._pipe.receive()
-            if isinstance(command, Stop):
+            command: ControlProcessCall | ControlProcessStop = self._pipe.receive()
+            if isinstance(command, ControlProcessStop):
                 self._begin_to_end()
             else:
-                self._send(Answer(command.number, self._serve(command)))
+                self._send(ControlProcessAnswer(command.number, self._serve(command)))
         except PipeClosed:
             self._begin_to_end()
             return
         except Exception as error:  # the next one is sound
-            refusal = Refusal(message("command_unreadable", kind=type(error).__name__, reason=said_by(error)))
-            self._send(Answer(NO_NUMBER, refusal))
+            refusal = ControlProcessRefusal(
+                message("command_unreadable", kind=type(error).__name__, reason=said_by(error))
+            )
+            self._send(ControlProcessAnswer(NO_NUMBER, refusal))
         self._watch_pipe()
 
-    def _serve(self, call: Call) -> object:
+    def _serve(self, call: ControlProcessCall) -> object:
         """The answer to a command; one that has failed already for who gave it would be a surprise."""
         if call.number <= self._given_up[0]:
             for side, arm in self._arms.items():
                 arm.manager.deactivate_commanding()
                 self._send(CycleFailed(side, clause(_STOOD_STILL)))
-            return Refusal(message("command_too_late", command=call.name))
+            return ControlProcessRefusal(message("command_too_late", command=call.name))
         command = COMMANDS.get(call.name)
         if command is None:
-            return Refusal(message("command_unknown", command=call.name))
+            return ControlProcessRefusal(message("command_unknown", command=call.name))
         try:
             return serve(self._commands, command, *call.args, **call.kwargs)
         except CommandRefused as refusal:
-            return Refusal(refusal.said)
+            return ControlProcessRefusal(refusal.said)
 
     def _begin_to_end(self) -> None:
         self._stop_at = self._now() + LAST_HOLD
@@ -473,7 +475,7 @@ class ControlProcess:
             first = self._child.pipe.receive()
         except PipeClosed as error:
             raise RobotNotReady(message("control_process_ended_at_start")) from error
-        if isinstance(first, Refusal):
+        if isinstance(first, ControlProcessRefusal):
             self._child.join(_ANSWER_TIMEOUT)
             raise NoConnection(first.said)
         self.started_as = first
@@ -537,7 +539,7 @@ class ControlProcess:
             self._answers.clear()
             self._number += 1  # an answer that comes too late is not taken for that of the next command
             try:
-                self._child.pipe.send(Call(self._number, command.__name__, args, kwargs))
+                self._child.pipe.send(ControlProcessCall(self._number, command.__name__, args, kwargs))
             except PipeClosed as error:
                 raise RobotNotReady(ENDED) from error
             if not self._answered.wait(_ANSWER_TIMEOUT):
@@ -546,7 +548,7 @@ class ControlProcess:
             if not self._answers:
                 raise RobotNotReady(ENDED)
             value = self._answers.pop()
-        if isinstance(value, Refusal):
+        if isinstance(value, ControlProcessRefusal):
             raise CommandRefused(value.said)
         return cast("_T", value)
 
@@ -554,7 +556,7 @@ class ControlProcess:
         """End the process; the arms hold as long as they move."""
         self._is_expected_to_run = False
         with self._lock, suppress(PipeClosed):  # that it has ended by itself is what we want
-            self._child.pipe.send(Stop())
+            self._child.pipe.send(ControlProcessStop())
         self._join()
 
     @property
@@ -582,7 +584,7 @@ class ControlProcess:
                         self._handle(ended)
                         self.hand_over.note(ended)
                 return
-            if not isinstance(value, Answer):
+            if not isinstance(value, ControlProcessAnswer):
                 self._handle(value)
                 self.hand_over.note(value)
             elif value.number in (self._number, NO_NUMBER):

@@ -20,7 +20,7 @@ from abb_protocols.robot.joints import ArmCommand, ArmState
 from abb_runtime.udp import LOST_ON_THE_WAY
 from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle
-from yumi.control.limiter import Limiter, command_of, pack_command, state_of
+from yumi.control.limiter import Limiter, limiter_arm_command, limiter_arm_state, pack_command
 from yumi.control.sampled import Sampled
 from yumi.control.stage_times import DECODE, LIMIT, RECEIVE, SEND, UPDATE, StageClock
 from yumi.core.library import BRAKED, MOST_BRAKED, SAMPLED, ArmExchange, load
@@ -124,7 +124,9 @@ class EgmArm:
     def take_braked(self) -> Sequence[Cycle]:
         count = self._limiter.done(self._library.arm_take_braked(self.handle, self._braked))
         cycles = islice(BRAKED.iter_unpack(self._braked), count)
-        return [Cycle(state_of(values[:_STATE]), None, command_of(values[_STATE:])) for values in cycles]
+        return [
+            Cycle(limiter_arm_state(values[:_STATE]), None, limiter_arm_command(values[_STATE:])) for values in cycles
+        ]
 
     def silence(self, now: float) -> float:
         return self._session.silence(now)

@@ -55,7 +55,7 @@ class Subscribe(EndpointRequest, frozen=True, tag="subscribe"):
     rate: Annotated[float, msgspec.Meta(ge=0.1, le=60.0)] = 30.0
 
 
-class Failure(msgspec.Struct, frozen=True):
+class EndpointFailure(msgspec.Struct, frozen=True):
     """Why a request was refused or failed: the class of the error, what it says, and the stop to confirm."""
 
     kind: str
@@ -63,12 +63,12 @@ class Failure(msgspec.Struct, frozen=True):
     stop: str = ""
 
 
-class Answer(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+class EndpointAnswer(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One line of a driver."""
 
     id: int = 0
     result: msgspec.Raw = msgspec.Raw()
-    error: Failure | None = None
+    error: EndpointFailure | None = None
     step: str = ""
     motions: dict[str, MotionReport] = {}
     state: msgspec.Raw = msgspec.Raw()
@@ -258,7 +258,7 @@ class EndpointClient:
         except OSError as error:
             raise self._lost(said_by(error)) from error
 
-    def _receive(self) -> Answer:
+    def _receive(self) -> EndpointAnswer:
         while b"\n" not in self._received:
             try:
                 data = self._socket.recv(1 << 16)
@@ -268,7 +268,7 @@ class EndpointClient:
                 raise self._lost(message("driver_closed_connection"))
             self._received += data
         line, _, self._received = self._received.partition(b"\n")
-        return self._decode(line, Answer)
+        return self._decode(line, EndpointAnswer)
 
     def _decode(self, data: bytes | msgspec.Raw, kind: type[R]) -> R:
         try:
@@ -280,7 +280,7 @@ class EndpointClient:
         return RobotNotReady(message("driver_connection_lost", name=self.path.name, why=why))
 
 
-def error_of(failure: Failure) -> YumiError:
+def error_of(failure: EndpointFailure) -> YumiError:
     """The exception that a driver's failure stands for."""
     kind: Any = getattr(errors, failure.kind, RobotNotReady)
     if issubclass(kind, errors.RobotNotReady | errors.GoalNotReached):
@@ -293,6 +293,6 @@ def error_of(failure: Failure) -> YumiError:
     )
 
 
-def failure_of(error: YumiError) -> Failure:
+def failure_of(error: YumiError) -> EndpointFailure:
     """What a client gets of an exception."""
-    return Failure(type(error).__name__, Said.of(error.said), getattr(error, "stop", ""))
+    return EndpointFailure(type(error).__name__, Said.of(error.said), getattr(error, "stop", ""))

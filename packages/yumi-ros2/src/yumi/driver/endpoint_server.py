@@ -35,9 +35,9 @@ from yumi.driver.commands import carry_out, offered_to
 from yumi.driver.endpoint import (
     FIRST_REQUEST,
     MAX_REQUEST,
-    Answer,
     Attach,
-    Failure,
+    EndpointAnswer,
+    EndpointFailure,
     Subscribe,
     endpoint_path,
     failure_of,
@@ -89,7 +89,7 @@ class _Client:
         self.timers: dict[Hashable, asyncio.TimerHandle] = {}  # of what ends earlier
         self._loop = loop
 
-    def send(self, answer: Answer) -> None:
+    def send(self, answer: EndpointAnswer) -> None:
         """From the loop's thread."""
         if self.is_gone:
             return
@@ -104,7 +104,7 @@ class _Client:
             self.silence.cancel()
             self.silence = None
 
-    def send_soon(self, answer: Answer) -> None:
+    def send_soon(self, answer: EndpointAnswer) -> None:
         """From any thread."""
         self.call_soon(self.send, answer)
 
@@ -326,15 +326,15 @@ class EndpointServer:
         caller = Caller(
             client,
             client.front_end,
-            lambda step: client.send_soon(Answer(id=command.id, step=step)),
-            lambda motions: client.send_soon(Answer(id=command.id, motions=motions)),
+            lambda step: client.send_soon(EndpointAnswer(id=command.id, step=step)),
+            lambda motions: client.send_soon(EndpointAnswer(id=command.id, motions=motions)),
             lambda: client.is_gone or self._is_over.is_set(),
             lambda name, end, after: client.call_soon(self._hold, client, name, end, after),
             self.elsewhere,
         )
         try:
             result = msgspec.Raw(msgspec.json.encode(carry_out(command, self._robot, caller)))
-            answer = Answer(id=command.id, result=result)
+            answer = EndpointAnswer(id=command.id, result=result)
         except Exception as error:  # a fault of ours, too: the client must not wait for ever
             answer = _failed(command, error)
         client.send_soon(answer)
@@ -374,7 +374,7 @@ class EndpointServer:
                 return
             events = self._robot.events.since(known)
             known = events[-1].number if events else known
-            client.send(Answer(id=request.id, state=state, events=events))
+            client.send(EndpointAnswer(id=request.id, state=state, events=events))
             due = max(due + 1.0 / request.rate, loop.time())
             await asyncio.sleep(due - loop.time())
 
@@ -393,19 +393,19 @@ def _log_failure(work: Future[None]) -> None:
         _log.error("Work for a client of the local endpoint failed", exc_info=error)
 
 
-def _refused(number: int, said: Message) -> Answer:
-    return Answer(id=number, error=Failure("CommandRefused", Said.of(said)))
+def _refused(number: int, said: Message) -> EndpointAnswer:
+    return EndpointAnswer(id=number, error=EndpointFailure("CommandRefused", Said.of(said)))
 
 
-def _failed(request: EndpointRequest, error: Exception) -> Answer:
+def _failed(request: EndpointRequest, error: Exception) -> EndpointAnswer:
     """Why a request failed; what is no refusal is a fault of the driver, which its log shows whole."""
     if isinstance(error, YumiError):
-        return Answer(id=request.id, error=failure_of(error))
+        return EndpointAnswer(id=request.id, error=failure_of(error))
     _log.error("A request of the local endpoint failed: %s", request, exc_info=error)
     return _refused(request.id, message("driver_failed", kind=type(error).__name__, why=said_by(error)))
 
 
-def _not_understood(line: bytes, error: Exception) -> Answer:
+def _not_understood(line: bytes, error: Exception) -> EndpointAnswer:
     """Of what is no request, with the number that it has, so that its client knows which one it was."""
     try:
         number = msgspec.json.decode(line)["id"]

@@ -1,7 +1,7 @@
 """The Smart Gripper over Robot Web Services: commands through the state machine, and subscriptions to its signals.
 
 Whatever is reported here was measured by the gripper; elapsed time decides only that a command has failed. One
-:class:`Gripper` an arm; both share :class:`GripperRoutines`, which has the state machine run their commands, and
+:class:`RwsGripper` an arm; both share :class:`GripperRoutines`, which has the state machine run their commands, and
 :class:`GripperSignals`, which knows their signals by subscription.
 """
 
@@ -29,10 +29,10 @@ from abb_protocols.robot.gripper_values import (
     THINNEST,
     TOP_SPEED,
     Direction,
+    GripOutcome,
     GripperGoal,
     GripperModules,
     GripperState,
-    Outcome,
     ServoCommand,
     ServoState,
     VacuumState,
@@ -94,7 +94,7 @@ def _full_name(side: Side, name: str) -> str:
     return f"{name}_{side.name[0]}"
 
 
-class Gripper:
+class RwsGripper:
     """One gripper: its fingers and its vacuum modules.
 
     What was reported lags behind by what a subscription takes, 50 ms or so; what is asked for costs a request, of which
@@ -195,7 +195,7 @@ class Gripper:
 
     # Fingers
 
-    def calibrate(self, *others: Gripper, check: Check = forbid_nothing) -> None:
+    def calibrate(self, *others: RwsGripper, check: Check = forbid_nothing) -> None:
         """Close the fingers and call that zero; see also :meth:`RobotManager.calibrate`, which sees that they may.
 
         Args:
@@ -258,7 +258,7 @@ class Gripper:
         goal: GripperGoal,
         on_feedback: Callable[[float], None] = lambda position: None,
         is_cancelled: Callable[[], bool] = lambda: False,
-    ) -> Outcome | None:
+    ) -> GripOutcome | None:
         """Wait until ``goal`` has ended; None when it was cancelled, and the fingers stopped.
 
         Args:
@@ -270,7 +270,7 @@ class Gripper:
             RobotNotReady: the gripper reports an error, or still moves when its time is up.
             GoalNotReached: it was stopped.
         """
-        outcome: Outcome | None = None
+        outcome: GripOutcome | None = None
 
         def has_ended() -> bool:
             nonlocal outcome
@@ -293,7 +293,7 @@ class Gripper:
         wait_until(self._clock, has_ended, self._timeout, refusal, period=period)
         return outcome
 
-    def outcome(self, goal: GripperGoal) -> Outcome | None:
+    def outcome(self, goal: GripperGoal) -> GripOutcome | None:
         """How ``goal`` has ended, or None while it goes on.
 
         What was reported may be older than the goal, so that an end counts only when it is found by asking.
@@ -321,7 +321,7 @@ class Gripper:
                 self.clear_error()
             else:
                 self.stop()
-            return Outcome.STALLED
+            return GripOutcome.STALLED
         self._check_error(state)
         return None
 
@@ -530,7 +530,7 @@ class GripperSetup:
 
     def __init__(
         self,
-        grippers: Mapping[Side, Gripper],
+        grippers: Mapping[Side, RwsGripper],
         report: Callable[[str], None],
         warn: Report,
         *,
@@ -575,7 +575,7 @@ class GripperSetup:
         for gripper in chosen:
             self._warnings.pop(gripper.side, None)
 
-    def _is_to_calibrate(self, gripper: Gripper) -> bool:
+    def _is_to_calibrate(self, gripper: RwsGripper) -> bool:
         side = gripper.side
         try:
             if gripper.is_calibrated():
@@ -589,7 +589,7 @@ class GripperSetup:
             self._warn_if_new(side, message("gripper_left_uncalibrated", gripper=side.word, reason=reason))
         return reason is None
 
-    def _why_not_now(self, gripper: Gripper) -> Message | None:
+    def _why_not_now(self, gripper: RwsGripper) -> Message | None:
         if not self._is_allowed:
             return message("calibration_not_allowed_by_settings")
         if not self._is_named():
@@ -608,7 +608,7 @@ def _unusable(side: Side, error: Exception) -> Message:
     return message("gripper_unusable", gripper=side.word, reason=said_by(error))
 
 
-def close_as_test(grippers: Mapping[Side, Gripper], report: Report, warn: Report) -> None:
+def close_as_test(grippers: Mapping[Side, RwsGripper], report: Report, warn: Report) -> None:
     """Close each gripper to see that it does; one that holds something, or is not calibrated, is left as it is.
 
     Args:
@@ -622,7 +622,7 @@ def close_as_test(grippers: Mapping[Side, Gripper], report: Report, warn: Report
                 report(message("gripper_holds_and_was_not_tested", gripper=side.word))
                 continue
             gripper.begin(CLOSED)
-            if gripper.wait(CLOSED) is not Outcome.CLOSED:
+            if gripper.wait(CLOSED) is not GripOutcome.CLOSED:
                 raise RobotNotReady(message("gripper_test_failed", position=gripper.last_position))
             report(message("gripper_tested", gripper=side.word))
         except _FAILURES as error:

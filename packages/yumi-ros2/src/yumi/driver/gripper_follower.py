@@ -9,7 +9,7 @@ from typing import SupportsFloat
 from abb_protocols.catalogue import Message, message, quoted
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripperGoal, go_to, grip
-from yumi.driver.gripper import Check, Gripper, forbid_nothing
+from yumi.driver.gripper import Check, RwsGripper, forbid_nothing
 
 
 def goal_of(closed: float, force: float) -> GripperGoal:
@@ -40,7 +40,7 @@ class GripperFollower:
         refusal: why the last goal was not taken; None where it was.
     """
 
-    def __init__(self, gripper: Gripper, force: float, check: Check = forbid_nothing) -> None:
+    def __init__(self, gripper: RwsGripper, force: float, check: Check = forbid_nothing) -> None:
         self.refusal: Message | None = None
         self._gripper, self._force, self._check = gripper, force, check
         self._lock = Lock()

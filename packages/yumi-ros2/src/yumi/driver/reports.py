@@ -15,7 +15,7 @@ from abb_protocols.catalogue import Message, from_wire, in_words, is_known, mess
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.egm.codec import SensorCodec
 from abb_protocols.errors import ProtocolError
-from abb_protocols.robot.gripper_values import Outcome
+from abb_protocols.robot.gripper_values import GripOutcome
 from abb_protocols.robot.joints import Joints, Pose, Side, abb_from_chain
 from abb_protocols.robot.kinematics import tool0_to_body
 from yumi.control.hand_over import Commander, Commanding
@@ -359,12 +359,12 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
 class GripReport(msgspec.Struct, frozen=True):
     """How a grip ended, and the distance between the fingers then [m]."""
 
-    outcome: Outcome
+    outcome: GripOutcome
     width: float
     arm: str
 
     def __str__(self) -> str:
-        held = f" something {self.width * 1e3:.1f} mm wide" if self.outcome is Outcome.HOLDING else ""
+        held = f" something {self.width * 1e3:.1f} mm wide" if self.outcome is GripOutcome.HOLDING else ""
         return f"The {self.arm} gripper is {self.outcome.value}{held}."
 
 

@@ -26,12 +26,12 @@ from yumi.control.loop_events import (
 )
 from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
 from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl
-from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
+from yumi.driver.gripper import GripperSetup, RwsGripper, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
 from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
-from yumi.driver.robot_state import Mode, Report, RobotState
+from yumi.driver.robot_state import Report, RobotMode, RobotState
 from yumi.driver.state_machine import RUN_RAPID
 from yumi.driver.stops import StopLog
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
@@ -106,7 +106,7 @@ class RobotManager:
         self._turn = Lock()  # one change at a time; the robot has one state
         self._stop_requests = 0  # how many there were
         self.has_acted = self.is_unattended = False
-        self.grippers: tuple[Gripper, ...] = ()
+        self.grippers: tuple[RwsGripper, ...] = ()
         self.monitor.on_stop = self._end_jogs
 
     def start(self) -> None:
@@ -271,13 +271,13 @@ class RobotManager:
             self._egm.stop()
         return headline(message("egm_has_ended"))
 
-    def go_to(self, mode: Mode, report: Report, check: Callable[[], None] = lambda: None) -> str:
+    def go_to(self, mode: RobotMode, report: Report, check: Callable[[], None] = lambda: None) -> str:
         """Bring the robot to a mode; ``report`` and ``check`` as of :meth:`start_egm`.
 
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
-        if mode is Mode.MOTORS_OFF:
+        if mode is RobotMode.MOTORS_OFF:
             return self.motors_off(report, check)
         with self._moving(), self._bringup.reporting(report):
             check()
@@ -475,7 +475,7 @@ class RobotManager:
         """All I/O signals of the controller by name; raises YumiError."""
         return self._client.signals()
 
-    def calibrate(self, *grippers: Gripper, check: Callable[[], None] = lambda: None) -> None:
+    def calibrate(self, *grippers: RwsGripper, check: Callable[[], None] = lambda: None) -> None:
         """Close the fingers of these grippers and call that zero, at the same time; ``check`` as of :meth:`start_egm`.
 
         Raises:
@@ -604,7 +604,7 @@ class RobotManager:
 def bring_up(
     manager: RobotManager,
     setup: GripperSetup,
-    grippers: Mapping[Side, Gripper],
+    grippers: Mapping[Side, RwsGripper],
     log: Callable[[int, Message | str], None],
     *,
     is_tested: bool = False,

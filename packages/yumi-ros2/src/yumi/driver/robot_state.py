@@ -9,7 +9,7 @@ from html import escape
 
 from abb_protocols.catalogue import Message, clause, in_words, message
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import Event
+from abb_protocols.rws.documents import RwsEvent
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from yumi.driver.state_machine import MachineState
 
@@ -17,7 +17,7 @@ Report = Callable[[str], None]
 """Takes one short sentence a step: what is done next."""
 
 
-class Mode(Enum):
+class RobotMode(Enum):
     """Named states the robot can be brought to."""
 
     MOTORS_OFF = "motors_off"
@@ -32,10 +32,10 @@ class Mode(Enum):
         return _ARMS.get(self, ())
 
 
-_ARMS: Mapping[Mode, tuple[Side, ...]] = {
-    Mode.EGM_LEFT: (Side.LEFT,),
-    Mode.EGM_RIGHT: (Side.RIGHT,),
-    Mode.EGM_BOTH: tuple(Side),
+_ARMS: Mapping[RobotMode, tuple[Side, ...]] = {
+    RobotMode.EGM_LEFT: (Side.LEFT,),
+    RobotMode.EGM_RIGHT: (Side.RIGHT,),
+    RobotMode.EGM_BOTH: tuple(Side),
 }
 
 EGM_OFF = "off"
@@ -77,7 +77,7 @@ class RobotState:
     machines: Mapping[Side, MachineState | None] = field(default_factory=lambda: dict.fromkeys(Side))
     egm: Mapping[Side, str] = field(default_factory=lambda: dict.fromkeys(Side, EGM_OFF))
     speed_ratio: int | None = None
-    last_event: Event | None = None
+    last_event: RwsEvent | None = None
     speed_scale: float = 1.0
     reasons: tuple[Message, ...] = (message("controller_does_not_answer"),)
     causes: tuple[Message, ...] = ()

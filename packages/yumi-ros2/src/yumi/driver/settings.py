@@ -21,9 +21,9 @@ from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Pose, Side, Vector
 from abb_protocols.robot.kinematics import quaternion_from_euler_zyx
 from abb_runtime.parameters import (
-    Entry,
     Parameter,
     ParameterFile,
+    ParameterFileEntry,
     ParameterType,
     Values,
     bounded,
@@ -35,7 +35,7 @@ from abb_runtime.udp import is_loopback
 from yumi.control.collisions import MARGIN
 from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
-from yumi.core.collision import TOOL_FRAME, CollisionModel, Obstacle, Part, check_declared
+from yumi.core.collision import TOOL_FRAME, CollisionModel, CollisionPart, Obstacle, check_declared
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER
 from yumi.driver.recovery import RecoverySettings
@@ -212,11 +212,12 @@ class CollisionSettings:
         """What a person is to know of it at every start."""
         return () if self.enabled else (message("nothing_keeps_arms_apart"),)
 
-    def tools(self) -> Mapping[Side, tuple[Part, ...]]:
+    def tools(self) -> Mapping[Side, tuple[CollisionPart, ...]]:
         """What each arm carries beside its gripper."""
         return {
             side: tuple(
-                Part(name, TOOL_FRAME, _vector(it.start), _vector(it.end), it.radius) for name, it in own.items()
+                CollisionPart(name, TOOL_FRAME, _vector(it.start), _vector(it.end), it.radius)
+                for name, it in own.items()
             )
             for side, own in {Side.RIGHT: self.right_tools, Side.LEFT: self.left_tools}.items()
         }
@@ -366,7 +367,7 @@ class ControllerSettings:
 
     name: str
     kind: str
-    entries: Mapping[str, Entry] = field(default_factory=dict)
+    entries: Mapping[str, ParameterFileEntry] = field(default_factory=dict)
     state: InitialState | None = None
     place: str = ""
 

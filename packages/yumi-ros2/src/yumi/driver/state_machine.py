@@ -30,7 +30,7 @@ from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose, Quaternion, Side, Vector
 from abb_protocols.robot.load import Tool, inertia_of, principal_inertia
 from abb_protocols.rws import values as rapid_values
-from abb_protocols.rws.values import Code, RapidValue
+from abb_protocols.rws.values import RapidValue, RwsCode
 from abb_runtime.clock import Clock, wait_until
 from abb_runtime.parameters import bounded
 from abb_runtime.rws.client import RwsClient
@@ -38,7 +38,7 @@ from yumi.control.goals import Buffer
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import FULL
 
-_NO_SYMBOL = {(400, Code.FAIL), (404, Code.FAIL)}  # of a symbol, and of a module, that is not there
+_NO_SYMBOL = {(400, RwsCode.FAIL), (404, RwsCode.FAIL)}  # of a symbol, and of a module, that is not there
 
 LOWEST_SPEED_SCALE = 0.01
 """Slower than this, joints creep: a full turn would take hours."""

@@ -20,7 +20,7 @@ from typing import Protocol
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import Event
+from abb_protocols.rws.documents import RwsEvent
 from abb_protocols.rws.values import ControllerState, EventType
 from abb_runtime.clock import Clock
 from yumi.control.loop_events import Event as ArmEvent
@@ -72,7 +72,7 @@ def needs_person(code: int) -> bool:
     return code in {_EMERGENCY_STOP, _GUARD_STOP, *_COLLISIONS} or code in _SAFETY_CHAIN
 
 
-def has_ended_egm(event: Event) -> bool:
+def has_ended_egm(event: RwsEvent) -> bool:
     """Whether an event is an error that ends EGM, also where the program goes on."""
     return event.type is EventType.ERROR and event.code in _EGM_ERRORS
 
@@ -82,7 +82,7 @@ def _is_guard_stop(code: int) -> bool:
     return code == _GUARD_STOP or code in _SAFETY_CHAIN
 
 
-def is_without_person(event: Event) -> bool:
+def is_without_person(event: RwsEvent) -> bool:
     """Whether an event is the cause of a stop in which no person was involved.
 
     EGM's time-out, a restart of the controller, and the watchdog of our own program (see ``TRobWatchdog.mod``). Not a
@@ -92,7 +92,7 @@ def is_without_person(event: Event) -> bool:
     return is_watchdog or event.code in {_EGM_TIMEOUT, _RESTARTED}
 
 
-def _are_without_person(events: Iterable[Event]) -> bool:
+def _are_without_person(events: Iterable[RwsEvent]) -> bool:
     """Whether none of the events since the program was started shows a person at the robot, or another fault.
 
     Args:
@@ -106,7 +106,7 @@ def _are_without_person(events: Iterable[Event]) -> bool:
     return all(map(is_without_person, errors)) and (bool(errors) or _UNHANDLED not in codes)
 
 
-def explain(event: Event) -> Message:
+def explain(event: RwsEvent) -> Message:
     """An event with its cause and remedy; ABB's words where we have none, and beside ours where an error's say more."""
     own = (event.description or event.title).strip().removesuffix(".")
     if event.code not in KNOWN_NUMBERS:
@@ -116,7 +116,7 @@ def explain(event: Event) -> Message:
     return Message(f"event_{event.code}", {"number": event.code, "title": event.title})
 
 
-def cause_among(events: Iterable[Event]) -> Event | None:
+def cause_among(events: Iterable[RwsEvent]) -> RwsEvent | None:
     """What stopped the robot: the first error since the program was started, or the stop that says most.
 
     Args:
@@ -130,7 +130,7 @@ def cause_among(events: Iterable[Event]) -> Event | None:
     return min(stops, key=lambda event: _STOPS.index(event.code), default=None)
 
 
-def _since_start(events: Iterable[Event]) -> list[Event]:
+def _since_start(events: Iterable[RwsEvent]) -> list[RwsEvent]:
     """Those after the program was last started, newest first: who started it took note of what was before."""
     return list(takewhile(lambda event: event.code not in _PROGRAM_STARTED, events))
 
@@ -140,7 +140,7 @@ class EventSource(Protocol):
 
     def controller_state(self) -> ControllerState: ...
 
-    def events(self, domain: int = 0, count: int = 50) -> tuple[Event, ...]: ...
+    def events(self, domain: int = 0, count: int = 50) -> tuple[RwsEvent, ...]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,13 +158,13 @@ class Stop:
     event_codes: tuple[int, ...]
 
     @classmethod
-    def of(cls, events: tuple[Event, ...], code: int = 0) -> Stop:
+    def of(cls, events: tuple[RwsEvent, ...], code: int = 0) -> Stop:
         """The stop of ``events``, oldest first; where there are none, of a state that comes with event ``code``."""
-        first: dict[int, Event] = {}
+        first: dict[int, RwsEvent] = {}
         for event in events:
             first.setdefault(event.code, event)
         causes = tuple(explain(event) for event in first.values()) or (
-            explain(Event(0, EventType.INFORMATION, code, "", _STOP_TITLES[code], _STOP_TITLES[code])),
+            explain(RwsEvent(0, EventType.INFORMATION, code, "", _STOP_TITLES[code], _STOP_TITLES[code])),
         )
         newest = events[-1].number if events else 0
         identity = f"{events[-1].code if events else code}-{newest}-{secrets.token_hex(3)}"
@@ -196,7 +196,7 @@ class _KnownStop:
     """Replaced as a whole, so that it can be read from any thread at any time."""
 
     stop: Stop | None = None
-    cause: Event | None = None
+    cause: RwsEvent | None = None
 
 
 class StopLog:
@@ -211,10 +211,10 @@ class StopLog:
         self._lock = RLock()  # reading and judging belong together: an older page must not be judged after a newer one
         self._known = _KnownStop()
         self._newest = -1  # number of the newest event that was read; -1 before the first reading
-        self._stop_events: tuple[Event, ...] = ()
+        self._stop_events: tuple[RwsEvent, ...] = ()
         self._awaits_event_until = -inf  # the event of a stop that is known by the state alone comes by then [s]
-        self._recent: deque[tuple[Event, float]] = deque(maxlen=_PAGES[-1])  # newest first, and when it was seen
-        self._news: deque[Event] = deque(maxlen=_PAGES[-1])
+        self._recent: deque[tuple[RwsEvent, float]] = deque(maxlen=_PAGES[-1])  # newest first, and when it was seen
+        self._news: deque[RwsEvent] = deque(maxlen=_PAGES[-1])
         self.is_complete = True
         """Whether every event since the last confirmed or working state was seen."""
 
@@ -224,7 +224,7 @@ class StopLog:
         return self._known.stop
 
     @property
-    def cause(self) -> Event | None:
+    def cause(self) -> RwsEvent | None:
         """The event that explains why the robot stands, if one does; as of the last reading."""
         return self._known.cause
 
@@ -255,7 +255,7 @@ class StopLog:
                 return False
             return known.cause is None or is_without_person(known.cause)
 
-    def read(self, client: EventSource) -> tuple[ControllerState, Event | None]:
+    def read(self, client: EventSource) -> tuple[ControllerState, RwsEvent | None]:
         """Read state and event log; returns the state and the newest event.
 
         Raises:
@@ -344,20 +344,20 @@ class StopLog:
             self._recent = deque(kept, self._recent.maxlen)
             self._known = replace(self._known, cause=cause_among(event for event, _ in kept))
 
-    def take_news(self) -> tuple[Event, ...]:
+    def take_news(self) -> tuple[RwsEvent, ...]:
         """Events that came since the first reading and were not taken yet, oldest first."""
         with self._lock:
             news = tuple(self._news)
             self._news.clear()
             return news
 
-    def _is_enough(self, events: tuple[Event, ...]) -> bool:
+    def _is_enough(self, events: tuple[RwsEvent, ...]) -> bool:
         """Whether older events are known, or history."""
         if self._newest < 0 or events[0].number < self._newest:
             return any(event.code in _PROGRAM_STARTED for event in events)
         return events[-1].number <= self._newest + 1
 
-    def _take(self, events: tuple[Event, ...]) -> None:
+    def _take(self, events: tuple[RwsEvent, ...]) -> None:
         newest = events[0].number if events else self._newest
         is_first = self._newest < 0 or newest < self._newest  # a lower number: another controller, or they wrapped
         if is_first:

@@ -8,7 +8,7 @@ import msgspec
 
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector
-from yumi.core.collision import TOOL_FRAME, Obstacle, Part
+from yumi.core.collision import TOOL_FRAME, CollisionPart, Obstacle
 from yumi.driver.settings import Settings
 
 
@@ -66,12 +66,12 @@ def surroundings_of(settings: Settings) -> Surroundings:
 
 def shapes_of(
     surroundings: Surroundings,
-) -> tuple[dict[Side, GripperModules], dict[Side, tuple[Part, ...]], tuple[Obstacle, ...]]:
+) -> tuple[dict[Side, GripperModules], dict[Side, tuple[CollisionPart, ...]], tuple[Obstacle, ...]]:
     """Grippers, tools and boxes as the collision model has them."""
     grippers = {side: GripperModules(surroundings.grippers.get(side.word, "servo")) for side in Side}
     tools = {
         side: tuple(
-            Part(each.name, TOOL_FRAME, each.start, each.end, each.radius)
+            CollisionPart(each.name, TOOL_FRAME, each.start, each.end, each.radius)
             for each in surroundings.tools.get(side.word, ())
         )
         for side in Side

@@ -93,7 +93,7 @@ class JointsGoal(NamedTuple):
 MotionGoal = PoseGoal | TwistGoal | JointsGoal
 
 
-class Step(NamedTuple):
+class ClutchStep(NamedTuple):
     """What a frame asks of an arm.
 
     Attributes:
@@ -109,7 +109,7 @@ class Step(NamedTuple):
     gripper: float | None = None
 
 
-_NOTHING = Step()
+_NOTHING = ClutchStep()
 
 
 class ArmNow(NamedTuple):
@@ -146,7 +146,7 @@ class TeleoperatedArm:
         self._motion: _PoseFollowing | _JointFollowing | None = None  # of this hold; a twist needs none
         self._gripper: float | None = None  # the value of the gripper when it counted last, or when the clutch engaged
 
-    def take(self, hand: DeviceHand, settings: DeviceSettings, time: float, now: float, arm: ArmNow) -> Step:
+    def take(self, hand: DeviceHand, settings: DeviceSettings, time: float, now: float, arm: ArmNow) -> ClutchStep:
         """What the next frame asks of the arm.
 
         Args:
@@ -163,30 +163,30 @@ class TeleoperatedArm:
         if self.clutch is Clutch.RELEASED:
             self.clutch, self._stands_since, self._sent = Clutch.ENGAGING, now, arm.sent
             self._follower = Follower.TOOL if hand.joints is None else Follower.JOINTS
-            return Step(take_over=self._follower)
+            return ClutchStep(take_over=self._follower)
         if self.clutch is Clutch.ENGAGING and arm.is_taken and now - self._stands_since >= _STANDS:
             return self._engage(hand, settings, time, arm.sent)
         if self.clutch is not Clutch.ENGAGED:
             return _NOTHING
         return self._follow(hand, settings, time) if arm.is_taken else self._inert("teleoperation_interrupted")
 
-    def end(self, why: Message) -> Step:
+    def end(self, why: Message) -> ClutchStep:
         """Have a clutch move nothing until it was released: the arm brakes if it was following."""
         if self.clutch is Clutch.INERT:
             return _NOTHING
         brakes = self.clutch is Clutch.ENGAGED
         self.clutch, self.why, self._motion = Clutch.INERT, why, None
-        return Step(brakes=brakes)
+        return ClutchStep(brakes=brakes)
 
-    def _inert(self, code: str, **values: object) -> Step:
+    def _inert(self, code: str, **values: object) -> ClutchStep:
         return self.end(message(code, arm=self._side.word, **values))
 
-    def _release(self) -> Step:
+    def _release(self) -> ClutchStep:
         brakes = self.clutch is Clutch.ENGAGED
         self.clutch, self.why, self._motion, self._gripper = Clutch.RELEASED, None, None, None
-        return Step(brakes=brakes)
+        return ClutchStep(brakes=brakes)
 
-    def _engage(self, hand: DeviceHand, settings: DeviceSettings, time: float, sent: Joints) -> Step:
+    def _engage(self, hand: DeviceHand, settings: DeviceSettings, time: float, sent: Joints) -> ClutchStep:
         """Take the reference; the first goal is where the arm is."""
         if (hand.joints is not None) != (self._follower is Follower.JOINTS):
             return self._inert("device_motion_changed")
@@ -203,9 +203,9 @@ class TeleoperatedArm:
         else:
             goal = TwistGoal(ZERO, hand.is_in_tool, settings.speed, settings.turning)
         self.clutch, self._gripper = Clutch.ENGAGED, None if hand.gripper is None else _to_end(hand.gripper)
-        return Step(goal=goal)
+        return ClutchStep(goal=goal)
 
-    def _follow(self, hand: DeviceHand, settings: DeviceSettings, time: float) -> Step:
+    def _follow(self, hand: DeviceHand, settings: DeviceSettings, time: float) -> ClutchStep:
         motion = self._motion
         goal: MotionGoal | None = None
         if motion is None:
@@ -220,7 +220,7 @@ class TeleoperatedArm:
                 goal = motion.step(values, hand.elbow, settings, dt)
         if goal is None:
             return self._inert("device_motion_changed")
-        return Step(goal=goal, gripper=self._gripper_goal(hand.gripper))
+        return ClutchStep(goal=goal, gripper=self._gripper_goal(hand.gripper))
 
     def _gripper_goal(self, value: float | None) -> float | None:
         """A goal of the gripper where the device's value has changed enough since the last one."""

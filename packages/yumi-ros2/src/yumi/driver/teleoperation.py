@@ -27,9 +27,9 @@ from yumi.driver.teleoperated_arm import (
     LINK_LOST,
     ArmNow,
     Clutch,
+    ClutchStep,
     Follower,
     MotionGoal,
-    Step,
     TeleoperatedArm,
 )
 
@@ -160,7 +160,7 @@ class Teleoperation:
         self, frame: DeviceFrame, operator: Hashable, elsewhere: Elsewhere, who: Commander
     ) -> TeleoperationReport:
         now = self._robot.clock.now()
-        steps: dict[Side, Step] = {}
+        steps: dict[Side, ClutchStep] = {}
         with self._lock:
             self._check_operator(operator, now)
             is_new = operator is not self._operator
@@ -184,7 +184,7 @@ class Teleoperation:
         with self._lock:
             return self._report()
 
-    def _move(self, frame: DeviceFrame, now: float, made_at: float) -> dict[Side, Step]:
+    def _move(self, frame: DeviceFrame, now: float, made_at: float) -> dict[Side, ClutchStep]:
         """Give the arms their goals; what is left to do, by arm."""
         steps = {}
         for side, hand in frame.by_arm.items():
@@ -225,7 +225,7 @@ class Teleoperation:
         if operator is not self._operator and self._operator is not None and now - self._came_at < OPERATOR_HOLDS:
             raise CommandRefused(message("teleoperated_by_another"))
 
-    def _end_all(self, why: Message) -> dict[Side, Step]:
+    def _end_all(self, why: Message) -> dict[Side, ClutchStep]:
         """Make every clutch inert; what is left to do for it, by arm."""
         steps = {side: arm.teleoperated.end(why) for side, arm in self._arms.items()}
         return {side: step for side, step in steps.items() if step.brakes}
@@ -233,7 +233,7 @@ class Teleoperation:
     def _carry_out(
         self,
         side: Side,
-        step: Step,
+        step: ClutchStep,
         press: int,
         elsewhere: Elsewhere,
         asked: Callable[[], AbstractContextManager[None]],

@@ -39,7 +39,7 @@ from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import UdpServer, address_towards, resolve
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import Controller, find_parameter
+from yumi.control.controller import Controller, find_controller_parameter
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.control.controllers.forward_command import FORWARDERS, ForwardCommandController
@@ -61,7 +61,7 @@ from yumi.control.tool_limits import ToolLimits
 from yumi.driver.bringup import Bringup
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.egm_arm import EgmArm, FallbackThread
-from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
+from yumi.driver.gripper import GripperRoutines, GripperSignals, RwsGripper
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.robot_manager import RobotManager
@@ -93,7 +93,7 @@ class DriverParts(NamedTuple):
     control: ControlProcess
     manager: RobotManager
     signals: GripperSignals
-    grippers: Mapping[Side, Gripper]
+    grippers: Mapping[Side, RwsGripper]
 
 
 def make_parts(
@@ -193,11 +193,11 @@ def brings_up(settings: Settings) -> bool:
 
 def build_grippers(
     client: RwsClient, clock: Clock, settings: Settings, signals: GripperSignals | None = None
-) -> dict[Side, Gripper]:
+) -> dict[Side, RwsGripper]:
     """Both grippers of a connected robot; without ``signals`` they read everything by request."""
     routines, own = GripperRoutines(client, clock), settings.gripper
     return {
-        side: Gripper(side, client, routines, clock, own.timeout, own.speed, own.modules(side), signals)
+        side: RwsGripper(side, client, routines, clock, own.timeout, own.speed, own.modules(side), signals)
         for side in Side
     }
 
@@ -457,7 +457,9 @@ def _start_controller(manager: ControllerManager, settings: ControllerSettings) 
         manager.load_kind(name, settings.kind)
         has = [info.parameter for info in manager.parameters(name)]
         own = {
-            key: entry for key, entry in settings.entries.items() if find_parameter(has, key) or not entry.is_general
+            key: entry
+            for key, entry in settings.entries.items()
+            if find_controller_parameter(has, key) or not entry.is_general
         }
         for key, entry in own.items():
             place = entry.place

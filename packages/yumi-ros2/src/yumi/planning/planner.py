@@ -48,7 +48,7 @@ from yumi.control.collisions import BODY_MARGIN, DISTANCES, CollisionLimiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import SplineSampler, TrajectoryPoint, spline_through
-from yumi.core.collision import CollisionModel, Obstacle, Part
+from yumi.core.collision import CollisionModel, CollisionPart, Obstacle
 from yumi.planning.path_timing import UNLIMITED, MotionLimits, fastest_along
 from yumi.planning.rounded_path import RoundedPath
 from yumi.planning.scene_description import GROUPS, planning_description, semantic_description
@@ -130,7 +130,7 @@ class Planner:
         self,
         grippers: Mapping[Side, GripperModules] | None = None,
         *,
-        tools: Mapping[Side, Sequence[Part]] | None = None,
+        tools: Mapping[Side, Sequence[CollisionPart]] | None = None,
         obstacles: Sequence[Obstacle] = (),
         limits: JointLimits = YUMI_LIMITS,
     ) -> None:

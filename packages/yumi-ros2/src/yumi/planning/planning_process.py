@@ -15,7 +15,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import JointLimits, Joints, Side
-from yumi.core.collision import Obstacle, Part
+from yumi.core.collision import CollisionPart, Obstacle
 from yumi.planning.planner import Goal, Plan, Planner
 
 _LOWEST_PRIORITY = 19
@@ -39,7 +39,7 @@ class PlanningProcess:
         timeout: float,
         speed_scale: float,
         grippers: Mapping[Side, GripperModules],
-        tools: Mapping[Side, tuple[Part, ...]],
+        tools: Mapping[Side, tuple[CollisionPart, ...]],
         obstacles: tuple[Obstacle, ...],
         limits: JointLimits,
     ) -> Plan:
@@ -69,7 +69,7 @@ class PlanningProcess:
 
 _Shapes = tuple[
     tuple[tuple[Side, GripperModules], ...],
-    tuple[tuple[Side, tuple[Part, ...]], ...],
+    tuple[tuple[Side, tuple[CollisionPart, ...]], ...],
     tuple[Obstacle, ...],
     JointLimits,
 ]

@@ -22,7 +22,7 @@ from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names, prefixed
 from abb_protocols.robot.kinematics import euler_zyx
 from abb_protocols.robot.urdf import box_xml, cylinder_xml, joint_xml, limit_xml, link_xml
-from yumi.core.collision import PADDING, TOOL_FRAME, Obstacle, Part, gripper_parts, link_parts, middle_and_size
+from yumi.core.collision import PADDING, TOOL_FRAME, CollisionPart, Obstacle, gripper_parts, link_parts, middle_and_size
 
 GROUPS: Mapping[str, tuple[Side, ...]] = {
     **{f"{side.word}_arm": (side,) for side in Side},
@@ -51,7 +51,7 @@ def _link_names(side: Side) -> tuple[str, ...]:
 def planning_description(
     grippers: Mapping[Side, GripperModules],
     *,
-    tools: Mapping[Side, Sequence[Part]] | None = None,
+    tools: Mapping[Side, Sequence[CollisionPart]] | None = None,
     obstacles: Sequence[Obstacle] = (),
     clearance: float,
     to_boxes: float,
@@ -144,7 +144,7 @@ def disabled_pairs(*, with_fingers: bool = True) -> Iterator[tuple[str, str, str
     yield _link_names(Side.RIGHT)[0], _link_names(Side.LEFT)[0], "Never"  # bolted to one body, next to each other
 
 
-def _capsules(parts: Iterable[Part], frame: int, grown: float) -> Iterator[str]:
+def _capsules(parts: Iterable[CollisionPart], frame: int, grown: float) -> Iterator[str]:
     """The parts of one frame."""
     for part in parts:
         if part.frame == frame:

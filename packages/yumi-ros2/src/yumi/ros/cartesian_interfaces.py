@@ -8,7 +8,7 @@ from typing import Any
 from abb_protocols.robot.joints import JointLimits, Side
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.tool_limits import ToolLimited, ToolLimits
-from yumi.control.trajectory_commands import Outcome, TrajectoryEnded
+from yumi.control.trajectory_commands import TrajectoryEnded, TrajectoryOutcome
 from yumi.driver.control_process import ControlProcess
 from yumi.ros.controller_manager_node import MakeInterface
 from yumi.ros.frames import RobotFrames
@@ -34,7 +34,7 @@ class CartesianTopics:
     def on_event(self, event: Any) -> None:
         is_known = [each.on_arm_event(self._side, event) for each in self._actions]
         if not any(is_known) and isinstance(event, TrajectoryEnded):
-            (self._log.info if event.outcome is Outcome.SUCCEEDED else self._log.warning)(str(event))
+            (self._log.info if event.outcome is TrajectoryOutcome.SUCCEEDED else self._log.warning)(str(event))
         if isinstance(event, ToolLimited):
             self._log.info(str(event))
 

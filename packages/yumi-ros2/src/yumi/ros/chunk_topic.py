@@ -78,13 +78,13 @@ class ChunkTopic:
         number = next(self._numbers)
         commands = [
             ControllerCommand(side, self._name, FollowChunk(number, start, plan))
-            for side, plan in plans_of(trajectory, self._sides, self._limits).items()
+            for side, plan in chunk_topic_plans(trajectory, self._sides, self._limits).items()
         ]
         made = self._control.call(Commands.take_commands, *commands).made
         return [each for each in made.values() if isinstance(each, ChunkTaken)]
 
 
-def plans_of(trajectory: Trajectory, sides: Sequence[Side], limits: JointLimits) -> Mapping[Side, Any]:
+def chunk_topic_plans(trajectory: Trajectory, sides: Sequence[Side], limits: JointLimits) -> Mapping[Side, Any]:
     """The spline of each arm whose joints a chunk names.
 
     Raises:

@@ -36,17 +36,21 @@ from yumi.ros.messages import (
     SERVICES,
     mass_of,
     mode_of,
-    pose_of,
+    pose_of_ros_message,
     robot_state,
     say_why,
-    side_of,
+    side_of_ros_message,
 )
 from yumi.ros.nodes import TimerThread
 
 OF_THEIR_OWN = (SetSpeedScale, SetMode, Recover)
 """The commands that are no plain services: a parameter is set with it, or they are actions."""
 
-_VALUES: Mapping[Any, Callable[[Any], Any]] = {Arm: lambda word: side_of(word).word, Pose: pose_of, Mass: mass_of}
+_VALUES: Mapping[Any, Callable[[Any], Any]] = {
+    Arm: lambda word: side_of_ros_message(word).word,
+    Pose: pose_of_ros_message,
+    Mass: mass_of,
+}
 """An argument of a command from a field of a request, by its type; others are what they are."""
 
 

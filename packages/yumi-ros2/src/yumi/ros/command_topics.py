@@ -42,7 +42,7 @@ from yumi.ros.controller_manager_node import MakeInterface
 from yumi.ros.messages import (
     RefusalLog,
     check_wait,
-    goal_of,
+    goal_of_ros_message,
     goal_speeds_of,
     how_to_activate,
     nanoseconds,
@@ -222,7 +222,7 @@ class JointCommandTopic(CommandTopic):
             reason = message("no_reference_yet", arm=self._side.word)
             raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
-        goal, speeds = goal_of(received, self._side, base), goal_speeds_of(received, self._side)
+        goal, speeds = goal_of_ros_message(received, self._side, base), goal_speeds_of(received, self._side)
         self._hand_over.check(self._side, Commander.STREAM)
         # A single goal may be far away, but no stream begins there, and none goes on there that a person interrupted.
         if not self._hand_over.is_own(self._side) and (

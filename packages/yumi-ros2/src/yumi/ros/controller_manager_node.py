@@ -69,10 +69,10 @@ from yumi.ros.messages import (
     filled,
     hardware_interfaces,
     hardware_state,
+    lifecycle_of_ros_message,
     lifecycle_state,
     seconds,
     stamp,
-    state_of,
 )
 from yumi.ros.nodes import (
     COMMON_PARAMETERS,
@@ -127,7 +127,7 @@ MakeInterface = Callable[[Any, Side, str], ControllerInterface]
 """Makes what a controller of some kind offers besides parameters, from its node, the arm and its name."""
 
 
-class ArmManager:
+class ControllerManagerNode:
     """The node ``controller_manager`` of one arm.
 
     Args:
@@ -656,7 +656,7 @@ class ControllerManagerServices:
 
     def _set_hardware(self, request: Any, response: Any) -> Any:
         def call() -> None:
-            self._hardware.bring_to(request.name, state_of(request.target_state))
+            self._hardware.bring_to(request.name, lifecycle_of_ros_message(request.target_state))
 
         response.ok = not self._why_failed("set_hardware_component_state", call)
         response.state = lifecycle_state(self._hardware.state)

@@ -22,7 +22,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ORIGIN, Pose, Side, finger_names, joint_names, prefixed
 from abb_protocols.robot.kinematics import compose, inverse, tool0_to_body
-from abb_protocols.robot.urdf import Frame, read_frames
+from abb_protocols.robot.urdf import UrdfFrame, read_frames
 from abb_runtime.clock import Clock
 from yumi.driver.settings import RosSettings
 from yumi.planning.tool_path import checked_pose
@@ -92,8 +92,8 @@ class FramePublisher:
             publisher.publish(String(data=urdf))
 
         timers.every(1.0 / settings.tf_rate, "tcp_pose and /tf", self._publish)
-        self._moving: dict[Side, list[tuple[Frame, TransformStamped]]] = {}
-        self._sliding: dict[Side, list[tuple[Frame, TransformStamped]]] = {}
+        self._moving: dict[Side, list[tuple[UrdfFrame, TransformStamped]]] = {}
+        self._sliding: dict[Side, list[tuple[UrdfFrame, TransformStamped]]] = {}
         if not settings.publish_tf:
             return
         frames = read_frames(urdf)
@@ -145,7 +145,7 @@ class FramePublisher:
     def _publish_fixed(self) -> None:
         """Frames that no joint moves, and those of the tools: again when a tool has changed."""
         tools = [
-            Frame(prefixed(f"yumi_tcp_{side.value}"), prefixed(f"yumi_tool0_{side.value}"), tool)
+            UrdfFrame(prefixed(f"yumi_tcp_{side.value}"), prefixed(f"yumi_tool0_{side.value}"), tool)
             for side, tool in self._tools.items()
         ]
         fixed = [self._transform(each) for each in (*self._fixed, *tools)]
@@ -153,7 +153,7 @@ class FramePublisher:
             transform.header.stamp = stamp(self._stamps.at(self._clock.now()))
         self._static.publish(TFMessage(transforms=fixed))
 
-    def _transform(self, frame: Frame) -> TransformStamped:
+    def _transform(self, frame: UrdfFrame) -> TransformStamped:
         before, transform = self._settings.frames, TransformStamped(child_frame_id=self._settings.frames + frame.name)
         transform.header.frame_id = before + frame.parent
         _fill(transform.transform.translation, transform.transform.rotation, frame.to_parent())
@@ -187,7 +187,7 @@ class RobotFrames:
         self.urdf = urdf
         self._frames = {frame.name: frame for frame in read_frames(urdf)}
         self._root = prefixed("yumi_base_link")
-        self._others: dict[str, Frame] = {}  # by the name on /tf
+        self._others: dict[str, UrdfFrame] = {}  # by the name on /tf
         self._prefix = prefix
         self.tcp = tcp
         self.measured = measured
@@ -205,20 +205,20 @@ class RobotFrames:
             if name == self._root or self._own(name) is None:
                 with suppress(CommandRefused):
                     origin = checked_pose(Pose((place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z)))
-                    self._others[name] = Frame(name, self._name(each.header.frame_id), origin)
+                    self._others[name] = UrdfFrame(name, self._name(each.header.frame_id), origin)
 
     def _name(self, frame_id: str) -> str:
         """Without what stands before the names of this robot's frames."""
         return frame_id.lstrip("/").removeprefix(self._prefix)
 
-    def _own(self, name: str) -> Frame | None:
+    def _own(self, name: str) -> UrdfFrame | None:
         """A frame of the robot in its parent."""
         for side in Side:
             if name == prefixed(f"yumi_tcp_{side.value}"):
-                return Frame(name, prefixed(f"yumi_tool0_{side.value}"), self.tcp(side))
+                return UrdfFrame(name, prefixed(f"yumi_tool0_{side.value}"), self.tcp(side))
         return self._frames.get(name)
 
-    def _way_up(self, frame_id: str) -> Iterator[Frame]:
+    def _way_up(self, frame_id: str) -> Iterator[UrdfFrame]:
         """A frame in its parent, that in its own, and so on as far as they are known.
 
         Raises:

@@ -22,10 +22,10 @@ from std_srvs.srv import SetBool, Trigger
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
-from abb_protocols.robot.gripper_values import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
+from abb_protocols.robot.gripper_values import GripOutcome, GripperGoal, GripperState, ServoState, gripper_goal
 from abb_protocols.robot.joints import Side, finger_names, prefixed
 from abb_runtime.process.supervision import SupervisedThread
-from yumi.driver.gripper import CHANNELS, Gripper, GripperSignals
+from yumi.driver.gripper import CHANNELS, GripperSignals, RwsGripper
 from yumi.driver.settings import GripperSettings
 from yumi.ros.messages import LATCHED, SERVICES, say_why, stamp
 from yumi.ros.nodes import TimerThread
@@ -67,7 +67,7 @@ class GripperActionServer(ABC):
     name: str
 
     def __init__(
-        self, node: Any, gripper: Gripper, force: float, group: Any, why_not: WhyNot, failures: GoalFailures
+        self, node: Any, gripper: RwsGripper, force: float, group: Any, why_not: WhyNot, failures: GoalFailures
     ) -> None:
         self._log = node.get_logger()
         self._gripper = gripper
@@ -147,9 +147,9 @@ class GripperActionServer(ABC):
             self._gripper.busy.release()
         return self.result(
             self._gripper.last_position,
-            command.force if outcome is Outcome.HOLDING else 0.0,
-            stalled=outcome in {Outcome.HOLDING, Outcome.STALLED},
-            reached_goal=outcome in {Outcome.OPEN, Outcome.CLOSED, Outcome.IN_PLACE},
+            command.force if outcome is GripOutcome.HOLDING else 0.0,
+            stalled=outcome in {GripOutcome.HOLDING, GripOutcome.STALLED},
+            reached_goal=outcome in {GripOutcome.OPEN, GripOutcome.CLOSED, GripOutcome.IN_PLACE},
         )
 
 
@@ -220,10 +220,10 @@ class GripperServices:
     def __init__(
         self,
         node: Any,
-        gripper: Gripper,
+        gripper: RwsGripper,
         group: Any,
         why_not: WhyNot,
-        calibrate: Callable[[Gripper], None],
+        calibrate: Callable[[RwsGripper], None],
     ) -> None:
         self._node = node
         self._log = node.get_logger()
@@ -427,7 +427,7 @@ class GripperParts(NamedTuple):
         settings: forces, thresholds and modules.
     """
 
-    grippers: Mapping[Side, Gripper]
+    grippers: Mapping[Side, RwsGripper]
     signals: GripperSignals
     settings: GripperSettings
 
@@ -454,7 +454,7 @@ class Grippers:
         log: Callable[[str], None],
         timers: TimerThread,
         why_not: Callable[[Side], Message | None] = lambda side: None,
-        calibrate: Callable[[Gripper], None] = Gripper.calibrate,
+        calibrate: Callable[[RwsGripper], None] = RwsGripper.calibrate,
         frames: str = "",
     ) -> None:
         self._parts = parts

@@ -18,7 +18,7 @@ from abb_protocols.robot.kinematics import compose, inverse
 from yumi.control.motion.setpoint import largest_difference
 from yumi.planning.tool_path import checked_pose
 from yumi.ros.frames import RobotFrames
-from yumi.ros.messages import SERVICES, pose_of, say_why
+from yumi.ros.messages import SERVICES, pose_of_ros_message, say_why
 
 
 class KinematicsServices:
@@ -54,7 +54,7 @@ class KinematicsServices:
 
     def _postures(self, request: Any, response: Any) -> None:
         side, pose = self._side, request.target_pose
-        target = compose(self._frames.to_base(pose.header.frame_id), checked_pose(pose_of(pose.pose)))
+        target = compose(self._frames.to_base(pose.header.frame_id), checked_pose(pose_of_ros_message(pose.pose)))
         tool0 = compose(target, inverse(self._frames.tool(side, request.tool_frame)))
         now = self._now()
         angle = request.arm_angle if request.turn_elbow else arm_angle(side, now)

@@ -29,7 +29,13 @@ from abb_runtime.clock import SystemClock
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
 from yumi.control.shared_state import Snapshot
-from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.control.trajectory_commands import (
+    ArmPlan,
+    CancelTrajectory,
+    FollowTrajectory,
+    TrajectoryEnded,
+    TrajectoryOutcome,
+)
 from yumi.driver.control_process import ENDED, ControlProcess
 from yumi.planning.common_time import ended_together, started_together
 from yumi.ros.frames import RobotFrames
@@ -145,7 +151,7 @@ class LineAction(ABC):
             for line in self._open.values():
                 if line.number == event.goal:
                     line.ends[side] = event
-                    if line.sides <= set(line.ends) or event.outcome is not Outcome.SUCCEEDED:
+                    if line.sides <= set(line.ends) or event.outcome is not TrajectoryOutcome.SUCCEEDED:
                         line.is_over.set()
                     return True
         return False
@@ -285,7 +291,7 @@ class LineAction(ABC):
         handle.publish_feedback(feedback)
 
     def _finish(self, handle: Any, line: _Line, result: Any) -> None:
-        failed = [(side, end) for side, end in line.ends.items() if end.outcome is not Outcome.SUCCEEDED]
+        failed = [(side, end) for side, end in line.ends.items() if end.outcome is not TrajectoryOutcome.SUCCEEDED]
         if not failed and not line.sides <= set(line.ends):
             raise RobotNotReady(line.reason)
         if not failed:
@@ -301,7 +307,7 @@ class LineAction(ABC):
         elif len(line.sides) > 1:
             said = message("goal_not_reached", arm=side.word, reason=end.said)
         result.message, result.code = str(said), said.code
-        if end.outcome is Outcome.CANCELED and line.is_cancelled:
+        if end.outcome is TrajectoryOutcome.CANCELED and line.is_cancelled:
             self._end_cancelled(handle)
         else:
             handle.abort()

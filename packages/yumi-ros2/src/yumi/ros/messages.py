@@ -32,7 +32,7 @@ from abb_protocols.catalogue import message as said  # a message here is one of 
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
-from abb_protocols.rws.documents import Event
+from abb_protocols.rws.documents import RwsEvent
 from abb_protocols.rws.values import EventType
 from abb_runtime.clock import Clock
 from yumi.control.controller import State
@@ -42,7 +42,7 @@ from yumi.control.hand_over import Commanding
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, TrajectoryFeedback
 from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, refused
-from yumi.driver.robot_state import Mode, RobotState
+from yumi.driver.robot_state import RobotMode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import explain
 from yumi.planning.trajectory_request import JointTrajectory, check_count
@@ -176,7 +176,7 @@ def egm_status(
 _DEGREES_ABOVE = 3.0  # times what a joint reaches [rad/s]: so far from it a speed was hardly meant in radians
 
 
-def goal_of(message: Any, side: Side, base: Joints) -> Joints:
+def goal_of_ros_message(message: Any, side: Side, base: Joints) -> Joints:
     """The joint goal [rad] in a ``joint_commands`` message; joints it does not name keep their value of ``base``.
 
     Raises:
@@ -310,7 +310,7 @@ def lifecycle_state(state: State) -> LifecycleState:
     return LifecycleState(id=_IDS[state], label=state.value)
 
 
-def state_of(message: Any) -> State:
+def lifecycle_of_ros_message(message: Any) -> State:
     """The primary state that ``message`` names by its id, or by its label where the id is 0.
 
     Raises:
@@ -555,7 +555,7 @@ def robot_state(state: RobotState, time_ns: int, frame: str = "") -> RobotStateM
     )
 
 
-def controller_event(event: Event | None) -> ControllerEvent:
+def controller_event(event: RwsEvent | None) -> ControllerEvent:
     """A message of the event log with our words; the number 0 where there is none."""
     if event is None:
         return ControllerEvent()
@@ -628,13 +628,13 @@ def say_why(answer: Any, error: YumiError) -> None:
         answer.stop = getattr(error, "stop", "")
 
 
-def pose_of(message: Any) -> Pose:
+def pose_of_ros_message(message: Any) -> Pose:
     """The pose in a geometry_msgs/Pose [m]."""
     place, turn = message.position, message.orientation
     return Pose((place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z))
 
 
-def side_of(arm: str) -> Side:
+def side_of_ros_message(arm: str) -> Side:
     """The arm that a request names.
 
     Raises:
@@ -645,16 +645,18 @@ def side_of(arm: str) -> Side:
     return _SIDES[arm]
 
 
-def mode_of(name: str) -> Mode:
+def mode_of(name: str) -> RobotMode:
     """The mode that a goal names.
 
     Raises:
         CommandRefused: it names none.
     """
     try:
-        return Mode(name)
+        return RobotMode(name)
     except ValueError as error:
-        raise CommandRefused(said("mode_not_known", mode=name, modes=tuple(mode.value for mode in Mode))) from error
+        raise CommandRefused(
+            said("mode_not_known", mode=name, modes=tuple(mode.value for mode in RobotMode))
+        ) from error
 
 
 def _machine(state: RobotState, side: Side) -> str:

@@ -26,7 +26,7 @@ from yumi_interfaces.msg import RobotState
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed, YumiError
-from abb_protocols.robot.gripper_values import Outcome, outcome_of
+from abb_protocols.robot.gripper_values import GripOutcome, outcome_of
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.gripper_actions import FAILURE, FAILURES
 from yumi.ros.messages import LATCHED
@@ -76,7 +76,7 @@ _EXPLAINED = 1.5  # [s] after EGM's end the driver knows what stopped the robot
 _FAILURE = 1.0  # [s] for the reason of a gripper's failure, which is on another topic than the result
 
 
-class Progress(Protocol):
+class MoveAndGrabProgress(Protocol):
     """Shows a person the progress of the task."""
 
     def step(self, sentence: str) -> None:
@@ -90,7 +90,7 @@ class Progress(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Grip:
+class MoveAndGrabGrip:
     """How a gripper command ended.
 
     Attributes:
@@ -99,7 +99,7 @@ class Grip:
     """
 
     position: float
-    outcome: Outcome
+    outcome: GripOutcome
 
     @property
     def word(self) -> str:
@@ -113,7 +113,7 @@ class Grip:
 
 
 @dataclass(slots=True)
-class ArmReport:
+class MoveAndGrabArmReport:
     """The result of one arm's part of the task.
 
     Attributes:
@@ -127,7 +127,7 @@ class ArmReport:
     duration: float = 0.0
     final_error: float = 0.0
     missed: int = 0
-    grip: Grip | None = None
+    grip: MoveAndGrabGrip | None = None
     path: list[tuple[float, Joints]] = field(default_factory=list)
 
 
@@ -205,14 +205,14 @@ class MoveAndGrab:
 
     def __init__(
         self,
-        progress: Progress,
+        progress: MoveAndGrabProgress,
         check: Callable[[], None],
         confirm: Callable[[str], bool] = lambda _: False,
         *,
         approaches: bool = False,
     ) -> None:
         self._approaches = approaches
-        self.reports = {side: ArmReport() for side in Side}
+        self.reports = {side: MoveAndGrabArmReport() for side in Side}
         self._progress = progress
         self._check = check
         self._confirm = confirm
@@ -319,7 +319,7 @@ class MoveAndGrab:
         self._wait_for_motion(has_arrived, f"Arrival of the {side.word} arm within 0.1°")
         self.reports[side].duration = monotonic() - begin
 
-    def _grip(self, sentence: str, position: float) -> dict[Side, Grip]:
+    def _grip(self, sentence: str, position: float) -> dict[Side, MoveAndGrabGrip]:
         """Move both grippers at once; the first failure counts once both have ended."""
         self._progress.step(sentence)
         goal = GripperCommand.Goal()
@@ -339,7 +339,7 @@ class MoveAndGrab:
                 outcome = outcome_of(
                     result.position, result.effort, stalled=result.stalled, reached_goal=result.reached_goal
                 )
-                grips[side] = Grip(result.position, outcome)
+                grips[side] = MoveAndGrabGrip(result.position, outcome)
             elif ended.status == GoalStatus.STATUS_CANCELED:
                 failures.append(f"The {side.word} gripper's goal was cancelled; its fingers stand.")
             else:

@@ -29,9 +29,9 @@ from rclpy.parameter import Parameter as RosParameter
 from abb_protocols.catalogue import message, quoted, said_by
 from abb_protocols.errors import CommandRefused, MissingPrerequisite, YumiError
 from abb_runtime.clock import Clock
-from abb_runtime.parameters import Entry, Parameter, ParameterType, Value, Values, read_parameter_file
+from abb_runtime.parameters import Parameter, ParameterFileEntry, ParameterType, Value, Values, read_parameter_file
 from abb_runtime.process.supervision import Failures, SupervisedThread, no_thread
-from yumi.control.controller import find_parameter
+from yumi.control.controller import find_controller_parameter
 from yumi.control.controller_info import ParameterInfo
 from yumi.control.manager.controller_switch import Strictness
 from yumi.ros.messages import RATE
@@ -237,7 +237,7 @@ _ROS_TYPES = {
 }
 _LARGEST_INTEGER = 2**63 - 1
 
-Presets = Mapping[str, Entry]
+Presets = Mapping[str, ParameterFileEntry]
 """Values of a controller's parameters in ``controllers.yaml``, by name."""
 
 
@@ -340,7 +340,7 @@ def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, file
             )
     remarks: dict[str, str] = {}
     for name, value in given.items():
-        found = find_parameter(held, name)
+        found = find_controller_parameter(held, name)
         if name.startswith("qos_overrides."):  # `ros2 param dump` of C++ nodes has them
             remarks["qos_overrides"] = (
                 f"Parameter 'qos_overrides' of {controller!r} is not used: topics have fixed QoS."

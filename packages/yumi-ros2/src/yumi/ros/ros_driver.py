@@ -60,7 +60,7 @@ from yumi.ros.command_topics import (
     JointVelocityTopic,
     forward_interfaces,
 )
-from yumi.ros.controller_manager_node import ArmHardware, ArmManager
+from yumi.ros.controller_manager_node import ArmHardware, ControllerManagerNode
 from yumi.ros.frames import ROBOT_STATE_PUBLISHER, FramePublisher, RobotFrames
 from yumi.ros.gripper_actions import GripperParts, Grippers
 from yumi.ros.nodes import Executors, TimerThread
@@ -171,7 +171,7 @@ class RosDriver:
             ),
         }
         self._arms = {
-            side: ArmManager(
+            side: ControllerManagerNode(
                 side,
                 namespaces[side],
                 control,

@@ -43,7 +43,7 @@ from yumi.driver.control_process import ControlProcess
 from yumi.planning.tool_path import ZONE, Waypoint, checked_pose, plan_path
 from yumi.ros.command_topics import CommandTopic
 from yumi.ros.frames import RobotFrames
-from yumi.ros.messages import nanoseconds, pose_of
+from yumi.ros.messages import nanoseconds, pose_of_ros_message
 
 line_numbers = count(2**41)  # of these motions, beside those of trajectories and scripts
 
@@ -89,7 +89,9 @@ class ToolTopic(CommandTopic):
         """The pose of a PoseStamped in the robot's base."""
         try:
             # In its own frame the pose is what was sent: an orientation of another length must not move its place.
-            return compose(self._frames.to_base(received.header.frame_id), checked_pose(pose_of(received.pose)))
+            return compose(
+                self._frames.to_base(received.header.frame_id), checked_pose(pose_of_ros_message(received.pose))
+            )
         except CommandRefused as error:
             raise CommandRefused(message("command_refused", noun=self.noun, reason=error.said)) from error
 

@@ -40,11 +40,11 @@ from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory_commands import (
     CancelTrajectory,
     FollowTrajectory,
-    Outcome,
     ResultCode,
     ScaleSpeed,
     Tolerances,
     TrajectoryEnded,
+    TrajectoryOutcome,
 )
 from yumi.driver.control_process import ENDED
 from yumi.driver.monitor import RobotMonitor
@@ -96,7 +96,7 @@ class _OpenGoal:
     @property
     def end(self) -> TrajectoryEnded:
         """The result of both arms: a failure, and of several the one that caused the others."""
-        return min(self.ends.values(), key=lambda end: (end.outcome is Outcome.SUCCEEDED, end.code))
+        return min(self.ends.values(), key=lambda end: (end.outcome is TrajectoryOutcome.SUCCEEDED, end.code))
 
 
 class TrajectoryAction:
@@ -193,7 +193,7 @@ class TrajectoryAction:
                 return
             goal.ends[side] = event
             self._query.forget(event.goal)
-            if len(goal.ends) == len(self._sides) or event.outcome is not Outcome.SUCCEEDED:
+            if len(goal.ends) == len(self._sides) or event.outcome is not TrajectoryOutcome.SUCCEEDED:
                 goal.is_over.set()
 
     def destroy(self) -> None:
@@ -363,18 +363,18 @@ class TrajectoryAction:
     def _finish(self, handle: Any, goal: _OpenGoal) -> Any:
         result = FollowJointTrajectory.Result()
         # One arm's success says nothing of the other arm, whose end will not be reported any more.
-        if not goal.ends or (goal.end.outcome is Outcome.SUCCEEDED and len(goal.ends) < len(self._sides)):
+        if not goal.ends or (goal.end.outcome is TrajectoryOutcome.SUCCEEDED and len(goal.ends) < len(self._sides)):
             result.error_code = int(ResultCode.INVALID_GOAL)
             result.error_string = goal.reason
             handle.abort()
             return result
         end = goal.end
         result.error_code, result.error_string = int(end.code), str(end.said)
-        if end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL:  # EGM may have ended
+        if end.outcome is TrajectoryOutcome.ABORTED and end.code is ResultCode.INVALID_GOAL:  # EGM may have ended
             result.error_string = str(because(end.said, self._monitor.wait_for_cause()))
-        if end.outcome is Outcome.SUCCEEDED:
+        if end.outcome is TrajectoryOutcome.SUCCEEDED:
             handle.succeed()
-        elif end.outcome is Outcome.CANCELED and is_cancelled(handle, self._clock):
+        elif end.outcome is TrajectoryOutcome.CANCELED and is_cancelled(handle, self._clock):
             handle.canceled()
         else:
             handle.abort()

@@ -24,12 +24,12 @@ import numpy as np
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ControllerRefused, ProtocolError, RobotNotReady, YumiError
-from abb_protocols.robot.arm_kinematics import Arm
+from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.irb120 import irb120
 from abb_protocols.robot.joints import CHAIN_AXES, Side
 from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.yumi_arms import irb14050
-from abb_protocols.rws.documents import Event, JointTarget
+from abb_protocols.rws.documents import JointTarget, RwsEvent
 from abb_protocols.rws.operations.rapid import TaskInfo
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from abb_runtime.clock import Clock, SystemClock
@@ -49,7 +49,7 @@ LINES = 200
 AROUND = 5
 """Lines of RAPID that are shown before and behind that of a program pointer."""
 
-_ARMS: Mapping[str, Callable[[], Arm]] = {"IRB 120": irb120, "IRB 14050": irb14050}
+_ARMS: Mapping[str, Callable[[], KinematicArm]] = {"IRB 120": irb120, "IRB 14050": irb14050}
 _TCP_ROBOT = "TCPRobot"
 _LONGEST_LINE = 160  # characters of a line of RAPID or of the log
 _NEW_EVENTS = 30  # of the event log that are read at once, at most
@@ -194,7 +194,7 @@ class Unit:
     key: str
     name: str
     axes: tuple[int, ...]
-    arm: Arm | None
+    arm: KinematicArm | None
 
 
 class _Reading:
@@ -463,7 +463,7 @@ def _positions(target: JointTarget, axes: tuple[int, ...]) -> tuple[float, ...]:
     return tuple(radians(value) for value in found if value is not None)
 
 
-def _line_of(event: Event) -> LogLine:
+def _line_of(event: RwsEvent) -> LogLine:
     clock = _CLOCK.search(event.time)
     return LogLine(
         "event log",

@@ -13,11 +13,11 @@ import msgspec
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import RobotNotReady
 from yumi.driver.command import Command, EndpointRequest
-from yumi.driver.endpoint import ANSWER, Answer, Attach, Subscribe, connect_driver, error_of, find_driver
+from yumi.driver.endpoint import ANSWER, Attach, EndpointAnswer, Subscribe, connect_driver, error_of, find_driver
 from yumi.driver.reports import EventReport, MotionReport
 
 _LONGEST_LINE = 1 << 22  # of a driver [bytes]; a state has some kilobytes
-_answer_decoder = msgspec.json.Decoder(Answer)
+_answer_decoder = msgspec.json.Decoder(EndpointAnswer)
 
 
 def _close_result(connecting: asyncio.Future[socket.socket]) -> None:
@@ -31,7 +31,7 @@ class DriverLink:
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader, self._writer = reader, writer
         self._number = 0
-        self._waiting: dict[int, asyncio.Queue[Answer | RobotNotReady]] = {}
+        self._waiting: dict[int, asyncio.Queue[EndpointAnswer | RobotNotReady]] = {}
         self._reading = asyncio.create_task(self._read())
 
     @classmethod
@@ -97,11 +97,11 @@ class DriverLink:
         finally:
             del self._waiting[number]
 
-    async def _send(self, request: EndpointRequest) -> tuple[int, asyncio.Queue[Answer | RobotNotReady]]:
+    async def _send(self, request: EndpointRequest) -> tuple[int, asyncio.Queue[EndpointAnswer | RobotNotReady]]:
         if self._reading.done():
             raise self._lost(message("driver_closed_connection"))
         self._number += 1
-        number, answers = self._number, asyncio.Queue[Answer | RobotNotReady]()
+        number, answers = self._number, asyncio.Queue[EndpointAnswer | RobotNotReady]()
         self._waiting[number] = answers
         self._write(msgspec.structs.replace(request, id=number))
         try:
@@ -114,7 +114,7 @@ class DriverLink:
     def _write(self, request: EndpointRequest) -> None:
         self._writer.write(msgspec.json.encode(request) + b"\n")
 
-    async def _next(self, answers: asyncio.Queue[Answer | RobotNotReady]) -> Answer:
+    async def _next(self, answers: asyncio.Queue[EndpointAnswer | RobotNotReady]) -> EndpointAnswer:
         answer = await answers.get()
         if isinstance(answer, RobotNotReady):
             raise answer

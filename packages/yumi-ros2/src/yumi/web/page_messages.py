@@ -40,7 +40,7 @@ class TakeControl(PageMessage, frozen=True, tag="take_control"):
     """A person has clicked on it; a page that has control loses it."""
 
 
-class GiveBack(PageMessage, frozen=True, tag="give_back"):
+class GiveBackMessage(PageMessage, frozen=True, tag="give_back"):
     """Control is given back."""
 
 
@@ -148,4 +148,4 @@ AnyJog = JointsJog | ToolJog
 ForOperator = Ask | Inject | PlanMotion | ExecutePlan | AnyJog | DeviceMessage
 """What a page asks for that has control."""
 
-AnyMessage = TakeControl | GiveBack | Seen | Pair | ForOperator
+AnyMessage = TakeControl | GiveBackMessage | Seen | Pair | ForOperator

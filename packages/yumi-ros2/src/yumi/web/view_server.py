@@ -48,7 +48,7 @@ from yumi.web.page_messages import (
     Ask,
     DeviceMessage,
     ForOperator,
-    GiveBack,
+    GiveBackMessage,
     JointsJog,
     Pair,
     Seen,
@@ -320,7 +320,7 @@ class ViewServer:
             self._pair(page, request)
         elif isinstance(request, TakeControl):
             await self._take_control(page)
-        elif isinstance(request, GiveBack):
+        elif isinstance(request, GiveBackMessage):
             if await self._release(page, None):  # the rest may take seconds: a Stop EGM must be read meanwhile
                 self._giving_back = asyncio.create_task(self._live.give_back())
         else:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ProtocolError
-from abb_protocols.rws.documents import State
+from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.operation import TRUTH, absent, delete, get, post, put
 from abb_protocols.rws.operations.operation_answer import TEXT, TEXT_OR_NONE, Spelling, choice, flag, record, single
 from abb_protocols.rws.values import Grant
@@ -16,7 +16,7 @@ from abb_protocols.rws.values import Grant
 _TIME = "%Y-%m-%d T %H:%M:%S"
 
 
-def _read_time(state: State, name: str) -> datetime:
+def _read_time(state: RwsState, name: str) -> datetime:
     text = state.text(name)
     try:
         return datetime.strptime(text, _TIME)
@@ -56,7 +56,7 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
+class NetworkRoute:
     """A way to another network."""
 
     destination: str
@@ -107,7 +107,7 @@ SET_TIMESERVER = post("/ctrl/clock/timeserver", "set-timeserver", "timeserver", 
 NETWORK = get("/ctrl/network")
 SET_NETWORK = post("/ctrl/network", "set", "method=fixip|dhcp|noip, address, mask, gateway", status=202)
 DNS = get("/ctrl/network/dns")
-ROUTES = get("/ctrl/network/routes").shows(record("ctrl-netw-route", Route))
+ROUTES = get("/ctrl/network/routes").shows(record("ctrl-netw-route", NetworkRoute))
 ADD_ROUTE = post("/ctrl/network/route/add", None, "destination, gateway")
 ADD_ROUTE_OPTIONS = post("/ctrl/network/route/add", method="OPTIONS")
 REMOVE_ROUTE = post("/ctrl/network/route/remove", None, "destination", status=202)

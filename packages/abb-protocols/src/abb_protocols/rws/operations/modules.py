@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Annotated
 from urllib.parse import quote, unquote, unquote_plus
 
-from abb_protocols.rws.documents import State
+from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.operation import get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, pair, record, single
 from abb_protocols.rws.operations.rapid import range_in
@@ -27,7 +27,7 @@ _ATTRIBUTES: Spelling[tuple[str, ...]] = Spelling(
 
 
 @dataclass(frozen=True, slots=True)
-class ModuleInfo:
+class ModuleInfoAnswer:
     """One RAPID module; type is ``ProgMod`` or ``SysMod``."""
 
     name: str
@@ -44,7 +44,7 @@ class ModuleDetails:
 
 
 @lru_cache(maxsize=32)
-def quoted(text: str) -> str:
+def quoted_module_text(text: str) -> str:
     """A module's text, URL-encoded in Latin-1; a long one takes longer than a cycle the first time.
 
     What ISO 8859-1 does not have becomes a question mark, as in files that a program is saved in.
@@ -52,13 +52,13 @@ def quoted(text: str) -> str:
     return quote(text, encoding="latin-1", errors="replace")
 
 
-def _read_text(state: State, name: str) -> str:
+def _read_text(state: RwsState, name: str) -> str:
     text = state.text(name)
     decode = unquote if "%20" in text else unquote_plus  # which of the two encodings it is, ABB does not say
     return decode(text, encoding="latin-1")
 
 
-MODULES = get(_MODULES, "task").shows(record("rap-module-info-li", ModuleInfo))
+MODULES = get(_MODULES, "task").shows(record("rap-module-info-li", ModuleInfoAnswer))
 MOD_POSSIBLE_ALL = get(_MODULES, resource="mod-possible-all", status=400)
 MODIFY_ALL_POSITION = post(_MODULES, "modify-all-position", _POSITIONS, grant=Grant.RAPID_MODPOS, status=400)
 MODULE = get(
@@ -74,7 +74,7 @@ TEXT_OBJECT = single("rap-object", "", range_in("start-row", "start-column", "en
 """Answer of ``MODULE`` with ``startrow`` alone: where the declaration is."""
 
 MODULE_TEXT = get(_MODULE, "task", resource="module-text").shows(
-    single("rap-module-text", "module-text", Spelling(_read_text, lambda name, text: {name: quoted(text)}))
+    single("rap-module-text", "module-text", Spelling(_read_text, lambda name, text: {name: quoted_module_text(text)}))
 )
 MODULE_CHANGES = get(_MODULE, "task", resource="change-count").shows(single("rap-module-changecount", "count", WHOLE))
 EXTENSION = get(_MODULE, "task", resource="module-extension").shows(

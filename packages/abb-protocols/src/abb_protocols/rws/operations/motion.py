@@ -12,7 +12,7 @@ from abb_protocols.rws.documents import (
     EXTERNAL_AXES,
     JointTarget,
     RobTarget,
-    State,
+    RwsState,
     joint_target_of,
     pose_of,
     rob_target_of,
@@ -22,7 +22,7 @@ from abb_protocols.rws.operations.operation_answer import (
     TEXT,
     TITLE,
     WHOLE,
-    Answer,
+    OperationAnswer,
     Spelling,
     choice,
     flag,
@@ -164,9 +164,9 @@ def _axes_fields(names: Sequence[str], angles: Sequence[float | None]) -> dict[s
     return {name: "9E+09" if at is None else printed(at) for name, at in zip(names, angles, strict=True)}
 
 
-def joint_answer(type: str, robot: str, external: Sequence[str]) -> Answer[JointTarget]:
+def joint_answer(type: str, robot: str, external: Sequence[str]) -> OperationAnswer[JointTarget]:
     """Axes of a unit; the fields of the robot's axes begin with ``robot``."""
-    return Answer(
+    return OperationAnswer(
         (type,),
         lambda state: joint_target_of(state, robot, external),
         lambda at: (
@@ -176,9 +176,9 @@ def joint_answer(type: str, robot: str, external: Sequence[str]) -> Answer[Joint
     )
 
 
-def target_answer(type: str, turns: Sequence[str], external: Sequence[str]) -> Answer[RobTarget]:
+def target_answer(type: str, turns: Sequence[str], external: Sequence[str]) -> OperationAnswer[RobTarget]:
     """A position with its configuration and, where they are named, the external axes."""
-    return Answer(
+    return OperationAnswer(
         (type,),
         rob_target_of,
         lambda at: (
@@ -191,12 +191,12 @@ def target_answer(type: str, turns: Sequence[str], external: Sequence[str]) -> A
     )
 
 
-def pose_answer(type: str) -> Answer[Pose]:
+def pose_answer(type: str) -> OperationAnswer[Pose]:
     """A pose alone."""
-    return Answer((type,), pose_of, _pose_fields)
+    return OperationAnswer((type,), pose_of, _pose_fields)
 
 
-def _read_calculated(state: State) -> RobTarget:
+def _read_calculated(state: RwsState) -> RobTarget:
     x, y, z = (state.number(f"position-{name}") for name in "xyz")
     w, i, j, k = (state.number(f"robtargetorientation-u{number}") for number in range(4))
     one, four, six, last = (state.whole(f"quarter-rev-{name}") for name in TURNS)
@@ -215,7 +215,7 @@ def _turns_fields(configuration: Sequence[int]) -> dict[str, str]:
     return {f"quarter-rev-{name}": str(value) for name, value in zip(TURNS, configuration, strict=False)}
 
 
-def _read_solution(state: State) -> Solution:
+def _read_solution(state: RwsState) -> Solution:
     return Solution(tuple(state.number(f"robotjoint-{n}") for n in range(1, 7)), state.number("extjoint-1"))
 
 
@@ -253,8 +253,8 @@ _ALL = (
     f"robot_configuration, robot_fixed_object={_TRUTH}"
 )
 _INVERSE = f"{_ALL}, old_rob_joints, old_ext_joints, elog_at_error={_TRUTH}"
-_CALCULATED = Answer(("position-from-joint",), _read_calculated, _write_calculated)
-_SOLUTION = Answer(("joints-from-position",), _read_solution, _write_solution)
+_CALCULATED = OperationAnswer(("position-from-joint",), _read_calculated, _write_calculated)
+_SOLUTION = OperationAnswer(("joints-from-position",), _read_solution, _write_solution)
 
 MOTION_SYSTEM = get(
     _MOTION, "resource=modal-payload-mode|absacc-active|poll-rate|change-count|mechunit-name, continue-on-err=0|1"
@@ -326,5 +326,5 @@ ROBTARGET_FROM_JOINTS = post(_UNIT, "CalcRobTFromJoints", _FORWARD, status=200).
 JOINTS_FROM_POSE = post(_UNIT, "CalcJointsFromPose", _INVERSE, status=200).shows(_SOLUTION)
 JOINTS_FROM_CARTESIAN = post(_UNIT, "JointsFromCartesian", _INVERSE, status=200).shows(_SOLUTION)
 ALL_SOLUTIONS = post(_UNIT, "AllJointSolutions", _ALL, status=200).shows(
-    Answer(("all-joint-solutions",), _read_solution, _write_solution)
+    OperationAnswer(("all-joint-solutions",), _read_solution, _write_solution)
 )

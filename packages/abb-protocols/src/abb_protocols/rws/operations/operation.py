@@ -13,7 +13,7 @@ from enum import Enum
 from typing import Any, Generic, TypeVar, cast
 
 from abb_protocols.rws.documents import Pairs
-from abb_protocols.rws.operations.operation_answer import Answer
+from abb_protocols.rws.operations.operation_answer import OperationAnswer
 from abb_protocols.rws.values import Grant
 
 T = TypeVar("T")
@@ -58,14 +58,14 @@ class Operation(Generic[T]):
     status: int = 0
     lacks: str = ""
     needs_grant: Grant | None = None
-    answer: Answer[Any] | None = None
+    answer: OperationAnswer[Any] | None = None
 
-    def shows(self, answer: Answer[A]) -> Operation[A]:
+    def shows(self, answer: OperationAnswer[A]) -> Operation[A]:
         """The operation, answered like this."""
         return cast("Operation[A]", replace(self, answer=answer))
 
     @property
-    def answered(self) -> Answer[T]:
+    def answered(self) -> OperationAnswer[T]:
         """How its values are spelled; only for one that shows any."""
         assert self.answer is not None
         return self.answer

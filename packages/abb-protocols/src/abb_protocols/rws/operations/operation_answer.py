@@ -12,7 +12,7 @@ from dataclasses import MISSING, dataclass, fields
 from enum import Enum
 from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
-from abb_protocols.rws.documents import Link, Page, State
+from abb_protocols.rws.documents import Page, RwsLink, RwsState
 
 T = TypeVar("T")
 E = TypeVar("E", bound=Enum)
@@ -22,23 +22,23 @@ E = TypeVar("E", bound=Enum)
 class Spelling(Generic[T]):
     """How a value is read from the field of a name, or from several, and written to it."""
 
-    read: Callable[[State, str], T]
+    read: Callable[[RwsState, str], T]
     write: Callable[[str, T], Mapping[str, str]]
 
 
-TEXT = Spelling(State.text, lambda name, value: {name: value})
-TEXT_OR_NONE = Spelling(State.text, lambda name, value: {name: value} if value else {})
+TEXT = Spelling(RwsState.text, lambda name, value: {name: value})
+TEXT_OR_NONE = Spelling(RwsState.text, lambda name, value: {name: value} if value else {})
 """A text whose field is left out where it is empty."""
 
 TITLE: Spelling[str] = Spelling(lambda state, name: state.title, lambda name, value: {})
 """What the state is called, which is in no field."""
 
-WHOLE = Spelling(State.whole, lambda name, value: {name: str(value)})
+WHOLE = Spelling(RwsState.whole, lambda name, value: {name: str(value)})
 
 
 def flag(true: str = "TRUE", false: str = "FALSE") -> Spelling[bool]:
     """A truth that is written in these words."""
-    return Spelling(State.flag, lambda name, value: {name: true if value else false})
+    return Spelling(RwsState.flag, lambda name, value: {name: true if value else false})
 
 
 def choice(true: str, false: str) -> Spelling[bool]:
@@ -52,7 +52,7 @@ def one_of(kind: type[E]) -> Spelling[E]:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer(Generic[T]):
+class OperationAnswer(Generic[T]):
     """The states of an answer, each with one value.
 
     Attributes:
@@ -61,28 +61,28 @@ class Answer(Generic[T]):
     """
 
     types: tuple[str, ...]
-    read: Callable[[State], T]
+    read: Callable[[RwsState], T]
     write: Callable[[T], Mapping[str, str]]
 
     def of(self, page: Page) -> T:
         """The value of a page with one."""
         return self.read(page.one(*self.types))
 
-    def state(self, title: str, value: T, *links: Link) -> State:
+    def state(self, title: str, value: T, *links: RwsLink) -> RwsState:
         """The state with a value."""
-        return State(self.types[0], title, self.write(value), links)
+        return RwsState(self.types[0], title, self.write(value), links)
 
 
-def single(type: str, name: str, spelling: Spelling[T]) -> Answer[T]:
+def single(type: str, name: str, spelling: Spelling[T]) -> OperationAnswer[T]:
     """An answer with one field; ``type`` is ``type|type`` where some controllers show another one."""
-    return Answer(
+    return OperationAnswer(
         tuple(type.split("|")),
         lambda state: spelling.read(state, name),
         lambda value: spelling.write(name, value),
     )
 
 
-def pair(type: str, first: str, second: str) -> Answer[tuple[int, int]]:
+def pair(type: str, first: str, second: str) -> OperationAnswer[tuple[int, int]]:
     """An answer with two whole numbers in these fields."""
     spelling = Spelling(
         lambda state, name: (state.whole(first), state.whole(second)),
@@ -91,7 +91,7 @@ def pair(type: str, first: str, second: str) -> Answer[tuple[int, int]]:
     return single(type, "", spelling)
 
 
-def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> Answer[T]:
+def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> OperationAnswer[T]:
     """An answer with the fields of a dataclass, some spelled as given; ``type`` as for :func:`single`.
 
     What has a default may be missing where it is read.
@@ -101,7 +101,7 @@ def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> An
         for name, (usual_name, usual, is_optional) in _spellings(kind).items()
     ]
 
-    def read(state: State) -> T:
+    def read(state: RwsState) -> T:
         found = {}
         for name, own, spelling, is_optional in parts:
             if not is_optional or own in state.fields:
@@ -114,7 +114,7 @@ def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> An
             written |= spelling.write(own, getattr(value, name))
         return written
 
-    return Answer(tuple(type.split("|")), read, write)
+    return OperationAnswer(tuple(type.split("|")), read, write)
 
 
 def _spellings(kind: type[Any]) -> Mapping[str, tuple[str, Spelling[Any], bool]]:

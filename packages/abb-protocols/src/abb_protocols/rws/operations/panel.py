@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abb_protocols.rws.documents import State, member
+from abb_protocols.rws.documents import RwsState, member
 from abb_protocols.rws.operations.operation import get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, one_of, single
 from abb_protocols.rws.values import CollisionState, ControllerState, Grant, OperatingMode
@@ -10,7 +10,7 @@ from abb_protocols.rws.values import CollisionState, ControllerState, Grant, Ope
 _MODE = "/rw/panel/opmode"
 
 
-def _collision_state(state: State, name: str) -> CollisionState:
+def _collision_state(state: RwsState, name: str) -> CollisionState:
     """The field's name has a blank at its end on some versions."""
     return member(CollisionState, {known.strip(): text for known, text in state.fields.items()}.get(name.strip(), ""))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass, field
 from typing import Annotated
 
-from abb_protocols.rws.documents import State, member
+from abb_protocols.rws.documents import RwsState, member
 from abb_protocols.rws.operations.motion import TURNS_OF_TARGET, joint_answer, target_answer
 from abb_protocols.rws.operations.operation import get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, flag, record, single
@@ -31,7 +31,7 @@ _TASK_EXECUTION = Spelling(
 
 
 @dataclass(frozen=True, slots=True)
-class Execution:
+class ExecutionAnswer:
     """Whether RAPID runs, and whether a program begins again at its end."""
 
     state: Annotated[ExecutionState, "ctrlexecstate"]
@@ -123,7 +123,7 @@ class StackFrame:
         return self.routine_url.rpartition("/")[2]
 
 
-def _read_range(state: State, name: str) -> Range | None:
+def _read_range(state: RwsState, name: str) -> Range | None:
     parts = f"{state.fields.get('beginposition', '')},{state.fields.get('endposition', '')}".split(",")
     return Range(*map(int, parts)) if all(part.isdecimal() for part in parts) else None
 
@@ -190,7 +190,7 @@ class Dialog:
 
 
 RAPID = get("/rw/rapid")
-EXECUTION = get(_EXECUTION, "continue-on-err=0|1").shows(record("rap-execution", Execution))
+EXECUTION = get(_EXECUTION, "continue-on-err=0|1").shows(record("rap-execution", ExecutionAnswer))
 START = post(
     _EXECUTION,
     "start",

@@ -18,7 +18,7 @@ from abb_runtime.rws.session import file_path
 _REFUSED = 400
 
 
-class Configuration(Service):
+class ConfigurationService(Service):
     """``/rw/cfg``."""
 
     def cfg(self, domain: str, type: str) -> tuple[CfgInstance, ...]:

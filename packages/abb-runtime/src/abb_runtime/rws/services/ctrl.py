@@ -32,7 +32,7 @@ class NetworkPort:
     mask: str
 
 
-class Controller(Service):
+class ControllerService(Service):
     """``/ctrl`` and ``/progress``."""
 
     def identity(self) -> ControllerIdentity:

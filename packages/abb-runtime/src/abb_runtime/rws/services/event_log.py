@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from abb_protocols.rws import documents
-from abb_protocols.rws.documents import Event, whole_number
+from abb_protocols.rws.documents import RwsEvent, whole_number
 from abb_protocols.rws.operations import event_log as table
 from abb_runtime.rws.services.service import Service
 from abb_runtime.rws.session import file_path
@@ -23,13 +23,13 @@ class EventDomain:
     capacity: int
 
 
-class EventLog(Service):
+class EventLogService(Service):
     """``/rw/elog``."""
 
-    def events(self, domain: int = 0, count: int = _EVENTS_PER_PAGE) -> tuple[Event, ...]:
+    def events(self, domain: int = 0, count: int = _EVENTS_PER_PAGE) -> tuple[RwsEvent, ...]:
         """The newest ``count`` messages of the event log, newest first; domain 0 holds all domains."""
         size = min(count, _EVENTS_PER_PAGE)
-        found: tuple[Event, ...] = ()
+        found: tuple[RwsEvent, ...] = ()
         while len(found) < count:
             what, number = f"reading the event log {domain}", len(found) // size + 1
             asked = self._shown(what, table.EVENTS, str(domain), lang="en", order="lifo", start=number, limit=size)
@@ -56,7 +56,7 @@ class EventLog(Service):
             for state in states
         )
 
-    def event(self, number: int, domain: int = 0) -> Event:
+    def event(self, number: int, domain: int = 0) -> RwsEvent:
         """One message, by its number."""
         page = self._shown(f"reading event {number}", table.EVENT, str(domain), str(number), lang="en")
         return documents.read_event(page.one(*documents.EVENT_STATES))

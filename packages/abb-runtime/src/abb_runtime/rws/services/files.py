@@ -24,7 +24,7 @@ class Volume:
     is_read_only: bool
 
 
-class Files(Service):
+class FilesService(Service):
     """``/fileservice``; the content of a file takes as long as it needs, as long as it goes on."""
 
     def write_file(self, path: str, content: bytes) -> None:

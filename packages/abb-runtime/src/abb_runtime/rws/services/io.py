@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.rws import documents
-from abb_protocols.rws.documents import Page, Signal, State
+from abb_protocols.rws.documents import Page, RwsSignal, RwsState
 from abb_protocols.rws.operations import io as table
 from abb_protocols.rws.operations.io import AccessRights
 from abb_protocols.rws.values import SignalChange, SignalType
@@ -18,7 +18,7 @@ _MS = 1000.0
 
 
 @dataclass(frozen=True, slots=True)
-class Network:
+class IoNetwork:
     """An industrial network, or a device on one.
 
     Attributes:
@@ -47,7 +47,7 @@ class SignalDetails:
         physical_value: of the device.
     """
 
-    signal: Signal
+    signal: RwsSignal
     category: str
     device: str
     is_simulated: bool
@@ -55,10 +55,10 @@ class SignalDetails:
     physical_value: float
 
 
-class Io(Service):
+class IoService(Service):
     """``/rw/iosystem``."""
 
-    def signal(self, name: str) -> Signal:
+    def signal(self, name: str) -> RwsSignal:
         """One I/O signal."""
         return documents.read_signal(self._shown(f"reading signal {name}", table.SIGNAL, name))
 
@@ -103,7 +103,7 @@ class Io(Service):
         category: str = "",
         all_others: bool = False,
         is_blocked: bool | None = None,
-    ) -> tuple[Signal, ...]:
+    ) -> tuple[RwsSignal, ...]:
         """Signals whose name contains ``name``, and that are as the rest says; or all others."""
         page = self._shown(
             "searching signals",
@@ -166,13 +166,13 @@ class Io(Service):
         """Connect all simulated signals to their devices again."""
         self._call("connecting all signals", table.UNBLOCK_SIGNALS)
 
-    def networks(self, name: str = "") -> tuple[Network, ...]:
+    def networks(self, name: str = "") -> tuple[IoNetwork, ...]:
         """The industrial networks whose name contains ``name``."""
         if not name:
             return tuple(map(_network, self._listed("reading the networks", table.NETWORKS)))
         return tuple(map(_network, self._shown("searching networks", table.SEARCH_NETWORKS, name=name).states))
 
-    def network(self, name: str) -> Network:
+    def network(self, name: str) -> IoNetwork:
         """One industrial network."""
         return _network(self._shown(f"reading {name}", table.NETWORK, name).one("ios-network"))
 
@@ -190,7 +190,7 @@ class Io(Service):
         """Let a network find its devices (``SCAN``, ``UNITS``), or make signals (``BITS``, ``GROUPS``, ``BOTH``)."""
         self._call(f"configuring {name}", table.CONFIGURE_NETWORK, name, config_type=kind)
 
-    def devices(self, name: str = "", network: str = "") -> tuple[Network, ...]:
+    def devices(self, name: str = "", network: str = "") -> tuple[IoNetwork, ...]:
         """The I/O devices whose name contains ``name``, of one network or of all."""
         if name:
             states = self._shown("searching devices", table.SEARCH_DEVICES, name=name).states
@@ -198,7 +198,7 @@ class Io(Service):
             states = self._listed("reading the devices", table.DEVICES)
         return tuple(_network(state) for state in states if network in ("", state.title.partition("/")[0]))
 
-    def device(self, name: str) -> Network:
+    def device(self, name: str) -> IoNetwork:
         """One I/O device, such as ``DeviceNet/D652_10``."""
         return _network(self._shown(f"reading {name}", table.DEVICE, name).one("ios-device"))
 
@@ -220,7 +220,7 @@ def _milliseconds(time: float | None) -> int | None:
     return None if time is None else round(time * _MS)
 
 
-def _signal_details(state: State) -> SignalDetails:
+def _signal_details(state: RwsState) -> SignalDetails:
     return SignalDetails(
         signal=documents.signal_of(state),
         category=state.fields.get("category", ""),
@@ -231,6 +231,6 @@ def _signal_details(state: State) -> SignalDetails:
     )
 
 
-def _network(state: State) -> Network:
+def _network(state: RwsState) -> IoNetwork:
     is_enabled = state.text("lstate") in ("started", "enabled")
-    return Network(state.text("name"), is_enabled, state.text("pstate") == "running", state.fields.get("address", ""))
+    return IoNetwork(state.text("name"), is_enabled, state.text("pstate") == "running", state.fields.get("address", ""))

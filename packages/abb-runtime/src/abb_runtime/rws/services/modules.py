@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from abb_protocols.rws.documents import State
+from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations import modules as table
 from abb_protocols.rws.operations import rapid
-from abb_protocols.rws.operations.modules import ModuleDetails, ModuleInfo
+from abb_protocols.rws.operations.modules import ModuleDetails, ModuleInfoAnswer
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.rapid import Range
 from abb_runtime.rws.services.service import Service, request
@@ -16,7 +16,7 @@ from abb_runtime.rws.session import RwsRequest
 
 
 @dataclass(frozen=True, slots=True)
-class Routine:
+class RoutineInfo:
     """A routine; type is ``prc``, ``fun`` or ``trp``."""
 
     name: str
@@ -25,13 +25,13 @@ class Routine:
     parameters: int
 
 
-class Modules(Service):
+class ModulesService(Service):
     """``/rw/rapid/modules``; RAPID must be stopped while they are changed.
 
     While it runs, a RAPID program loads modules itself (``runModuleLoad`` of the state machine).
     """
 
-    def modules(self, task: str) -> tuple[ModuleInfo, ...]:
+    def modules(self, task: str) -> tuple[ModuleInfoAnswer, ...]:
         """The RAPID modules loaded in ``task``."""
         states = self._listed(f"reading the modules of {task}", table.MODULES, task=task)
         read = table.MODULES.answered
@@ -100,12 +100,12 @@ class Modules(Service):
         page = self._shown(f"reading {module}", table.SYMBOL_AT, module, task=task, row=row, col=column)
         return page.one("rap-module-symbol").text("symbolname")
 
-    def routine_at(self, task: str, module: str, row: int, column: int = 1) -> Routine:
+    def routine_at(self, task: str, module: str, row: int, column: int = 1) -> RoutineInfo:
         """The routine at a place of the text."""
         page = self._shown(f"reading {module}", table.ROUTINE_AT, module, task=task, row=row, column=column)
         return _routine(page.one("rap-routine-prop"))
 
-    def routines(self, task: str, module: str) -> tuple[Routine, ...]:
+    def routines(self, task: str, module: str) -> tuple[RoutineInfo, ...]:
         """The routines of a module."""
         return tuple(map(_routine, self._listed(f"reading the routines of {module}", table.ROUTINES, task, module)))
 
@@ -153,5 +153,5 @@ def _rows_and_columns(part: Range) -> dict[str, int]:
     return {"startrow": part.row, "startcol": part.column, "endrow": part.end_row, "endcol": part.end_column}
 
 
-def _routine(state: State) -> Routine:
-    return Routine(state.text("name"), state.text("symtyp"), state.flag("local"), state.whole("npar"))
+def _routine(state: RwsState) -> RoutineInfo:
+    return RoutineInfo(state.text("name"), state.text("symtyp"), state.flag("local"), state.whole("npar"))

@@ -17,7 +17,7 @@ from abb_runtime.rws.services.service import Service
 _MM = 1000.0
 
 
-class Motion(Service):
+class MotionService(Service):
     """``/rw/motionsystem``."""
 
     def joint_target(self, unit: str) -> Joints:

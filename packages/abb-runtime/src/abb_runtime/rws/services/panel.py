@@ -9,7 +9,7 @@ from abb_protocols.rws.values import CollisionState, ControllerState, OperatingM
 from abb_runtime.rws.services.service import Service
 
 
-class Panel(Service):
+class PanelService(Service):
     """``/rw/panel``."""
 
     def controller_state(self) -> ControllerState:

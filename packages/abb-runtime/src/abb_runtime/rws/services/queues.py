@@ -29,7 +29,7 @@ class QueueMessage:
     sender: str
 
 
-class Queues(Service):
+class QueuesService(Service):
     """``/rw/dipc``; a RAPID task's queue is ``RMQ_`` and its name."""
 
     def queues(self) -> tuple[str, ...]:

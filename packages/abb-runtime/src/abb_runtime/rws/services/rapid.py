@@ -15,11 +15,11 @@ from abb_protocols.rws.operations.rapid import (
     TaskDetails,
     TaskInfo,
 )
-from abb_protocols.rws.values import Code, ExecutionState, Regain, RunCycle, Step, StopMode
+from abb_protocols.rws.values import ExecutionState, Regain, RunCycle, RwsCode, Step, StopMode
 from abb_runtime.rws.services.service import Service
 
 
-class Rapid(Service):
+class RapidService(Service):
     """``/rw/rapid`` without its modules and symbols."""
 
     def execution(self) -> ExecutionState:
@@ -191,7 +191,7 @@ class Rapid(Service):
         try:
             self._call(f"linking the program of {task}", table.BUILD, task)
         except ControllerRefused as error:
-            if error.code not in (Code.SEMANTIC, Code.SYNTAX):
+            if error.code not in (RwsCode.SEMANTIC, RwsCode.SYNTAX):
                 raise
         return self.build_errors(task)
 
@@ -233,7 +233,7 @@ class Rapid(Service):
         try:
             return self._answer("reading the dialog", table.ACTIVE_DIALOG)
         except ControllerRefused as error:
-            if error.code != Code.UI_NOT_ACTIVE:
+            if error.code != RwsCode.UI_NOT_ACTIVE:
                 raise
             return None
 

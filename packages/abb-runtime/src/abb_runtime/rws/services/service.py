@@ -15,10 +15,10 @@ import httpx
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, YumiError
 from abb_protocols.rws import documents
-from abb_protocols.rws.documents import Page, Pairs, State, read_page
+from abb_protocols.rws.documents import Page, Pairs, RwsState, read_page
 from abb_protocols.rws.operations import mastership
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.values import Code
+from abb_protocols.rws.values import RwsCode
 from abb_runtime.clock import Clock
 from abb_runtime.rws.session import BUSY, RwsRequest, RwsSession
 
@@ -84,12 +84,14 @@ class Service:
         """The values of a list, on all its pages."""
         return tuple(map(operation.answered.read, self._listed(what, operation, *places, **arguments)))
 
-    def _listed(self, what: str, operation: Operation[Any], /, *places: str, **arguments: object) -> tuple[State, ...]:
+    def _listed(
+        self, what: str, operation: Operation[Any], /, *places: str, **arguments: object
+    ) -> tuple[RwsState, ...]:
         """The states of a list, on all its pages."""
         return self._states(what, request(operation, *places, **arguments))
 
-    def _states(self, what: str, called: RwsRequest) -> tuple[State, ...]:
-        found: tuple[State, ...] = ()
+    def _states(self, what: str, called: RwsRequest) -> tuple[RwsState, ...]:
+        found: tuple[RwsState, ...] = ()
         following: Pairs | None = called.query
         while following is not None:
             page = self._page(self._session.exchange(replace(called, query=following)), what)
@@ -147,5 +149,5 @@ class Service:
             try:
                 self._call(f"releasing the mastership of {domain}", mastership.RELEASE, domain)
             except ControllerRefused as error:
-                if error.code != Code.RESOURCE_NOT_HELD:  # a new session or another mode has ended it already
+                if error.code != RwsCode.RESOURCE_NOT_HELD:  # a new session or another mode has ended it already
                     raise

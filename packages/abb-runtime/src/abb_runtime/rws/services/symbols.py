@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from abb_protocols.errors import ControllerRefused
 from abb_protocols.rws import documents
-from abb_protocols.rws.documents import State, whole_number
+from abb_protocols.rws.documents import RwsState, whole_number
 from abb_protocols.rws.operations import modules as table
 from abb_protocols.rws.values import RapidValue, SymbolKind, decode, encode
 from abb_runtime.rws.services.service import Service
@@ -37,7 +37,7 @@ class SymbolInfo:
     is_read_only: bool
 
 
-class Symbols(Service):
+class SymbolsService(Service):
     """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``.
 
     Where a module is asked for, data of a routine under way are found with ``Hello/wave``, module and routine.
@@ -133,7 +133,7 @@ class Symbols(Service):
         return tuple(map(_symbol_info, page.states))
 
 
-def _symbol_info(state: State) -> SymbolInfo:
+def _symbol_info(state: RwsState) -> SymbolInfo:
     dimensions = tuple(whole_number("dim", part) for part in state.fields.get("dim", "").replace(",", " ").split())
     return SymbolInfo(
         address=state.fields.get("symburl") or state.title,

@@ -19,7 +19,7 @@ class Energy:
     reset_at: str
 
 
-class System(Service):
+class SystemService(Service):
     """``/rw/system``, ``/rw/devices`` and ``/rw/retcode``."""
 
     def system(self) -> SystemInfo:

@@ -12,7 +12,7 @@ from abb_protocols.rws import documents
 from abb_protocols.rws.operations import mastership
 from abb_protocols.rws.operations import users as table
 from abb_protocols.rws.operations.users import User
-from abb_protocols.rws.values import Code, Privilege, RmmpStatus
+from abb_protocols.rws.values import Privilege, RmmpStatus, RwsCode
 from abb_runtime.rws.services.service import Service
 
 _RMMP_POLL = 0.25  # [s]; the controller forgets a request that is not polled for 10 s
@@ -33,7 +33,7 @@ class Rmmp:
     is_own: bool
 
 
-class Users(Service):
+class UsersService(Service):
     """``/users`` and ``/rw/mastership``."""
 
     def users(self) -> tuple[User, ...]:
@@ -93,9 +93,9 @@ class Users(Service):
             ControllerRefused: there is no request.
         """
         state = self._shown("asking for the privilege", table.POLL_RMMP).one("user-rmmp-poll")
-        if state.text("code") == str(int(Code.NO_SUCH_REQUEST)):
+        if state.text("code") == str(int(RwsCode.NO_SUCH_REQUEST)):
             said = message("no_privilege_requested", address=self.address)
-            raise ControllerRefused(said, status=0, code=Code.NO_SUCH_REQUEST)
+            raise ControllerRefused(said, status=0, code=RwsCode.NO_SUCH_REQUEST)
         return state.member(RmmpStatus, "status")
 
     def cancel_rmmp(self) -> None:
@@ -128,7 +128,7 @@ class Users(Service):
                 self._clock.wait(_RMMP_POLL)
             if status is RmmpStatus.DENIED:
                 said = message("privilege_denied", address=self.address)
-                raise ControllerRefused(said, status=0, code=Code.DENIED)
+                raise ControllerRefused(said, status=0, code=RwsCode.DENIED)
             yield
         finally:
             self.cancel_rmmp()

@@ -17,7 +17,7 @@ SYSTEM = Library(DATA)
 
 
 @dataclass(slots=True)
-class Clock:
+class RapidClock:
     """A stopwatch: seconds counted until the last stop, and since when it runs (None: it stands)."""
 
     counted: float = 0.0
@@ -27,31 +27,31 @@ class Clock:
         return self.counted + (0.0 if self.since is None else now - self.since)
 
 
-SYSTEM.object_type("clock", Clock)
+SYSTEM.object_type("clock", RapidClock)
 
 
 @SYSTEM.instruction("ClkReset", "VAR clock Clock")
 def reset_clock(call: Call) -> None:
-    clock: Clock = call["Clock"]
+    clock: RapidClock = call["Clock"]
     clock.counted, clock.since = 0.0, None
 
 
 @SYSTEM.instruction("ClkStart", "VAR clock Clock")
 def start_clock(call: Call) -> None:
-    clock: Clock = call["Clock"]
+    clock: RapidClock = call["Clock"]
     if clock.since is None:
         clock.since = call.task.elapsed
 
 
 @SYSTEM.instruction("ClkStop", "VAR clock Clock")
 def stop_clock(call: Call) -> None:
-    clock: Clock = call["Clock"]
+    clock: RapidClock = call["Clock"]
     clock.counted, clock.since = clock.read(call.task.elapsed), None
 
 
 @SYSTEM.function("ClkRead", r"VAR clock Clock, \switch HighRes", "num")
 def read_clock(call: Call) -> float:
-    clock: Clock = call["Clock"]
+    clock: RapidClock = call["Clock"]
     return clock.read(call.task.elapsed)
 
 

@@ -19,7 +19,7 @@ from virtual_irc5.rapid.expressions import Expressions, Scope
 from virtual_irc5.rapid.loaded_modules import LoadedModule
 from virtual_irc5.rapid.parser import parse_reference
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.task import frame_of, task_meant, task_of
+from virtual_irc5.rapid.task import frame_of, task_of, task_of_argument
 from virtual_irc5.rapid.types import (
     UNSET,
     ArrayType,
@@ -177,7 +177,7 @@ _OBJECT = rf"string Object, \VAR datapos Block | {OF_TASK}"
 
 def _named_datum(call: Call) -> Reference:
     """The datum that Object names, which may be an element or component; raises ERR_SYM_ACCESS."""
-    task, name = task_meant(call), call["Object"]
+    task, name = task_of_argument(call), call["Object"]
     program = task.program
     owner = program.modules.get(call["Block"].module.lower()) if call.present("Block") else None
     if owner is None and task is call.task:

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary, WeakSet
 
 from virtual_irc5.rapid.builtins.rawbytes import ENCODING, MOST_BYTES, RAWBYTES, RawBytes
 from virtual_irc5.rapid.call import Call, RunningTask, whole_argument
-from virtual_irc5.rapid.devices import Disk, Entry
+from virtual_irc5.rapid.devices import Disk, DiskEntry
 from virtual_irc5.rapid.literals import format_value, parse_value
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import LONGEST_STRING, RapidRuntimeError, RapidValueError
@@ -440,7 +440,7 @@ def file_time(call: Call) -> float:
     return float(int(_entry(call).changed))
 
 
-def _entry(call: Call) -> Entry:
+def _entry(call: Call) -> DiskEntry:
     with _disk_errors(call) as disk:
         return disk.entry(_path(call))
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call, Wait
-from virtual_irc5.rapid.devices import Choice, Dialog, DialogKind
+from virtual_irc5.rapid.devices import Choice, DeviceDialog, DialogKind
 from virtual_irc5.rapid.literals import format_value
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Severity
@@ -83,7 +83,7 @@ _BREAKS = (
 _MESSAGE = r"\string Header, \string Message | \string MsgArray{*}, \switch Wrap"
 
 
-def _asked(call: Call, dialog: Dialog) -> Any:
+def _asked(call: Call, dialog: DeviceDialog) -> Any:
     """Show a question until it is answered (the generator's value), or until something ends it (None)."""
     task, pendant = call.task, call.task.host.devices.pendant
     end = task.now + call.get("MaxTime", math.inf)
@@ -133,8 +133,8 @@ def _box_lines(call: Call) -> tuple[str, ...]:
     return tuple(line for line in lines if line is not None)
 
 
-def _dialog(call: Call, kind: DialogKind, lines: Sequence[str], **more: Any) -> Dialog:
-    return Dialog(call.task.name, call.name, kind, call.get("Header", ""), tuple(lines), **more)
+def _dialog(call: Call, kind: DialogKind, lines: Sequence[str], **more: Any) -> DeviceDialog:
+    return DeviceDialog(call.task.name, call.name, kind, call.get("Header", ""), tuple(lines), **more)
 
 
 def _button_set(call: Call) -> tuple[Choice, ...]:

@@ -11,7 +11,7 @@ from datetime import datetime
 from virtual_irc5.rapid.ast import Storage
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call, Wait, whole_argument
-from virtual_irc5.rapid.devices import Configuration, LoggedEvent
+from virtual_irc5.rapid.devices import ConfigurationDevice, LoggedEvent
 from virtual_irc5.rapid.frame import Propagated
 from virtual_irc5.rapid.interrupts import ChangeOrder
 from virtual_irc5.rapid.rapid_library import Library
@@ -365,7 +365,7 @@ def table_text(call: Call) -> str:
 
 
 @contextmanager
-def _attribute(call: Call) -> Iterator[tuple[Configuration, str, str]]:
+def _attribute(call: Call) -> Iterator[tuple[ConfigurationDevice, str, str]]:
     """The system parameters, and where in them the call's attribute is; raises ERR_CFG_NOTFND."""
     path, attribute, found = call["InstancePath"], call["Attribute"], call.task.host.devices.configuration
     try:

@@ -7,7 +7,7 @@ import operator
 from collections.abc import Callable
 
 from virtual_irc5.rapid.builtins.data import CONSTANTS
-from virtual_irc5.rapid.call import VISUALIZE, Call, Deadline, Wait
+from virtual_irc5.rapid.call import VISUALIZE, Call, CallDeadline, Wait
 from virtual_irc5.rapid.devices import IoDevices
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import RapidRuntimeError, Signal
@@ -123,7 +123,7 @@ _RELATIONS: tuple[tuple[str, Callable[[float, float], bool]], ...] = (
 
 def _wait_for_level(call: Call) -> Wait:
     r"""Until the signal has the value, or the relation to it; \ValueAtTimeout gets what it has when time is up."""
-    deadline, value = Deadline.of(call), call["Value"]
+    deadline, value = CallDeadline.of(call), call["Value"]
     relation = next((holds for name, holds in _RELATIONS if call.get(name)), operator.eq)
     with deadline.visualized(call["Signal"].name):
         while not relation(_signal_level(call), value):

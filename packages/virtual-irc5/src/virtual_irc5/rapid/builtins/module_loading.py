@@ -13,7 +13,7 @@ from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.loading import saved_text
 from virtual_irc5.rapid.parser import parse_module
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.task import Task, task_meant, task_of
+from virtual_irc5.rapid.task import Task, task_of, task_of_argument
 from virtual_irc5.rapid.types import (
     ProgramTooLarge,
     RapidReferenceError,
@@ -148,7 +148,7 @@ def cancel_load(call: Call) -> None:
 @MODULES.instruction("Save", rf"{OF_TASK}, string ModuleName, \string FilePath, \string File")
 def save_module(call: Call) -> None:
     """A module's text into a file, its persistents with the values they have now."""
-    task = task_meant(call)
+    task = task_of_argument(call)
     module = task.program.modules.get(call["ModuleName"].lower())
     if module is None:
         raise RapidRuntimeError("ERR_MODULE", f"The task {task.name} has no module '{call['ModuleName']}'.")

@@ -18,7 +18,7 @@ from parent import say_ready
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Joints, Side, chain_from_abb
-from abb_runtime.parameters import Entry
+from abb_runtime.parameters import ParameterFileEntry
 from yumi.control.flight_recorder import Frame
 from yumi.control.goals import write_goal
 from yumi.control.loop_commands import Commands
@@ -51,7 +51,7 @@ def read_plan(arguments: Namespace) -> tuple[Settings, EgmPlan]:
     settings = read_settings()
     egm = replace(settings.egm, wake=WakeMode(arguments.wake), left_port=left, right_port=right)
     settings = replace(settings, robot=replace(settings.robot, address="127.0.0.1"), egm=egm)
-    gain = Entry(arguments.gain, "--gain", is_general=False)
+    gain = ParameterFileEntry(arguments.gain, "--gain", is_general=False)
     controllers = {
         side: tuple(
             replace(entry, entries={**entry.entries, "p": gain}) if entry.name == POSITION else entry

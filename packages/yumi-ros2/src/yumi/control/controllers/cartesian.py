@@ -21,7 +21,7 @@ from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_goal import ToolGoal
 from yumi.control.tool_limits import ToolLimited, ToolLimits
-from yumi.control.trajectory_commands import CancelTrajectory, Outcome, ResultCode
+from yumi.control.trajectory_commands import CancelTrajectory, ResultCode, TrajectoryOutcome
 
 _RADIANS_PER_METRE = 6.0  # accelerations and jerks of the orientation beside those of the tool
 _PARAMETERS = (
@@ -139,7 +139,7 @@ class CartesianController(JointTrajectoryController):
             start = start._replace(acceleration=middle.acceleration)
             if self._goal is not None:
                 start = start.scaled(self._pace)
-            self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("motion_replaced_by_stream"))
+            self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("motion_replaced_by_stream"))
             within = ToolLimits(min(self._within.speed, caps[0] / SHARE_OF_SPEED), self._within.walls, caps[1])
             speed, turning = number(values, "tool.speed"), min(number(values, "tool.turning"), caps[1])
             # Poses are followed in each direction alone.

@@ -11,7 +11,7 @@ from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
 from yumi.control.goals import Buffer
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
-from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, Outcome, ResultCode
+from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, ResultCode, TrajectoryOutcome
 
 OTHER_ARM_TIMEOUT = 0.250
 """An arm that has not followed the common trajectory for so long does not follow it any more [s]. What ends its motion
@@ -94,15 +94,15 @@ class DualArmTrajectoryController(JointTrajectoryController):
         other = self._other(goal)
         return other is not None and other._goal is not None and other._goal.phase is Phase.REACHED
 
-    def _end(self, outcome: Outcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
+    def _end(self, outcome: TrajectoryOutcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
         goal = self._goal
         super()._end(outcome, code, said, is_replaced=is_replaced)
         other = goal and self._other(goal)
         if not other:
             return
-        if outcome is Outcome.SUCCEEDED:
+        if outcome is TrajectoryOutcome.SUCCEEDED:
             other._succeed()
-        elif outcome is Outcome.ABORTED and not is_replaced:
+        elif outcome is TrajectoryOutcome.ABORTED and not is_replaced:
             other._abort(code, message("other_arm_aborted"))
 
     @property

@@ -10,7 +10,7 @@ from math import inf
 
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
 from abb_runtime.parameters import Parameter, Values, number, text
-from yumi.control.controller import IDLE, Controller, check_joints
+from yumi.control.controller import IDLE, Controller, check_controller_joints
 from yumi.control.goals import GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.speed_motion import SpeedMotion
 from yumi.control.sampled import Sampled
@@ -68,7 +68,7 @@ class ForwardCommandController(Controller):
         )
 
     def configure(self, values: Values) -> None:
-        check_joints(values, self._joint_names, in_order=True)
+        check_controller_joints(values, self._joint_names, in_order=True)
         self._forwarded = text(values, "interface_name")
         self._timeout = number(values, "timeout")
 

@@ -27,7 +27,7 @@ from abb_protocols.robot.joints import (
 from abb_runtime.parameters import Parameter, Values, number
 from yumi.control.controller import Controller
 from yumi.control.goals import GoalBuffer, check_position, read_goal
-from yumi.control.motion.point_motion import PointMotion, stop, travel
+from yumi.control.motion.point_motion import PointMotion, point_stop, point_travel
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint, largest_difference, slower
 from yumi.control.motion.standstill import StandstillDetector, is_held_back
@@ -225,7 +225,7 @@ class JointGoalController(Controller):
 
     def _planned(self, command: object) -> tuple[JointGoal | StopMotion, PointMotion]:
         if isinstance(command, StopMotion):
-            return command, stop(self._setpoint.scaled(self._scale), slower(self._limits, 1.0, _ROOM))
+            return command, point_stop(self._setpoint.scaled(self._scale), slower(self._limits, 1.0, _ROOM))
         if not isinstance(command, JointGoal):
             raise CommandRefused(
                 message(
@@ -244,11 +244,11 @@ class JointGoalController(Controller):
         top = self._values["top_speed"]
         start = self._setpoint.unscaled(self._speed.value / self._scale)  # in the time of the new way
         try:
-            return travel(start, goal.position, slower(self._limits, speed, _ROOM * acceleration, top))
+            return point_travel(start, goal.position, slower(self._limits, speed, _ROOM * acceleration, top))
         except CommandRefused:
             if acceleration == 1.0:
                 raise
-        return travel(start, goal.position, slower(self._limits, speed, 1.0, top))  # brakes harder
+        return point_travel(start, goal.position, slower(self._limits, speed, 1.0, top))  # brakes harder
 
     def _factor(self, name: str, value: float | None) -> float:
         if value is None:

@@ -31,7 +31,7 @@ from abb_protocols.robot.joints import (
     Joints,
     joints,
 )
-from abb_runtime.parameters import Parameter, Values, flag, number
+from abb_runtime.parameters import Parameter, Values, flag_setting, number
 from yumi.control.controller import IDLE, Controller
 from yumi.control.goals import CONFIGURED_DELAY, LONGEST_DELAY, Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.robot_response import DELAY
@@ -122,7 +122,7 @@ class JointPositionController(Controller):
         self._is_proportional = not any(self._i) and not any(self._d)
         if not any(self._i):
             self._integrals = [0.0] * JOINT_COUNT
-        self._feeds_forward = flag(values, "tracking.feed_forward")
+        self._feeds_forward = flag_setting(values, "tracking.feed_forward")
         self._delay = number(values, "tracking.delay")
         self._predictor.memory = number(values, "tracking.memory")
         self._predictor.timeout = number(values, "tracking.silence")

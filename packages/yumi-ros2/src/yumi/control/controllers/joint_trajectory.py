@@ -35,7 +35,7 @@ from yumi.control.controllers.trajectory_parameters import TrajectorySettings, t
 from yumi.control.goals import Buffer
 from yumi.control.motion.blending import blend
 from yumi.control.motion.chunk_motion import ChunkMotion, join
-from yumi.control.motion.point_motion import PointMotion, stop
+from yumi.control.motion.point_motion import PointMotion, point_stop
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import Segment, Segments, Spline, SplineSampler, TrajectoryPoint
@@ -46,10 +46,10 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import (
     CancelTrajectory,
     FollowTrajectory,
-    Outcome,
     ResultCode,
     ScaleSpeed,
     TrajectoryEnded,
+    TrajectoryOutcome,
     refused,
 )
 
@@ -137,7 +137,7 @@ class JointTrajectoryController(Controller):
         self._standstill = StandstillDetector(state)
 
     def deactivate(self) -> None:
-        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("controller_deactivated"))
+        self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("controller_deactivated"))
         self._rest_at(self._position)
 
     def check(self, command: object, state: ArmState | None) -> None:
@@ -289,7 +289,7 @@ class JointTrajectoryController(Controller):
     def _follow_chunk(self) -> ChunkTaken:
         assert self._checked_chunk is not None
         _, state, _, motion, time, pace = self._checked_chunk
-        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
+        self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
         if not isinstance(self._source, ChunkMotion):
             if self._is_braking:
                 self._rate = 1.0
@@ -321,7 +321,7 @@ class JointTrajectoryController(Controller):
     def _follow(self, command: FollowTrajectory) -> None:
         assert self._checked is not None
         spline, now = self._checked[2:]
-        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
+        self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
         if isinstance(self._source, PointMotion):
             self._rate = 1.0 if self._is_braking else self._scale
         self._goal = TrajectoryGoal(
@@ -342,7 +342,7 @@ class JointTrajectoryController(Controller):
     def _watch(self, goal: TrajectoryGoal, state: ArmState) -> None:
         if goal.is_cancelled:
             if self._standstill is None and not self._is_braking:
-                self._end(Outcome.CANCELED, ResultCode.SUCCESSFUL, message("motion_cancelled"))
+                self._end(TrajectoryOutcome.CANCELED, ResultCode.SUCCESSFUL, message("motion_cancelled"))
             return
         if not goal.first and self._time > goal.begin:
             goal.first = state.time
@@ -391,14 +391,14 @@ class JointTrajectoryController(Controller):
         return None
 
     def _succeed(self) -> None:
-        self._end(Outcome.SUCCEEDED, ResultCode.SUCCESSFUL, message("goal_reached"))
+        self._end(TrajectoryOutcome.SUCCEEDED, ResultCode.SUCCESSFUL, message("goal_reached"))
         self._rest_at(self._position)
 
     def _abort(self, code: ResultCode, said: Message) -> None:
         self._brake()
-        self._end(Outcome.ABORTED, code, said)
+        self._end(TrajectoryOutcome.ABORTED, code, said)
 
-    def _end(self, outcome: Outcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
+    def _end(self, outcome: TrajectoryOutcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
         """The motion is over for what waits for it; ``is_replaced``: the arm goes on with a newer one.
 
         Feedback with goal 0 is written before the report: a client may ask for its next motion at once.
@@ -427,7 +427,7 @@ class JointTrajectoryController(Controller):
                 setpoint = setpoint.scaled(self._pace)
         softer = joints([_BRAKE_SHARE * each for each in self._limits.jerk])
         strength = joints([_BRAKE_SHARE * each for each in self._settings.deceleration])
-        self._source = stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer))
+        self._source = point_stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer))
         self._time, self._position = 0.0, setpoint.position
         self._times.clear()
 

@@ -9,8 +9,8 @@ from math import inf
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Joints, joints
-from abb_runtime.parameters import Parameter, Value, Values, flag, number, texts
-from yumi.control.controller import check_joints
+from abb_runtime.parameters import Parameter, Value, Values, flag_setting, number, texts
+from yumi.control.controller import check_controller_joints
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.trajectory_commands import Tolerances
 
@@ -144,7 +144,7 @@ class TrajectorySettings:
         Raises:
             CommandRefused: the joints are not the arm's, or interfaces do not go together.
         """
-        check_joints(values, joint_names, in_order=False)
+        check_controller_joints(values, joint_names, in_order=False)
         for name in ("command_interfaces", "state_interfaces"):
             given = texts(values, name)
             if given not in (("position",), ("position", "velocity")):
@@ -158,7 +158,7 @@ class TrajectorySettings:
             scale=number(values, "speed_scaling.initial_scaling_factor"),
             feedback_period=1.0 / number(values, "state_publish_rate"),
             monitor_period=1.0 / number(values, "action_monitor_rate"),
-            is_partial_allowed=flag(values, "allow_partial_joints_goal"),
+            is_partial_allowed=flag_setting(values, "allow_partial_joints_goal"),
             claimed=texts(values, "command_interfaces"),
             read=texts(values, "state_interfaces"),
             tolerances=Tolerances(

@@ -8,7 +8,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ArmState
 from abb_runtime.parameters import Values
-from yumi.control.controller import TRANSITIONS, Controller, State, Transition, allowed, find_parameter
+from yumi.control.controller import TRANSITIONS, Controller, State, Transition, allowed, find_controller_parameter
 from yumi.control.controller_info import ControllerInfo, ParameterInfo
 from yumi.control.stage_times import RunningStatistics
 
@@ -143,7 +143,7 @@ class LoadedController:
     def _complete(self, values: Values, *, is_settled: bool) -> Values:
         complete = dict(self._values)
         for key, value in values.items():
-            parameter = find_parameter(self._parameters.values(), key)
+            parameter = find_controller_parameter(self._parameters.values(), key)
             if parameter is None:
                 known = tuple(each.name for each in self._parameters.values() if not each.fixed)
                 raise CommandRefused(

@@ -44,7 +44,7 @@ class PointMotion:
         return Setpoint(*map(tuple, self._at_time(time)))
 
 
-def travel(start: Setpoint, goal: Joints, limits: JointLimits) -> PointMotion:
+def point_travel(start: Setpoint, goal: Joints, limits: JointLimits) -> PointMotion:
     """To ``goal``, all joints arriving together; a straight way in joint space where the start allows it.
 
     Args:
@@ -74,7 +74,7 @@ def travel(start: Setpoint, goal: Joints, limits: JointLimits) -> PointMotion:
     return PointMotion(trajectory, goal)
 
 
-def stop(start: Setpoint, limits: JointLimits) -> PointMotion:
+def point_stop(start: Setpoint, limits: JointLimits) -> PointMotion:
     """From how the joints move now to rest, each joint as soon as ``limits`` let it."""
     plan = _plan_from(start, limits)
     plan.control_interface = ControlInterface.Velocity

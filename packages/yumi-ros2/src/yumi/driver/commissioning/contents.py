@@ -76,7 +76,7 @@ class Contents:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class ContentsChange:
     """One line of a plan.
 
     Attributes:
@@ -93,19 +93,19 @@ class Change:
         return f"{self.sign} {self.place}{f': {self.what}' if self.what else ''}"
 
 
-def differences(present: Contents, wanted: Contents) -> tuple[Change, ...]:
+def differences(present: Contents, wanted: Contents) -> tuple[ContentsChange, ...]:
     """What has to change, in the order of cfg, files and modules; attributes that are not wanted do not count."""
     changes = []
     for key, attributes in wanted.cfg.items():
         now, place = present.cfg.get(key), f"{key.domain} {key.type} {key.name}"
         if attributes is None and now is not None:
-            changes.append(Change("-", place))
+            changes.append(ContentsChange("-", place))
         elif attributes is not None and now is None:
             shown = (f"{name} {value}" for name, value in attributes.items() if value not in ("", key.name))
-            changes.append(Change("+", place, ", ".join(shown)))
+            changes.append(ContentsChange("+", place, ", ".join(shown)))
         elif attributes is not None and now is not None and (new := changed(now, attributes)):
             shown = (f"{name} {now.get(name, '')!r} becomes {value!r}" for name, value in new.items())
-            changes.append(Change("~", place, ", ".join(shown)))
+            changes.append(ContentsChange("~", place, ", ".join(shown)))
     for path, text in wanted.files.items():
         if (was := present.files.get(path)) != text:
             changes.append(_change(f"{'directory' if path.endswith('/') else 'file'} {path}", was, text))
@@ -115,11 +115,11 @@ def differences(present: Contents, wanted: Contents) -> tuple[Change, ...]:
     return tuple(changes)
 
 
-def _change(place: str, before: str | None, after: str | None) -> Change:
+def _change(place: str, before: str | None, after: str | None) -> ContentsChange:
     if before is None or after is None:
-        return Change("+" if before is None else "-", place)
+        return ContentsChange("+" if before is None else "-", place)
     was, becomes = before.splitlines(), after.splitlines()
-    return Change("~", place, f"{len({*becomes} - {*was})} new lines, {len({*was} - {*becomes})} gone")
+    return ContentsChange("~", place, f"{len({*becomes} - {*was})} new lines, {len({*was} - {*becomes})} gone")
 
 
 def changed(now: Mapping[str, str], wanted: Mapping[str, str]) -> dict[str, str]:

@@ -60,7 +60,7 @@ def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True
     cfg: dict[CfgKey, Mapping[str, str] | None] = {}
     for file in _delivered_cfg():
         for type_name, attributes in file.instances:
-            key = CfgKey(file.domain, type_name, name_of(type_name, attributes))
+            key = CfgKey(file.domain, type_name, delivered_name_of(type_name, attributes))
             if type_name == "COM_TRP":
                 side = next(side for side in Side if side.unit == key.name)
                 host, port = addresses[side].host, str(addresses[side].port)
@@ -120,7 +120,7 @@ def _delivered_cfg() -> Iterator[CfgFile]:
         yield read_cfg((folder / name).read_text(encoding="latin-1"))
 
 
-def name_of(type_name: str, attributes: Mapping[str, str]) -> str:
+def delivered_name_of(type_name: str, attributes: Mapping[str, str]) -> str:
     key = KEYS.get(type_name)
     name = attributes.get(key, "") if key else attributes.get("Name") or attributes.get("name") or ""
     if type_name != "CAB_TASK_MODULES" or name in _OUR_FILES:

@@ -24,10 +24,18 @@ from abb_protocols.errors import (
 )
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.documents import SystemInfo
-from abb_protocols.rws.values import Code, ExecutionState, Grant, OperatingMode, stated, write_cfg
+from abb_protocols.rws.values import ExecutionState, Grant, OperatingMode, RwsCode, stated, write_cfg
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.session import OnProgress
-from yumi.driver.commissioning.contents import CfgKey, Change, Contents, ModuleKey, changed, differences, is_same_module
+from yumi.driver.commissioning.contents import (
+    CfgKey,
+    Contents,
+    ContentsChange,
+    ModuleKey,
+    changed,
+    differences,
+    is_same_module,
+)
 from yumi.driver.commissioning.delivery import (
     ADD_INS,
     GRIPPER_MODULE,
@@ -35,12 +43,12 @@ from yumi.driver.commissioning.delivery import (
     OWN_MODULE,
     delivered,
     delivered_modules,
+    delivered_name_of,
     has_main,
-    name_of,
     with_own_routines,
     without_loss,
 )
-from yumi.driver.commissioning.installation_record import Record
+from yumi.driver.commissioning.installation_record import InstallationRecord
 from yumi.driver.launch_checks import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, REQUIRED_OPTIONS, EgmAddress
 
 NEWEST_ROBOTWARE = 6
@@ -58,7 +66,7 @@ _HEADERS = {
 _BACKUP_INFO = "BACKINFO/"
 _TEMPORARY = "TEMP:/yumi_install"
 _NOT_FOUND = (400, 404)  # which of the two a directory that is not there gives, differs by version
-_NO_TYPE = (Code.CFG_TYPE_INVALID, Code.CFG_INSTANCE_INVALID)
+_NO_TYPE = (RwsCode.CFG_TYPE_INVALID, RwsCode.CFG_INSTANCE_INVALID)
 _GRANTS = {
     Grant.FTP_READ: "read files",
     Grant.FTP_WRITE: "write files",
@@ -102,7 +110,7 @@ def _folder(path: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class InstallationPlan:
     """What an installation would do.
 
     Attributes:
@@ -114,7 +122,7 @@ class Plan:
         is_restart_due: whether the controller has not restarted since an earlier change of its configuration.
     """
 
-    changes: tuple[Change, ...]
+    changes: tuple[ContentsChange, ...]
     wanted: Contents
     present: Contents
     refusals: tuple[Message, ...] = ()
@@ -140,7 +148,9 @@ class Installation:
         on_progress: gets each step and how far it is.
     """
 
-    def __init__(self, client: RwsClient, record: Record, on_progress: OnProgress = lambda text: None) -> None:
+    def __init__(
+        self, client: RwsClient, record: InstallationRecord, on_progress: OnProgress = lambda text: None
+    ) -> None:
         self._client = client
         self._record = record
         self._report = on_progress
@@ -159,7 +169,7 @@ class Installation:
         *,
         replaces_main: bool = False,
         makes_backup: bool = True,
-    ) -> Plan:
+    ) -> InstallationPlan:
         """What is to be installed.
 
         Args:
@@ -202,13 +212,15 @@ class Installation:
                     )
         return self._plan(present, wanted, refusals, notes)
 
-    def _plan(self, present: Contents, wanted: Contents, refusals: Iterable[Message], notes: Iterable[Message]) -> Plan:
+    def _plan(
+        self, present: Contents, wanted: Contents, refusals: Iterable[Message], notes: Iterable[Message]
+    ) -> InstallationPlan:
         is_due = self._record.is_restart_due
         if is_due:
             notes = (*notes, message("restart_is_due"))
-        return Plan(differences(present, wanted), wanted, present, tuple(refusals), tuple(notes), is_due)
+        return InstallationPlan(differences(present, wanted), wanted, present, tuple(refusals), tuple(notes), is_due)
 
-    def plan_roll_back(self) -> Plan:
+    def plan_roll_back(self) -> InstallationPlan:
         """How everything becomes as the record says.
 
         Raises:
@@ -221,14 +233,14 @@ class Installation:
         wanted, notes = without_loss(present, before)
         return self._plan(present, wanted, (*self._ungranted(_GRANTS), *self._busy()), notes)
 
-    def plan_removal(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress]) -> Plan:
+    def plan_removal(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress]) -> InstallationPlan:
         """What is to be taken away: everything becomes as the record says, or, without one, what is ours goes."""
         if self._record.before is not None:
             return self.plan_roll_back()
         add_in = _add_in_of(system)
         if add_in is not None:
             refusal = message("names_are_of_add_in", add_in=add_in)
-            return Plan((), Contents(), Contents(), (refusal, *self._busy()))
+            return InstallationPlan((), Contents(), Contents(), (refusal, *self._busy()))
         ours = delivered(addresses)
         present = self.read(ours.absent())
         wanted, kept = without_loss(present, ours.absent())
@@ -320,7 +332,7 @@ class Installation:
             if error.code not in _NO_TYPE:
                 raise
             return {}  # there is none yet
-        return {name_of(type_name, each.attributes): (each.name, each.attributes) for each in found}
+        return {delivered_name_of(type_name, each.attributes): (each.name, each.attributes) for each in found}
 
     def _listed(self, folder: str) -> set[str]:
         try:
@@ -332,7 +344,7 @@ class Installation:
 
     # Doing it
 
-    def install(self, plan: Plan, *, makes_backup: bool = True) -> None:
+    def install(self, plan: InstallationPlan, *, makes_backup: bool = True) -> None:
         """Carry out a plan; afterwards everything that is wanted is there, as was read back.
 
         Raises:
@@ -395,7 +407,7 @@ class Installation:
         self._record.before = present
         self._record.save()
 
-    def undo(self, plan: Plan) -> None:
+    def undo(self, plan: InstallationPlan) -> None:
         """Carry out a plan of ``plan_roll_back`` or ``plan_removal``, from wherever an earlier one was interrupted.
 
         Raises:

@@ -15,7 +15,7 @@ from yumi.driver.commissioning.contents import Contents
 
 
 @dataclass(slots=True)
-class Record:
+class InstallationRecord:
     """What was there before the first installation on a controller, on this machine's disk.
 
     Attributes:
@@ -31,7 +31,7 @@ class Record:
     backups: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, controller: str, folder: Path | None = None) -> Record:
+    def of(cls, controller: str, folder: Path | None = None) -> InstallationRecord:
         """The record of a controller, by its name and serial number.
 
         Raises:

@@ -34,7 +34,7 @@ _WORST_LOSS = 0.001
 _WORST_JITTER = 0.5 * CYCLE  # mean; a reply that is late by a whole cycle is used in the next
 
 
-class Link(Protocol):
+class CheckedStreamLink(Protocol):
     """Our end of one arm's EGM."""
 
     def receive(self) -> list[bytes]:
@@ -68,7 +68,7 @@ class ArmStream:
         )
 
 
-def listen(links: Mapping[Side, Link], clock: Clock, duration: float) -> dict[Side, ArmStream]:
+def listen(links: Mapping[Side, CheckedStreamLink], clock: Clock, duration: float) -> dict[Side, ArmStream]:
     """Receive for ``duration`` [s] after the first datagram that comes from now on."""
     for link in links.values():
         link.receive()  # what has waited says nothing about when it came
