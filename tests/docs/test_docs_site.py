@@ -103,7 +103,8 @@ def test_page_about_the_real_robot_begins_with_what_was_never_tried_and_leads_to
     parts = dict(re.findall(r"^## (.*)\n((?:(?!^## ).*\n?)*)", text, re.MULTILINE))
     assert f"sudo ufw allow {settings.egm.left_port}:{settings.egm.right_port}/udp" in parts["Network"]
     assert "yumi doctor --robot 192.168.125.1" in parts["Steps"]
-    assert "yumi up --robot 192.168.125.1 --no-bringup" in parts["Steps"]
+    assert "**Look without touching**: `yumi up --robot 192.168.125.1` connects" in parts["Steps"]
+    assert "**Bring it up**: `yumi up --robot 192.168.125.1 --bringup`" in parts["Steps"]
     moves = parts["What moves at `yumi up`"]
     assert ANNOUNCEMENT in moves
     for step in ("Motors on", "Program pointers to main, start", "Calibrate a gripper", "End the EGM motion"):

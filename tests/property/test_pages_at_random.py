@@ -28,9 +28,9 @@ from yumi.web.page_messages import (
 from yumi.web.pairing import LONGEST_PAUSE, Pairing
 from yumi.web.view_server import ViewServer, ViewSettings
 
-HELD = DeviceFrame(time=1.0, right=DeviceHand(clutch=True, twist=(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)))
+HELD = DeviceFrame(time=1.0, seen=1.0, right=DeviceHand(clutch=True, twist=(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)))
 MOTIONS: tuple[ForOperator, ...] = (
-    DeviceMessage(seen=1.0, frame=HELD),
+    DeviceMessage(frame=HELD),
     JointsJog(arm="right", hold=1, seen=1.0, speeds=(0.1,) * 7),
     Ask(id=1, request=StartEgm()),
 )
@@ -118,10 +118,12 @@ class Pages:
         remote = str(self._random.choice(["127.0.0.1", "192.0.2.7", "192.0.2.8"]))
         key = str(self._random.choice(["", "guess", *self._keys]))
         is_encrypted = bool(self._random.uniform() < 0.7)
-        page = self._view._page(cast("Any", None), remote, key, is_encrypted=is_encrypted)
+        is_forwarded = bool(self._random.uniform() < 0.2)  # by a proxy on this machine, or on any other
+        is_local = remote == "127.0.0.1" and not is_forwarded
+        page = self._view._page(cast("Any", None), remote, key, is_forwarded=is_forwarded, is_encrypted=is_encrypted)
         self._view._pages.add(page)
-        self._open[page] = remote == "127.0.0.1" or (is_encrypted and key in self._keys)
-        self.done["paired"] += self._open[page] and remote != "127.0.0.1"
+        self._open[page] = is_local or (is_encrypted and key in self._keys)
+        self.done["paired"] += self._open[page] and not is_local
 
     async def _ask(self, page: Any, message: msgspec.Struct) -> list[Mapping[str, Any]]:
         """What a page hears of a message."""

@@ -445,8 +445,9 @@ from yumi.api.motion_registry import MotionRegistry, MotionWay
 
 planner = Planner()
 motion = MotionRegistry().begin(Side.RIGHT)
-plan = point_travel(Setpoint(home(Side.RIGHT)), ZERO, YUMI_LIMITS)
-motion.follow_way(lambda: MotionWay(plan.duration, None))
+motion.follow_way(
+    lambda plan=point_travel(Setpoint(home(Side.RIGHT)), ZERO, YUMI_LIMITS): MotionWay(plan.duration, None)
+)
 motion.future.set_result(None)
 threading.Thread(target=lambda: threading.Event().wait(), daemon=True).start()
 raise ValueError("the last line")

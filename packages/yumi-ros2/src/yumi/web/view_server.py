@@ -279,8 +279,9 @@ class ViewServer:
             return socket
         page = self._page(
             socket,
+            request.remote or "",
             request.query.get("paired", ""),
-            is_local=is_loopback(request.remote or "") and not any(each in request.headers for each in FORWARDED),
+            is_forwarded=any(each in request.headers for each in FORWARDED),
             is_encrypted=request.secure,
         )
         self._pages.add(page)
@@ -300,8 +301,11 @@ class ViewServer:
                 await sending
         return socket
 
-    def _page(self, socket: web.WebSocketResponse, key: str, *, is_local: bool, is_encrypted: bool) -> _Page:
-        """A page with the key of a pairing, which over HTTP counts for nothing: others may read it."""
+    def _page(
+        self, socket: web.WebSocketResponse, remote: str, key: str, *, is_forwarded: bool, is_encrypted: bool
+    ) -> _Page:
+        """A page at an address, with the key of a pairing, which over HTTP counts for nothing: others may read it."""
+        is_local = is_loopback(remote) and not is_forwarded
         is_paired = is_encrypted and self._pairing.is_paired(key)
         return _Page(socket, is_local=is_local, is_encrypted=is_encrypted, is_paired=is_paired)
 
