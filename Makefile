@@ -1,7 +1,7 @@
 # Everything a clone needs, from nothing but Python 3.10 to 3.14, a C++ compiler and make. `make help` lists the targets.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-real-time soak check docs wheels release lock clean parts-of-tests
+.PHONY: help setup demo test test-real-time soak check pages docs wheels release lock clean parts-of-tests
 MAKEFLAGS += --no-print-directory
 
 # What ROS, Matplotlib and Python would write into the home folder stays in the clone.
@@ -20,6 +20,7 @@ help:
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
 	@echo 'make wheels        wheels in dist/: of each package, and of yumi-ros2 one for this Python with the message packages built'
 	@echo 'make release VERSION=0.1.0  wheels, sources and notes in dist/, each tried in an empty environment'
+	@echo 'make pages         the pages that are made from the program: files, decisions, messages, readiness, stops'
 	@echo 'make docs          the documentation as a site, in build/site'
 	@echo 'make lock          uv.lock again from pyproject.toml; ARGS=--upgrade takes newer packages'
 	@echo 'make clean         removes .venv, build and the caches'
@@ -52,6 +53,15 @@ check:
 	.venv/bin/python setup/check_decisions.py
 	.venv/bin/python setup/source_files.py
 	.venv/bin/python setup/check_changes.py
+
+# The pages that are made from the program; a test of each finds out when it is old.
+pages:
+	@$(SETUP) check test
+	.venv/bin/python setup/source_files.py write
+	.venv/bin/python setup/check_decisions.py write
+	.venv/bin/python setup/messages.py > build/page.md && mv build/page.md docs/reference/messages.md
+	.venv/bin/python -m yumi.driver.readiness > build/page.md && mv build/page.md docs/reference/readiness.md
+	PYTHONPATH=tests .venv/bin/python -m system.provoked_stops > build/page.md && mv build/page.md docs/reference/stops-and-refusals.md
 
 # What runs in virtual time, on two processes; then the driver with what belongs to it: whether all of it works together.
 parts-of-tests:

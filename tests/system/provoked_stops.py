@@ -1,6 +1,6 @@
 """Provokes stops and refusals in virtual time, and writes the page of what is said of each of them.
 
-``PYTHONPATH=src:tests python -m system.provoked_stops > docs/reference/stops-and-refusals.md``
+``make pages`` writes docs/reference/stops-and-refusals.md
 """
 
 from __future__ import annotations
@@ -456,7 +456,7 @@ def _escaped(text: str) -> str:
 _HEAD = """\
 # Stops and refusals
 
-<!-- Written by `PYTHONPATH=src:tests python -m system.provoked_stops`; do not edit. -->
+<!-- Written by `make pages` from `tests/system/provoked_stops.py`; do not edit. -->
 
 Each row was provoked on a virtual robot, and shows what is said of it on the terminal, on the page, by ROS and in a
 Python exception.

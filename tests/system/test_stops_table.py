@@ -22,6 +22,4 @@ def test_page_shows_what_is_said_of_every_fault_and_refusal(pytestconfig: pytest
     for fault in Fault:
         assert any(f"`{fault.value.name}`" in row.what for row in rows), fault
     if not pytestconfig.getoption("random_words"):
-        assert PAGE.read_text(encoding="utf-8") == page(found), (
-            "run: PYTHONPATH=src:tests python -m system.provoked_stops > docs/reference/stops-and-refusals.md"
-        )
+        assert PAGE.read_text(encoding="utf-8") == page(found), "run: make pages"

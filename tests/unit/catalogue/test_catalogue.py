@@ -146,7 +146,7 @@ def test_message_comes_back_from_the_wire_and_from_another_process():
 
 def test_page_of_the_documentation_is_written_from_the_texts():
     written = SOURCES.parent / "docs" / "reference" / "messages.md"
-    assert written.read_text() == page(), "run: python setup/messages.py > docs/reference/messages.md"
+    assert written.read_text() == page(), "run: make pages"
 
 
 def test_message_of_another_version_is_not_known():

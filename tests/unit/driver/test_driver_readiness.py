@@ -169,4 +169,4 @@ def test_arm_says_why_it_takes_no_goals(snapshot: Snapshot, reason: Message | No
 @pytest.mark.words
 def test_page_of_the_documentation_is_what_the_table_says() -> None:
     page = Path(__file__).parents[3] / "docs" / "reference" / "readiness.md"
-    assert page.read_text() == reference_page(), "run: python -m yumi.driver.readiness > docs/reference/readiness.md"
+    assert page.read_text() == reference_page(), "run: make pages"
