@@ -17,8 +17,9 @@ from system.test_endpoint_in_virtual_time import Driver
 from system.virtual_time_bench import System
 from yumi.api.attach import attach
 from yumi.api.connect import settings_for
+from yumi.driver import wiring
 from yumi.driver.gripper import GripperSetup
-from yumi.driver.wiring import brings_up, is_on_this_machine
+from yumi.driver.wiring import brings_up, check_kind, is_on_this_machine
 
 STEPS = ("switch the motors on", "move the program pointers to main", "start the RAPID program")
 CREEP = 1e-4  # [rad] of the virtual robot under loads
@@ -67,8 +68,8 @@ def robot() -> RealRobot:
 )
 def test_real_robot_is_brought_up_only_where_that_is_named(address: str, given: bool | None, expected: bool) -> None:
     settings = settings_for(address, bringup=given)
-    assert brings_up(settings) is expected
     assert is_on_this_machine(settings) is (address == "127.0.0.1")
+    assert brings_up(settings, is_real=not is_on_this_machine(settings)) is expected
 
 
 def test_robot_that_is_not_ready_is_left_as_it_is_where_bringup_is_not_named(robot: RealRobot) -> None:
@@ -80,6 +81,22 @@ def test_robot_that_is_not_ready_is_left_as_it_is_where_bringup_is_not_named(rob
         robot.manager.make_ready()
     assert (robot.steps, len(robot.client.events())) == ([], before)
     assert robot.client.controller_state() is ControllerState.MOTORS_OFF
+
+
+def test_refused_start_leaves_the_watchdog_of_another_driver_armed(robot: RealRobot) -> None:
+    robot.client.set_symbol("T_ROB_R", "TRobWatchdog", "active", "TRUE")
+    with refused(RobotNotReady, "bring_up_not_named", steps=STEPS), robot.manager.starting(brings_up=False):
+        robot.manager.make_ready()
+    assert robot.client.symbol("T_ROB_R", "TRobWatchdog", "active") == "TRUE"
+
+
+@pytest.mark.parametrize("takes_faults", [True, False])
+def test_robot_behind_a_tunnel_to_this_machine_is_real(monkeypatch: pytest.MonkeyPatch, takes_faults: bool) -> None:
+    system = System()
+    system.client.connect()
+    monkeypatch.setattr(wiring, "takes_faults", lambda address: takes_faults)
+    check_kind(system.manager, system.client, settings_for("127.0.0.1"))
+    assert system.manager.is_real is not takes_faults
 
 
 def test_robot_that_is_ready_gets_egm_alone_where_bringup_is_not_named(robot: RealRobot) -> None:

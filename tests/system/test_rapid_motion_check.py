@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import degrees
+from contextlib import suppress
+from math import degrees, radians
 
 import pytest
 
@@ -15,6 +16,7 @@ from refusals import refused
 from system.virtual_time_bench import System
 from yumi.control.collisions import MARGIN
 from yumi.core.collision import CollisionModel
+from yumi.driver import rapid_routines
 from yumi.driver.rapid_motion_check import FIRST_RATIO, RapidMotionCheck
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import MachineState
@@ -24,9 +26,8 @@ ACROSS = (-1.6, *home(RIGHT)[1:])  # the right arm turned to where the left one 
 WAVE = "MODULE Wave\nPROC wave()\nWaitTime 0.1;\nENDPROC\nPROC lingers()\nWaitTime 30;\nENDPROC\nENDMODULE\n"
 
 
-def checked(system: System, *, is_real: bool) -> RobotManager:
-    """The system's robot manager, with the check of motions by RAPID, of a robot that is ready."""
-    check = RapidMotionCheck(
+def check_of(system: System, *, is_real: bool) -> RapidMotionCheck:
+    return RapidMotionCheck(
         system.client,
         system.bringup.panel,
         system.bringup.machines,
@@ -34,6 +35,11 @@ def checked(system: System, *, is_real: bool) -> RobotManager:
         MARGIN,
         is_real=is_real,
     )
+
+
+def checked(system: System, *, is_real: bool) -> RobotManager:
+    """The system's robot manager, with the check of motions by RAPID, of a robot that is ready."""
+    check = check_of(system, is_real=is_real)
     manager = RobotManager(system.bringup, system.control, system, is_real=is_real, rapid_check=check)
     manager.make_ready()
     return manager
@@ -163,3 +169,60 @@ def test_signal_that_runs_a_routine_is_not_written_past_the_check(system: System
         with refused(CommandRefused, "rapid_signal_not_written"):
             manager.write_signal(name, 1)
     assert system.bringup.state(RIGHT) is MachineState.IDLE
+
+
+@pytest.mark.parametrize(("module", "name"), [("TRobMain", "current_state"), ("trobrapid", "ROUTINE_NAME_INPUT")])
+def test_variable_that_starts_a_routine_is_not_written_past_the_check(
+    system: System, manager: RobotManager, module: str, name: str
+) -> None:
+    with refused(CommandRefused, "rapid_variable_not_written", module=module, variable=name):
+        manager.write_variable(RIGHT.task, module, name, "2")
+    manager.write_variable(RIGHT.task, "TRobRAPID", "move_speed_input", "[100,50,500,50]")
+    assert system.bringup.state(RIGHT) is MachineState.IDLE
+
+
+def test_routine_does_not_start_where_a_stop_was_requested_while_it_was_checked(
+    system: System, manager: RobotManager, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    manager.load_module(RIGHT, "wave.mod", WAVE)
+    check = manager._rapid_check
+    assert check is not None
+    monkeypatch.setattr(check, "check_routine", lambda *_, **__: setattr(manager, "_stop_requests", 1))
+    with refused(RobotNotReady, "stop_requested_meanwhile"):
+        manager.run_routine(RIGHT, "wave", is_unchecked=True)
+    system.wait(0.5)
+    assert system.bringup.state(RIGHT) is MachineState.IDLE
+    assert system.client.symbol(RIGHT.task, "TRobRAPID", "routine_name_input") == '""'
+    assert system.client.speed_ratio() == 100
+
+
+def test_speed_ratio_stays_low_where_the_first_run_may_go_on(
+    system: System, manager: RobotManager, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rapid_routines, "LONGEST_ROUTINE", 1.0)
+    manager.load_module(RIGHT, "wave.mod", WAVE)
+    with refused(RobotNotReady, "first_run_stays_slow", ratio=FIRST_RATIO):
+        manager.run_routine(RIGHT, "lingers", is_unchecked=True)
+    assert system.client.speed_ratio() == FIRST_RATIO
+
+
+def test_run_counts_as_the_first_where_another_motion_may_have_the_name(system: System) -> None:
+    check = check_of(system, is_real=True)
+    system.bringup.make_ready()
+
+    def ratio(routine: str) -> int:
+        with check.slow_first(RIGHT, routine, lambda: True):
+            return system.client.speed_ratio()
+
+    assert [ratio("wave"), ratio("wave")] == [FIRST_RATIO, 100]
+    assert [ratio("runMoveJ"), ratio("runMoveJ")] == [FIRST_RATIO, FIRST_RATIO]
+    with suppress(RobotNotReady), check.slow_first(RIGHT, "runModuleLoad", lambda: True):
+        raise RobotNotReady("the module was loaded, and no answer came")
+    assert ratio("wave") == FIRST_RATIO
+
+
+@pytest.mark.parametrize("angle", [radians(400.0), 1e6])
+def test_goal_that_no_joint_reaches_is_refused_at_once(system: System, manager: RobotManager, angle: float) -> None:
+    aim(system, (*where(system)[:6], angle))
+    with refused(CommandRefused, "rapid_goal_out_of_range", routine="runMoveAbsJ"):
+        manager.run_routine(RIGHT, "runMoveAbsJ")

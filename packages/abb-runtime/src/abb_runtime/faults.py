@@ -191,6 +191,22 @@ def fault_named(name: str) -> Fault | None:
     return next((fault for fault in Fault if fault.value.name == name), None)
 
 
+def takes_faults(address: str) -> bool:
+    """Whether a virtual controller of this package answers at ``address``: only that one has faults to inject."""
+    import httpx  # noqa: PLC0415 - for this alone, of what the virtual robot imports
+
+    is_far = not is_loopback(httpx.URL(f"http://{address}").host)
+    for scheme in ("http", "https"):
+        try:
+            reply = httpx.get(
+                f"{scheme}://{address}{FAULTS_PATH}", timeout=_ANSWER_TIMEOUT, trust_env=False, verify=is_far
+            )
+        except httpx.HTTPError:
+            continue
+        return reply.is_success and reply.headers.get("Content-Type", "").startswith("application/json")
+    return False
+
+
 def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
     """Inject a fault into the virtual controller at ``address``.
 

@@ -39,7 +39,7 @@ from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
 from yumi.driver.teleoperation import Elsewhere
-from yumi.driver.wiring import Controllers, DriverParts, brings_up, make_parts, only_at_robot
+from yumi.driver.wiring import Controllers, DriverParts, brings_up, check_kind, make_parts, only_at_robot
 from yumi.recording.message_types import STATE
 from yumi.recording.recorder import FullRecorder, Source, Sources
 
@@ -151,9 +151,8 @@ class Connection:
             self._start(stack)
             atexit.register(self.close)  # a notebook that is shut down ends its motions too
             stack.callback(atexit.unregister, self.close)
-            stack.callback(self._end_motion)
             # As a warning, which a script without logging shows, too.
-            is_named = is_named or bool(confirm) or brings_up(self._settings)
+            is_named = is_named or bool(confirm) or brings_up(self._settings, is_real=self.manager.is_real)
             is_tested = is_named and self._settings.gripper.test_at_start and not self._were_tested
             with self.manager.starting(brings_up=is_named):
                 if not is_named:
@@ -165,6 +164,7 @@ class Connection:
                 if is_tested:  # not while EGM runs
                     self._were_tested = True
                     close_as_test(self.grippers, log.info, log.warning)
+                stack.callback(self._end_motion)
                 self.manager.start_egm()
             stack.enter_context(self._endpoint())
             self._stack = stack.pop_all()
@@ -243,6 +243,7 @@ class Connection:
         stack.callback(parts.control.stop)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)
+        check_kind(manager, parts.client, settings)
         parts.control.start()
         stack.callback(parts.signals.close)
         try:

@@ -144,6 +144,13 @@ class Bringup:
             RobotNotReady: a step was not done in time, or is needed with :attr:`only_if_ready`; the message says which
                 and what to do.
         """
+        for step in self.check_named():
+            self.step(step.name)
+            step.do()
+        self.when_ready()
+
+    def check_named(self) -> Sequence[Step]:
+        """What :meth:`make_ready` will do; raises RobotNotReady as that does before its first step."""
         if not self._is_checked:
             self.check_controller()
         self.report_remarks()
@@ -152,10 +159,7 @@ class Bringup:
         steps = self._steps(state)
         if steps and self.only_if_ready:
             raise RobotNotReady(message("bring_up_not_named", steps=tuple(step.name for step in steps)))
-        for step in steps:
-            self.step(step.name)
-            step.do()
-        self.when_ready()
+        return steps
 
     def steps_to_ready(self) -> list[str]:
         """What :meth:`make_ready` will do to the robot as it is now, in words; nothing where it will be refused."""

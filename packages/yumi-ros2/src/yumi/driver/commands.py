@@ -487,7 +487,7 @@ class WriteVariable(PanelCommand, frozen=True):
     value: str
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
-        robot.manager.panel.write_variable(self.task, self.module, self.name, self.value)
+        robot.manager.write_variable(self.task, self.module, self.name, self.value)
         return headline(
             message("variable_is", task=self.task, module=self.module, variable=self.name, value=self.value)
         )

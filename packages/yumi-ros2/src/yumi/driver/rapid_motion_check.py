@@ -6,7 +6,7 @@ be clear does not start, and what a real robot does for the first time is slow.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from math import ceil, radians
 from threading import Lock
@@ -15,8 +15,8 @@ from typing import Any, cast
 import numpy as np
 
 from abb_protocols.catalogue import message
-from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.joints import Joints, Side, chain_from_abb
+from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
+from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, chain_from_abb, joint_names
 from abb_protocols.rws import values as rapid_values
 from abb_runtime.rws.client import RwsClient
 from yumi.control.collisions import declared_margins
@@ -29,6 +29,7 @@ FIRST_RATIO = 10
 
 _UTILITY = "TRobUtility"
 _MOVE_NOTHING = frozenset({"runmoduleload", "runmoduleunload"})
+_NEVER_KNOWN = frozenset({"runmovej", "runcallbyvar"})  # each run has another goal, or runs another procedure
 _STEP = 0.005  # [rad] that all joints together turn between two samples: no part moves by half a margin
 _UNUSED = 1e8  # RAPID's 9E9, an axis without a value
 _WITHIN = 0.1  # [m] parts that are further apart are not compared
@@ -44,6 +45,9 @@ class RapidMotionCheck:
         model: the shapes of both arms and of what stands around them; None: nothing keeps them apart.
         margin: no two parts come nearer to each other [m].
         is_real: whether a path that is not known has to be named so, and a first run is slow.
+
+    Attributes:
+        is_real: as above.
     """
 
     def __init__(
@@ -56,7 +60,7 @@ class RapidMotionCheck:
         *,
         is_real: bool,
     ) -> None:
-        self._client, self._panel, self._machines, self._is_real = client, panel, machines, is_real
+        self._client, self._panel, self._machines, self.is_real = client, panel, machines, is_real
         self._model = model
         self._margins = None if model is None else declared_margins(model, margin)
         self._lock = Lock()  # the model is not for several threads at once
@@ -79,7 +83,7 @@ class RapidMotionCheck:
             return
         goal = self._goal(side, routine.lower())
         if goal is None:
-            if self._is_real and not is_unchecked:
+            if self.is_real and not is_unchecked:
                 raise CommandRefused(message("rapid_path_unknown", routine=routine, task=side.task))
             return
         if self._machines.state(side.other) is not MachineState.IDLE:
@@ -93,31 +97,48 @@ class RapidMotionCheck:
         Raises:
             RobotNotReady: a real robot's program stands in the middle of a routine, whose motion would go on.
         """
-        for side in Side if self._is_real else ():
+        for side in Side if self.is_real else ():
             pointer, _ = self._client.pointers(side.task)
             if pointer.module.lower() != MAIN.lower():
                 place = f"{pointer.module}/{pointer.routine}"
                 raise RobotNotReady(message("rapid_start_in_routine", task=side.task, place=place))
 
     @contextmanager
-    def slow_first(self, side: Side, routine: str) -> Iterator[None]:
-        """Run a routine with :data:`FIRST_RATIO` if a real robot has not run it to the end before."""
-        is_first = self._is_real and routine.lower() not in self._have_run[side] | _MOVE_NOTHING
-        ratio = self._client.speed_ratio() if is_first else 0
+    def slow_first(self, side: Side, routine: str, has_begun: Callable[[], bool]) -> Iterator[None]:
+        """Run a routine with :data:`FIRST_RATIO` if a real robot has not run it to the end before.
+
+        Args:
+            side: whose task runs the routine.
+            routine: its name.
+            has_begun: whether the routine may have begun to run.
+
+        Raises:
+            RobotNotReady: it is not known that the routine has ended. It may go on, so the ratio stays low.
+        """
+        name, known = routine.lower(), self._have_run[side]
+        if name in _MOVE_NOTHING:
+            known.clear()  # routines of the task may be others from now on, whatever becomes of the load
+            yield
+            return
+        ratio = self._client.speed_ratio() if self.is_real and name not in known else 0
         if ratio <= FIRST_RATIO:
             yield
         else:
             self._panel.set_speed_ratio(FIRST_RATIO)
             try:
                 yield
-            finally:
-                if self._client.speed_ratio() == FIRST_RATIO:  # a person may have chosen another one meanwhile
-                    self._panel.set_speed_ratio(ratio)
-        self._have_run[side].add(routine.lower())
+            except YumiError as error:
+                if has_begun() and not isinstance(error, CommandRefused):
+                    raise RobotNotReady(message("first_run_stays_slow", why=error.said, ratio=FIRST_RATIO)) from error
+                self._restore(ratio)
+                raise
+            self._restore(ratio)
+        if name not in _NEVER_KNOWN:
+            known.add(name)
 
-    def note_loaded(self, side: Side) -> None:
-        """A module was loaded: routines of its task may be others now."""
-        self._have_run[side].clear()
+    def _restore(self, ratio: int) -> None:
+        if self._client.speed_ratio() == FIRST_RATIO:  # a person may have chosen another one meanwhile
+            self._panel.set_speed_ratio(ratio)
 
     def _goal(self, side: Side, routine: str) -> Joints | None:
         """Where a routine goes on a straight way in joints [rad]; None where its way is not known."""
@@ -137,6 +158,15 @@ class RapidMotionCheck:
         return rapid_values.decode(self._client.symbol(side.task, module, name))
 
     def _check_path(self, side: Side, routine: str, starts: Mapping[Side, Joints], goal: Joints) -> None:
+        for name, angle, lower, upper in zip(
+            joint_names(side), goal, YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True
+        ):
+            if not lower <= angle <= upper:
+                raise CommandRefused(
+                    message(
+                        "rapid_goal_out_of_range", routine=routine, joint=name, position=angle, lower=lower, upper=upper
+                    )
+                )
         if self._model is None or self._margins is None:
             return
         start, way = np.array(starts[side]), np.subtract(goal, starts[side])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, ControllerRefused, RobotNotReady
@@ -14,7 +15,7 @@ from yumi.driver.controller_panel import RAPID_NAME, ControllerPanel
 from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.readiness import ConditionalRequest, check_request
 from yumi.driver.robot_state import RobotState
-from yumi.driver.state_machine import RAPID, RUN_RAPID, MachineState, StateMachines
+from yumi.driver.state_machine import RAPID, ROUTINE_NAME, RUN_RAPID, MachineState, StateMachines
 
 LONGEST_ROUTINE = 300.0
 """Longest wait for the end of a routine [s]; it goes on, only the wait ends."""
@@ -50,9 +51,11 @@ class RapidRoutines:
         self._machines = machines
         self._clock = clock
         self._check = check
-        self.is_running = False
+        self.is_running = self._has_begun = False
 
-    def run(self, side: Side, name: str, *, is_unchecked: bool = False) -> None:
+    def run(
+        self, side: Side, name: str, *, is_unchecked: bool = False, step: Callable[[str], None] = lambda name: None
+    ) -> None:
         """Run a routine in one arm's task and wait for its end. The limiter does not act on motions by RAPID.
 
         Args:
@@ -60,6 +63,7 @@ class RapidRoutines:
             name: of the state machine's own (``runMoveToCalibrationPosition``, ``runMoveJ``, ``runMoveAbsJ``,
                 ``runCallByVar``), of your ``TRobSystem``, or of any procedure without parameters in the task.
             is_unchecked: whether a routine may run whose path is not known, see :class:`.RapidMotionCheck`.
+            step: called once all is checked, before the routine starts; raises where it must not start any more.
 
         Raises:
             CommandRefused: it is not a name of a routine, or its path is not clear or not known; nothing was changed.
@@ -69,21 +73,23 @@ class RapidRoutines:
             raise CommandRefused(message("no_routine_name", name=name))
         self._check_free(side, ConditionalRequest.RUN_ROUTINE)
         if self._check is None:
-            self._run(side, name)
+            self._run(side, name, step)
             return
         self._check.check_routine(side, name, is_unchecked=is_unchecked)
-        with self._check.slow_first(side, name):
-            self._run(side, name)
+        with self._check.slow_first(side, name, lambda: self._has_begun):
+            self._run(side, name, step)
 
-    def _run(self, side: Side, name: str) -> None:
+    def _run(self, side: Side, name: str, step: Callable[[str], None]) -> None:
         def why_not_ended() -> Message:
             code = "routine_not_ended" if self._client.speed_ratio() > 0 else "routine_without_speed"
             return message(code, routine=name, task=side.task, duration=LONGEST_ROUTINE)
 
-        self.is_running = True
+        self.is_running, self._has_begun = True, False  # a stop request ends the program from here on
         try:
-            self._write(side, "routine_name_input", name)
-            self._write(side.other, "routine_name_input", "")
+            step(f"run {name}")
+            self._has_begun = True
+            self._write(side, ROUTINE_NAME, name)
+            self._write(side.other, ROUTINE_NAME, "")
             self._client.pulse_signal(RUN_RAPID)
             wait_until(
                 self._clock,
@@ -124,8 +130,6 @@ class RapidRoutines:
                 raise CommandRefused(message("module_from_other_file", task=side.task, module=module))
         self._client.upload(path, text)
         self._run_with_file(side, "runModuleLoad", path)
-        if self._check is not None:
-            self._check.note_loaded(side)
         if not self._has_module(side, module):
             raise CommandRefused(message("module_not_loaded", task=side.task, path=path))
 
@@ -146,7 +150,7 @@ class RapidRoutines:
         """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""
         if not self._panel.is_running:
             raise RobotNotReady(message("program_stopped_in_routine", task=side.task))
-        if self._client.symbol(side.task, RAPID, "routine_name_input") != '""':
+        if self._client.symbol(side.task, RAPID, ROUTINE_NAME) != '""':
             return False
         return self._machines.state(side) is MachineState.IDLE
 

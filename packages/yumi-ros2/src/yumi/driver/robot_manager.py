@@ -32,7 +32,7 @@ from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.robot_state import Report, RobotMode, RobotState
-from yumi.driver.state_machine import RUN_RAPID
+from yumi.driver.state_machine import MAIN, RAPID, ROUTINE_NAME, RUN_RAPID
 from yumi.driver.stops import StopLog
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 
@@ -124,6 +124,12 @@ class RobotManager:
         self.automatic_recovery.stop()
         self.watchdog.stop()
         self.monitor.stop()
+
+    def take_for_real(self) -> None:
+        """From now on the robot moves nothing that no call names, see ``is_real``."""
+        self.is_real, self.may_calibrate = True, False
+        if self._rapid_check is not None:
+            self._rapid_check.is_real = True
 
     def when_ready(self, prepare: Callable[[], None]) -> None:
         """Have ``prepare`` called each time the robot has become ready, with the program running and no EGM.
@@ -232,6 +238,7 @@ class RobotManager:
         """
         with self._moving(confirmed):
             if not self._is_ours:
+                self._bringup.check_named()  # before anything is changed
                 self.watchdog.take_over()
                 self._bringup.make_ready()
             if confirmed:
@@ -409,7 +416,7 @@ class RobotManager:
     def run_routine(self, side: Side, name: str, *, is_unchecked: bool = False) -> str:
         """Run a RAPID routine in one arm's task and wait for its end, see :meth:`RapidRoutines.run`."""
         with self._moving():
-            self._routines.run(side, name, is_unchecked=is_unchecked)
+            self._routines.run(side, name, is_unchecked=is_unchecked, step=self._bringup.step)
         return headline(message("routine_has_run", routine=name, task=side.task))
 
     def load_module(self, side: Side, file_name: str, text: str) -> str:
@@ -505,6 +512,21 @@ class RobotManager:
         if self.is_real and signal == RUN_RAPID:
             raise CommandRefused(message("rapid_signal_not_written", signal=signal))
         self.panel.write_signal(name, value)
+
+    def write_variable(self, task: str, module: str, name: str, value: str) -> None:
+        """Write a RAPID variable. Raises YumiError; nothing was changed then.
+
+        What the state machine on the robot acts on is not written at a real robot, since its routines would start
+        without the checks of :meth:`run_routine`. Inputs of a routine wait for one that is checked or runs.
+        """
+        within, variable = module.upper(), name.upper()
+        if within not in {MAIN.upper(), RAPID.upper()}:
+            self.panel.write_variable(task, module, name, value)
+            return
+        if self.is_real and (within == MAIN.upper() or variable == ROUTINE_NAME.upper()):
+            raise CommandRefused(message("rapid_variable_not_written", module=module, variable=name))
+        with self._moving():
+            self.panel.write_variable(task, module, name, value)
 
     # Turns
 

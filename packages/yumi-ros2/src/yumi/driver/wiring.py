@@ -30,11 +30,12 @@ from math import radians
 from typing import NamedTuple
 
 from abb_protocols.catalogue import message, said_by
-from abb_protocols.errors import CommandRefused, SettingsError, SwitchFailed
+from abb_protocols.errors import CommandRefused, ControllerRefused, SettingsError, SwitchFailed
 from abb_protocols.robot.description import SERVO_GRIPPERS
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Side, joint_names, set_prefix
 from abb_runtime.clock import Clock, SystemClock
+from abb_runtime.faults import takes_faults
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import UdpServer, address_towards, resolve
@@ -186,9 +187,25 @@ def is_on_this_machine(settings: Settings) -> bool:
     return ip_address(resolve(settings.robot.address)).is_loopback
 
 
-def brings_up(settings: Settings) -> bool:
+def check_kind(manager: RobotManager, client: RwsClient, settings: Settings) -> None:
+    """Take a robot on this machine for a real one, too, unless its controller is known to be virtual: see tunnels.
+
+    Raises:
+        YumiError: the controller does not answer.
+    """
+    robot = settings.robot
+    if not manager.is_real and not takes_faults(f"{robot.address}:{robot.rws_port}"):
+        try:
+            is_virtual = client.identity().is_virtual
+        except ControllerRefused:
+            is_virtual = False
+        if not is_virtual:
+            manager.take_for_real()
+
+
+def brings_up(settings: Settings, *, is_real: bool) -> bool:
     """Whether a driver brings the robot to ready when it starts: a real one only where that is named."""
-    return is_on_this_machine(settings) if settings.ros.bringup is None else settings.ros.bringup
+    return not is_real if settings.ros.bringup is None else settings.ros.bringup
 
 
 def build_grippers(

@@ -97,6 +97,18 @@ ROBOT_CONTROLLER: Mapping[str, Text] = {
     "rapid_signal_not_written": Text(
         "{signal} would run a RAPID routine of a real robot unchecked", "call run_routine, which checks the path"
     ),
+    "rapid_variable_not_written": Text(
+        "{module}/{variable} would start a RAPID routine of a real robot unchecked",
+        "call run_routine, which checks the path",
+    ),
+    "rapid_goal_out_of_range": Text(
+        "routine {routine} would bring {joint} to {position:.1°}; its range is {lower:.1°} to {upper:.1°}",
+        "choose another goal",
+    ),
+    "first_run_stays_slow": Text(
+        "{why} The speed ratio stays at {ratio} %: the routine runs for the first time, and may go on",
+        "look at the robot, then choose the speed ratio (set_speed_ratio, or at the FlexPendant)",
+    ),
     "rapid_start_in_routine": Text(
         "the program of {task} stands in {place}, whose motion would go on; the limiter does not act on it",
         "move the program pointers to main (pp_to_main), or start the program at the FlexPendant",
