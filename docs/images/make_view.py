@@ -223,7 +223,7 @@ def main() -> None:
         config = Path(logs) / "yumi.yaml"
         config.write_text(f"{CONFIG}recorder:\n  folder: {logs}\n")
         options = ("view", "--virtual", "--port", "0", "--logs", logs, "--config", str(config))
-        with CommandProcess("yumi view", options, Path(logs) / "view.log") as command:
+        with CommandProcess("yumi view", "yumi", options, Path(logs) / "view.log") as command:
             url = command.wait_until_ready(60.0)
             browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=ARGUMENTS)
 

@@ -118,7 +118,7 @@ def main() -> None:
         os.environ["XDG_RUNTIME_DIR"] = folder
         times = write_recording(Path(folder) / "yumi.mcap")
         options = ("view", str(Path(folder) / "yumi.mcap"), "--port", "0")
-        with CommandProcess("yumi view", options, Path(folder) / "view.log") as command:
+        with CommandProcess("yumi view", "yumi", options, Path(folder) / "view.log") as command:
             browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=ARGUMENTS)
             page = browser.new_page(viewport=dict(zip(("width", "height"), SIZE, strict=True)), bypass_csp=True)
             page.goto(command.wait_until_ready(120.0))

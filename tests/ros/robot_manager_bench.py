@@ -72,10 +72,13 @@ class FakeManager:
             self._wait_until_heard(count)
         return self._note("go_to", mode)
 
-    def run_routine(self, side: Side, name: str) -> str:
+    def run_routine(self, side: Side, name: str, *, is_unchecked: bool) -> str:
         self.runs_routine.set()
         assert self.may_go_on.wait(30.0)
-        return self._note("run_routine", side, name)
+        return self._note("run_routine", side, name, is_unchecked)
+
+    def run_module(self, side: Side, file_name: str, text: str, routine: str, *, is_unchecked: bool) -> str:
+        return self._note("run_module", side, file_name, text, routine, is_unchecked)
 
     def recover(self, report: Report, check: Callable[[], None], confirmed: str = "") -> str:
         report("read the event log")

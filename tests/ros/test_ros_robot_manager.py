@@ -98,9 +98,15 @@ def test_request_that_moves_nothing_is_answered_while_a_routine_runs(
     ("kind", "service", "fields", "call"),
     [
         (SetSpeedRatio, "set_speed_ratio", {"percent": 50}, (50,)),
-        (RunRoutine, "run_routine", ROUTINE, (Side.LEFT, "wave")),
+        (RunRoutine, "run_routine", ROUTINE, (Side.LEFT, "wave", False)),
+        (RunRoutine, "run_routine", {**ROUTINE, "unchecked": True}, (Side.LEFT, "wave", True)),
         (LoadModule, "load_module", MODULE, (Side.RIGHT, "wave.mod", MODULE["text"])),
-        (RunModule, "run_module", {**MODULE, "routine": "wave"}, (Side.RIGHT, "wave.mod", MODULE["text"], "wave")),
+        (
+            RunModule,
+            "run_module",
+            {**MODULE, "routine": "wave", "unchecked": True},
+            (Side.RIGHT, "wave.mod", MODULE["text"], "wave", True),
+        ),
         (WriteSignal, "write_signal", {"name": "lamp", "value": "1"}, ("lamp", "1")),
         (
             WriteVariable,

@@ -26,7 +26,9 @@ class Noted:
 
     started: list[tuple[Sequence[str], Mapping[str, str]]]
 
-    def __init__(self, name: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, name: str, module: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str]
+    ) -> None:
         self.started.append((arguments, environment))
 
     def __enter__(self) -> Noted:
@@ -43,7 +45,7 @@ class Noted:
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Sequence[str], Mapping[str, str]]]:
     Noted.started = []
     for module in (networked, demo):
-        monkeypatch.setattr(module, "Command", Noted)
+        monkeypatch.setattr(module, "CommandProcess", Noted)
     return Noted.started
 
 
@@ -76,6 +78,6 @@ def test_demonstration_passes_robot_speed_and_password_on_to_its_driver(
     options = [*where, *speed, "--yes", "--password-file", str(secret), "--logs", str(tmp_path / "logs")]
     result = CliRunner().invoke(main, ["demo", *options], catch_exceptions=False)
     assert result.exit_code == 0, result.output
-    assert started == [(("up", *where, *speed), {"YUMI_PASSWORD": SECRET})]
+    assert started == [(("up", *where, *speed, "--bringup"), {"YUMI_PASSWORD": SECRET})]  # named by the demonstration
     assert SECRET not in result.output
     assert "(speed_scale 0.5)" in result.output

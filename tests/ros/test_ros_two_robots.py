@@ -243,6 +243,7 @@ print(min(time.monotonic() - begin, turns * 0.01) if answer.result().message els
 
 
 @pytest.mark.real_time
+@pytest.mark.alone
 def test_new_process_is_answered_soon_after_it_has_its_node(cells: Cells) -> None:
     """Most are: what a full socket of one has dropped comes with a heartbeat of Fast DDS, 1 s later, or the next."""
     ask = [sys.executable, "-c", ASK, "/cell1/yumi_robot_manager/get_state"]

@@ -101,7 +101,7 @@ def cycles_with(folder: Path, seconds: float) -> tuple[int, int]:
     record = folder / "record.mcap"
     with (
         recorded_driver(folder, record) as driver,
-        CommandProcess("yumi view", ("view", "--port", "0"), folder / "view.log") as view,
+        CommandProcess("yumi view", "yumi", ("view", "--port", "0"), folder / "view.log") as view,
     ):
         url = view.wait_until_ready(60.0)
         before = missed(driver)
