@@ -54,6 +54,7 @@ from yumi.control.loop_events import (
 )
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.shared_state import Problem
+from yumi.control.stream_monitor import StreamReport
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
 from yumi.ros import nodes
@@ -300,6 +301,13 @@ def test_notice_of_a_controller_reaches_what_it_offers(rig: SimpleNamespace, wat
     rig.arm.on_event(ControllerReport(Side.RIGHT, "watcher", "arrived"))
     rig.arm.on_event(ControllerReport(Side.RIGHT, "gone", "lost"))
     assert rig.interface.notices[-1] == "arrived"
+
+
+def test_reports_of_a_stream_are_logged_whatever_their_severity(rig: SimpleNamespace, manager: Manager) -> None:
+    for said, is_warning in (("leaves its range", True), ("follows it", False), ("leaves it again", True)):
+        report = StreamReport(message("text", text=said), is_warning)
+        rig.arm.on_event(ControllerReport(Side.RIGHT, "watcher", report))
+        manager.client.until(manager.client.hears(said))
 
 
 def test_failure_of_a_controller_is_logged_and_an_active_one_is_not_activated_again(

@@ -6,26 +6,23 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from refused_starts import YUMI, expect_one_sentence, up
 from ros_bench import Robot
 
-from abb_runtime.process.command_process import CommandProcess
 from yumi.cli.main import main
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
-YUMI = [sys.executable, "-m", "yumi"]
 MARK = "YUMI_TEST_MARK"
 
 
 @pytest.fixture(autouse=True)
-def _domain_of_its_own(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where no other test has its driver; unless a test is about that driver."""
-    if "driver" not in request.fixturenames:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + (int(os.environ["ROS_DOMAIN_ID"]) + 49) % 100))
+def _domain_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no other test has its driver."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + (int(os.environ["ROS_DOMAIN_ID"]) + 49) % 100))
 
 
 @pytest.fixture
@@ -99,23 +96,6 @@ def test_demo_interrupted_at_any_moment_stops_motion_and_leaves_no_process(
         assert "Bring-up: stop EGM" in (tmp_path / "driver.log").read_text()
 
 
-def up(*options: str) -> tuple[int, str]:
-    """Exit code and standard error of the driver, which ends by itself."""
-    done = subprocess.run(
-        [*YUMI, "up", *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL, timeout=60.0
-    )
-    return done.returncode, done.stderr.strip()
-
-
-def expect_one_sentence(outcome: tuple[int, str], part: str) -> None:
-    """What else can be wrong with an address, and how soon it is said: ``contract/test_rws_client_connection``."""
-    code, error = outcome
-    assert code == 1
-    assert part in error
-    assert error.startswith("Error: ")
-    assert len(error.splitlines()) == 1
-
-
 def test_driver_says_that_the_password_is_wrong_without_showing_it(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,19 +137,3 @@ def test_driver_says_that_its_folder_for_logs_cannot_be_written(
         "and the --ros-args."
     )
     assert len(error.splitlines()) == 1
-
-
-def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: CommandProcess) -> None:
-    outcome = up("--robot", f"127.0.0.1:{robot.rws_port}", "--namespace", "cell2")
-    expect_one_sentence(
-        outcome, f"is driven by another program (process {driver.pid}); end it first, or have that one move the robot"
-    )
-
-
-def test_driver_of_another_robot_refuses_the_names_of_the_first(driver: CommandProcess) -> None:
-    outcome = up("--robot", "127.0.0.2")
-    expect_one_sentence(
-        outcome,
-        f"Another driver runs on this machine in the same ROS domain without a namespace (process {driver.pid}); stop "
-        "it, or give one of the two another --namespace.",
-    )

@@ -287,5 +287,5 @@ def test_trajectory_that_an_emergency_stop_ended_says_so(
 
 def test_driver_never_says_that_the_robot_may_move_before_it_may(driver: CommandProcess) -> None:
     log = driver.log.read_text(encoding="utf-8")
-    assert "may move" not in log
+    assert "robot may move" not in log
     assert "Waiting for a message on robot_description" not in log

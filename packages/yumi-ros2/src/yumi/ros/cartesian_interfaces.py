@@ -34,7 +34,10 @@ class CartesianTopics:
     def on_event(self, event: Any) -> None:
         is_known = [each.on_arm_event(self._side, event) for each in self._actions]
         if not any(is_known) and isinstance(event, TrajectoryEnded):
-            (self._log.info if event.outcome is TrajectoryOutcome.SUCCEEDED else self._log.warning)(str(event))
+            if event.outcome is TrajectoryOutcome.SUCCEEDED:  # a line for each, see rclpy's loggers
+                self._log.info(str(event))
+            else:
+                self._log.warning(str(event))
         if isinstance(event, ToolLimited):
             self._log.info(str(event))
 

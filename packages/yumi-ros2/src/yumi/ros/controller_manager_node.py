@@ -179,7 +179,10 @@ class ControllerManagerNode:
         if isinstance(event, ControllerReport):
             self._nodes.on_event(event.controller, event.report)
             if is_logged(event):
-                (self._log.warning if is_warning(event) else self._log.info)(str(event))
+                if is_warning(event):  # a line for each: rclpy refuses another severity from the same line
+                    self._log.warning(str(event))
+                else:
+                    self._log.info(str(event))
             return
         if isinstance(event, ControlProcessEnded | ReportsDropped):
             self._nodes.on_event_of_all(event)
