@@ -19,7 +19,7 @@ from soak import tell
 from virtual_irc5.testing.controller_process import ControllerProcess
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 
-pytestmark = [pytest.mark.real_time, pytest.mark.heavy]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 _CFG = """SYS:CFG_1.0:6:0::
 CAB_TASKS:
 

@@ -25,7 +25,7 @@ from yumi.driver.teleoperated_arm import LINK_LOST
 from yumi.recording.reader import recorded_messages
 from yumi.web.page_build import run_script
 
-pytestmark = [pytest.mark.real_time, pytest.mark.heavy, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(240)]
 SOON = 20.0  # [s]
 HAND = (0.25, 1.2, -0.4)  # of the right hand, in the headset's frame [m]
 EXACT = (1e-4, radians(0.1))  # 0.1 mm, 0.1 degrees
@@ -291,7 +291,6 @@ def is_away(begin: Pose, driver: RunningDriver) -> bool:
     return distance_between(begin, sent(driver))[0] > 1e-3
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("steps", [short(8), long(40, 300.0)])
 def test_motion_of_a_hand_in_a_headset_is_in_a_datagram_within_thirty_milliseconds(
     chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
@@ -345,7 +344,6 @@ LIFT_UNTIL_LOST = """() => new Promise((end) => {
 was sent [s], and what the page showed of the clutch then."""
 
 
-@pytest.mark.alone
 def test_arm_stands_soon_after_the_link_to_a_headset_is_lost_and_holds_when_it_is_back(
     chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
