@@ -26,7 +26,7 @@ from abb_runtime.rws.client import RwsClient
 from hostile_server import HostileServer, dripping, hostile_before
 
 # A machine that stands still for a second makes the end of a driver late by as much.
-pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.heavy, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(120)]
 
 ENDED = 5.0
 RECOVERED = 10.0

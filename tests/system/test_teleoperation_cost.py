@@ -114,7 +114,7 @@ def cycles_with(folder: Path, seconds: float) -> tuple[int, int]:
 
 
 @pytest.mark.alone
-@pytest.mark.parametrize("seconds", [short(15.0, pytest.mark.real_time, pytest.mark.timeout(240)), long(60.0, 600.0)])
+@pytest.mark.parametrize("seconds", [short(5.0, pytest.mark.real_time, pytest.mark.timeout(240)), long(60.0, 600.0)])
 def test_control_loop_misses_no_more_cycles_while_a_page_teleoperates_and_all_is_recorded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seconds: float
 ) -> None:
