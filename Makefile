@@ -73,14 +73,11 @@ test: parts-of-tests check
 	.venv/bin/python -m pytest -m smoke tests/ros/test_ros_driver.py $(ARGS)
 
 # What runs in real time waits more than it computes: two files at a time, each with the robot and the driver that its
-# tests share. What loads the machine (a browser that draws in software) comes after them, and then has the machine to
-# itself what measures the machine.
+# tests share. What measures or loads the machine has the machine to itself.
 REAL_TIME = (ros or real_time) and not soak
 test-real-time: parts-of-tests
-	.venv/bin/python -m pytest $(BY_FILE) --numprocesses 2 -m '$(REAL_TIME) and not heavy and not alone' $(ARGS)
-	.venv/bin/python -m pytest $(BY_FILE) --numprocesses 2 -m '$(REAL_TIME) and heavy and not alone' $(ARGS)
+	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m '$(REAL_TIME) and not alone' $(ARGS)
 	.venv/bin/python -m pytest -m '$(REAL_TIME) and alone' $(ARGS)
-BY_FILE = --dist loadfile --no-loadscope-reorder
 
 # The long forms of tests, properties with a thousand examples each, with what they tell meanwhile.
 soak: parts-of-tests

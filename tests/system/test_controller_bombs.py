@@ -25,7 +25,7 @@ from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import RwsClient
 from stalls import waited_for_a_processor
 
-pytestmark = [pytest.mark.real_time, pytest.mark.heavy]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 
 LATENCY = 0.02
 """How late a datagram or an answer may be at most, whatever a program does [s].

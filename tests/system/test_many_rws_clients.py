@@ -25,7 +25,7 @@ from soak import tell
 from virtual_irc5.testing.controller_process import ControllerProcess
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 
-pytestmark = [pytest.mark.real_time, pytest.mark.heavy]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 SCRIPT = Path(__file__).with_name("rws_load.py")
 RATE = 20.0
 

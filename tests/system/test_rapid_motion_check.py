@@ -33,7 +33,7 @@ def check_of(system: System, *, is_real: bool) -> RapidMotionCheck:
         system.bringup.machines,
         CollisionModel(SERVO_GRIPPERS),
         MARGIN,
-        is_real=is_real,
+        is_real=lambda: is_real,
     )
 
 

@@ -71,7 +71,7 @@ def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 
 @pytest.mark.real_time
-@pytest.mark.heavy
+@pytest.mark.alone
 @pytest.mark.timeout(180)
 def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(address: str, tmp_path: Path) -> None:
     errors: list[str] = []

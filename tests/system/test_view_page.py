@@ -25,7 +25,7 @@ from flight import LOST, flown, write_flight_record
 from yumi.core.collision import CollisionModel, Obstacle
 from yumi.recording.message_types import recorded_event
 
-pytestmark = [pytest.mark.real_time, pytest.mark.heavy, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(180)]
 SOON = 20_000  # [ms]
 JOGGED_ON = 0.6
 """A jog that goes on ends at the joint's limit, two radians away; on a busy machine a stop may be late [rad]."""

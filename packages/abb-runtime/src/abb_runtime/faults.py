@@ -10,9 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
+from typing import TYPE_CHECKING
 
 from abb_protocols.errors import CommandRefused, NoConnection
 from abb_runtime.udp import is_loopback
+
+if TYPE_CHECKING:
+    import httpx
 
 DISPLAY_PATH = "/virtual/display"
 """Where a virtual controller shows what its programs wrote to the FlexPendant, in a session; no ABB controller does."""
@@ -195,16 +199,11 @@ def takes_faults(address: str) -> bool:
     """Whether a virtual controller of this package answers at ``address``: only that one has faults to inject."""
     import httpx  # noqa: PLC0415 - for this alone, of what the virtual robot imports
 
-    is_far = not is_loopback(httpx.URL(f"http://{address}").host)
-    for scheme in ("http", "https"):
-        try:
-            reply = httpx.get(
-                f"{scheme}://{address}{FAULTS_PATH}", timeout=_ANSWER_TIMEOUT, trust_env=False, verify=is_far
-            )
-        except httpx.HTTPError:
-            continue
-        return reply.is_success and reply.headers.get("Content-Type", "").startswith("application/json")
-    return False
+    try:
+        reply = _ask(address, "GET", FAULTS_PATH)
+    except httpx.HTTPError:
+        return False
+    return reply.is_success and reply.headers.get("Content-Type", "").startswith("application/json")
 
 
 def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
@@ -216,14 +215,8 @@ def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
     """
     import httpx  # noqa: PLC0415 - for this alone, of what the virtual robot imports
 
-    # The certificate that a virtual controller makes itself is trusted on this machine alone.
-    is_far = not is_loopback(httpx.URL(f"http://{address}").host)
-    post = partial(httpx.post, data=form, timeout=_ANSWER_TIMEOUT, trust_env=False, verify=is_far)
     try:
-        try:
-            reply = post(f"http://{address}{FAULTS_PATH}/{name}")
-        except (httpx.RemoteProtocolError, httpx.ReadError):  # it speaks TLS, with a certificate of its own
-            reply = post(f"https://{address}{FAULTS_PATH}/{name}")
+        reply = _ask(address, "POST", f"{FAULTS_PATH}/{name}", form)
     except httpx.HTTPError as error:
         raise NoConnection(
             f"Nothing answers at {address} ({error}). `virtual-irc5 run` or `yumi controller` starts a virtual one."
@@ -232,3 +225,16 @@ def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
         is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
         sentence = reply.text if is_virtual else ""
         raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")
+
+
+def _ask(address: str, method: str, path: str, form: Mapping[str, str] | None = None) -> httpx.Response:
+    """What answers at ``address``, over HTTP or TLS; raises httpx.HTTPError."""
+    import httpx  # noqa: PLC0415 - see above
+
+    # The certificate that a virtual controller makes itself is trusted on this machine alone.
+    is_far = not is_loopback(httpx.URL(f"http://{address}").host)
+    request = partial(httpx.request, method, data=form, timeout=_ANSWER_TIMEOUT, trust_env=False, verify=is_far)
+    try:
+        return request(f"http://{address}{path}")
+    except (httpx.RemoteProtocolError, httpx.ReadError):  # it speaks TLS, with a certificate of its own
+        return request(f"https://{address}{path}")

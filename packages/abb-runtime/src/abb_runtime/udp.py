@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Protocol
+from urllib.parse import urlsplit
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import NoConnection
@@ -269,6 +270,14 @@ def is_loopback(host: str) -> bool:
         return host.lower() == "localhost" or ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return False
+
+
+def host_of_url(url: str) -> str:
+    """The host that a URL names; empty where the text is no URL."""
+    try:
+        return urlsplit(url).hostname or ""
+    except ValueError:
+        return ""
 
 
 def _send(sender: socket.socket, datagram: bytes, address: _Address | None) -> None:

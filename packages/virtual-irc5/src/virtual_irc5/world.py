@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass, field, replace
 from ipaddress import IPv4Address
 from math import inf, isfinite, radians
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 from abb_protocols.errors import CommandRefused, NoConnection, YumiError
 from abb_protocols.robot.arm_kinematics import KinematicArm
@@ -22,7 +21,7 @@ from abb_protocols.robot.joints import Joints, Side
 from abb_protocols.rws.documents import Pairs, decode_form, first_value
 from abb_protocols.rws.values import ControllerState, OperatingMode
 from abb_runtime.faults import FAULTS_PATH, Fault, FaultDirection, FaultKind, fault_named
-from abb_runtime.udp import is_loopback
+from abb_runtime.udp import host_of_url, is_loopback
 from virtual_irc5.controller.identity import Identity
 from virtual_irc5.controller.installed_system import ROBOTWARE_6, InstalledRobot, System, delivered_system
 from virtual_irc5.controller.irc5 import Irc5
@@ -338,7 +337,7 @@ class FaultInjection:
         # leads to this machine.
         origin = request.header("Origin")
         urls = [f"http://{request.header('Host') or ''}", *([] if origin is None else [origin])]
-        if not all(is_loopback(_host_of(url)) for url in urls):
+        if not all(is_loopback(host_of_url(url)) for url in urls):
             return _plain_reply(
                 403, "Faults are taken under the names of this machine only, such as 127.0.0.1, not for pages."
             )
@@ -493,13 +492,6 @@ def _finite_number(text: str, meaning: str) -> float:
     if not isfinite(number):
         raise CommandRefused(f"{meaning}, not {text!r}.")
     return number
-
-
-def _host_of(url: str) -> str:
-    try:
-        return urlsplit(url).hostname or ""
-    except ValueError:
-        return ""
 
 
 def _plain_reply(status: int, sentence: str) -> HttpReply:

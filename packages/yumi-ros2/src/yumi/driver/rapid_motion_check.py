@@ -45,9 +45,6 @@ class RapidMotionCheck:
         model: the shapes of both arms and of what stands around them; None: nothing keeps them apart.
         margin: no two parts come nearer to each other [m].
         is_real: whether a path that is not known has to be named so, and a first run is slow.
-
-    Attributes:
-        is_real: as above.
     """
 
     def __init__(
@@ -58,9 +55,9 @@ class RapidMotionCheck:
         model: CollisionModel | None,
         margin: float,
         *,
-        is_real: bool,
+        is_real: Callable[[], bool],
     ) -> None:
-        self._client, self._panel, self._machines, self.is_real = client, panel, machines, is_real
+        self._client, self._panel, self._machines, self._is_real = client, panel, machines, is_real
         self._model = model
         self._margins = None if model is None else declared_margins(model, margin)
         self._lock = Lock()  # the model is not for several threads at once
@@ -83,7 +80,7 @@ class RapidMotionCheck:
             return
         goal = self._goal(side, routine.lower())
         if goal is None:
-            if self.is_real and not is_unchecked:
+            if self._is_real() and not is_unchecked:
                 raise CommandRefused(message("rapid_path_unknown", routine=routine, task=side.task))
             return
         if self._machines.state(side.other) is not MachineState.IDLE:
@@ -97,7 +94,7 @@ class RapidMotionCheck:
         Raises:
             RobotNotReady: a real robot's program stands in the middle of a routine, whose motion would go on.
         """
-        for side in Side if self.is_real else ():
+        for side in Side if self._is_real() else ():
             pointer, _ = self._client.pointers(side.task)
             if pointer.module.lower() != MAIN.lower():
                 place = f"{pointer.module}/{pointer.routine}"
@@ -120,7 +117,7 @@ class RapidMotionCheck:
             known.clear()  # routines of the task may be others from now on, whatever becomes of the load
             yield
             return
-        ratio = self._client.speed_ratio() if self.is_real and name not in known else 0
+        ratio = self._client.speed_ratio() if self._is_real() and name not in known else 0
         if ratio <= FIRST_RATIO:
             yield
         else:

@@ -128,8 +128,6 @@ class RobotManager:
     def take_for_real(self) -> None:
         """From now on the robot moves nothing that no call names, see ``is_real``."""
         self.is_real, self.may_calibrate = True, False
-        if self._rapid_check is not None:
-            self._rapid_check.is_real = True
 
     def when_ready(self, prepare: Callable[[], None]) -> None:
         """Have ``prepare`` called each time the robot has become ready, with the program running and no EGM.

@@ -146,7 +146,6 @@ def make_parts(
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
-    is_real = not is_on_this_machine(settings)
     manager = RobotManager(
         bringup,
         control,
@@ -156,14 +155,14 @@ def make_parts(
         settings.watchdog,
         stops,
         settings.recovery,
-        is_real=is_real,
+        is_real=not is_on_this_machine(settings),
         rapid_check=RapidMotionCheck(
             client,
             bringup.panel,
             bringup.machines,
             settings.collision.model(plan.grippers) if settings.collision.enabled else None,
             settings.collision.margin,
-            is_real=is_real,
+            is_real=lambda: manager.is_real,  # the connection may find out that the robot is real
         ),
     )
     if settings.collision.enabled:  # an arm without EGM is kept clear of, too

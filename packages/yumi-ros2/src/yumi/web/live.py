@@ -17,6 +17,7 @@ from abb_protocols.catalogue import Message, in_words, message
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Joints, Side
+from abb_runtime.faults import takes_faults
 from abb_runtime.udp import is_loopback
 from yumi.control.hand_over import Commander
 from yumi.control.shared_state import Limited
@@ -209,7 +210,7 @@ class LiveRobot:
                 self._on_events(events)
             if is_new:
                 self.address = self.state().robot
-                self.is_virtual = await _is_virtual(self.address)
+                self.is_virtual = await asyncio.to_thread(_is_virtual, self.address)
                 self.why_not = None
                 self._on_change()
             part = msgspec.json.decode(raw, type=_StatePart)
@@ -233,19 +234,6 @@ class LiveRobot:
                 return
 
 
-async def _is_virtual(address: str) -> bool:
+def _is_virtual(address: str) -> bool:
     """Whether the controller is a virtual one on this machine: only that one has faults to inject."""
-    import aiohttp  # noqa: PLC0415 - the process that plans has no need of it
-
-    host = address.rpartition(":")[0]
-    try:
-        if not is_loopback(host):
-            return False
-        timeout = aiohttp.ClientTimeout(total=2.0)
-        async with (
-            aiohttp.ClientSession(timeout=timeout) as session,
-            session.get(f"http://{address}/virtual/faults") as reply,
-        ):
-            return reply.status == 200 and reply.content_type == "application/json"
-    except (aiohttp.ClientError, asyncio.TimeoutError, ValueError, OSError):
-        return False
+    return is_loopback(address.rpartition(":")[0]) and takes_faults(address)

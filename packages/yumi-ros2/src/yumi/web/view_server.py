@@ -25,7 +25,6 @@ from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import msgspec
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -35,7 +34,7 @@ from abb_protocols.catalogue import Message, message, said_by, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, SettingsError, YumiError
 from abb_runtime.faults import Fault
-from abb_runtime.udp import is_loopback
+from abb_runtime.udp import host_of_url, is_loopback
 from yumi.driver.commands import StopEgm
 from yumi.driver.reports import EventReport
 from yumi.planning.planning_process import PlanningProcess
@@ -217,7 +216,7 @@ class ViewServer:
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
         """Refuse foreign origins and host names."""
-        if not self._is_own_name(_host_of(f"http://{request.host}")):
+        if not self._is_own_name(host_of_url(f"http://{request.host}")):
             raise web.HTTPForbidden(
                 text="This page is served under the names and addresses of this machine only: use the address that "
                 "`yumi view` printed."
@@ -588,10 +587,3 @@ def _is_address(host: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _host_of(url: str) -> str:
-    try:
-        return urlsplit(url).hostname or ""
-    except ValueError:
-        return ""

@@ -122,7 +122,6 @@ class ToolStream:
         self._is_twist = self._is_at_rest = False
         self._given_at = -inf
         self.silence = 0.0
-        self._was_behind = 0.0
         self.independence = 1.0
         self._weakest: tuple[float, ...] = (1.0,) * 6
 
@@ -305,7 +304,6 @@ class ToolStream:
         old = wrist_target(side, compose(before[0], self._to_tool0), before[1])
         new = wrist_target(side, compose(self._pose, self._to_tool0), self._target[6])
         behind, ahead = target_error(now, old), target_error(now, new)
-        self._was_behind = max(map(abs, behind))
         onward = joints([b - a for a, b in zip(behind, ahead, strict=True)])
         limits = self._limits
         locked: dict[int, float] = {}
