@@ -15,7 +15,7 @@ import pytest
 from websockets.sync.client import connect
 
 from abb_protocols.errors import CommandRefused, MissingPrerequisite, NoConnection
-from abb_runtime.faults import inject_fault
+from abb_runtime.faults import inject_fault, takes_faults
 from abb_runtime.process.certificate import self_signed_context
 from rws_examples_2 import BASIC, PASSWORD, SYMBOL, USER
 
@@ -175,6 +175,11 @@ def test_fault_is_sent_to_a_server_with_tls_too(site: Site) -> None:
         inject_fault("127.0.0.1:9", "program-stop", {})
 
 
+def test_controller_that_takes_faults_is_known_over_tls_too(site: Site) -> None:
+    assert takes_faults(site.server.address)
+    assert not takes_faults("127.0.0.1:9")
+
+
 @pytest.mark.parametrize(
     ("address", "is_verified"),
     [("127.0.0.1:80", False), ("localhost:80", False), ("[::1]:80", False), ("192.0.2.1:80", True)],
@@ -184,11 +189,11 @@ def test_certificate_of_another_machine_is_verified(
 ) -> None:
     asked: list[object] = []
 
-    def answer(url: str, **options: object) -> httpx.Response:
+    def answer(method: str, url: str, **options: object) -> httpx.Response:
         asked.append(options["verify"])
         return httpx.Response(204)
 
-    monkeypatch.setattr(httpx, "post", answer)
+    monkeypatch.setattr(httpx, "request", answer)
     inject_fault(address, "program-stop", {})
     assert asked == [is_verified]
 
