@@ -175,8 +175,8 @@ def test_fault_is_sent_to_a_server_with_tls_too(site: Site) -> None:
         inject_fault("127.0.0.1:9", "program-stop", {})
 
 
-def test_controller_that_takes_faults_is_known_over_tls_too(site: Site) -> None:
-    assert takes_faults(site.server.address)
+def test_server_without_faults_is_not_taken_for_a_virtual_controller(site: Site) -> None:
+    assert not takes_faults(site.server.address)
     assert not takes_faults("127.0.0.1:9")
 
 

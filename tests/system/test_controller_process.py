@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, LoginRefused, NoConnection
 from abb_protocols.rws.values import ControllerState, RwsCode
+from abb_runtime.faults import takes_faults
 from abb_runtime.process.command_process import CONTROLLER_READY, CommandProcess
 from abb_runtime.rws.client import CONTROLLER_STATE, Change, RwsClient
 from refusals import refused
@@ -109,6 +110,10 @@ def test_long_upload_whose_session_has_expired_is_made_with_a_new_one(address: s
     fault(address, "rws-sessions-expired")
     client.upload("HOME:/large.mod", "!" * 5_000_000)
     assert len(client.download("HOME:/large.mod")) == 5_000_000
+
+
+def test_controller_is_known_by_the_faults_that_it_takes(address: str) -> None:
+    assert takes_faults(address)
 
 
 def test_fault_under_a_strange_name_is_refused(address: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from abb_runtime.faults import takes_faults
 from virtual_irc5.rws.version_2 import FORM, HAL
 from virtual_irc5.testing.controller_process import ControllerProcess
 
@@ -39,6 +40,7 @@ def test_controller_with_robotware_7_runs_a_program_and_takes_faults(tmp_path: P
         started = "regain=continue&execmode=continue&cycle=forever&condition=none&stopatbp=disabled&alltaskbytsp=false"
         assert post("/rw/rapid/execution/start", started) == 204
         assert state("/rw/rapid/execution")["ctrlexecstate"] == "running"
+        assert takes_faults(controller.address)
         controller.inject("program-stop")
         assert state("/rw/rapid/execution")["ctrlexecstate"] == "stopped"
     assert "Virtual controller ready: https://" in (tmp_path / "log").read_text()
