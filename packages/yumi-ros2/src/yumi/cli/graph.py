@@ -24,8 +24,9 @@ from yumi.cli.driver_options import demand_ros, limit_discovery
 _DISCOVERY = 5.0
 """What is in the ROS 2 graph is found within this time [s]."""
 
-_SETTLED = 0.5
-"""Nothing more is expected when no new name has come for this time: participants are announced every 0.2 s [s]."""
+_SETTLED = 1.3
+"""Nothing more is expected when no new name has come for this time: what a full socket has dropped comes again with the
+next heartbeat of Fast DDS, 1 s later [s]."""
 
 _SPIN_PERIOD = 0.05  # [s]
 
