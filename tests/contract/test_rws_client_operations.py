@@ -15,6 +15,7 @@ from abb_protocols.rws.documents import Pairs, RobTarget
 from abb_protocols.rws.operations import motion
 from abb_protocols.rws.operations.motion import Supervision
 from abb_protocols.rws.operations.operation import Operation
+from abb_protocols.rws.operations.queues import QueueMessage
 from abb_protocols.rws.operations.rapid import Range
 from abb_protocols.rws.values import (
     Coordinates,
@@ -35,7 +36,6 @@ from abb_protocols.rws.values import (
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import OPERATING_MODE, RwsClient
-from abb_runtime.rws.services.queues import QueueMessage
 from memory_http import MemoryHttp
 from refusals import refused
 from virtual_irc5.rws.router import Route

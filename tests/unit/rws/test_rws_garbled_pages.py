@@ -19,13 +19,13 @@ import abb_runtime.rws
 from abb_protocols.errors import ProtocolError, YumiError
 from abb_protocols.robot.joints import ZERO, Pose
 from abb_protocols.rws.documents import Page, RobTarget, RwsState
+from abb_protocols.rws.operations import service
 from abb_protocols.rws.operations.motion import Supervision
 from abb_protocols.rws.operations.rapid import Range
 from abb_protocols.rws.values import Increment, OperatingMode, Privilege, Resource, RunCycle, SignalChange
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws import client as client_module
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.rws.services import service
 from abb_runtime.rws.session import OpenWebSocket
 from abb_runtime.rws.web_socket import Listener
 

@@ -1,7 +1,8 @@
 """The client of Robot Web Services: a controller in typed calls, and subscriptions; SI and chain order come out.
 
 One client holds one session: build it, ``connect`` and ``close`` it, or use it as a context manager. The calls of
-each service are in a module of :mod:`abb_runtime.rws.services`; here are the session, subscriptions and restarts.
+each service are beside their operations in :mod:`abb_protocols.rws.operations`; here are the session, subscriptions,
+masterships that are held, and restarts.
 
 A subscription is a group of resources at the controller, a WebSocket, and the changes on it. A controller sends a
 change at once, but at most as often as the priority permits: low every 5 s, medium every 200 ms, high every 50 ms; of a
@@ -15,6 +16,7 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from queue import Queue
 from threading import Lock
@@ -27,29 +29,27 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from abb_protocols.rws import documents
 from abb_protocols.rws.documents import Form, Page, Pairs, RwsState, SystemInfo, decode_form, read_page
-from abb_protocols.rws.operations import io, modules, panel, rapid
+from abb_protocols.rws.operations import io, mastership, modules, panel, rapid
 from abb_protocols.rws.operations import subscriptions as table
-from abb_protocols.rws.operations.event_log import EVENTS
+from abb_protocols.rws.operations.configuration import ConfigurationService
+from abb_protocols.rws.operations.ctrl import ControllerService
+from abb_protocols.rws.operations.event_log import EVENTS, EventLogService
+from abb_protocols.rws.operations.files import FilesService
+from abb_protocols.rws.operations.io import IoService
+from abb_protocols.rws.operations.mastership import MastershipService
+from abb_protocols.rws.operations.modules import ModulesService, SymbolsService
+from abb_protocols.rws.operations.motion import MotionService
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.operations.system import SYSTEM
-from abb_protocols.rws.operations.users import LOGOUT
-from abb_protocols.rws.values import PROTOCOL, Priority, Resource
+from abb_protocols.rws.operations.panel import PanelService
+from abb_protocols.rws.operations.queues import QueuesService
+from abb_protocols.rws.operations.rapid import RapidService
+from abb_protocols.rws.operations.service import OnProgress, request
+from abb_protocols.rws.operations.system import SYSTEM, SystemService
+from abb_protocols.rws.operations.users import LOGOUT, UsersService
+from abb_protocols.rws.request import BUSY, RwsRequest
+from abb_protocols.rws.values import PROTOCOL, Priority, Resource, RwsCode
 from abb_runtime.clock import Clock, SystemClock
-from abb_runtime.rws.services.configuration import ConfigurationService
-from abb_runtime.rws.services.ctrl import ControllerService
-from abb_runtime.rws.services.event_log import EventLogService
-from abb_runtime.rws.services.files import FilesService
-from abb_runtime.rws.services.io import IoService
-from abb_runtime.rws.services.modules import ModulesService
-from abb_runtime.rws.services.motion import MotionService
-from abb_runtime.rws.services.panel import PanelService
-from abb_runtime.rws.services.queues import QueuesService
-from abb_runtime.rws.services.rapid import RapidService
-from abb_runtime.rws.services.service import request
-from abb_runtime.rws.services.symbols import SymbolsService
-from abb_runtime.rws.services.system import SystemService
-from abb_runtime.rws.services.users import UsersService
-from abb_runtime.rws.session import BUSY, OnProgress, RwsRequest, RwsSession, Transport
+from abb_runtime.rws.session import RwsSession, Transport
 from abb_runtime.rws.transport import HttpTransport
 from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 
@@ -81,6 +81,7 @@ class RwsClient(
     SystemService,
     FilesService,
     UsersService,
+    MastershipService,
     QueuesService,
     EventLogService,
 ):
@@ -108,7 +109,7 @@ class RwsClient(
         transport = HttpTransport(address, self._clock) if isinstance(address, str) else address
         self.address = transport.address
         self._session = RwsSession(transport, user=user, password=password, timeout=timeout, clock=self._clock)
-        self._mastership = Lock()
+        self._mastership = Lock()  # while one is requested or released: no thread releases what another is about to use
         self._held: Counter[str] = Counter()
         self._subscriptions: WeakSet[Subscription] = WeakSet()
 
@@ -155,6 +156,54 @@ class RwsClient(
         if self._session.is_open:
             self._session.exchange(request(LOGOUT))
             self._session.close()
+
+    def _exchange(self, called: RwsRequest) -> httpx.Response:
+        return self._session.exchange(called)
+
+    def _polls(self, period: float, longest: float) -> Iterator[None]:
+        end = self._clock.now() + longest
+        yield
+        while self._clock.now() < end:
+            self._clock.wait(period)
+            yield
+
+    @contextmanager
+    def holding(self, domain: str) -> Iterator[None]:
+        """The mastership of ``cfg``, ``rapid`` or ``motion`` for the time of the block.
+
+        A client that keeps it locks the FlexPendant out. A block within another one of the same domain keeps it, in
+        any thread.
+
+        Raises:
+            ControllerRefused: another client has it, or its release was refused after the block.
+        """
+        with self._mastership:
+            if not self._held[domain]:
+                self._call(f"requesting the mastership of {domain}", mastership.REQUEST, domain)
+            self._held[domain] += 1
+        try:
+            yield
+        except BaseException:
+            try:
+                self._release(domain)
+            except YumiError as error:  # what failed in the block says more
+                log.warning(
+                    "The mastership of %s may still be held, which locks the FlexPendant out: %s", domain, error
+                )
+            raise
+        self._release(domain)
+
+    def _release(self, domain: str) -> None:
+        """End one block that holds a mastership; the last one gives it back."""
+        with self._mastership:
+            self._held[domain] -= 1
+            if self._held[domain]:
+                return
+            try:
+                self._call(f"releasing the mastership of {domain}", mastership.RELEASE, domain)
+            except ControllerRefused as error:
+                if error.code != RwsCode.RESOURCE_NOT_HELD:  # a new session or another mode has ended it already
+                    raise
 
     def call(self, method: str, path: str, query: Pairs = (), form: Pairs | None = None) -> Page | None:
         """Any request of Robot Web Services; the page it is answered with, or None where there is none.

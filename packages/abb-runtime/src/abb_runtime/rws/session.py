@@ -17,19 +17,17 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import inf
 from threading import Condition, Lock
 from typing import Protocol, TypeVar
-from urllib.parse import quote
 
 import httpx
 
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import LoginRefused, NoConnection, ProtocolError
-from abb_protocols.rws.documents import FORM_TYPE, Pairs, encode_form
+from abb_protocols.rws.request import BUSY, RwsRequest
 from abb_protocols.rws.values import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 from abb_runtime.clock import Clock
 from abb_runtime.rws.transport import INTERVAL, ConnectionLost, ExchangeDeadline
@@ -38,7 +36,6 @@ from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
 
-BUSY = 503
 LONGEST_TRANSFER = 600.0
 """Longest time a file may take [s], however steadily it goes or comes."""
 
@@ -47,7 +44,6 @@ _REPEATS = 2
 _CONNECTIONS = 2
 _PATIENCE = 0.5  # [s] a request waits so long for the one before it; a controller answers within some 10 ms
 
-_PATH_SAFE = "/;:$@-._~"
 _REALM = re.compile(r'realm="([^"]*)"')
 
 # A controller's own cookies: visible ASCII; the longest that was seen has 55 characters. All others are dropped: they
@@ -57,62 +53,6 @@ _COOKIE = re.compile(rf"({SESSION_COOKIE}|{CONNECTION_COOKIE})=([!-:<-~]{{1,256}
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
-
-OnProgress = Callable[[str], None]
-"""Called with what is being done, in a few words."""
-
-
-@dataclass(frozen=True, slots=True)
-class RwsRequest:
-    """One request, free of connection and session.
-
-    Attributes:
-        method: of HTTP.
-        path: resource, unescaped.
-        query: parameters in the URL.
-        form: parameters in the body; None for a request without a body.
-        content: a file in the body instead of a form.
-    """
-
-    method: str
-    path: str
-    query: Pairs = ()
-    form: Pairs | None = None
-    content: bytes | None = None
-
-    @property
-    def target(self) -> str:
-        """Path and query as on the request line."""
-        path = quote(self.path, safe=_PATH_SAFE)
-        return f"{path}?{encode_form(self.query)}" if self.query else path
-
-    @property
-    def body(self) -> bytes:
-        """The file, or the form, encoded."""
-        return encode_form(self.form or ()).encode("ascii") if self.content is None else self.content
-
-    @property
-    def content_type(self) -> str | None:
-        """What the body is; None for a request without one."""
-        if self.content is not None:
-            return "application/octet-stream"
-        return None if self.form is None else FORM_TYPE
-
-    @property
-    def is_transfer(self) -> bool:
-        """Whether it carries the content of a file, which takes as long as it is long."""
-        return self.method in ("GET", "PUT") and self.path.startswith("/fileservice")
-
-    @property
-    def is_repeatable(self) -> bool:
-        """Whether sending it twice does no more than sending it once."""
-        return self.method in ("GET", "PUT")
-
-
-def file_path(path: str) -> str:
-    """Where RAPID's ``HOME:/pick.mod`` is on the network; the device's name stands behind ``$`` there."""
-    device, _, rest = path.partition(":")
-    return f"/fileservice/${device.lower()}/{rest.lstrip('/')}"
 
 
 class RequestPace:

@@ -31,11 +31,11 @@ from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.yumi_arms import irb14050
 from abb_protocols.rws.documents import JointTarget, RwsEvent
 from abb_protocols.rws.operations.rapid import TaskInfo
+from abb_protocols.rws.request import BUSY
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.rws.session import BUSY
 from abb_runtime.rws.transport import HttpTransport
 from yumi.driver.launch_checks import LaunchChecks, other_robot
 from yumi.driver.reports import EventReport

@@ -1,16 +1,23 @@
-"""Operations on system parameters (``/rw/cfg``)."""
+"""Operations on system parameters (``/rw/cfg``), and the client's calls of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
-from abb_protocols.rws.operations.operation import delete, get, post
+from abb_protocols.errors import ControllerRefused
+from abb_protocols.rws import documents
+from abb_protocols.rws.documents import CfgInstance, Page
+from abb_protocols.rws.operations.files import file_path
+from abb_protocols.rws.operations.operation import Operation, delete, get, post
 from abb_protocols.rws.operations.operation_answer import flag, pair, record
+from abb_protocols.rws.operations.service import Service, request
 from abb_protocols.rws.values import Grant
 
 _TYPE = "/rw/cfg/{domain}/{type}"
 _DOMAIN = "/rw/cfg/{domain}"
+_REFUSED = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,3 +63,91 @@ CREATE_INSTANCE = post(f"{_TYPE}/instances", "create-default", "name", needs="cf
 INSTANCE = get(f"{_TYPE}/instances/{{instance}}")
 SET_INSTANCE = post(f"{_TYPE}/instances/{{instance}}", "set", needs="cfg", grant=Grant.CFG_WRITE)
 REMOVE_INSTANCE = delete(f"{_TYPE}/instances/{{instance}}", needs="cfg", grant=Grant.CFG_WRITE)
+
+
+class ConfigurationService(Service):
+    """``/rw/cfg``."""
+
+    def cfg(self, domain: str, type: str) -> tuple[CfgInstance, ...]:
+        """All instances of a configuration type, such as ``SIO`` and ``COM_TRP``."""
+        states = self._listed(f"reading the configuration {domain}/{type}", INSTANCES, domain, type)
+        return documents.read_cfg_instances(Page("", "", states))
+
+    def set_cfg(self, domain: str, type: str, name: str, attributes: Mapping[str, str]) -> None:
+        """Change attributes of an instance of the configuration; they act after the next restart."""
+        changed = replace(request(SET_INSTANCE, domain, type, name), form=tuple(attributes.items()))
+        self._sent(f"changing {domain}/{type}/{name}", SET_INSTANCE, changed)
+
+    def create_cfg(self, domain: str, type: str, name: str) -> None:
+        """Add an instance with default values to the configuration; it acts after the next restart."""
+        self._call(f"adding {domain}/{type}/{name}", CREATE_INSTANCE, domain, type, name=name)
+
+    def remove_cfg(self, domain: str, type: str, name: str) -> None:
+        """Remove an instance of the configuration; it is gone after the next restart."""
+        self._call(f"removing {domain}/{type}/{name}", REMOVE_INSTANCE, domain, type, name)
+
+    def load_cfg(self, path: str, *, replace: bool = False) -> None:
+        """Load a cfg file of the controller such as ``HOME:/SIO.cfg``; it acts after the next restart.
+
+        Args:
+            path: the file as RAPID names it.
+            replace: whether its instances take the place of those of the same names, which are an error otherwise.
+        """
+        how = "replace" if replace else "add"
+        self._call(f"loading {path}", LOAD_FILE, filepath=file_path(path), action_type=how)
+
+    def save_cfg(self, domain: str, path: str) -> None:
+        """Write a domain of the configuration, such as ``SIO``, to a file of the controller."""
+        self._call(f"saving {domain} to {path}", SAVE_DOMAIN, domain, filepath=file_path(path))
+
+    def cfg_domains(self) -> tuple[str, ...]:
+        """The domains: ``EIO``, ``MMC``, ``MOC``, ``PROC``, ``SIO``, ``SYS``."""
+        return tuple(state.title for state in self._listed("reading the domains", DOMAINS))
+
+    def cfg_types(self, domain: str) -> tuple[str, ...]:
+        """The types of a domain."""
+        return tuple(state.title for state in self._listed(f"reading the types of {domain}", TYPES, domain))
+
+    def cfg_size(self, domain: str, type: str) -> tuple[int, int]:
+        """Number of attributes and of instances of a type."""
+        return self._answer(f"reading {domain}/{type}", TYPE, domain, type)
+
+    def cfg_attributes(self, domain: str, type: str) -> tuple[CfgAttribute, ...]:
+        """The attributes of a type."""
+        return self._answers(f"reading the attributes of {domain}/{type}", ATTRIBUTES, domain, type)
+
+    def cfg_instance(self, domain: str, type: str, name: str) -> CfgInstance:
+        """One instance."""
+        page = self._shown(f"reading {domain}/{type}/{name}", INSTANCE, domain, type, name)
+        return documents.cfg_instance_of(page.one("cfg-dt-instance"))
+
+    def check_cfg_file(self, path: str, *, replace: bool = False) -> bool:
+        """Whether a cfg file of the controller can be loaded."""
+        how = "replace" if replace else "add"
+        return self._is_valid(f"checking {path}", VALIDATE_FILE, filepath=file_path(path), action_type=how)
+
+    def can_change_cfg(self, domain: str, type: str, names: Sequence[str]) -> bool:
+        """Whether instances may be changed."""
+        asked = {"cfgdomain": domain, "cfgtype": type, "instances": ",".join(names), "instancescount": len(names)}
+        return self._is_valid(f"checking {domain}/{type}", VALIDATE_INSTANCES, **asked, operation=1)
+
+    def can_remove_cfg(self, name: str) -> bool:
+        """Whether an instance may be removed, as no other one names it."""
+        return self._is_valid(f"checking {name}", VALIDATE_REMOVAL, name=name)
+
+    def _is_valid(self, what: str, operation: Operation[Any], /, **arguments: object) -> bool:
+        try:
+            self._call(what, operation, **arguments)
+        except ControllerRefused as error:
+            if error.status != _REFUSED:
+                raise
+            return False
+        return True
+
+    def reset_cfg(self, domain: str, type: str = "") -> None:
+        """Make a domain, or one type of it, as a new system has it; it acts after the next restart."""
+        what = f"resetting {domain} {type}".rstrip()
+        if type:
+            self._call(what, RESET_INSTANCES, domain, type)
+        else:
+            self._call(what, RESET_DOMAIN, domain)

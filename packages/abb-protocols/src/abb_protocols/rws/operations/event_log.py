@@ -1,11 +1,29 @@
-"""Operations on the event log (``/rw/elog``)."""
+"""Operations on the event log (``/rw/elog``), and the client's calls of them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+from abb_protocols.rws import documents
+from abb_protocols.rws.documents import RwsEvent, whole_number
+from abb_protocols.rws.operations.files import file_path
 from abb_protocols.rws.operations.operation import get, post
+from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.values import Grant
 
 _DOMAIN = "/rw/elog/{domain}"
+_EVENTS_PER_PAGE = 50
+
+
+@dataclass(frozen=True, slots=True)
+class EventDomain:
+    """A part of the event log: how many messages it has, and can have."""
+
+    number: int
+    name: str
+    messages: int
+    capacity: int
+
 
 LOGS = get("/rw/elog", "lang, resource=count")
 CLEAR_ALL = post("/rw/elog", "clearall", grant=Grant.EVENTLOG_CLEAR)
@@ -13,3 +31,50 @@ SAVE_EVENTS = post("/rw/elog", "saveraw", "path", grant=Grant.FTP_WRITE, status=
 EVENTS = get(_DOMAIN, "lang, resource=count|info|title, order=lifo|fifo, elogseqnum, start, limit")
 CLEAR = post(_DOMAIN, "clear", grant=Grant.EVENTLOG_CLEAR)
 EVENT = get(f"{_DOMAIN}/{{number}}", "lang")
+
+
+class EventLogService(Service):
+    """``/rw/elog``."""
+
+    def events(self, domain: int = 0, count: int = _EVENTS_PER_PAGE) -> tuple[RwsEvent, ...]:
+        """The newest ``count`` messages of the event log, newest first; domain 0 holds all domains."""
+        size = min(count, _EVENTS_PER_PAGE)
+        found: tuple[RwsEvent, ...] = ()
+        while len(found) < count:
+            what, number = f"reading the event log {domain}", len(found) // size + 1
+            asked = self._shown(what, EVENTS, str(domain), lang="en", order="lifo", start=number, limit=size)
+            page = documents.read_events(asked)
+            found += page
+            if len(page) < size:
+                break
+        return found[:count]
+
+    def clear_events(self, domain: int = 0) -> None:
+        """Empty an event log; domain 0 empties all."""
+        self._call(f"clearing the event log {domain}", CLEAR, str(domain))
+
+    def event_domains(self) -> tuple[EventDomain, ...]:
+        """The domains of the event log; 0 holds all."""
+        states = self._listed("reading the event log", LOGS, lang="en", resource="count")
+        return tuple(
+            EventDomain(
+                whole_number("domain", state.title),
+                state.text("domain-name"),
+                state.whole("numevts"),
+                state.whole("buffsize"),
+            )
+            for state in states
+        )
+
+    def event(self, number: int, domain: int = 0) -> RwsEvent:
+        """One message, by its number."""
+        page = self._shown(f"reading event {number}", EVENT, str(domain), str(number), lang="en")
+        return documents.read_event(page.one(*documents.EVENT_STATES))
+
+    def clear_all_events(self) -> None:
+        """Empty all event logs."""
+        self._call("clearing the event logs", CLEAR_ALL)
+
+    def save_events(self, path: str) -> None:
+        """Write the event log to a file of the controller."""
+        self._call("saving the event log", SAVE_EVENTS, path=file_path(path))

@@ -1,8 +1,10 @@
-"""Operations on the mastership of what clients change (``/rw/mastership``)."""
+"""Operations on the mastership of what clients change (``/rw/mastership``), and the client's calls of them."""
 
 from __future__ import annotations
 
+from abb_protocols.rws import documents
 from abb_protocols.rws.operations.operation import get, post
+from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.values import Grant
 
 _DOMAIN = "/rw/mastership/{domain}"
@@ -16,3 +18,24 @@ RELEASE_ALL = post(_ALL, "release")
 DOMAIN = get(_DOMAIN)
 REQUEST = post(_DOMAIN, "request", grant=GRANT)
 RELEASE = post(_DOMAIN, "release")
+
+
+class MastershipService(Service):
+    """``/rw/mastership``."""
+
+    def mastership(self, domain: str) -> str:
+        """Which other client holds the right to change ``cfg``, ``rapid`` or ``motion``; empty where none does."""
+        what = f"reading the mastership of {domain}"
+        return documents.read_mastership(self._shown(what, DOMAIN, domain))
+
+    def mastership_domains(self) -> tuple[str, ...]:
+        """What a client can have the mastership of: ``cfg``, ``motion``, ``rapid``."""
+        return tuple(state.title for state in self._listed("reading the masterships", DOMAINS))
+
+    def request_all_masterships(self) -> None:
+        """Take the mastership of all domains; the FlexPendant is locked out until they are released."""
+        self._call("requesting all masterships", REQUEST_ALL)
+
+    def release_all_masterships(self) -> None:
+        """Release the mastership of all domains."""
+        self._call("releasing all masterships", RELEASE_ALL)

@@ -1,17 +1,21 @@
-"""Operations on modules of RAPID, their texts, and symbols (``/rw/rapid/modules``, ``/rw/rapid/symbol``)."""
+"""Operations on modules of RAPID, their texts, and symbols (``/rw/rapid/modules``, ``…/symbol``), and their calls."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Any
 from urllib.parse import quote, unquote, unquote_plus
 
-from abb_protocols.rws.documents import RwsState
-from abb_protocols.rws.operations.operation import get, post
+from abb_protocols.errors import ControllerRefused
+from abb_protocols.rws import documents
+from abb_protocols.rws.documents import RwsState, whole_number
+from abb_protocols.rws.operations.operation import Operation, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, pair, record, single
-from abb_protocols.rws.operations.rapid import range_in
-from abb_protocols.rws.values import Grant
+from abb_protocols.rws.operations.rapid import Range, range_in
+from abb_protocols.rws.operations.service import Service, request
+from abb_protocols.rws.request import RwsRequest
+from abb_protocols.rws.values import Grant, RapidValue, SymbolKind, decode, encode
 
 _MODULE = "/rw/rapid/modules/{module}"
 _SYMBOL = "/rw/rapid/symbol"
@@ -24,6 +28,40 @@ _ATTRIBUTES: Spelling[tuple[str, ...]] = Spelling(
     lambda state, name: tuple(state.text(name).replace(",", " ").split()),
     lambda name, attributes: {name: " ".join(attributes)},
 )
+_BAD_VALUE = 400
+
+
+@dataclass(frozen=True, slots=True)
+class SymbolInfo:
+    """A RAPID symbol.
+
+    Attributes:
+        address: such as ``RAPID/T_ROB_R/TRobMain/current_state``.
+        name: as it is declared.
+        kind: what it is.
+        type: of its value, "" where it has none.
+        dimensions: of an array, () otherwise.
+        is_local: whether other modules do not see it.
+        is_read_only: whether it cannot be written.
+    """
+
+    address: str
+    name: str
+    kind: SymbolKind
+    type: str
+    dimensions: tuple[int, ...]
+    is_local: bool
+    is_read_only: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RoutineInfo:
+    """A routine; type is ``prc``, ``fun`` or ``trp``."""
+
+    name: str
+    type: str
+    is_local: bool
+    parameters: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,3 +150,216 @@ SET_SYMBOL = post(_DATUM, "set", "value", respects="rapid", grant=Grant.RAPID_CU
 SET_INITIAL_VALUE = post(_DATUM, "setInitValue", "value", respects="rapid", grant=Grant.RAPID_EDIT)
 VALIDATE = post(f"{_SYMBOL}/data", "validate", "task, value, datatype")
 SYMBOL_PROPERTIES = get(f"{_SYMBOL}/properties/RAPID/{{symbol:.+}}")
+
+
+class ModulesService(Service):
+    """``/rw/rapid/modules``; RAPID must be stopped while they are changed."""
+
+    def modules(self, task: str) -> tuple[ModuleInfoAnswer, ...]:
+        """The RAPID modules loaded in ``task``."""
+        states = self._listed(f"reading the modules of {task}", MODULES, task=task)
+        read = MODULES.answered
+        return tuple(read.read(state) for state in states if state.type in read.types)
+
+    def module(self, task: str, module: str) -> ModuleDetails:
+        """File and attributes of a module that is loaded."""
+        return self._answer(f"reading {module} of {task}", MODULE, module, task=task)
+
+    def module_text(self, task: str, module: str) -> str:
+        """The text of a module that is loaded, as the controller writes it: PERS data have their present values."""
+        return self._answer(f"reading the module {module} of {task}", MODULE_TEXT, module, task=task)
+
+    def module_part(self, task: str, module: str, part: Range) -> str:
+        """A part of a module's text; -1 as last column is the end of the row."""
+        what = f"reading {module} of {task}"
+        return TEXT_PART.of(self._shown(what, MODULE, module, task=task, **_rows_and_columns(part)))
+
+    def find_text(self, task: str, module: str, text: str, row: int = 1, column: int = 1) -> tuple[int, int]:
+        """Row and column at which ``text`` is found from a place on."""
+        place = {"startrow": row, "startcol": column}
+        page = self._shown(f"searching {module}", MODULE, module, task=task, **place, text=text)
+        return TEXT_POSITION.of(page)
+
+    def module_object(self, task: str, module: str, row: int, column: int, destination: str = "Inner") -> Range:
+        """Place of the statement or declaration at a place of the text, or of one beside it.
+
+        Args:
+            task: such as ``T_ROB_R``.
+            module: its name.
+            row: of the text, from 1.
+            column: of the text, from 1.
+            destination: ``Inner``, ``Outer``, ``First``, ``Last``, ``Next``, ``Previous`` …
+        """
+        place = {"startrow": row, "startcol": column, "destination": destination}
+        return TEXT_OBJECT.of(self._shown(f"reading {module}", MODULE, module, task=task, **place))
+
+    def module_change_count(self, task: str, module: str) -> int:
+        """Rises with every change of the module's text."""
+        return self._answer(f"reading {module}", MODULE_CHANGES, module, task=task)
+
+    def module_size(self, task: str, module: str) -> tuple[int, int]:
+        """Number of rows, and of columns of the longest."""
+        return self._answer(f"reading {module}", EXTENSION, module, task=task)
+
+    def are_initial_values_current(self, task: str, module: str) -> bool:
+        """Whether the initial values in the text are the present values of its PERS data."""
+        return self._answer(f"reading {module}", SYNC_STATUS, module, task=task) == 0
+
+    def symbol_at(self, task: str, module: str, row: int, column: int) -> str:
+        """Name of the symbol at a place of the text."""
+        page = self._shown(f"reading {module}", SYMBOL_AT, module, task=task, row=row, col=column)
+        return page.one("rap-module-symbol").text("symbolname")
+
+    def routine_at(self, task: str, module: str, row: int, column: int = 1) -> RoutineInfo:
+        """The routine at a place of the text."""
+        page = self._shown(f"reading {module}", ROUTINE_AT, module, task=task, row=row, column=column)
+        return _routine(page.one("rap-routine-prop"))
+
+    def routines(self, task: str, module: str) -> tuple[RoutineInfo, ...]:
+        """The routines of a module."""
+        return tuple(map(_routine, self._listed(f"reading the routines of {module}", ROUTINES, task, module)))
+
+    def save_module(self, task: str, module: str, folder: str, name: str = "") -> None:
+        """Write a module into a directory of the controller such as ``HOME:/``; ``.mod`` is appended to its name."""
+        asked = _task_first(SAVE_MODULE, module, task=task, name=name or module, path=folder)
+        self._sent(f"saving {module} of {task}", SAVE_MODULE, asked)
+
+    def set_module_text(self, task: str, module: str, text: str) -> None:
+        """Replace the whole text of a module that is loaded."""
+        asked = _task_first(SET_MODULE_TEXT, module, task=task, text=text)
+        self._sent(f"writing {module} of {task}", SET_MODULE_TEXT, asked)
+
+    def replace_text(self, task: str, module: str, part: Range, text: str) -> None:
+        """Replace a part of a module's text."""
+        how = {"task": task, "replace_mode": "Replace", "query_mode": "Force", **_rows_and_columns(part)}
+        self._call(f"writing {module} of {task}", SET_TEXT_RANGE, module, **how, text=text)
+
+    def clear_breakpoint(self, task: str, module: str, place: Range) -> None:
+        """Remove a breakpoint at a place of ``breakpoints``.
+
+        Its text is replaced by itself, as RobotWare 6 has no request for it. A program pointer in that text is lost.
+        """
+        self.replace_text(task, module, place, self.module_part(task, module, place))
+
+
+def _task_first(operation: Operation[Any], module: str, **arguments: object) -> RwsRequest:
+    """A request whose URL has the task before the action."""
+    found = request(operation, module, **arguments)
+    return replace(found, query=tuple(sorted(found.query, key=lambda pair: pair[0] == "action")))
+
+
+def _rows_and_columns(part: Range) -> dict[str, int]:
+    return {"startrow": part.row, "startcol": part.column, "endrow": part.end_row, "endcol": part.end_column}
+
+
+def _routine(state: RwsState) -> RoutineInfo:
+    return RoutineInfo(state.text("name"), state.text("symtyp"), state.flag("local"), state.whole("npar"))
+
+
+class SymbolsService(Service):
+    """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``.
+
+    Where a module is asked for, data of a routine under way are found with ``Hello/wave``, module and routine.
+    """
+
+    def symbol(self, task: str, module: str, name: str) -> str:
+        """Value of a RAPID symbol as its literal; ``abb_protocols.rws.values`` decodes it."""
+        what = f"reading {module}/{name} of {task}"
+        return self._answer(what, SYMBOL, f"{task}/{module}/{name}")
+
+    def value(self, task: str, module: str, name: str) -> RapidValue:
+        """Value of a RAPID symbol: a number, bool, string, or a tuple for a record or an array."""
+        return decode(self.symbol(task, module, name))
+
+    def set_value(self, task: str, module: str, name: str, value: RapidValue) -> None:
+        """Write a RAPID symbol; a record or an array is a tuple.
+
+        Raises:
+            CommandRefused: the value has a number that is not finite.
+        """
+        self.set_symbol(task, module, name, encode(value))
+
+    def symbol_type(self, task: str, module: str, name: str) -> str:
+        """Name of a RAPID symbol's type."""
+        what = f"reading the type of {module}/{name} of {task}"
+        return documents.read_symbol_type(self._shown(what, SYMBOL_PROPERTIES, f"{task}/{module}/{name}"))
+
+    def set_symbol(self, task: str, module: str, name: str, literal: str) -> None:
+        """Write a RAPID symbol; ``abb_protocols.rws.values`` encodes a literal."""
+        place = f"{task}/{module}/{name}"
+        self._call(f"writing {module}/{name} of {task}", SET_SYMBOL, place, value=literal)
+
+    def symbol_properties(self, task: str, module: str, name: str) -> SymbolInfo:
+        """What a symbol is, and of which type."""
+        what = f"reading the properties of {module}/{name} of {task}"
+        return _symbol_info(self._shown(what, SYMBOL_PROPERTIES, f"{task}/{module}/{name}").first)
+
+    def set_initial_value(self, task: str, module: str, name: str, value: RapidValue) -> None:
+        """Write the value that a symbol has in the text of its module."""
+        what, place = f"writing the initial value of {module}/{name} of {task}", f"{task}/{module}/{name}"
+        self._call(what, SET_INITIAL_VALUE, place, value=encode(value))
+
+    def is_value_of(self, task: str, literal: str, type: str) -> bool:
+        """Whether a literal is a value of a RAPID type that is known in a task."""
+        try:
+            self._call(f"checking a value of {type}", VALIDATE, task=task, value=literal, datatype=type)
+        except ControllerRefused as error:
+            if error.status != _BAD_VALUE:
+                raise
+            return False
+        return True
+
+    def find_symbols(
+        self,
+        block: str,
+        *,
+        kind: SymbolKind = SymbolKind.ANY,
+        type: str = "",
+        pattern: str = "",
+        recursive: bool = True,
+        only_used: bool = False,
+        skips_shared: bool = False,
+        view: str = "block",
+        stack: int | None = None,
+    ) -> tuple[SymbolInfo, ...]:
+        """Search for symbols.
+
+        Args:
+            block: where, such as ``RAPID/T_ROB_R`` or ``RAPID/T_ROB_R/TRobMain``.
+            kind: only those of this kind.
+            type: only data of this type.
+            pattern: only those whose name it describes, a regular expression.
+            recursive: in blocks within the block, too.
+            only_used: only what is used.
+            skips_shared: without what is loaded in all tasks.
+            view: ``block``, ``scope`` for all that is seen from there, or ``stack`` for a routine under way.
+            stack: number of the routine under way, 1 for the innermost, as ``stack_frame`` has it.
+        """
+        page = self._shown(
+            f"searching {block}",
+            SEARCH,
+            view=view,
+            vartyp="any",
+            blockurl=block,
+            recursive=recursive,
+            onlyused=only_used,
+            skipshared=skips_shared,
+            symtyp=kind,
+            regexp=pattern or None,
+            dattyp=type or None,
+            stack=stack,
+        )
+        return tuple(map(_symbol_info, page.states))
+
+
+def _symbol_info(state: RwsState) -> SymbolInfo:
+    dimensions = tuple(whole_number("dim", part) for part in state.fields.get("dim", "").replace(",", " ").split())
+    return SymbolInfo(
+        address=state.fields.get("symburl") or state.title,
+        name=state.text("name"),
+        kind=state.member(SymbolKind, "symtyp"),
+        type=state.fields.get("dattyp", ""),
+        dimensions=dimensions,
+        is_local=state.flag("local"),
+        is_read_only=state.flag("rdonly"),
+    )

@@ -1,7 +1,8 @@
 """One operation of Robot Web Services: get, post, put or delete; and the notation of the tables in this package.
 
-The tables are read by both ends: the client fills in a line and sends it, the virtual controller finds the line of a
-request and checks the request against it. Parameters are written ``name, name=value|value``: any text, or one of these.
+The tables are read by both ends: the client's calls, below each table, fill in a line and send it; the virtual
+controller finds the line of a request and checks the request against it. Parameters are written
+``name, name=value|value``: any text, or one of these.
 """
 
 from __future__ import annotations

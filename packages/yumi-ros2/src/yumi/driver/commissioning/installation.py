@@ -24,9 +24,9 @@ from abb_protocols.errors import (
 )
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.documents import SystemInfo
+from abb_protocols.rws.operations.service import OnProgress
 from abb_protocols.rws.values import ExecutionState, Grant, OperatingMode, RwsCode, stated, write_cfg
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.rws.session import OnProgress
 from yumi.driver.commissioning.contents import (
     CfgKey,
     Contents,

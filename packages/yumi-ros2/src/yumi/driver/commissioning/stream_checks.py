@@ -10,9 +10,9 @@ from typing import Protocol
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
 from abb_protocols.robot.joints import CYCLE, Joints, Side
+from abb_protocols.rws.operations.service import OnProgress
 from abb_runtime.clock import Clock, wait_until
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.rws.session import OnProgress
 from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.installation import foreign_mains
 from yumi.driver.controller_panel import ControllerPanel

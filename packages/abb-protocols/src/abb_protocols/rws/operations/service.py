@@ -1,30 +1,24 @@
-"""The base of the client's services: an operation of a table, filled in, sent, and its answer read."""
+"""The base of the services: an operation of a table, filled in, sent in a session, and its answer read."""
 
 from __future__ import annotations
 
-import logging
-from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from threading import Lock
 from typing import Any, TypeVar
 
-import httpx
-
 from abb_protocols.catalogue import message
-from abb_protocols.errors import ControllerRefused, YumiError
+from abb_protocols.errors import ControllerRefused
 from abb_protocols.rws import documents
 from abb_protocols.rws.documents import Page, Pairs, RwsState, read_page
-from abb_protocols.rws.operations import mastership
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.values import RwsCode
-from abb_runtime.clock import Clock
-from abb_runtime.rws.session import BUSY, RwsRequest, RwsSession
-
-log = logging.getLogger(__name__)
+from abb_protocols.rws.request import BUSY, RwsReply, RwsRequest
 
 T = TypeVar("T")
+
+OnProgress = Callable[[str], None]
+"""Called with what is being done, in a few words."""
 
 _MOST_SESSIONS = 70  # at a time, of a controller (reference/rws.md §2)
 
@@ -44,27 +38,34 @@ def request(operation: Operation[Any], /, *places: str, **arguments: object) -> 
     )
 
 
-class Service:
-    """Calls of operations in one session.
+class Service(ABC):
+    """Calls of operations in one session; :class:`abb_runtime.rws.client.RwsClient` has the session.
 
     Where a method takes ``what``, that is what is done, in a few words for an error; the rest is as for a request.
     """
 
     address: str
-    _session: RwsSession
-    _clock: Clock
-    _mastership: Lock
-    """Held while a mastership is requested or released: no thread releases what another one has just come to use."""
-    _held: Counter[str]
 
-    def _call(self, what: str, operation: Operation[Any], /, *places: str, **arguments: object) -> httpx.Response:
+    @abstractmethod
+    def holding(self, domain: str) -> AbstractContextManager[None]:
+        """The mastership of ``cfg``, ``rapid`` or ``motion`` for the time of the block."""
+
+    @abstractmethod
+    def _exchange(self, called: RwsRequest) -> RwsReply:
+        """The controller's reply to a request, whatever its status."""
+
+    @abstractmethod
+    def _polls(self, period: float, longest: float) -> Iterator[None]:
+        """One item at once, then one after each ``period`` [s], until ``longest`` [s] have passed."""
+
+    def _call(self, what: str, operation: Operation[Any], /, *places: str, **arguments: object) -> RwsReply:
         """The reply to an operation, for which the mastership is held that it needs."""
         return self._sent(what, operation, request(operation, *places, **arguments))
 
-    def _sent(self, what: str, operation: Operation[Any], called: RwsRequest) -> httpx.Response:
+    def _sent(self, what: str, operation: Operation[Any], called: RwsRequest) -> RwsReply:
         """The reply to a request for an operation."""
         with self.holding(operation.needs_mastership) if operation.needs_mastership else nullcontext():
-            reply = self._session.exchange(called)
+            reply = self._exchange(called)
             self._accepted(reply, what)
         return reply
 
@@ -94,60 +95,20 @@ class Service:
         found: tuple[RwsState, ...] = ()
         following: Pairs | None = called.query
         while following is not None:
-            page = self._page(self._session.exchange(replace(called, query=following)), what)
+            page = self._page(self._exchange(replace(called, query=following)), what)
             found += page.states
             following = page.next_query if page.states else None
         return found
 
-    def _page(self, reply: httpx.Response, what: str) -> Page:
+    def _page(self, reply: RwsReply, what: str) -> Page:
         self._accepted(reply, what)
         return read_page(reply.headers.get("Content-Type", ""), reply.content)
 
-    def _accepted(self, reply: httpx.Response, what: str) -> None:
+    def _accepted(self, reply: RwsReply, what: str) -> None:
         """Raise unless the controller carried the request out."""
-        if reply.status_code == BUSY:
-            raise ControllerRefused(
-                message("sessions_taken", address=self.address, most=_MOST_SESSIONS),
-                status=reply.status_code,
-            )
-        if not reply.is_success:
+        status = reply.status_code
+        if status == BUSY:
+            raise ControllerRefused(message("sessions_taken", address=self.address, most=_MOST_SESSIONS), status=status)
+        if not 200 <= status < 300:
             kind = reply.headers.get("Content-Type", "")
-            raise documents.refusal(self.address, what, reply.status_code, kind, reply.content)
-
-    @contextmanager
-    def holding(self, domain: str) -> Iterator[None]:
-        """The mastership of ``cfg``, ``rapid`` or ``motion`` for the time of the block.
-
-        A client that keeps it locks the FlexPendant out. A block within another one of the same domain keeps it, in
-        any thread.
-
-        Raises:
-            ControllerRefused: another client has it, or its release was refused after the block.
-        """
-        with self._mastership:
-            if not self._held[domain]:
-                self._call(f"requesting the mastership of {domain}", mastership.REQUEST, domain)
-            self._held[domain] += 1
-        try:
-            yield
-        except BaseException:
-            try:
-                self._release(domain)
-            except YumiError as error:  # what failed in the block says more
-                log.warning(
-                    "The mastership of %s may still be held, which locks the FlexPendant out: %s", domain, error
-                )
-            raise
-        self._release(domain)
-
-    def _release(self, domain: str) -> None:
-        """End one block that holds a mastership; the last one gives it back."""
-        with self._mastership:
-            self._held[domain] -= 1
-            if self._held[domain]:
-                return
-            try:
-                self._call(f"releasing the mastership of {domain}", mastership.RELEASE, domain)
-            except ControllerRefused as error:
-                if error.code != RwsCode.RESOURCE_NOT_HELD:  # a new session or another mode has ended it already
-                    raise
+            raise documents.refusal(self.address, what, status, kind, reply.content)
