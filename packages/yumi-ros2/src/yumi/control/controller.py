@@ -1,7 +1,7 @@
 """The base class of controllers, and the transitions of their lifecycle (REP-2007).
 
-To add one: a subclass of :class:`Controller` in ``control/controllers/``, a line with its type in ``CONTROLLER_KINDS``
-(``driver/wiring.py``), and its name and type in ``config/controllers.yaml``. For its test, ``VirtualArmRig`` of
+To add one: a subclass of :class:`Controller` in a module of its own in ``control/controllers/``, where the driver finds
+it by its ``kind``; and its name and type in ``config/controllers.yaml``. For its test, ``VirtualArmRig`` of
 ``yumi_evaluation`` runs it with a virtual arm in virtual time.
 """
 
@@ -16,6 +16,7 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ArmCommand, ArmState, Joints
 from abb_runtime.parameters import Parameter, Values, texts
 from yumi.control.goals import GoalKind
+from yumi.control.place import Place
 from yumi.control.sampled import Sampled
 
 IDLE = 1.0
@@ -36,6 +37,11 @@ class Controller(ABC):
     kind: str
     is_command = True
     goal_kind = GoalKind.NONE
+
+    @classmethod
+    def make(cls, place: Place) -> Controller:
+        """A controller for an arm; a class whose constructor takes something takes it from ``place``."""
+        return cls()
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         """What can be set, with one parameter for each joint where it differs: ``gains.<joint>.p``.

@@ -27,23 +27,21 @@ from abb_runtime.process.realtime import AwakeProcessors, prepare_process
 from abb_runtime.process.supervision import Failures, SupervisedThread
 from abb_runtime.udp import HasFileno, Poller
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
-from yumi.control.goals import SessionGoal
 from yumi.control.hand_over import HandOver
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import COMMANDS, Commands, serve
 from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event, ReportsDropped
 from yumi.control.motion.robot_response import STANDING
+from yumi.control.place import ControllerBuffers
 from yumi.control.shared_memory import (
     CycleEvent,
     SharedBuffer,
     SharedBytes,
-    SharedHistory,
     SharedNumbers,
     new_cycle_event,
     shared_numbers,
 )
-from yumi.control.shared_state import Factor, JointStates, SharedDeadline, Snapshot, TrajectoryFeedback, read_snapshot
-from yumi.control.tool_goal import ToolGoal
+from yumi.control.shared_state import Factor, JointStates, SharedDeadline, Snapshot, read_snapshot
 from yumi.driver.egm_arm import FallbackThread
 
 POLL_PERIOD = 0.010
@@ -63,7 +61,6 @@ FRESH = 1.5
 
 _REPORT_PERIOD = 10.0  # [s]
 _LONGEST_DATAGRAM = 4096  # bytes; a robot's has some hundred
-_STATES = 64  # a quarter of a second, longer than a publisher is ever busy
 _ANSWER_TIMEOUT = 5.0
 _STOOD_STILL = message("control_process_stood_still_too_long", duration=_ANSWER_TIMEOUT)
 
@@ -88,21 +85,11 @@ class WakeMode(Enum):
     BLOCKING = "blocking"
 
 
-class ArmBuffers:
-    """What the control process and its parent share for one arm.
+class ArmBuffers(ControllerBuffers):
+    """What the control process and its parent share for one arm, that of its controllers included.
 
     Attributes:
-        states: the newest measured states, see the joint state broadcaster.
-        snapshots: everything else about the arm.
-        goals: positions, for controllers that follow a stream of goals.
-        point_goals: the same for controllers that plan the way to a single point.
-        speeds: speeds of the joints.
-        forward_positions: positions by index.
-        forward_speeds: speeds by index.
-        trajectory: how it follows a trajectory of its own.
-        dual_trajectory: how it follows its part of one for both arms.
-        tool_goals: poses and velocities of the tool.
-        tool_path: how it follows a line of the tool.
+        snapshots: everything about the arm but its measured states.
         speed_scale: the factor on its speeds.
         deadline: until when the one who commands it must be heard again.
         read_joints: the joints as they were read from the controller, while EGM does not report them.
@@ -112,17 +99,8 @@ class ArmBuffers:
     """
 
     def __init__(self) -> None:
-        self.states = SharedHistory(JointStates, _STATES)
+        super().__init__()
         self.snapshots = SharedBuffer(Snapshot)
-        self.goals = SharedBuffer(SessionGoal)
-        self.speeds = SharedBuffer(SessionGoal)
-        self.forward_positions = SharedBuffer(SessionGoal)
-        self.forward_speeds = SharedBuffer(SessionGoal)
-        self.trajectory = SharedBuffer(TrajectoryFeedback)
-        self.dual_trajectory = SharedBuffer(TrajectoryFeedback)
-        self.tool_goals = SharedBuffer(ToolGoal)
-        self.tool_path = SharedBuffer(TrajectoryFeedback)
-        self.point_goals = SharedBuffer(SessionGoal)
         self.speed_scale = SharedBuffer(Factor)
         self.deadline = SharedBuffer(SharedDeadline)
         self.read_joints = SharedBuffer(JointStates)

@@ -15,7 +15,7 @@
                                             end-in-time, forced-end
                      process 2     the control process: the cycles of both arms, one thread
 
-Also the controllers an arm can have and starts with: how each type is made, and how it is led to its initial state.
+Also the controllers that an arm starts with, and how each is led to its initial state.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from functools import partial
 from ipaddress import ip_address
 from itertools import pairwise
 from math import radians
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import CommandRefused, ControllerRefused, SettingsError, SwitchFailed
@@ -41,20 +41,15 @@ from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import UdpServer, address_towards, resolve
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller, find_controller_parameter
-from yumi.control.controllers.cartesian import CartesianController
-from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
-from yumi.control.controllers.forward_command import FORWARDERS, ForwardCommandController
-from yumi.control.controllers.joint_goal import JointGoalController
-from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers import find_controllers
 from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
-from yumi.control.controllers.joint_trajectory import JointTrajectoryController
-from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_events import Event
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.robot_response import EGM_GAIN
+from yumi.control.place import Place
 from yumi.control.shared_state import read_snapshot
 from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.control.stage_times import StageClock
@@ -337,68 +332,11 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     return {side: arm._replace(fallback=fallback) for side, arm in arms.items()}
 
 
-Halves = dict[str, dict[Side, DualArmTrajectoryController]]
+Halves = dict[str, dict[Side, Any]]
 """The active halves of controllers that move both arms, by the controllers' name and arm."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """What a controller is given when it is made in the control process.
-
-    Attributes:
-        name: the controller's name.
-        side: its arm.
-        buffers: what its arm shares with the driver process.
-        halves: controllers of this name that are active, by arm, for one that moves both arms.
-        limits: what the joints may do in the robot's EGM motion.
-        period: time between two datagrams of the arm [s].
-        speed: the factor on its speeds.
-        tool_limits: what its tool keeps.
-    """
-
-    name: str
-    side: Side
-    buffers: ArmBuffers
-    halves: dict[Side, DualArmTrajectoryController]
-    limits: JointLimits
-    period: float
-    speed: SpeedScale
-    tool_limits: ToolLimits = ToolLimits()  # noqa: RUF009 - it is frozen
-
-
-def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
-    return kind(place.buffers.forward_positions, place.buffers.forward_speeds, place.limits, place.speed)
-
-
-CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
-    JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.buffers.states),
-    JointPositionController.kind: lambda place: JointPositionController(place.buffers.goals, place.limits, place.speed),
-    JointVelocityController.kind: lambda place: JointVelocityController(
-        place.buffers.speeds, place.limits, place.speed
-    ),
-    **{kind.kind: partial(_forwarding, kind) for kind in FORWARDERS},
-    JointTrajectoryController.kind: lambda place: JointTrajectoryController(
-        place.side, place.buffers.trajectory, place.limits, speed=place.speed
-    ),
-    DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
-        place.side,
-        place.buffers.dual_trajectory,
-        place.halves,
-        place.limits,
-        place.speed,
-    ),
-    CartesianController.kind: lambda place: CartesianController(
-        place.side,
-        place.buffers.tool_goals,
-        place.buffers.tool_path,
-        place.limits,
-        place.speed,
-        place.tool_limits,
-    ),
-    JointGoalController.kind: lambda place: JointGoalController(
-        place.buffers.point_goals, place.limits, place.period, place.speed
-    ),
-}
+CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {each.kind: each.make for each in find_controllers()}
 """How a controller of each type is made."""
 
 

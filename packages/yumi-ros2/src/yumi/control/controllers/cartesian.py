@@ -17,6 +17,7 @@ from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.tool_stream import QUIET, SHARE_OF_SPEED, ToolStream
 from yumi.control.goals import Buffer, GoalKind
 from yumi.control.motion.robot_response import DELAY
+from yumi.control.place import Place
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_goal import ToolGoal
@@ -73,6 +74,12 @@ class CartesianController(JointTrajectoryController):
         self._number = 0
         self._is_ended = False  # its stream, until it is activated anew
         self._values: Values = {each.name: each.default for each in _PARAMETERS}
+
+    @classmethod
+    def make(cls, place: Place) -> CartesianController:
+        return cls(
+            place.side, place.buffers.tool_goals, place.buffers.tool_path, place.limits, place.speed, place.tool_limits
+        )
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         return (*_PARAMETERS, *super().parameters(joint_names))

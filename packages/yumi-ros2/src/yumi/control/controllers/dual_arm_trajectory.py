@@ -9,6 +9,7 @@ from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmState, JointLimits,
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
 from yumi.control.goals import Buffer
+from yumi.control.place import Place
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, ResultCode, TrajectoryOutcome
@@ -43,6 +44,10 @@ class DualArmTrajectoryController(JointTrajectoryController):
         self._halves = halves
         self._worst_skew = self._start_skew = 0.0
         self._followed_together = -inf
+
+    @classmethod
+    def make(cls, place: Place) -> DualArmTrajectoryController:
+        return cls(place.side, place.buffers.dual_trajectory, place.halves, place.limits, place.speed)
 
     def activate(self, state: ArmState) -> None:
         super().activate(state)

@@ -13,6 +13,7 @@ from abb_runtime.parameters import Parameter, Values, number, text
 from yumi.control.controller import IDLE, Controller, check_controller_joints
 from yumi.control.goals import GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.speed_motion import SpeedMotion
+from yumi.control.place import Place
 from yumi.control.sampled import Sampled
 from yumi.control.speed_scale import SpeedScale
 
@@ -57,6 +58,10 @@ class ForwardCommandController(Controller):
         self._forwarded = self._interface or "position"
         self._wanted: Joints | None = None
         self._given_at = -inf
+
+    @classmethod
+    def make(cls, place: Place) -> ForwardCommandController:
+        return cls(place.buffers.forward_positions, place.buffers.forward_speeds, place.limits, place.speed)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         self._joint_names = joint_names

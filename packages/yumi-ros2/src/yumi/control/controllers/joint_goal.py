@@ -31,6 +31,7 @@ from yumi.control.motion.point_motion import PointMotion, point_stop, point_trav
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint, largest_difference, slower
 from yumi.control.motion.standstill import StandstillDetector, is_held_back
+from yumi.control.place import Place
 from yumi.control.speed_scale import SpeedScale
 
 _PARAMETERS = (
@@ -133,6 +134,10 @@ class JointGoalController(Controller):
         self._command: JointGoal | StopMotion | None = None
         self._standstill: StandstillDetector | None = None
         self._rest_at(ZERO)
+
+    @classmethod
+    def make(cls, place: Place) -> JointGoalController:
+        return cls(place.buffers.point_goals, place.limits, place.period, place.speed)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         return _PARAMETERS

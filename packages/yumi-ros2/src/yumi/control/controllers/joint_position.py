@@ -39,6 +39,7 @@ from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.speed_motion import speeds_without_noise
 from yumi.control.motion.target_predictor import CONNECTED, TargetPredictor
 from yumi.control.motion.tracking_filter import TrackingFilter
+from yumi.control.place import Place
 from yumi.control.sampled import Sampled
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.stream_monitor import StreamMonitor
@@ -105,6 +106,10 @@ class JointPositionController(Controller):
         self._stream_delay = self._asked_delay = CONFIGURED_DELAY
         self._period = self._late = 0.0  # of the stream, and how late it is followed now
         self._feeds_forward = self._is_tracking = self._is_stream = self._is_lost = False
+
+    @classmethod
+    def make(cls, place: Place) -> JointPositionController:
+        return cls(place.buffers.goals, place.limits, place.speed)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         self._joint_names = joint_names

@@ -6,6 +6,7 @@ from abb_protocols.robot.joints import ArmCommand, ArmState
 from abb_runtime.parameters import Parameter
 from yumi.control.controller import Controller
 from yumi.control.goals import Buffer
+from yumi.control.place import Place
 from yumi.control.shared_state import JointStates
 
 
@@ -21,6 +22,10 @@ class JointStateBroadcaster(Controller):
 
     def __init__(self, states: Buffer[JointStates]) -> None:
         self._states = states
+
+    @classmethod
+    def make(cls, place: Place) -> JointStateBroadcaster:
+        return cls(place.buffers.states)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         every = "all joints are published, with position and velocity"

@@ -41,6 +41,7 @@ from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import Segment, Segments, Spline, SplineSampler, TrajectoryPoint
 from yumi.control.motion.spline_limits import check_motion
 from yumi.control.motion.standstill import StandstillDetector, is_held_back
+from yumi.control.place import Place
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import (
@@ -115,6 +116,10 @@ class JointTrajectoryController(Controller):
         self._time = 0.0
         self._times: deque[tuple[float, float]] = deque(maxlen=_TIMES)  # of the last cycles, and on the trajectory [s]
         self._position = self._velocity = ZERO
+
+    @classmethod
+    def make(cls, place: Place) -> JointTrajectoryController:
+        return cls(place.side, place.buffers.trajectory, place.limits, place.speed)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         return trajectory_parameters(joint_names)

@@ -12,6 +12,7 @@ from abb_runtime.parameters import Parameter, Values, number
 from yumi.control.controller import IDLE, Controller
 from yumi.control.goals import GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.speed_motion import SpeedMotion
+from yumi.control.place import Place
 from yumi.control.speed_scale import SpeedScale
 
 
@@ -35,6 +36,10 @@ class JointVelocityController(Controller):
         self._given_at = -inf
         self._timeout = inf
         self._is_active = self._is_ended = False
+
+    @classmethod
+    def make(cls, place: Place) -> JointVelocityController:
+        return cls(place.buffers.speeds, place.limits, place.speed)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         return (Parameter("timeout", 0.1, 0.01, 2.0, "s", "Without a new speed for so long, the arm stops."),)
