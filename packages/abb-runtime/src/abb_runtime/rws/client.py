@@ -248,16 +248,8 @@ class RwsClient(
         self.restart()
         start = self._clock.now()
         has_gone = False
-        while True:
+        for _ in self._polls(_RESTART_POLL, deadline):
             passed = self._clock.now() - start
-            if passed > deadline:
-                raise NoConnection(
-                    message(
-                        "restart_not_ended" if has_gone else "restart_not_begun",
-                        address=self.address,
-                        deadline=deadline,
-                    )
-                )
             try:
                 self.tasks()
                 if has_gone:
@@ -265,7 +257,10 @@ class RwsClient(
             except (NoConnection, ControllerRefused, ProtocolError):  # gone, or starting: it answers 503 then
                 has_gone = True
             on_progress(f"the controller restarts, {passed:.0f} s")
-            self._clock.wait(_RESTART_POLL)
+        said = message(
+            "restart_not_ended" if has_gone else "restart_not_begun", address=self.address, deadline=deadline
+        )
+        raise NoConnection(said)
 
     def subscribe(self, resources: Sequence[Resource], on_change: OnChange, on_lost: OnLost) -> Subscription:
         """Receive every change of ``resources`` over a WebSocket, as soon as their priority allows.
