@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 from shutil import copy, copytree, ignore_patterns
+from typing import NamedTuple
 
 import pytest
+
+from yumi.core.library import _compiler
 
 PACKAGES = Path(__file__).resolve().parents[3] / "packages"
 
 
-@pytest.fixture
-def installed(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The package as it is installed without the library, as far as it is compiled."""
-    folder = tmp_path / "site-packages"
+    folder = tmp_path_factory.mktemp("installed") / "site-packages"
     unused = ignore_patterns("__pycache__", "libcore.so")
     copytree(PACKAGES / "abb-protocols" / "src", folder, ignore=unused)
     driver = PACKAGES / "yumi-ros2" / "src" / "yumi"
@@ -26,6 +30,29 @@ def installed(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def compiler(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The compiler of this machine in a hurry: no arm is limited by what it makes."""
+    program = tmp_path_factory.mktemp("compiler") / "c++"
+    program.write_text(f'#!/bin/sh\nexec {shlex.join(_compiler())} "$@" -O0\n')
+    program.chmod(0o755)
+    return str(program)
+
+
+class Compiled(NamedTuple):
+    """A cache that two processes have filled at once, and what each of them printed and reported."""
+
+    cache: Path
+    printed: list[tuple[str, str]]
+
+
+@pytest.fixture(scope="module")
+def compiled(installed: Path, compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+    cache = tmp_path_factory.mktemp("cache")
+    running = [start(installed, cache, "print(load()._name)", CXX=compiler) for _ in range(2)]
+    return Compiled(cache, [process.communicate(timeout=60.0) for process in running])
+
+
 def start(installed: Path, cache: Path, code: str, **variables: str) -> subprocess.Popen[str]:
     """Another process that loads the library."""
     environment = {**os.environ, "PYTHONPATH": str(installed), "XDG_CACHE_HOME": str(cache), **variables}
@@ -33,16 +60,16 @@ def start(installed: Path, cache: Path, code: str, **variables: str) -> subproce
     return subprocess.Popen(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
-def test_processes_that_compile_at_once_load_the_same_library(installed: Path, tmp_path: Path) -> None:
-    cache = tmp_path / "cache"
-    running = [start(installed, cache, "print(load()._name)") for _ in range(2)]
-    printed = [process.communicate(timeout=60.0) for process in running]
+def test_processes_that_compile_at_once_load_the_same_library(
+    installed: Path, compiler: str, compiled: Compiled
+) -> None:
+    cache, printed = compiled
     assert [error for _, error in printed] == ["", ""]
     (library,) = (cache / "yumi-ros2").glob("*.so")
     assert [name.strip() for name, _ in printed] == [str(library), str(library)]
     # Neither of them compiles it again.
     compiled_at = library.stat().st_mtime_ns
-    assert start(installed, cache, "load()", PATH="").communicate(timeout=60.0) == ("", "")
+    assert start(installed, cache, "load()", PATH="", CXX=compiler).communicate(timeout=60.0) == ("", "")
     assert library.stat().st_mtime_ns == compiled_at
 
 
@@ -63,10 +90,9 @@ def test_library_that_cannot_be_compiled_says_why(
     assert not list(tmp_path.glob("cache/yumi-ros2/*"))
 
 
-def test_damaged_library_says_what_to_do(installed: Path, tmp_path: Path) -> None:
-    cache = tmp_path / "cache"
-    assert start(installed, cache, "load()").communicate(timeout=60.0) == ("", "")
+def test_damaged_library_says_what_to_do(installed: Path, compiler: str, compiled: Compiled, tmp_path: Path) -> None:
+    cache = copytree(compiled.cache, tmp_path / "cache")
     (library,) = (cache / "yumi-ros2").glob("*.so")
     library.write_bytes(b"")
-    _, error = start(installed, cache, "load()").communicate(timeout=60.0)
+    _, error = start(installed, cache, "load()", CXX=compiler).communicate(timeout=60.0)
     assert f"remove {library}: it is compiled anew then." in error

@@ -38,6 +38,10 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
         copy(ROOT / name, folder)
     for name in ("packages", "config", "resource", "launch"):
         copytree(ROOT / name, folder / name, ignore=ignore_patterns("__pycache__", "*.egg-info", "node_modules"))
+    (folder / "build").mkdir()
+    for name in ("core", "page"):  # made once of the same sources, of which each file has the fingerprint in its name
+        (ROOT / "build" / name).mkdir(parents=True, exist_ok=True)
+        (folder / "build" / name).symlink_to(ROOT / "build" / name)
     return folder
 
 
