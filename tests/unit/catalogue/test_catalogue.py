@@ -6,6 +6,7 @@ import ast
 import pickle
 import runpy
 from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -31,8 +32,13 @@ page = runpy.run_path(str(SOURCES.parent / "setup" / "messages.py"))["page"]  # 
 STOP = message("event_10013", number=10013, title="Emergency stop", detail="")
 
 
-def _called_with_a_code() -> Iterator[tuple[str, str, set[str] | None]]:
+@cache
+def calls() -> tuple[tuple[str, str, set[str] | None], ...]:
     """Place, code and names of the values of each call ``message("…", …)``; None where some names are dynamic."""
+    return tuple(_called_with_a_code())
+
+
+def _called_with_a_code() -> Iterator[tuple[str, str, set[str] | None]]:
     for path in sorted(SOURCES.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if (
@@ -48,9 +54,6 @@ def _called_with_a_code() -> Iterator[tuple[str, str, set[str] | None]]:
                         yield where, code.value, None if None in names else {name for name in names if name}
 
 
-CALLS = tuple(_called_with_a_code())
-
-
 BELOW = {"abb_protocols": (), "abb_runtime": ("abb_protocols",), "virtual_irc5": ("abb_protocols", "abb_runtime")}
 """The packages on which others are built, each with those below it."""
 
@@ -61,17 +64,17 @@ def test_package_has_the_texts_of_its_messages_without_those_above_it(package: s
         subjects for name in (package, *BELOW[package]) for subjects in import_module(f"{name}.texts").SUBJECTS.values()
     )
     known = {"text"}.union(*own)
-    lacking = [f"{where}: {code}" for where, code, _ in CALLS if f"/src/{package}/" in where and code not in known]
+    lacking = [f"{where}: {code}" for where, code, _ in calls() if f"/src/{package}/" in where and code not in known]
     assert lacking == []
 
 
 def test_every_message_of_the_program_has_a_text_with_its_values():
     wrong = [
         f"{where}: {code} with {sorted(names or ())}"
-        for where, code, names in CALLS
+        for where, code, names in calls()
         if code not in all_texts() or (names is not None and not is_known(Message(code, dict.fromkeys(names))))
     ]
-    assert len(CALLS) > 0
+    assert len(calls()) > 0
     assert wrong == []
 
 
