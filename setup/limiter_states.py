@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from textwrap import wrap
 
+from yumi.control import loop_events
 from yumi.control.limiter_state import MEANINGS, SEEN, TRANSITIONS, LimiterEvent, LimiterState
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -19,7 +21,17 @@ BEFORE = (LimiterState.NO_SESSION, LimiterState.BEGINNING, LimiterState.ENTERING
 
 INSIDE = tuple(state for state in LimiterState if state not in BEFORE)
 
-_WIDE, _HIGH, _GAP = 300, 92, 14
+REPORTS: Mapping[type[loop_events.Happened], str] = {
+    loop_events.SessionLost: "DISCONNECTED",
+    loop_events.RobotStoppedFollowing: "STANDBY, after a state in which the robot followed",
+    loop_events.ReferencesIgnored: "IGNORED",
+    loop_events.ImplausibleFeedback: "DOUBTED and LOST",
+    loop_events.ControllersLate: "UNANSWERED, about once a second",
+}
+"""What the control loop reports, and where."""
+
+_WIDE, _HIGH, _GAP = 300, 126, 14
+_LETTERS = 44  # as many fit into a line of a box
 _ACROSS = 250  # from the states before a session to those in one
 _STYLE = """<style>
 text { font: 13px system-ui, "Segoe UI", "Helvetica Neue", Arial, sans-serif; fill: #1f2328; }
@@ -76,6 +88,8 @@ def page() -> str:
         "or once EGM is started again, which begins a session.",
         "A robot that ignores commands goes on when its plan moves: what has to be done there (motors, RAPID, EGM)",
         "is the remedy in the driver's report.",
+        "The robot itself does not say that it ignores commands: its plan shows it.",
+        "FIRST_SENT belongs to BEGINNING alone: after SESSION_CONTINUED the first command is one of SETTLING.",
         "",
         "![The states of the limiter, with the events that lead to each](../images/limiter-states.svg)",
         "",
@@ -90,6 +104,17 @@ def page() -> str:
         "| event | what was seen |",
         "|---|---|",
         *(f"| {event.name} | {SEEN[event]} |" for event in LimiterEvent),
+        "",
+        "## Reports",
+        "",
+        "What the control loop reports of this (`yumi.control.loop_events`): the driver adds the cause and the remedy.",
+        "",
+        "| report | where | what happened |",
+        "|---|---|---|",
+        *(
+            f"| `{each.__name__}` | {where} | {(each.__doc__ or '').splitlines()[0]} |"
+            for each, where in REPORTS.items()
+        ),
         "",
         "## What follows",
         "",
@@ -160,8 +185,9 @@ def _box(state: LimiterState, place: tuple[int, int]) -> Iterator[str]:
             note = f", not in {', '.join(each.name for each in others)}"
         elif len(starts) <= 4:
             note = f" in {', '.join(each.name for each in starts)}"
-        yield f'<text x="{x + 12}" y="{y + 40 + 15 * number}" class="small">{event.name}{note}</text>'
-        number += 1
+        for line in wrap(event.name + note, _LETTERS, subsequent_indent="\N{EM SPACE}"):
+            yield f'<text x="{x + 12}" y="{y + 40 + 15 * number}" class="small">{line}</text>'
+            number += 1
 
 
 def _arrow(start: tuple[float, float], end: tuple[float, float], words: str) -> Iterator[str]:
