@@ -6,19 +6,22 @@ from collections.abc import Callable
 from itertools import count
 from math import inf, nan
 
+import numpy as np
 import pytest
 
 from abb_protocols.robot.description import SERVO_GRIPPERS
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Side, home, joints
 from controller_states import configured, state
+from yumi.control.chunk_commands import FollowChunk
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.forward_command import JointGroupVelocityController
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController, StopMotion
+from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.joint_velocity import JointVelocityController
-from yumi.control.goals import MemoryBuffer, SessionGoal, write_speeds
+from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal, write_speeds
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ControllerReport
 from yumi.control.motion.robot_response import EGM_GAIN
@@ -34,6 +37,7 @@ from yumi.control.trajectory_commands import (
     TrajectoryOutcome,
 )
 from yumi.core.collision import CollisionModel
+from yumi.planning.chunk_plan import plan_chunk
 from yumi.planning.smoothing import smooth_spline_through
 from yumi_evaluation.virtual_time import VirtualArmRig
 
@@ -184,3 +188,122 @@ def test_motion_of_an_arm_that_slides_far_behind_it_ends_where_the_arm_is_when_i
     for _ in range(20):
         last = controller.update(state(START, time=next(times)))
     assert last == ArmCommand(START)
+
+
+class Led:
+    """An arm that is led at the body, beyond the limit, by one kind of command.
+
+    Attributes:
+        rig: the arm.
+    """
+
+    def __init__(self) -> None:
+        self.goals = MemoryBuffer[ToolGoal]()
+        self.speeds, self.positions = MemoryBuffer[SessionGoal](), MemoryBuffer[SessionGoal]()
+        feedback = MemoryBuffer[TrajectoryFeedback]()
+        controllers: dict[str, Controller] = {
+            "tool": CartesianController(Side.RIGHT, self.goals, feedback),
+            "path": JointTrajectoryController(Side.RIGHT, feedback),
+            "goal": JointGoalController(MemoryBuffer[SessionGoal]()),
+            "speeds": JointVelocityController(self.speeds),
+            "group": JointGroupVelocityController(MemoryBuffer[SessionGoal](), self.speeds),
+            "stream": JointPositionController(self.positions),
+        }
+        self.rig = VirtualArmRig(controllers, side=Side.RIGHT, limiter=limited(), position=START)
+        self.rig.manager.set_parameters("group", {"timeout": 0.1})
+
+    def begin(self, name: str) -> None:
+        self.rig.start()
+        self.rig.switch_to(name)
+        self.rig.run(0.5)
+        self._name, self._begun = name, self.rig.clock.now()
+
+    def send(self, command: object) -> None:
+        self.rig.manager.receive(self._name, command, self.rig.line.state)
+
+    def end_streams(self) -> None:
+        """As the control loop does where who streams falls silent."""
+        assert self.rig.line.state is not None
+        self.rig.manager.end_streams(self.rig.line.state)
+
+    def move_tool(self) -> None:
+        self.goals.write(twist_goal(self.rig.snapshot.session, UPWARDS, time=self.rig.clock.now()))
+
+    def move_joints(self) -> None:
+        write_speeds(self.speeds, self.rig.snapshot.session, UP, self.rig.clock.now())
+
+    def stop_joints(self) -> None:
+        for _ in range(4):
+            write_speeds(self.speeds, self.rig.snapshot.session, ZERO, self.rig.clock.now())
+            self.rig.cycle()
+
+    def stream(self) -> None:
+        now = self.rig.clock.now()
+        position = joints([at + up * (now - self._begun) for at, up in zip(START, UP, strict=True)])
+        write_goal(self.positions, self.rig.snapshot.session, position, time=now, delay=0.05)
+
+    def follow_chunk(self) -> None:
+        times = 0.05 * np.arange(31)
+        spline = plan_chunk(Side.RIGHT, times.tolist(), np.array(START) + np.outer(times, UP), YUMI_LIMITS)
+        self.send(FollowChunk(1, self.rig.clock.now() + 0.1, spline))
+
+
+def nothing(*_: object) -> None:
+    """Nothing is sent."""
+
+
+PATH = FollowTrajectory(ArmPlan(Side.RIGHT, POINTS[0], smooth_spline_through(POINTS), None), 1)
+LET_GO: dict[str, tuple[str, Callable[[Led], object], Callable[[Led], object], Callable[[Led], object]]] = {
+    # by which controller, what it is sent first, what in each cycle, and what when it is let go
+    "tool cancelled": ("tool", nothing, Led.move_tool, lambda led: led.send(CancelTrajectory())),
+    "tool's stream ended": ("tool", nothing, Led.move_tool, Led.end_streams),
+    "tool silent": ("tool", nothing, Led.move_tool, nothing),
+    "joints' stream ended": ("speeds", nothing, Led.move_joints, Led.end_streams),
+    "joints silent": ("speeds", nothing, Led.move_joints, nothing),
+    "joints stopped": ("speeds", nothing, Led.move_joints, Led.stop_joints),
+    "group silent": ("group", nothing, Led.move_joints, nothing),
+    "positions silent": ("stream", nothing, Led.stream, nothing),
+    "trajectory cancelled": ("path", lambda led: led.send(PATH), nothing, lambda led: led.send(CancelTrajectory())),
+    "chunks cancelled": ("path", Led.follow_chunk, nothing, lambda led: led.send(CancelTrajectory())),
+    "goal stopped": ("goal", lambda led: led.send(JointGoal(FAR)), nothing, lambda led: led.send(StopMotion())),
+}
+
+
+@pytest.mark.parametrize("withheld", [0.002, 0.01, 0.03])
+@pytest.mark.parametrize("how", LET_GO)
+def test_arm_that_is_let_go_while_it_is_held_back_goes_nowhere_by_what_was_withheld(how: str, withheld: float) -> None:
+    name, begin, lead, let_go = LET_GO[how]
+    led = Led()
+    rig = led.rig
+    led.begin(name)
+    begin(led)
+
+    def is_held_back() -> bool:
+        lead(led)
+        desired = rig.cycles[-1].desired
+        speed = max(map(abs, desired.velocity)) if desired is not None else 0.0
+        # Positions are sent later than the speeds that go with them.
+        return bool(rig.snapshot.limited_part) and rig.cycles[-1].beyond > withheld + 0.03 * speed
+
+    rig.run_until(is_held_back, limit=4.0)
+    let_go(led)
+    first = len(rig.cycles)
+    rig.run(2.0)
+    after = rig.cycles[first:]
+    if let_go is not nothing:
+        assert after[0].desired is None  # the limiter brings it to rest from what it was sent
+    assert max(each.beyond for each in after[75:]) < AT_GOAL
+    for each in after[150:]:
+        assert each.sent.position == pytest.approx(after[150].sent.position, abs=1e-5)
+
+
+def test_arm_that_is_held_back_while_its_chunks_are_exhausted_is_given_up_where_it_is_sent() -> None:
+    led = Led()
+    rig = led.rig
+    led.begin("path")
+    led.follow_chunk()
+    rig.run_until(lambda: any(isinstance(each, ControllerReport) for each in rig.events), limit=4.0)
+    assert rig.cycles[-2].beyond > 0.01
+    assert rig.cycles[-1].desired is None
+    rig.run(1.0)
+    assert rests_where_it_is(rig)

@@ -16,6 +16,7 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ArmCommand, ArmState, Joints
 from abb_runtime.parameters import Parameter, Values, texts
 from yumi.control.goals import GoalKind
+from yumi.control.motion.standstill import SentPositions
 from yumi.control.place import Place
 from yumi.control.sampled import Sampled
 
@@ -32,11 +33,13 @@ class Controller(ABC):
         kind: the type string of ros2_control, ``package/Class``.
         is_command: whether it wants commands, one at a time per interface; else it only watches.
         goal_kind: which goals it takes while it is active.
+        sent: what the arm is sent, from the controller manager; nothing is known without one.
     """
 
     kind: str
     is_command = True
     goal_kind = GoalKind.NONE
+    sent = SentPositions()
 
     @classmethod
     def make(cls, place: Place) -> Controller:

@@ -230,6 +230,7 @@ class ArmLoop:
         cycle, self._unsettled = self._unsettled, None
         if cycle is not None:
             before, self._last, self._position = self._last, cycle, cycle.state.position
+            self.manager.sent.note(cycle.desired and cycle.desired.position, cycle.sent.position)
             way = largest_difference(cycle.sent.position, before.sent.position) if before else 0.0
             moved, self._sent_moves = self._sent_moves, way > AT_REST * cycle.state.dt
             if cycle.beyond > AT_GOAL and not (moved or self._sent_moves):  # a command that turns round stands once

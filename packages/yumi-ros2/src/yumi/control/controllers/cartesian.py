@@ -113,7 +113,11 @@ class CartesianController(JointTrajectoryController):
             if stream.wall != self._held_by or state.time - self._held_at > QUIET:
                 self._limited.append(ToolLimited(stream.wall))
             self._held_by, self._held_at = stream.wall, state.time
-        if stream.is_over(state.time):
+        is_over = stream.is_over(state.time)
+        if (is_over or stream.is_stopping) and self._is_held_back(state):
+            self._hold(state)
+            return None
+        if is_over:
             self._rest_at(self._position)
         return command
 

@@ -102,7 +102,7 @@ class ForwardCommandController(Controller):
         if self._wanted is None:
             return None
         is_silent = 0.0 < self._timeout < state.time - self._given_at
-        return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
+        return self._motion.follow(state, ZERO if is_silent else self._wanted, self._speed.value, self.sent)
 
     @property
     def sampled(self) -> Sampled | None:

@@ -30,7 +30,7 @@ from yumi.control.goals import GoalBuffer, check_position, read_goal
 from yumi.control.motion.point_motion import PointMotion, point_stop, point_travel
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint, largest_difference, slower
-from yumi.control.motion.standstill import StandstillDetector, is_held_back
+from yumi.control.motion.standstill import StandstillDetector
 from yumi.control.place import Place
 from yumi.control.speed_scale import SpeedScale
 
@@ -168,9 +168,8 @@ class JointGoalController(Controller):
             message("motion_stopped" if is_stop else "goal_replaced"),
         )
         self._command = accepted
-        before = self._setpoint
-        if is_stop and state is not None and is_held_back(before.position, before.velocity, state.planned):
-            self._hold(state)  # what the limiter withheld would be made up for as soon as the way is free
+        if is_stop and state is not None and self._is_held_back(state):
+            self._hold(state)  # what is withheld would be made up for as soon as the way is free
         else:
             self._start(motion)
 
@@ -184,13 +183,15 @@ class JointGoalController(Controller):
                     self.receive(JointGoal(goal.position), state)
                 except CommandRefused as error:
                     self._reports.append(GoalEnded(0, GoalOutcome.ABORTED, error.said))
+        is_braking = isinstance(self._command, StopMotion) and self._time < self._motion.duration
+        if is_braking and self._is_held_back(state):
+            self._hold(state)
         if self._standstill is not None:
-            # The command that came meanwhile begins from where the robot is then: loads make it creep.
-            self._setpoint = Setpoint(state.position)
+            # The command that came meanwhile begins from where the arm is sent then.
+            self._rest_at(self.sent.position or state.position)
             if not self._standstill.is_over(state):
                 return None
             self._standstill = None
-            self._rest_at(state.position)
             if self._command is not None:
                 self._start(self._planned(self._command)[1])
         scale = self._scale
@@ -262,9 +263,12 @@ class JointGoalController(Controller):
             raise CommandRefused(message("goal_scale_out_of_range", name=name, value=value))
         return value
 
+    def _is_held_back(self, state: ArmState) -> bool:
+        return self.sent.is_held_back(self._setpoint.position, self._setpoint.velocity, state.planned)
+
     def _hold(self, state: ArmState) -> None:
-        self._standstill = StandstillDetector(state)
-        self._rest_at(state.position)
+        self._standstill = StandstillDetector(state, self.sent)
+        self._rest_at(self.sent.position or state.position)
 
     def _rest_at(self, position: Joints) -> None:
         self._setpoint = Setpoint(position)

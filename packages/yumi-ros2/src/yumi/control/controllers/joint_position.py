@@ -105,7 +105,7 @@ class JointPositionController(Controller):
         self._delay = DELAY
         self._stream_delay = self._asked_delay = CONFIGURED_DELAY
         self._period = self._late = 0.0  # of the stream, and how late it is followed now
-        self._feeds_forward = self._is_tracking = self._is_stream = self._is_lost = False
+        self._feeds_forward = self._is_tracking = self._is_stream = self._is_lost = self._is_held = False
 
     @classmethod
     def make(cls, place: Place) -> JointPositionController:
@@ -215,7 +215,7 @@ class JointPositionController(Controller):
     def _begin_stream(self) -> None:
         self._pending.clear()
         self._monitor.begin()
-        self._period, self._is_lost = 0.0, False
+        self._period, self._is_lost, self._is_held = 0.0, False, False
 
     def _follow(self, state: ArmState, goal: Goal | None, points: int) -> ArmCommand | None:
         """The command for a stream, of which ``goal`` is the next point, and ``points`` have come since the last one.
@@ -239,14 +239,20 @@ class JointPositionController(Controller):
         soon = place + max(self._period, _SHORTEST_PERIOD)
         while self._pending and self._pending[0].time <= soon:
             self._predictor.add(*self._pending.popleft()[:3])
-            self._is_lost = False
+            self._is_lost = self._is_held = False
         if state.dt <= 0.0:
             return None
         if self._period and self._predictor.is_over(place) and not self._is_lost and self._predictor.speed > _STANDS:
             self._is_lost = True
             monitor.note_end(now)
         if self._is_lost:
-            return _sent(self._filter.brake(state.dt))
+            command = _sent(self._filter.brake(state.dt))
+            # What the limiter withholds would be made up for as soon as the way is free.
+            self._is_held = self._is_held or self.sent.is_held_back(*command, state.planned)
+            if not self._is_held:
+                return command
+            self._is_tracking = False  # what comes begins from where the robot is then
+            return None
         command = _sent(self._filter.step(self._predictor.at(place, 0.0), state.dt, self._speed.value))
         slow = self._filter.chasing
         monitor.note_limits(None if slow is None or not self._period else self._joint_names[slow], now)

@@ -40,7 +40,7 @@ from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import Segment, Segments, Spline, SplineSampler, TrajectoryPoint
 from yumi.control.motion.spline_limits import check_motion
-from yumi.control.motion.standstill import StandstillDetector, is_held_back
+from yumi.control.motion.standstill import StandstillDetector
 from yumi.control.place import Place
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
@@ -138,8 +138,7 @@ class JointTrajectoryController(Controller):
         """An arm that moves comes to rest first: it was led by another law, whose command is no place to go on from."""
         self._goal, self._state, self._feedback_due = None, state, -inf
         self._rate = self._scale = self._settings.scale
-        self._rest_at(state.position)
-        self._standstill = StandstillDetector(state)
+        self._hold(state)
 
     def deactivate(self) -> None:
         self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("controller_deactivated"))
@@ -179,8 +178,10 @@ class JointTrajectoryController(Controller):
 
     def update(self, state: ArmState) -> ArmCommand | None:
         self._state = state
+        if self._is_braking and self._is_held_back(state):
+            self._hold(state)
         if self._standstill is not None:
-            self._rest_at(state.position)
+            self._rest_at(self.sent.position or state.position)
             if not self._standstill.is_over(state):
                 return None
             self._standstill = None
@@ -196,6 +197,8 @@ class JointTrajectoryController(Controller):
             self._time += dt * self._pace if goal is None or goal.begin <= self._time < goal.end else dt
             if not isinstance(self._source, ChunkMotion) or not self._brake_at_end(self._source, state):
                 share *= self._pace
+            elif self._standstill is not None:
+                return None
         self._times.append((state.time, self._time))
         self._position, velocity = self._source.motion(self._time)
         self._is_judged = False
@@ -415,16 +418,14 @@ class JointTrajectoryController(Controller):
             self._reports.append(TrajectoryEnded(goal.number, outcome, code, said, self._skew))
 
     def _brake(self, setpoint: Setpoint | None = None) -> None:
-        """From what the arm is commanded now, at the speed time goes by; from where it is, if it is held back.
+        """From what the arm is commanded now, at the speed time goes by; held back, from what it is sent, by holding.
 
         Args:
             setpoint: how the arm is commanded, where that is not read from what it follows now.
         """
         state = self._state
-        if state is not None and is_held_back(self._position, self._velocity, state.planned):
-            # What the limiter withheld from the arm would be made up for as soon as its way is free.
-            self._rest_at(state.position)
-            self._standstill = StandstillDetector(state)
+        if state is not None and self._is_held_back(state):
+            self._hold(state)  # what is withheld from the arm would be made up for as soon as its way is free
             return
         if setpoint is None:
             setpoint = self._source.setpoint(self._time)
@@ -439,6 +440,14 @@ class JointTrajectoryController(Controller):
     @property
     def _is_braking(self) -> bool:
         return isinstance(self._source, PointMotion) and self._time < self._source.duration
+
+    def _is_held_back(self, state: ArmState) -> bool:
+        return self.sent.is_held_back(self._position, self._velocity, state.planned)
+
+    def _hold(self, state: ArmState) -> None:
+        """Have the limiter bring the arm to rest, and rest there."""
+        self._rest_at(self.sent.position or state.position)
+        self._standstill = StandstillDetector(state, self.sent)
 
     def _rest_at(self, position: Joints) -> None:
         self._source = _resting(position)

@@ -64,7 +64,7 @@ class JointVelocityController(Controller):
         if goal is not None:
             self._wanted, self._given_at = goal.velocity, goal.time
         is_silent = self._is_ended or state.time - self._given_at > self._timeout
-        return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
+        return self._motion.follow(state, ZERO if is_silent else self._wanted, self._speed.value, self.sent)
 
     def end_stream(self, state: ArmState) -> bool:
         self._is_ended = True

@@ -94,6 +94,7 @@ class ToolStream:
         self._side = side
         self._within = within
         self.wall = ""  # that holds the tool now
+        self.is_stopping = False  # since no velocity leads it any further
         self.tool = tool
         self._tool, self._to_tool0 = pose_of(tool), inverse(pose_of(tool))
         self._limits = limits
@@ -189,7 +190,7 @@ class ToolStream:
 
     def step(self, state: ArmState, delay: float, timeout: float, scale: float) -> ArmCommand:
         """Go on for ``state.dt``; at most ``scale`` times the speeds."""
-        dt = state.dt
+        dt, self.is_stopping = state.dt, False
         if dt > 0.0:
             if hypot(*self._target[3:6]) > _FARTHEST_TURN:
                 self._anchor_here()
@@ -260,6 +261,7 @@ class ToolStream:
         """A velocity moves the target, as far as the tool keeps up with it."""
         goal, limits = self._goal, self._tool_limits
         wanted = ZERO if now - self._given_at > timeout else goal.twist
+        self.is_stopping = wanted == ZERO
         vx, vy, vz, wx, wy, wz, bend = wanted
         linear, angular = (vx, vy, vz), (wx, wy, wz)
         if goal.is_in_tool:

@@ -26,6 +26,7 @@ from yumi.control.manager.controller_switch import Strictness, Switch, find, pla
 from yumi.control.manager.hardware_component import HardwareComponent
 from yumi.control.manager.loaded_controller import LoadedController
 from yumi.control.manager.merged_command import MergedCommand
+from yumi.control.motion.standstill import SentPositions
 from yumi.control.sampled import Sampled
 from yumi.control.stage_times import DECODE, UPDATE
 
@@ -43,6 +44,7 @@ class ControllerManager:
         activation: number of the newest activation of a controller that commands; a later one has a higher number.
         activity: counts every change of what is loaded and in which state it is.
         goal_kind: which goals those controllers take that command the arm.
+        sent: what the arm is sent; who replies notes it.
         kinds: the types of controllers that can be loaded.
 
     Args:
@@ -65,6 +67,7 @@ class ControllerManager:
         self._is_interrupted = False  # what commanded the arm was ended, and nothing was activated since
         self.activation = 0
         self.activity = activity
+        self.sent = SentPositions()
         self._joint_names = joint_names
         self._kinds = kinds or {}
         self._component = HardwareComponent(component, joint_names)
@@ -85,6 +88,7 @@ class ControllerManager:
             CommandRefused: the name is taken or could not be that of a ROS node.
         """
         self._check_name(name)
+        controller.sent = self.sent
         self._loaded[name] = LoadedController(name, controller, self._joint_names)
         self._note_change()
 
@@ -100,7 +104,9 @@ class ControllerManager:
                 message("controller_type_unknown", controller=name, type=kind, types=tuple(self._kinds))
             )
         with _refusing(name, "load"):
-            loaded = LoadedController(name, self._kinds[kind](name), self._joint_names)
+            controller = self._kinds[kind](name)
+            controller.sent = self.sent
+            loaded = LoadedController(name, controller, self._joint_names)
             loaded.set_parameters(values or {})
         self._loaded[name] = loaded
         self._note_change()

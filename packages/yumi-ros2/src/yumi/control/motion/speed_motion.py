@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abb_protocols.robot.joints import JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 from yumi.control.motion.joint_steps import braking_path, ramp_speed, speed_to_stop
+from yumi.control.motion.standstill import SentPositions, StandstillDetector
 
 SHARE_OF_LIMITS = 0.95  # of acceleration and jerk, since the limiter looks at differences from cycle to cycle
 _SHARE_AT_FIRST = 0.9  # in the cycles after a motion whose jerk was another, which is still in those differences
@@ -34,12 +35,14 @@ class SpeedMotion:
         self._velocity: Joints = ZERO
         self._rates = [0.0] * JOINT_COUNT
         self._first = 0  # cycles that are left of those
+        self._standstill: StandstillDetector | None = None
 
     def begin(self, state: ArmState) -> None:
         """Begin from where the robot is, with the speed it has."""
         self.position = state.position
         self._velocity = speeds_without_noise(state.velocity)
         self._rates = [0.0] * JOINT_COUNT
+        self._standstill = None
 
     def go_on(self, position: Joints, velocity: Joints, acceleration: Joints) -> None:
         """Begin from what the arm is commanded, with that speed and acceleration: it may be braking."""
@@ -50,6 +53,27 @@ class SpeedMotion:
     def acceleration(self) -> Joints:
         """How its speeds change now [rad/s²], (7,)."""
         return joints(self._rates)
+
+    def follow(self, state: ArmState, goal: Joints, scale: float, sent: SentPositions) -> ArmCommand | None:
+        """As :meth:`step`; an arm that is held back while it brakes to rest is held, by None, until it stands.
+
+        What is withheld from it would be made up for as soon as its way is free.
+        """
+        if any(goal):
+            if self._standstill is not None:
+                self.begin(state)
+        elif (
+            self._standstill is None
+            and any(self._velocity)
+            and sent.is_held_back(self.position, self._velocity, state.planned)
+        ):
+            self._standstill = StandstillDetector(state, sent)
+        if self._standstill is not None:
+            if not self._standstill.is_over(state):
+                return None
+            self._standstill, self._velocity, self._rates = None, ZERO, [0.0] * JOINT_COUNT
+            self.position = sent.position or state.position
+        return self.step(state, goal, scale)
 
     def step(self, state: ArmState, goal: Joints, scale: float = 1.0) -> ArmCommand:
         """Go on for ``state.dt`` towards the speeds ``goal`` [rad/s], (7,), at most ``scale`` times the limits."""
