@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -16,9 +16,11 @@ from refusals import refused
 from system.test_endpoint_in_virtual_time import Driver
 from system.virtual_time_bench import System
 from yumi.api.attach import attach
-from yumi.api.connect import settings_for
+from yumi.api.connect import controllers_for, settings_for
+from yumi.api.connection import Connection
 from yumi.driver import wiring
 from yumi.driver.gripper import GripperSetup
+from yumi.driver.state_machine import START_JOINT, WATCHDOG
 from yumi.driver.wiring import brings_up, check_kind, is_on_this_machine
 
 STEPS = ("switch the motors on", "move the program pointers to main", "start the RAPID program")
@@ -160,3 +162,34 @@ def test_attaching_and_detaching_changes_nothing(driver: Driver) -> None:
     driver.wait(0.5)
     assert len(driver.client.events()) == events
     assert {side: driver.snapshot(side).sent for side in Side} == still
+
+
+class ConnectionInMemory(Connection):
+    """The connection of a script to a robot in memory, whose parts are there already."""
+
+    def __init__(self, driver: Driver) -> None:
+        settings = settings_for("127.0.0.1", bringup=False)
+        super().__init__(settings, controllers_for(settings, 0.5, 0.5), tuple(Side))
+        self._driver = driver
+
+    def _start(self, stack: ExitStack) -> None:
+        self.manager, self.grippers, self.executor = self._driver.manager, self._driver.grippers, self._driver.mover
+        self._gripper_setup = GripperSetup(self.grippers, self.manager.step, lambda said: None)
+        stack.callback(self.manager.stop)
+
+
+def test_refused_connect_ends_neither_the_egm_nor_the_watchdog_of_another_program(driver: Driver) -> None:
+    driver.manager.make_ready()
+    driver.client.pulse_signal(START_JOINT)
+    driver.wait(1.0)
+    assert all(driver.snapshot(side).is_running for side in Side)
+    for side in Side:
+        driver.client.set_symbol(side.task, WATCHDOG, "active", "TRUE")
+    done = list(driver.steps)
+    with refused(RobotNotReady, "bring_up_not_named"):
+        ConnectionInMemory(driver).open()
+    driver.wait(0.5)
+    assert driver.steps == done
+    assert all(driver.snapshot(side).is_running for side in Side)
+    for side in Side:
+        assert driver.client.symbol(side.task, WATCHDOG, "active") == "TRUE"
