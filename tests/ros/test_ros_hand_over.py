@@ -115,8 +115,8 @@ class Policy:
     ) -> None:
         self._is_over.set()
         self._thread.join()
-        if self._failure is not None and error is None:
-            raise self._failure
+        if self._failure is not None:
+            raise self._failure  # what else has failed comes of it
 
     def _run(self) -> None:
         try:
