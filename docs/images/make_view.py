@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from PIL import Image
+from playwright.sync_api import Error as PlaywrightError
 from playwright.sync_api import sync_playwright
 
 from abb_runtime.process.command_process import CommandProcess
@@ -122,20 +123,57 @@ def teleoperate(film: Film, save: Callable[[Any, str], None]) -> None:
 
 
 def wear_headset(page: Any, save: Callable[[Any, str], None]) -> None:
-    """What one eye of an emulated headset sees when the person looks down to the robot, and holds no clutch.
+    """What one eye of an emulated headset sees while the right arm follows the hand.
 
-    Software draws the robot so slowly that a clutch would be lost.
+    Software draws the robot so slowly that the link is lost meanwhile, and the clutch. So the person looks up while the
+    hand leads the arm, where nothing is to be drawn, and down for one picture: it shows how it was when it was begun.
     """
-    Film(page).wait("#take", "Take control")
+    film = Film(page)
+    film.wait("#take", "Take control")
     page.click("#take")
     page.click("#tab-teleop")
     page.select_option("#device", "headset")
     page.click("#enter-vr")
     page.wait_for_function("() => person.frames.length > 1", polling=50)
-    page.evaluate("person.put('right', [0.25, 1.25, -0.6]); person.put('left', [-0.25, 1.25, -0.6])")
-    page.evaluate("person.device.quaternion.set(-0.17, 0, 0, 0.985)")
-    page.wait_for_timeout(1500)
-    save(page, "headset")
+    page.evaluate("person.put('left', [-0.25, 1.25, -0.6])")
+    for _ in range(20):
+        page.evaluate("person.put('right', [0.25, 1.25, -0.6]); person.device.quaternion.set(0.7, 0, 0, 0.714)")
+        page.evaluate("person.squeeze('right', 1)")
+        if is_followed(page) and page.evaluate(LEAD):
+            save(page, "headset")
+            return
+        page.evaluate("person.squeeze('right', 0)")
+        page.wait_for_timeout(300)
+    raise RuntimeError("the machine is too busy for a clutch that is held")
+
+
+def is_followed(page: Any) -> bool:
+    """Whether an arm follows the device, which takes a moment after the clutch was pressed."""
+    try:
+        page.wait_for_function(
+            "() => document.querySelector('#teleop-arms-list').innerText.includes('follows')", polling=20, timeout=2000
+        )
+    except PlaywrightError:
+        return False
+    return True
+
+
+LEAD = """() => new Promise((done) => {
+  const begin = performance.now();
+  const lead = () => {
+    const passed = (performance.now() - begin) / 1000;
+    person.put("right", [0.25 + 0.1 * passed, 1.25 + 0.12 * passed, -0.6 - 0.06 * passed]);
+    if (passed < 1) return requestAnimationFrame(lead);
+    setTimeout(() => {
+      if (!document.querySelector("#teleop-arms-list").innerText.includes("follows")) return done(false);
+      person.device.quaternion.set(-0.17, 0, 0, 0.985);
+      window.requestAnimationFrame = () => 0;
+      setTimeout(() => done(true), 1500);
+    });
+  };
+  lead();
+})"""
+"""Lead the right hand away for a second; if the arm follows then, look down for one picture, and draw no other."""
 
 
 def teleoperation(opened: Callable[..., Any], save: Callable[[Any, str], None]) -> None:
