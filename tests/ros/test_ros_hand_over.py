@@ -26,7 +26,7 @@ from browser import browser
 from cartesian_bench import shares
 from soak import long, short, tell
 from system.teleoperation_bench import LEFT_START, START
-from system.test_hand_over_measured import ARMS, WITHIN, commanding, teleoperate, unbroken, wait_for
+from system.test_hand_over_measured import ARMS, WITHIN, commanding, sent, teleoperate, unbroken, wait_for
 from system.test_teleoperation_measured import recorded_driver
 from system.test_view_teleoperation import GAMEPAD, page_of
 from yumi.api.attach import RunningDriver
@@ -34,6 +34,7 @@ from yumi.recording.message_types import EVENTS
 from yumi.recording.reader import recorded_messages
 
 RATE = 50.0  # [Hz] of the policies
+SIDES = tuple(Side[arm.upper()] for arm in ARMS)
 LEADING = "joint_position_controller"
 BUMPERS = (4, 5)  # of the gamepad: the clutches of the left and of the right arm
 
@@ -133,14 +134,13 @@ class Policy:
 
     def _begin(self, driver: RunningDriver, sender: Sender) -> None:
         """Move until something else commands an arm."""
-        arms = driver.state.arms
-        begin, start = time.monotonic(), {side: arms[side.word].sent for side in Side}
+        begin, start = time.monotonic(), dict(zip(SIDES, sent(driver), strict=True))
         try:
             sender.take()
             while not self._is_over.wait(1.0 / RATE):
                 passed = time.monotonic() - begin
                 turn = 0.1 * sin(3.0 * passed) * min(1.0, passed)
-                sender.send({side: (*at[:6], at[6] + turn) for side, at in start.items() if at is not None})
+                sender.send({side: (*at[:6], at[6] + turn) for side, at in start.items()})
                 if passed > 0.5 and {each.who for each in commanding(driver)} != {"stream"}:
                     self._is_over.wait(0.1)
                     return
@@ -181,9 +181,9 @@ def pass_on(
     wait_for(driver, "none")
     assert all(each.is_reserved for each in commanding(driver))
     time.sleep(0.4)
-    still = [driver.state.arms[arm].sent for arm in ARMS]
+    still = sent(driver)
     time.sleep(0.4)
-    assert [driver.state.arms[arm].sent for arm in ARMS] == still
+    assert sent(driver) == still
     give_back()
     wait_for(driver, "stream")
 
@@ -224,8 +224,8 @@ def test_no_take_over_steps_whether_policy_and_person_come_over_ros_page_or_pyth
     assert kinds["CommanderChanged"] >= 2 * 2 * times
     worst = np.zeros(3)
     for topic in ("r/cycle", "l/cycle"):
-        for sent in unbroken([value for name, _, value in values if name == topic]):
-            worst = np.maximum(worst, shares(sent))
+        for part in unbroken([value for name, _, value in values if name == topic]):
+            worst = np.maximum(worst, shares(part))
     tell(f"{times} take-overs of both arms over ROS, page and Python: shares of the limits {worst}")
     assert worst.max() <= WITHIN
 

@@ -82,11 +82,19 @@ def wait_for(driver: RunningDriver, who: str, *, act: Callable[[], object] = lam
         act()
 
 
-def sent(driver: RunningDriver) -> list[Joints | None]:
-    return [driver.state.arms[arm].sent for arm in ARMS]
+def sent(driver: RunningDriver) -> list[Joints]:
+    """Where both arms are sent; nothing is known while a busy machine has had no time for their datagrams."""
+    end = time.monotonic() + 2.0
+    while True:
+        positions = [driver.state.arms[arm].sent for arm in ARMS]
+        known = [each for each in positions if each is not None]
+        if len(known) == len(positions):
+            return known
+        assert time.monotonic() < end, driver.state.arms
+        time.sleep(0.004)
 
 
-def at_rest(driver: RunningDriver) -> list[Joints | None]:
+def at_rest(driver: RunningDriver) -> list[Joints]:
     """What both arms are sent, once it is the same for a while; how soon: ``test_teleoperation_measured``."""
     end, seen = time.monotonic() + 2.0, [sent(driver)]
     while len(seen) < 11 or any(each != seen[-1] for each in seen[-11:]):
