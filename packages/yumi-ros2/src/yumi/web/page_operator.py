@@ -54,7 +54,10 @@ PLANNED_SPEED_SCALE = 0.5
 _PLANNING_TIMEOUT = 20.0  # [s] for one plan
 
 OLDEST_SEEN = 0.8
-"""A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
+"""A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once.
+
+More than for frames of a device: the age of these is read from two clocks, which takes messages before. The first jog
+of a page has none before it, only the newest state, which a page that draws in software shows late."""
 
 STALE = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""
