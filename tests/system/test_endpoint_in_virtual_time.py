@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from math import nan
 from pathlib import Path
-from threading import Event, RLock
+from threading import Event
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -48,7 +48,6 @@ class Driver(System):
     """The driver in memory, with its endpoint; time goes by where its robot manager waits, and in :meth:`run`."""
 
     def __init__(self, *, are_calibrated: bool) -> None:
-        self._time = RLock()
         self._motions = MotionRegistry(is_script=False)
         super().__init__(are_calibrated=are_calibrated)
         self.speeds = {side: MemoryBuffer() for side in Side}
@@ -98,7 +97,7 @@ class Driver(System):
         return self.control.snapshot(side)
 
     def call(self, command: Callable[..., Any], /, *args: Any, **options: Any) -> Any:
-        with self._time:
+        with self.http.lock:
             return self.control.call(command, *args, **options)
 
     def run(self, *arguments: str) -> tuple[int, str, str]:
@@ -122,12 +121,11 @@ class Driver(System):
         return errors
 
     def _cycle(self) -> None:
-        with self._time:
-            known = {side: len(arm.events) for side, arm in self.arms.items()}
-            super()._cycle()
-            for side, arm in self.arms.items():
-                for event in arm.events[known[side] :]:
-                    self._motions.note(event)
+        known = {side: len(arm.events) for side, arm in self.arms.items()}
+        super()._cycle()
+        for side, arm in self.arms.items():
+            for event in arm.events[known[side] :]:
+                self._motions.note(event)
 
 
 def in_shell(code: str, **values: object) -> str:

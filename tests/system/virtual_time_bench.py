@@ -178,7 +178,8 @@ class System(ManualClock):
     def wait(self, seconds: float) -> None:
         """Let the world go on, a cycle at a time."""
         for _ in range(max(1, round(seconds / CYCLE))):
-            self._cycle()
+            with self.http.lock:
+                self._cycle()
 
     def until(self, is_so: Callable[[], bool], timeout: float) -> float:
         """Let the world go on until ``is_so``; returns how long it took [s]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from math import radians
 from pathlib import Path
 
@@ -25,6 +26,22 @@ def test_program_of_six_axes_moves_the_arm_and_ends(virtual_robot: VirtualRobot)
     assert virtual_robot.world.arms[Side.RIGHT].position == pytest.approx(GOAL, abs=1e-3)
     assert virtual_robot.written == [("T_ROB1", "arrived")]
     assert virtual_robot.now() > 0.2  # [s]: the arm has moved no faster than a robot
+
+
+@pytest.mark.virtual_robot(model="irb120", programs={"T_ROB1": [PROGRAM]})
+def test_requests_of_other_threads_are_answered_between_two_cycles(virtual_robot: VirtualRobot) -> None:
+    """Else a request in the middle of an instruction starts RAPID while RAPID runs."""
+    answered: list[bool] = []
+    with ThreadPoolExecutor(1) as other:
+
+        def note(task: str, line: str) -> None:
+            answered.append(other.submit(virtual_robot.rws.lock.acquire, blocking=False).result())
+
+        virtual_robot.world.controller.execution.installed["T_ROB1"].host.show = note
+        virtual_robot.start_rapid(once=True)
+        assert comes_true(virtual_robot, lambda: not virtual_robot.is_running, timeout=10.0)
+        assert answered == [False]  # the program shows one line
+        assert other.submit(virtual_robot.rws.lock.acquire, blocking=False).result()
 
 
 @pytest.mark.virtual_robot(model="irb14050", robot_name="Cell_7")

@@ -61,6 +61,8 @@ class MemoryRws:
 
     Attributes:
         adapter: the controller's end of it.
+        lock: held while the controller answers, to one thread after another; who lets time go by on the controller
+            beside other threads holds it for each cycle, too.
     """
 
     address = "memory"
@@ -70,11 +72,11 @@ class MemoryRws:
         self.adapter = RwsService(controller, user=DEFAULT_USER, password=DEFAULT_PASSWORD, hang_up=self.hang_up)
         self._clock = clock
         self._channels: list[MemoryChannel] = []
-        self._lock = RLock()  # the driver's threads ask side by side, a controller answers one after another
+        self.lock = RLock()
 
     def advance(self) -> None:
         """Send what has changed to the subscribers."""
-        with self._lock:
+        with self.lock:
             self.adapter.advance(self._clock.now())
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
@@ -99,7 +101,7 @@ class MemoryRws:
 
     def handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
         """What the controller makes of a request; None closes the connection."""
-        with self._lock:
+        with self.lock:
             return self.adapter.handle(request, self._clock.now())
 
     def hang_up(self) -> None:

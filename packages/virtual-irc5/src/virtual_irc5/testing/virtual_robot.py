@@ -69,12 +69,13 @@ class VirtualRobot(ManualClock):
     def wait(self, seconds: float) -> None:
         """Let the robot go on for ``seconds``, in whole cycles, at least one."""
         for _ in range(max(1, round(seconds / self.world.cycle_time))):
-            self.advance(self.world.cycle_time)
-            inboxes = {side: end.receive() for side, end in self._robot_ends.items()}
-            for side, datagram, is_foreign in self.world.exchange(inboxes):
-                if not is_foreign:  # memory has one sender only
-                    self._robot_ends[side].send(datagram)
-            self.rws.advance()
+            with self.rws.lock:
+                self.advance(self.world.cycle_time)
+                inboxes = {side: end.receive() for side, end in self._robot_ends.items()}
+                for side, datagram, is_foreign in self.world.exchange(inboxes):
+                    if not is_foreign:  # memory has one sender only
+                        self._robot_ends[side].send(datagram)
+                self.rws.advance()
 
     def client(self) -> RwsClient:
         """A client of its Robot Web Services, to be used in a ``with`` block."""
