@@ -45,6 +45,8 @@ check:
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
 	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/uv.py setup/installation.py setup/release.py setup/check_changes.py interfaces/build.py packages/yumi-ros2/wheel_hook.py
+	.venv/bin/mypy packages/abb-view/wheel_hook.py
+	.venv/bin/python -m abb_view.page_build check
 	.venv/bin/python -m yumi.web.page_build check
 	.venv/bin/lint-imports
 	.venv/bin/codespell
@@ -66,6 +68,7 @@ pages:
 # What runs in virtual time, on two processes; then the driver with what belongs to it: whether all of it works together.
 parts-of-tests:
 	@$(SETUP) $(PARTS_OF_TESTS)
+	@.venv/bin/python -m abb_view.page_build
 	@.venv/bin/python -m yumi.web.page_build
 
 test: parts-of-tests check

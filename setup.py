@@ -9,7 +9,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 SOURCES = [
-    f"packages/{name}/src" for name in ("abb-protocols", "abb-runtime", "virtual-irc5", "yumi-ros2", "yumi-evaluation")
+    f"packages/{name}/src"
+    for name in ("abb-protocols", "abb-runtime", "abb-view", "virtual-irc5", "yumi-ros2", "yumi-evaluation")
 ]
 VERSION = re.search(
     r'^__version__ = "(.*)"$', Path("packages/yumi-ros2/src/yumi/__init__.py").read_text(), re.MULTILINE
@@ -40,7 +41,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/yumi_ros2"]),
         ("share/yumi_ros2", ["package.xml"]),
-        ("share/yumi_ros2/meshes", sorted(map(str, Path("packages/yumi-ros2/src/yumi/meshes").glob("*.stl")))),
+        ("share/yumi_ros2/meshes", sorted(map(str, Path("packages/abb-view/src/abb_view/meshes").glob("*.stl")))),
         ("share/yumi_ros2/launch", ["launch/yumi.launch.py"]),
     ],
 )

@@ -1,4 +1,4 @@
-"""Make the meshes of the robot that are shown: packages/yumi-ros2/src/yumi/meshes/*.stl.
+"""Make the meshes of the robot that are shown: packages/abb-view/src/abb_view/meshes/*.stl.
 
 Our own shapes, not ABB's: each link is a distance field, the smooth union of the capsules that collide
 (robot/description.py), with a gap at each joint and a dark ring in it. The body is the smooth union of those boxes,
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Field = Callable[[Array], Array]
 """Distances of points (n, 3) from a surface [m], negative inside."""
 
-FOLDER = Path(__file__).parents[1] / "packages/yumi-ros2/src/yumi/meshes"
+FOLDER = Path(__file__).parents[1] / "packages/abb-view/src/abb_view/meshes"
 INSET = 0.004  # [m] of solids behind the shapes that collide
 BLEND = 4.0 * INSET  # [m] within which two of them flow into each other: by a quarter of it they bulge out
 EDGE = 0.014  # [m] within which an edge that was cut is rounded

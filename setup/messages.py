@@ -6,13 +6,14 @@ import sys
 from string import Formatter
 
 import abb_runtime
+import abb_view
 import virtual_irc5
 import yumi
 import yumi_evaluation
 from abb_protocols.catalogue import subjects
 from abb_protocols.catalogue.actions import ACTIONS
 
-PACKAGES = (abb_runtime, virtual_irc5, yumi, yumi_evaluation)
+PACKAGES = (abb_runtime, abb_view, virtual_irc5, yumi, yumi_evaluation)
 """Each gives the catalogue its texts when it is imported."""
 
 _HEAD = """\

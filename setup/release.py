@@ -28,7 +28,7 @@ SOURCE = "packages/yumi-ros2/src/yumi/__init__.py"
 _VERSION = re.compile(r'^__version__ = "(.+)"$', re.MULTILINE)
 _OF_MODULE = re.compile(r'(?<=^__version__ = ").+(?="$)', re.MULTILINE)
 _NUMBERS = re.compile(r"(\d+)\.(\d+)\.(\d+)")
-PACKAGES = ("abb-protocols", "abb-runtime", "virtual-irc5", "yumi-ros2", "yumi-evaluation")
+PACKAGES = ("abb-protocols", "abb-runtime", "abb-view", "virtual-irc5", "yumi-ros2", "yumi-evaluation")
 """The distributions: what each needs comes before it."""
 
 _NEEDED = re.compile(r"(?<=~=)[\d.]+")

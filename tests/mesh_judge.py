@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-import yumi
 from abb_protocols.robot.joints import Joints, Side, joint_names
 from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.urdf import robot_description
+from abb_view.robot_model import MESH_FOLDER
 from yumi.core.collision import Obstacle
 from yumi.planning.scene_description import disabled_pairs
 
@@ -31,8 +30,7 @@ class MeshJudge:
     def __init__(self, obstacles: Sequence[Obstacle] = ()) -> None:
         self._pin = pin = pytest.importorskip("pinocchio", reason="pip install yumi-ros2[planning]")
         coal = pytest.importorskip("coal")
-        meshes = Path(next(iter(yumi.__path__))) / "meshes"
-        urdf = robot_description(meshes=f"file://{meshes}")
+        urdf = robot_description(meshes=f"file://{MESH_FOLDER}")
         self._model = pin.buildModelFromXML(urdf)
         shapes = pin.buildGeomFromUrdfString(self._model, urdf, pin.GeometryType.VISUAL)
         links = [self._model.frames[shape.parentFrame].name for shape in shapes.geometryObjects]

@@ -23,8 +23,9 @@ from playwright.sync_api import Error as PlaywrightError
 from playwright.sync_api import sync_playwright
 
 from abb_runtime.process.command_process import CommandProcess
+from abb_view.page_build import run_script
 from yumi.api.attach import attach
-from yumi.web.page_build import run_script
+from yumi.web.page_build import ROBOT_PAGE
 
 CONFIG = """
 collision:
@@ -185,7 +186,7 @@ def teleoperation(opened: Callable[..., Any], save: Callable[[Any, str], None]) 
         page.click("#take")
         teleoperate(Film(page), save)
         page.close()
-        page = opened(EYE, script=run_script("person"))
+        page = opened(EYE, script=run_script(ROBOT_PAGE, "person"))
         wear_headset(page, save)
         page.close()
         driver.give_back()  # the arms are reserved for the person who has teleoperated them

@@ -25,6 +25,7 @@ IN_AMENT_INDEX = {
     "resource/yumi": "lib/yumi_ros2/yumi",
     "package.xml": "share/yumi_ros2/package.xml",
     "launch": "share/yumi_ros2/launch",
+    "packages/abb-view/src/abb_view/meshes": "share/yumi_ros2/meshes",
 }
 """Of the clone, and where `ros2 pkg`, `ros2 run` and `ros2 launch` look in the environment; setup.py for colcon."""
 
@@ -46,16 +47,18 @@ class CompiledHook(BuildHookInterface[BuilderConfig]):
             build_data["shared_data"][str(clone / name)] = place
         if version != "standard":
             return
-        sys.path[:0] = [str(each) for each in (root / "src", root.parent / "abb-protocols" / "src") if each.exists()]
+        others = [root.parent / name / "src" for name in ("abb-protocols", "abb-view")]
+        sys.path[:0] = [str(each) for each in (root / "src", *others) if each.exists()]
+        from abb_view.page_build import built  # noqa: PLC0415
         from yumi.core import library as core  # noqa: PLC0415 - those of the sources the wheel is made of
-        from yumi.web import page_build  # noqa: PLC0415
+        from yumi.web.page_build import ROBOT_PAGE  # noqa: PLC0415
 
         build_data["force_include"][str(clone / "config")] = "yumi/config"  # where yumi.driver.settings looks first
         library = root / "build" / "core" / "wheel.so"
         core.compile_to(library, core.PORTABLE)
         build_data["force_include"][str(library)] = core.PACKAGED.relative_to(root / "src").as_posix()
-        page = page_build.PACKAGED.relative_to(root / "src")
-        build_data["force_include"][str(page_build.built(self.app.display_info))] = page.as_posix()
+        page = ROBOT_PAGE.packaged.relative_to(root / "src").as_posix()
+        build_data["force_include"][str(built(ROBOT_PAGE, self.app.display_info))] = page
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{platform}"

@@ -121,7 +121,7 @@ class Pages:
         is_forwarded = bool(self._random.uniform() < 0.2)  # by a proxy on this machine, or on any other
         is_local = remote == "127.0.0.1" and not is_forwarded
         page = self._view._page(cast("Any", None), remote, key, is_forwarded=is_forwarded, is_encrypted=is_encrypted)
-        self._view._pages.add(page)
+        self._view.pages.add(page)
         self._open[page] = is_local or (is_encrypted and key in self._keys)
         self.done["paired"] += self._open[page] and not is_local
 
@@ -129,7 +129,7 @@ class Pages:
         """What a page hears of a message."""
         page._messages.clear()
         page._report = b""
-        await self._view._take(page, msgspec.json.encode(message).decode())
+        await self._view.take(page, msgspec.json.encode(message).decode())
         await asyncio.gather(*self._view._tasks)
         said = [*page._messages, *([page._report] if page._report else [])]
         return [msgspec.json.decode(each) for each in said]
@@ -187,7 +187,7 @@ class Pages:
         assert holder is None or holder[0] is not page
 
     async def _close(self, page: Any) -> None:
-        self._view._pages.discard(page)
+        self._view.pages.discard(page)
         del self._open[page]
         await self._view._release(page, None)
 

@@ -10,13 +10,14 @@ import random
 from string import Formatter, ascii_lowercase
 
 import abb_runtime
+import abb_view
 import virtual_irc5
 import yumi
 import yumi_evaluation
 from abb_protocols import catalogue
 from abb_protocols.catalogue.text import Text
 
-PACKAGES = (abb_runtime, virtual_irc5, yumi, yumi_evaluation)
+PACKAGES = (abb_runtime, abb_view, virtual_irc5, yumi, yumi_evaluation)
 """Each gives the catalogue its texts when it is imported."""
 
 

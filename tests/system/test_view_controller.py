@@ -17,7 +17,7 @@ from browser import browser
 from system.test_doctor import served, world
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system
 from yumi.driver.settings import RobotSettings
-from yumi.web.controller_view import open_controller
+from yumi.web.view_only import open_controller
 
 SOON = 60_000  # [ms]
 PROGRAM = """MODULE Cell

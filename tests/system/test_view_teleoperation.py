@@ -17,13 +17,14 @@ from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import Pose, Side
 from abb_protocols.robot.kinematics import distance_between, tool0_to_body
 from abb_runtime.process.command_process import CommandProcess
+from abb_view.page_build import run_script
 from browser import browser
 from soak import long, short, tell
 from system.test_teleoperation_measured import ROOM, first_motion, recorded_driver, standstill
 from yumi.api.attach import RunningDriver
 from yumi.driver.teleoperated_arm import LINK_LOST
 from yumi.recording.reader import recorded_messages
-from yumi.web.page_build import run_script
+from yumi.web.page_build import ROBOT_PAGE
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(240)]
 SOON = 20.0  # [s]
@@ -41,7 +42,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def emulated_headset() -> str:
-    return run_script("person")
+    return run_script(ROBOT_PAGE, "person")
 
 
 @contextmanager

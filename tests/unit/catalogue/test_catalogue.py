@@ -54,7 +54,12 @@ def _called_with_a_code() -> Iterator[tuple[str, str, set[str] | None]]:
                         yield where, code.value, None if None in names else {name for name in names if name}
 
 
-BELOW = {"abb_protocols": (), "abb_runtime": ("abb_protocols",), "virtual_irc5": ("abb_protocols", "abb_runtime")}
+BELOW = {
+    "abb_protocols": (),
+    "abb_runtime": ("abb_protocols",),
+    "abb_view": ("abb_protocols", "abb_runtime"),
+    "virtual_irc5": ("abb_protocols", "abb_runtime"),
+}
 """The packages on which others are built, each with those below it."""
 
 

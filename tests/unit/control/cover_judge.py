@@ -7,25 +7,23 @@ description, which other tests check against other libraries.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import fcl
 import numpy as np
 
-import yumi
 from abb_protocols.robot.description import FINGER_ORIGINS, JOINT_ORIGINS, joint_1_origin
 from abb_protocols.robot.joints import Joints, Pose, Side
 from abb_protocols.robot.kinematics import matrix, quaternion_from_euler_zyx, tool0_to_body
+from abb_view.robot_model import MESH_FOLDER
 from yumi.core.collision import Obstacle
 
-_MESHES = Path(str(yumi.__file__)).parent / "meshes"
 _LINKS = 7
 
 
 def triangles(name: str) -> np.ndarray:
     """Of a binary STL file in metres, (n, 3, 3)."""
-    content = (_MESHES / f"{name}.stl").read_bytes()[84:]
+    content = (MESH_FOLDER / f"{name}.stl").read_bytes()[84:]
     layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
     records = np.frombuffer(content, dtype=layout)
     return records["corners"].astype(np.float64)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-import yumi
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.description import (
     BODY_SHAPES,
@@ -28,6 +26,7 @@ from abb_protocols.robot.description import (
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
 from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_from_euler_zyx, tool0_to_body
+from abb_view.robot_model import MESH_FOLDER
 from refusals import refused
 from yumi.control.collisions import BODY_MARGIN
 from yumi.core.collision import PADDING, Array, CollisionModel, CollisionPart, Obstacle, gripper_parts, link_parts
@@ -294,7 +293,7 @@ def outside(points: Array, boxes: tuple[Box, ...]) -> Array:
 
 def cover(name: str) -> Array:
     """Points of a mesh that is shown, between the corners of each triangle, too [m], (n, 3)."""
-    content = (Path(next(iter(yumi.__path__))) / "meshes" / f"{name}.stl").read_bytes()[84:]
+    content = (MESH_FOLDER / f"{name}.stl").read_bytes()[84:]
     layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
     corners = np.frombuffer(content, dtype=layout)["corners"].astype(float)
     shares = [(i / 4.0, j / 4.0, (4 - i - j) / 4.0) for i in range(5) for j in range(5) if i + j <= 4]

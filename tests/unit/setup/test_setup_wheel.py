@@ -19,6 +19,7 @@ from packaging.utils import canonicalize_name
 from wheel_hook import RECORD
 
 import yumi
+from abb_view.robot_model import MESH_FOLDER
 from yumi.core import library
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -130,16 +131,21 @@ def test_installation_has_every_file_of_the_package(
 ) -> None:
     files = files_of(package)
     page = {path for path in files if path.is_relative_to("yumi/web/page")}
-    if request.node.callspec.params["installed"] == "wheel":  # colcon's is built when it is first needed
-        built = {"index.html", "style.css", "app.js", "LICENSE-three"} if page else set()
-        files = files - page | {Path("yumi/web/static") / name for name in built}
-        assert not (installed / "yumi" / "web" / "page").exists()
+    if request.node.callspec.params["installed"] == "wheel":  # colcon's are built when they are first needed
+        built = {"index.html", "shell.css", "app.js", "LICENSE-three"}
+        if page:
+            files = files - page | {Path("yumi/web/static") / name for name in built | {"style.css"}}
+            assert not (installed / "yumi" / "web" / "page").exists()
+        elif package == "abb-view":  # with its sources, on which other pages are built
+            files |= {Path("abb_view/static") / name for name in built}
     assert files
     assert [str(path) for path in sorted(files) if not (installed / path).is_file()] == []
 
 
 def test_packages_have_files_that_are_no_modules() -> None:
     assert Path("yumi/web/page/src/main.ts") in files_of("yumi-ros2")
+    shell = {Path("abb_view") / name for name in ("page/src/scene.ts", "page/package-lock.json", "meshes/base.stl")}
+    assert shell < files_of("abb-view")
     virtual = {Path("virtual_irc5/rapid/grammar.lark"), Path("virtual_irc5/controller/stock/EIO.cfg")}
     assert virtual < files_of("virtual-irc5")
     modules = {Path("abb_protocols/controller_files") / name for name in ("TRobSG.mod", "TRobSystem.sys")}
@@ -166,7 +172,7 @@ IN_AMENT_INDEX = {
 def test_wheel_brings_what_the_tools_of_ros_look_for(wheel: Path) -> None:
     with ZipFile(wheel) as archive:
         data = {name.removeprefix(DATA): archive.getinfo(name) for name in archive.namelist() if name.startswith(DATA)}
-    meshes = {f"share/yumi_ros2/meshes/{file.name}" for file in (ROOT / "packages/yumi-ros2/src/yumi/meshes").iterdir()}
+    meshes = {f"share/yumi_ros2/meshes/{file.name}" for file in MESH_FOLDER.iterdir()}
     assert set(data) == IN_AMENT_INDEX | meshes
     assert data["lib/yumi_ros2/yumi"].external_attr >> 16 & 0o111  # pip keeps that it can be executed
 

@@ -23,6 +23,7 @@ from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import posture_near, wrist_of, wrist_target
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
 from abb_protocols.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, tool0_to_body
+from abb_view.page_server import MAX_PAGES
 from fake_driver import BOX, FakeDriver
 from refusals import refused
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
@@ -42,7 +43,7 @@ from yumi.web import distances, live, page_operator, view_server
 from yumi.web.distances import Distances
 from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog
 from yumi.web.page_operator import OLDEST_SEEN, within_joint_speed
-from yumi.web.view_server import MAX_PAGES, ViewServer, ViewSettings
+from yumi.web.view_server import ViewServer, ViewSettings
 
 SOON = 10.0
 RECORDING = {"name": "x.mcap", "date": "2026-11-24 14:03", "arms": {}}

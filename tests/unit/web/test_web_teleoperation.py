@@ -14,6 +14,7 @@ import pytest
 
 from abb_protocols.robot.joints import Side
 from abb_runtime.process.certificate import installation_certificate
+from abb_view.page_server import FORWARDED
 from fake_driver import FakeDriver
 from unit.web.test_web_server import SOON, SPEEDS, Page, Site, eventually, on_page, run
 from yumi.api.arm_access import CARTESIAN_CONTROLLER
@@ -312,7 +313,7 @@ def test_codes_cannot_be_tried_one_after_another(driver: FakeDriver, elsewhere: 
     elsewhere.run(story)
 
 
-@pytest.mark.parametrize("header", view_server.FORWARDED)
+@pytest.mark.parametrize("header", FORWARDED)
 def test_page_behind_a_proxy_of_this_machine_is_one_of_another_machine(driver: FakeDriver, header: str) -> None:
     async def story(site: Site) -> None:
         async with site.page(**{header: "192.168.1.30"}) as page:

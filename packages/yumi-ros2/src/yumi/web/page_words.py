@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 
-from abb_protocols.catalogue import Message, message, said_by, sentence
+from abb_protocols.catalogue import Message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_protocols.errors import YumiError
+from abb_view import page_server
 
-log = logging.getLogger(__name__)
+PROGRAM = "yumi view"
+"""The command that serves the page."""
 
 
 def said_of(error: Exception) -> Message:
-    """What an exception says; what is no refusal is a fault of ours, which the log shows whole."""
-    if isinstance(error, YumiError):
-        return error.said
-    log.error("What a page has asked for failed with %s: %s", type(error).__name__, error, exc_info=error)
-    return message("view_failed", kind=type(error).__name__, why=said_by(error))
+    """As :func:`abb_view.page_server.said_of`."""
+    return page_server.said_of(error, PROGRAM)
 
 
 def words_for_page(said: Message, *, is_virtual: bool) -> Mapping[str, object]:

@@ -2,51 +2,44 @@
 
 import type { Connection } from "./connection";
 import { readable } from "./band";
-import { at, choice, input, make, numberOf, press, text } from "./dom";
-import { seenFrom } from "./frames";
+import { at, choice, input, make, numberOf, press, text } from "abb-view/dom";
+import { seenFrom } from "abb-view/frames";
 import type { Jogging } from "./jogging";
 import type { GripperState, Vector } from "./messages";
-import { DEGREES, fixed, millimetres } from "./numbers";
+import { JointTable, type JointRow } from "abb-view/joint_table";
+import { coordinates, DEGREES, fixed, millimetres } from "abb-view/numbers";
 import type { Picture } from "./picture";
 import { frameOf, jointsOf, type Page, type Store } from "./store";
-import { toast } from "./toast";
+import { toast } from "abb-view/toast";
 
-const NEAR = 0.09; // [rad] a joint that is nearer to an end of its range is marked
-
+/** What stands beside a row of the table of joints. */
 interface Row {
-  marker: HTMLElement;
   goal: HTMLElement;
-  value: HTMLElement;
   error: HTMLElement;
   short: HTMLElement;
 }
 
 export class ArmPanel {
+  private readonly joints: JointTable;
   private readonly rows: Row[];
 
   constructor(private readonly store: Store, private readonly connection: Connection, jogging: Jogging, private readonly picture: Picture) {
-    const { arms } = store.page.model;
-    const longest = Object.values(arms).map(({ axes }) => axes).reduce((one, other) => (other.length > one.length ? other : one));
-    this.rows = longest.map((axis, index) => this.addRow(axis, index, jogging));
+    this.joints = new JointTable(store.page.model);
+    this.rows = this.joints.rows.map((row, index) => this.extendRow(row, index, jogging));
     press("activate", (pressed) => this.activate(pressed));
     this.bindGripper();
     store.show((page) => this.show(page));
   }
 
-  private addRow(axis: number, index: number, jogging: Jogging): Row {
-    const { lower, upper } = this.store.page.model.limits;
-    const [marker, goal] = [make("i", { className: "now", hidden: true }), make("i", { className: "goal", hidden: true })];
-    const [value, error] = [make("td", { className: "number" }), make("td", { className: "number error" })];
-    for (const each of [value, error]) text(each, "–"); // until a state comes
-    const title = lower.length ? `${(lower[index]! * DEGREES).toFixed(1)}° to ${(upper[index]! * DEGREES).toFixed(1)}°` : "";
-    const bar = make("div", { className: "bar", title }, goal, marker);
-    at("joints").append(
-      make("tr", {}, make("th", { scope: "row", textContent: String(axis) }), value, make("td", { className: "bar-cell" }, bar), error,
-        make("td", { className: "jog-cell" }, ...jogging.jointButtons(index, axis))),
-    );
+  private extendRow({ axis, row, bar }: JointRow, index: number, jogging: Jogging): Row {
+    const goal = make("i", { className: "goal", hidden: true });
+    const error = make("td", { className: "number error" });
+    text(error, "–"); // until a state comes
+    bar.prepend(goal);
+    row.append(error, make("td", { className: "jog-cell" }, ...jogging.jointButtons(index, axis)));
     const short = make("b");
     at("joint-line").append(make("span", {}, `${axis}`, short));
-    return { marker, goal, value, error, short };
+    return { goal, error, short };
   }
 
   private show(page: Page): void {
@@ -63,20 +56,12 @@ export class ArmPanel {
   private showJoints(page: Page): void {
     const arm = page.state!.arms[page.arm]!;
     const now = jointsOf(page, page.arm);
-    const { lower, upper } = page.model.limits;
-    this.rows.forEach(({ marker, goal, value, error, short }, index) => {
-      const [least, most] = [lower[index] ?? 0, upper[index] ?? 0];
-      const share = (angle: number) => `${Math.min(100, Math.max(0, (100 * (angle - least)) / (most - least)))}%`;
+    this.joints.show(now);
+    this.rows.forEach(({ goal, error, short }, index) => {
       const position = now?.[index];
-      text(value, position === undefined ? "–" : `${fixed(position * DEGREES, 2)}°`);
       text(short, position === undefined ? "–" : `${fixed(position * DEGREES, 1)}°`);
-      marker.hidden = position === undefined || !lower.length;
-      if (position !== undefined) {
-        marker.style.left = share(position);
-        marker.classList.toggle("near", Math.min(position - least, most - position) < NEAR);
-      }
       goal.hidden = !arm.goal;
-      if (arm.goal) goal.style.left = share(arm.goal[index]!);
+      if (arm.goal) goal.style.left = this.joints.share(index, arm.goal[index]!);
       const isRunning = arm.position && arm.sent && page.state!.egm[page.arm] === "running";
       text(error, isRunning ? `${fixed((arm.sent![index]! - arm.position![index]!) * DEGREES, 2)}°` : "–");
     });
@@ -86,20 +71,18 @@ export class ArmPanel {
     const { scene } = this.picture;
     const isMeasured = Boolean(page.state!.arms[page.arm]!.position);
     const isKnown = scene && jointsOf(page, page.arm);
-    const nothing = isMeasured || page.view.controller ? "" : "No positions: EGM does not run on this arm.";
+    const nothing = isMeasured ? "" : "No positions: EGM does not run on this arm.";
     text(at("tool-pose"), isKnown ? this.whereTool(page) : nothing);
   }
 
   private whereTool(page: Page): string {
     const scene = this.picture.scene!;
     const frame = frameOf(page);
-    const coordinates = (point: Vector): string =>
-      (frame ? seenFrom(frame, point) : point).map((value, axis) => `${"xyz"[axis]}\u00a0${millimetres(value)}`).join(", ");
+    const seen = (point: Vector): string => coordinates(frame ? seenFrom(frame, point) : point);
     const where = frame ? ` from the ${page.frame}` : "";
     const source = page.state!.arms[page.arm]!.position ? "" : ", as the controller reports while EGM is off";
-    const { tip } = page.model;
-    const tool0 = tip === "tool0" ? "" : ` (tool0: ${coordinates(scene.flange(page.arm))})`;
-    return `${tip ?? "Fingertips"} ${coordinates(scene.tipFrame(page.arm).position)} mm${where}${tool0}${source}`;
+    const tool0 = ` (tool0: ${seen(scene.flange(page.arm))})`;
+    return `Fingertips ${seen(scene.tipFrame(page.arm).position)} mm${where}${tool0}${source}`;
   }
 
   private activate(pressed: HTMLElement): void {

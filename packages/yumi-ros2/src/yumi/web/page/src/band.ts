@@ -1,16 +1,12 @@
 /** The band at the top: what the robot does and why not, its state in short, and who has control. */
 
-import { at, button, input, make, press, text } from "./dom";
+import { chip, measureBand, panelChips, showVerdict, speedChip } from "abb-view/banner";
+import { at, button, input, press, text } from "abb-view/dom";
 import { armsOf } from "./messages";
 import { permissions } from "./permissions";
 import { HANDLE_GOAL, hasControl, type Page, type Store } from "./store";
 import type { Connection } from "./connection";
 import { remedyButton, verdict } from "./verdict";
-
-const MOTORS: Record<string, string> = {
-  motoron: "on", motoroff: "off", emergencystop: "emergency stop", emergencystopreset: "off after emergency stop",
-  guardstop: "guard stop", sysfail: "system failure", init: "starting",
-};
 
 export function bindBand(store: Store, connection: Connection): void {
   press("take", () => connection.send({ type: hasControl(store.page) ? "give_back" : "take_control" }));
@@ -19,12 +15,10 @@ export function bindBand(store: Store, connection: Connection): void {
     void pair(connection);
   });
   press("remedy-button", () => button(remedyButton(store.page)).click());
-  store.show(showVerdict);
+  store.show(showRemedy);
   store.show(showChips);
   store.show(showControl);
-  // Beside a picture that stays visible on a telephone, the band does, too: it says where the picture begins.
-  const measure = () => document.documentElement.style.setProperty("--band", `${at("banner").offsetHeight}px`);
-  new ResizeObserver(measure).observe(at("banner"));
+  measureBand();
 }
 
 /** Send the code that a person has typed; with the key that comes back this tab operates until it is closed. */
@@ -37,42 +31,19 @@ async function pair(connection: Connection): Promise<void> {
   connection.reconnect();
 }
 
-function showVerdict(page: Page): void {
-  const { level, kind, head, lines } = verdict(page);
-  at("banner").dataset.level = level;
-  text(at("kind"), kind);
-  text(at("verdict"), head);
-  text(at("remedy"), lines.join(" "));
+function showRemedy(page: Page): void {
+  showVerdict(verdict(page));
   const id = remedyButton(page);
   at("remedy-button").hidden = !id;
   if (id) text(at("remedy-button"), button(id).textContent ?? "");
 }
 
-const chips = new Map<string, { box: HTMLElement; value: HTMLElement }>();
-
-function chip(name: string, value: string, level = ""): void {
-  let known = chips.get(name);
-  if (!known) {
-    const shown = make("b");
-    known = { box: make("span", { className: "chip" }, make("em", { textContent: name }), shown), value: shown };
-    at("chips").append(known.box);
-    chips.set(name, known);
-  }
-  text(known.value, value);
-  if (known.box.dataset.level !== level) known.box.dataset.level = level;
-}
-
 function showChips({ view, state, recording }: Page): void {
   at("chips").hidden = !state || Boolean(view.why_no_robot); // what was last seen may not be so any more
   if (!state || view.why_no_robot) return;
-  const known = (name: string, value: string | null, good: string): void => {
-    if (value !== null || !recording) chip(name, value ?? "unknown", value === good ? "good" : "warn"); // a flight record has the cycles alone
-  };
   if (!recording) chip("robot", view.is_virtual ? `${state.robot}, virtual` : state.robot);
-  known("mode", state.operating_mode, "AUTO");
-  known("motors", state.motors === null ? null : (MOTORS[state.motors] ?? state.motors), "on");
-  known("program", state.program, "running");
-  for (const name of view.controller ? [] : armsOf(state)) {
+  panelChips(state, recording !== null); // a flight record has the cycles alone
+  for (const name of armsOf(state)) {
     if (recording && !recording.states.length && !recording.arms[name]!.time.length) continue; // a flight record has one arm
     const leading = state.controllers[name]!.filter((each) => each.commands).map((each) => readable(each.name));
     const isRunning = state.egm[name] === "running";
@@ -80,7 +51,7 @@ function showChips({ view, state, recording }: Page): void {
     chip(`EGM ${name}`, isIdle ? "running, no controller" : isRunning && leading.length ? leading.join(", ") : state.egm[name]!,
       isIdle ? "warn" : isRunning ? "good" : "");
   }
-  chip("speed", `${Math.round(state.speed_scale * 100)} %`, state.speed_scale < 1 ? "warn" : "");
+  speedChip(state.speed_scale);
 }
 
 /** A controller's name as a person reads it. */
@@ -102,7 +73,7 @@ function showControl(page: Page): void {
   at("stop").hidden = isWatched && !view.may_stop; // without a connection it says that nothing was sent
   at("robot-panel").hidden = !has;
   const note = view.control === "elsewhere" ? "Another page has control." : view.why_not_operated || "View only.";
-  text(at("control-note"), has || view.is_recording || view.controller || view.why_no_robot ? "" : note);
+  text(at("control-note"), has || view.is_recording || view.why_no_robot ? "" : note);
   showPermissions(page);
 }
 

@@ -1,6 +1,6 @@
 /** The lines of the driver's log, newest first. */
 
-import { at, make } from "./dom";
+import { at, make } from "abb-view/dom";
 import type { LogEvent } from "./messages";
 import type { Store } from "./store";
 

@@ -1,12 +1,12 @@
 /** Goals of the arms: a pose, joint positions or the handle; they are previewed, planned, or gone to. */
 
 import type { Connection } from "./connection";
-import { at, button, choice, input, make, numberOf, press, text } from "./dom";
+import { at, button, choice, input, make, numberOf, press, text } from "abb-view/dom";
 import { armsOf, type ArmName, type Joints, type Plan } from "./messages";
-import { DEGREES } from "./numbers";
+import { DEGREES } from "abb-view/numbers";
 import type { Picture } from "./picture";
 import { HANDLE_GOAL, JOINT_GOAL, jointsOf, posesOf, type Handle, type Page, type Store } from "./store";
-import { toast } from "./toast";
+import { toast } from "abb-view/toast";
 
 const SHOWN_ON = 0.6; // [s] the end of a plan, before it is shown again
 

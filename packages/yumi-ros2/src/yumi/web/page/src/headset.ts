@@ -2,7 +2,7 @@
 
 import { beyondRest, type Device } from "./devices";
 import { SIDES, type Hands, type Side } from "./messages";
-import type { HandColor, Scene } from "./scene";
+import type { HandColor, Scene } from "abb-view/scene";
 
 const ELBOW_SPEED = 0.5; // [rad/s] of the arm angle, for a thumbstick at its end
 const THUMBSTICK = 2; // its first axis in the layout xr-standard

@@ -1,13 +1,13 @@
 /** Jogging: the arm moves while a button or key is held, or while the handle is dragged. */
 
 import type { Connection } from "./connection";
-import { at, choice, input, make, press, text } from "./dom";
-import { shortened, rotate, unit } from "./frames";
+import { at, choice, input, make, press, text } from "abb-view/dom";
+import { shortened, rotate, unit } from "abb-view/frames";
 import type { Jog, Vector } from "./messages";
 import type { Picture } from "./picture";
 import { permissions } from "./permissions";
 import { frameOf, hasControl, type Handle, type Page, type Store } from "./store";
-import { toast } from "./toast";
+import { toast } from "abb-view/toast";
 
 const MAX_JOINT_SPEED = 0.5; // [rad/s] as the server allows
 const MAX_LINEAR = 0.15; // [m/s]

@@ -4,26 +4,25 @@ import { ArmPanel } from "./arm_panel";
 import { bindBand } from "./band";
 import { Connection } from "./connection";
 import { bindEvents } from "./events";
-import type { Frame } from "./frames";
+import type { Frame } from "abb-view/frames";
 import { goalJoints, Goals } from "./goals";
 import { Jogging } from "./jogging";
 import type { Model, ServerMessage } from "./messages";
 import { Picture } from "./picture";
 import { Player } from "./player";
-import { bindRapid } from "./rapid_panel";
 import { bindRobot } from "./robot_panel";
-import { initialPage, ofController, ofEvents, ofLog, ofLoss, ofState, ofView, Store } from "./store";
+import { initialPage, ofEvents, ofLoss, ofState, ofView, Store } from "./store";
 import { bindStrips } from "./strips";
 import { bindAllTabs } from "./tabs";
 import { Teleoperation } from "./teleoperation";
-import { toast } from "./toast";
-import { VirtualPanel } from "./virtual_panel";
+import { toast } from "abb-view/toast";
+import { bindVirtual } from "./virtual_panel";
 
 async function begin(): Promise<void> {
   const model = (await (await fetch("/model.json")).json()) as Model;
   const workObject = JSON.parse(localStorage.getItem("work object") ?? "null") as Frame | null;
   const store = new Store(initialPage(model, workObject));
-  const connection = new Connection(take, (why) => store.change(ofLoss(store.page, why)));
+  const connection = new Connection(model.program, take, (why) => store.change(ofLoss(store.page, why)));
   const picture = new Picture(store, goalJoints);
   const jogging = new Jogging(store, connection, picture);
   const endJog = (): void => void jogging.end();
@@ -34,11 +33,6 @@ async function begin(): Promise<void> {
     if (message.type === "state") {
       store.change(ofState(store.page, message));
       setTimeout(() => connection.send({ type: "seen" }), 0); // after what is drawn
-    } else if (message.type === "controller") {
-      store.change(ofController(store.page, message));
-      setTimeout(() => connection.send({ type: "seen" }), 0);
-    } else if (message.type === "log") {
-      store.change(ofLog(store.page.log, message.lines));
     } else if (message.type === "events") {
       store.change(ofEvents(store.page.events, message.events));
     } else if (message.type === "view") {
@@ -62,10 +56,9 @@ async function begin(): Promise<void> {
   bindRobot(store, connection, endJog);
   new Goals(store, connection, picture);
   new ArmPanel(store, connection, jogging, picture);
-  new VirtualPanel(store, connection);
+  bindVirtual(store, connection);
   bindStrips(store);
   bindEvents(store);
-  bindRapid(store);
   store.change({});
   await picture.load();
   connection.open();

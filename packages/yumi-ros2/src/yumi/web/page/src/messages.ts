@@ -1,51 +1,8 @@
 /** Messages between server and page, as JSON. SI units; arms and joints by the names of the driver. */
 
-/** right or left of a YuMi; of another robot the name of its mechanical unit. */
-export type ArmName = string;
-export type PerArm<T> = Record<ArmName, T>;
-export const armsOf = ({ arms }: { arms: PerArm<unknown> }): ArmName[] => Object.keys(arms);
-/** A clause as a sentence begins. */
-export const capitalised = (clause: string): string => clause.charAt(0).toUpperCase() + clause.slice(1);
-export type Vector = [number, number, number];
-export type Joints = number[];
+import type { Answer, Box, Failure, Fault, Joints, Model as ShellModel, ArmName, PerArm, PlanPoint, Said, Side, Vector } from "abb-view/messages";
 
-// ---- the robot's description, /model.json
-
-export interface Visual {
-  shape: "mesh" | "box" | "cylinder" | "sphere";
-  mesh: string;
-  xyz: Vector;
-  rpy: Vector;
-  color: Vector;
-  size?: Vector;
-  radius?: number[];
-  length?: number[];
-}
-
-export interface JointModel {
-  name: string;
-  type: "revolute" | "prismatic" | "fixed";
-  parent: string;
-  child: string;
-  axis: Vector;
-  xyz: Vector;
-  rpy: Vector;
-}
-
-export interface ArmModel {
-  joints: string[];
-  axes: number[];
-  fingers: string[];
-  tip: string;
-  tool0: string;
-  poses: Record<string, Joints>;
-}
-
-export interface Camera {
-  position: Vector;
-  target: Vector;
-  floor: number;
-}
+export * from "abb-view/messages";
 
 /** A command of the driver without arguments: its method, and its button. */
 export interface CommandButton {
@@ -54,31 +11,11 @@ export interface CommandButton {
   title: string;
 }
 
-export interface Model {
-  links: Record<string, Visual[]>;
-  joints: JointModel[];
-  arms: PerArm<ArmModel>; // of a robot without a description, an arm has no joints
-  limits: { lower: Joints; upper: Joints; velocity: Joints }; // empty without a description
-  camera?: Camera; // where it is not that of a YuMi
-  tip?: string; // what a person calls the tip, where it is not the fingertips
-  gripper: { travel: number; force: number };
+export interface Model extends ShellModel {
   commands: CommandButton[];
 }
 
 // ---- what the server says
-
-/** A message in the page's words: its code, a sentence, and the first thing that a person can do, by a name of abb_protocols.catalogue. */
-export interface Said {
-  code: string;
-  sentence: string;
-  action: string | null;
-}
-
-/** Why a request failed: the kind of error, and the id of the stop that a person has to confirm, empty where there is none. */
-export interface Failure extends Said {
-  kind: string;
-  stop: string;
-}
 
 /** A line of the driver's log: its number from 1, UNIX time [s], level (info, warning, error), and what it says. */
 export interface LogEvent extends Said {
@@ -145,60 +82,6 @@ export interface Distance extends Limited {
   end: Vector;
 }
 
-export interface Box {
-  name: string;
-  pose: { position: Vector; orientation: [number, number, number, number] };
-  size: Vector;
-}
-
-export interface Fault {
-  name: string;
-  meaning: string;
-  has_side: boolean;
-  has_duration: boolean;
-  default_duration: number | null;
-  unit: string;
-  default: number | null;
-}
-
-// ---- a controller without a driver
-
-/** What does not change of it: its address, ABB's name of the robot or nothing, its robots' units, and whether it is drawn. */
-export interface ControllerKind {
-  address: string;
-  robot: string;
-  units: string[];
-  is_drawn: boolean;
-}
-
-/** Where a program pointer stands, with the lines around it, the first of which has a number, too. */
-export interface Pointer {
-  module: string;
-  routine: string;
-  line: number;
-  first_line: number;
-  text: string[];
-}
-
-export interface RapidTask {
-  name: string;
-  execution: string;
-  is_active: boolean;
-  is_motion_task: boolean;
-  pointer: Pointer | null;
-}
-
-/** A line of the event log, or one that a program wrote to the FlexPendant. */
-export interface LogLine {
-  source: "event log" | "TPWrite";
-  text: string;
-  level: string;
-  clock: string; // empty where it is not known
-  task: string; // that wrote it; empty in the event log
-  code: number; // ABB's number of the event; 0 of TPWrite
-  detail: string;
-}
-
 // ---- from the server
 
 export interface StateMessage {
@@ -232,23 +115,9 @@ export interface TeleoperatedMessage {
   error: Failure | null;
 }
 
-export interface ControllerMessage {
-  type: "controller";
-  time: number;
-  operating_mode: string | null;
-  motors: string | null;
-  program: string | null;
-  speed_ratio: number | null; // [%]
-  arms: PerArm<Joints | null>;
-  tasks: RapidTask[];
-  missing: string[];
-}
-
 export interface ViewMessage {
   type: "view";
   is_recording: boolean;
-  controller: ControllerKind | null; // where no driver can run for it
-  log: LogLine[]; // of the controller, oldest first
   why_no_robot: string;
   is_virtual: boolean;
   why_not_operated: string;
@@ -263,16 +132,12 @@ export interface ViewMessage {
 export type ServerMessage =
   | StateMessage
   | ViewMessage
-  | ControllerMessage
   | TeleoperatedMessage
   | { type: "events"; events: LogEvent[] }
-  | { type: "log"; lines: LogLine[] }
   | { type: "refused"; sentence: string }
   | { type: "jog_refused"; hold: number; error: Failure }
-  | { type: "step"; id: number; step: string }
   | { type: "motions"; id: number }
-  | { type: "done"; id: number; result: unknown }
-  | { type: "failed"; id: number; error: Failure };
+  | Answer;
 
 // ---- to the server
 
@@ -289,12 +154,8 @@ export interface Hand {
   elbow?: number; // [rad] beside a pose, [rad/s] beside a twist
 }
 
-export const SIDES = ["right", "left"] as const;
-export type Side = (typeof SIDES)[number];
 /** Of each arm; an arm that is left out is not seen by the device. */
 export type Hands = Partial<Record<Side, Hand>>;
-
-export type PageMessage = { type: string; [field: string]: unknown };
 
 /** A plan as the server answers it: of each arm its times [s] and joint positions [rad]. */
 export interface Plan {
@@ -304,8 +165,6 @@ export interface Plan {
   clearance: number;
   arms: PerArm<PlanPoint[]>; // of those that move
 }
-
-export type PlanPoint = [time: number, position: Joints];
 
 // ---- a recording, /recording.json
 

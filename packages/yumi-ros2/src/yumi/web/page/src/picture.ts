@@ -1,46 +1,33 @@
 /** The picture: what the scene draws of the page's state, with the labels on it. */
 
-import { at, input, press, text } from "./dom";
+import { at, text } from "abb-view/dom";
 import { armsOf, type ArmName, type Joints } from "./messages";
-import { difference } from "./numbers";
-import { Scene, type HandleMode } from "./scene";
+import { difference } from "abb-view/numbers";
+import type { HandleMode, Scene } from "abb-view/scene";
+import { Stage } from "abb-view/stage";
 import { HANDLE_GOAL, hasControl, jointsOf, type Page, type Store } from "./store";
 import { pointOf } from "./plan";
 
 const AWAY = 0.03; // [rad] a goal that is further away is shown as a ghost
 
-export class Picture {
-  scene: Scene | null = null; // null without WebGL
+export class Picture extends Stage {
   onDrag: (isDragged: boolean) => void = () => undefined;
   private shown: Partial<Page> = {}; // of what is not drawn anew with each state
 
   /** @param goalOf where an arm's goal that is previewed is [rad]; null where that is not known. */
-  constructor(private readonly store: Store, private readonly goalOf: (page: Page, name: ArmName) => Joints | null) {
+  constructor(store: Store, private readonly goalOf: (page: Page, name: ArmName) => Joints | null) {
+    super(store.page.model);
     store.show((page) => this.show(page));
   }
 
-  async load(): Promise<void> {
-    try {
-      const scene = new Scene(at<HTMLCanvasElement>("scene"), this.store.page.model);
-      await scene.load();
-      scene.onDrag = (isDragged) => this.onDrag(isDragged);
-      this.scene = scene;
-      for (const name of armsOf(this.store.page.model)) scene.showArm(name, this.homeOf(this.store.page, name), null, false); // until a state comes
-    } catch (error) {
-      console.error(error);
-      at("no-webgl").hidden = false;
-    }
-    for (const what of ["trace", "frame"] as const) {
-      const box = input(`show-${what}`);
-      box.addEventListener("change", () => this.scene?.setShown(what, box.checked));
-    }
-    press("reset-view", () => this.scene?.resetCamera());
-    press("clear-trace", () => this.scene?.clearTraces());
+  override async load(): Promise<void> {
+    await super.load();
+    if (this.scene) this.scene.onDrag = (isDragged) => this.onDrag(isDragged);
   }
 
   private show(page: Page): void {
     this.showNearest(page);
-    this.showUnmeasured(page);
+    this.showUnmeasured(page.state ? armsOf(page.model).filter((name) => !jointsOf(page, name)) : []);
     const { scene } = this;
     if (!scene) return;
     const before = this.shown;
@@ -59,14 +46,9 @@ export class Picture {
 
   private showArm(scene: Scene, page: Page, name: ArmName): void {
     const gripper = page.state?.grippers[name] ?? null;
-    const position = jointsOf(page, name) ?? (scene.isPlaced(name) ? null : this.homeOf(page, name));
-    scene.showArm(name, position, gripper ? gripper.width / 2 : null, Boolean(gripper?.is_holding));
+    scene.showArm(name, this.drawnAt(name, jointsOf(page, name)), gripper ? gripper.width / 2 : null, Boolean(gripper?.is_holding));
     scene.showGhost(name, this.ghostOf(page, name));
     if (page.state?.arms[name]?.position && !page.recording) scene.addTrace(name);
-  }
-
-  private homeOf({ model }: Page, name: ArmName): Joints | null {
-    return model.arms[name]!.poses.home ?? null;
   }
 
   /** The plan or goal that is previewed, or the goal of the active controller where it is not where the arm is. */
@@ -104,15 +86,6 @@ export class Picture {
     const within = (value: number, most: number) => Math.min(Math.max(value, 8), most);
     label.style.left = `${within(place[0] + 10, clientWidth - label.offsetWidth - 8)}px`;
     label.style.top = `${within(place[1] - 28, clientHeight - 60)}px`;
-  }
-
-  private showUnmeasured(page: Page): void {
-    const unmeasured = page.state ? armsOf(page.model).filter((name) => !jointsOf(page, name)) : [];
-    at("not-measured").hidden = !unmeasured.length;
-    const known = unmeasured.length > 1
-      ? "The positions of both arms are not known: they are"
-      : `The position of the ${unmeasured[0]} arm is not known: it is`;
-    if (unmeasured.length) text(at("not-measured"), `${known} drawn where last seen, or at home.`);
   }
 
   /** The pose of the handle as a goal; null where it is no goal. */

@@ -1,7 +1,7 @@
 /** A plan: where the planned arm is at a time. */
 
 import type { Joints, PlanPoint } from "./messages";
-import { indexAt } from "./numbers";
+import { indexAt } from "abb-view/numbers";
 
 /** Between two points of the plan [rad]. */
 export function pointOf(points: readonly PlanPoint[], time: number): Joints {

@@ -1,7 +1,7 @@
 /** The player of a recording: the slider moves through its time, its events are marks and buttons that go there. */
 
-import { withToken } from "./connection";
-import { at, input, make, press, text } from "./dom";
+import { withToken } from "abb-view/connection";
+import { at, input, make, press, text } from "abb-view/dom";
 import type { Recording } from "./messages";
 import { ofTime, recordedArmName } from "./recording";
 import type { Page, Store } from "./store";

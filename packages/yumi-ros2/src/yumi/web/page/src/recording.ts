@@ -1,7 +1,7 @@
 /** A recording as the page shows it: what the driver would have reported at a time of it. */
 
 import { armsOf, type ArmName, type ArmState, type DriverState, type GripperState, type PerArm, type Recording, type Said } from "./messages";
-import { indexAt } from "./numbers";
+import { indexAt } from "abb-view/numbers";
 import type { Page } from "./store";
 
 const LIVES = 1; // [s] an arm without a cycle for so long ran no EGM

@@ -1,7 +1,7 @@
 /** The panel of the whole robot: stop, start, recover, calibrate, speed; and the dialog that confirms a stop. */
 
-import { at, button, input, make, press, text } from "./dom";
-import { closeToast } from "./toast";
+import { at, button, input, make, press, text } from "abb-view/dom";
+import { closeToast } from "abb-view/toast";
 import type { Connection } from "./connection";
 import type { Page, Store } from "./store";
 import { inTheWay } from "./verdict";

@@ -1,9 +1,11 @@
 /** The page's state, in one place: messages and a person's choices change it, and views show all of it. */
 
-import { frameOfBox, type Frame } from "./frames";
-import { armsOf, type ArmName, type ControllerKind, type ControllerMessage, type Distance, type DriverState, type Limited,
-  type LogEvent, type LogLine, type Model, type PerArm, type Plan, type RapidTask, type Recording, type Said, type StateMessage,
-  type TeleoperatedMessage, type ViewMessage } from "./messages";
+import { frameOfBox, type Frame } from "abb-view/frames";
+import { CONNECTING, newestFirst, Store as ShellStore } from "abb-view/store";
+import { armsOf, type ArmName, type Distance, type DriverState, type Limited, type LogEvent, type Model, type PerArm, type Plan,
+  type Recording, type Said, type StateMessage, type TeleoperatedMessage, type ViewMessage } from "./messages";
+
+export { CONNECTING };
 
 export const TABS = ["joints", "tool", "poses", "teleop", "virtual"] as const;
 export type Tab = (typeof TABS)[number];
@@ -17,15 +19,10 @@ export type DeviceName = (typeof DEVICES)[number];
 export const JOINT_GOAL = "joint positions";
 export const HANDLE_GOAL = "the handle";
 
-const MOST_LINES = 100; // of a log
-
-/** Why no robot is shown until the first message. */
-export const CONNECTING = "The page is connecting.";
-
 export interface Page {
   model: Model;
-  view: Omit<ViewMessage, "type" | "events" | "log">;
-  state: DriverState | null; // the newest, that of a recording, or what is known of a controller
+  view: Omit<ViewMessage, "type" | "events">;
+  state: DriverState | null; // the newest, or that of a recording
   stateTime: number; // of it, on the server's clock, or in the recording [s]
   reasons: Said[]; // why the arms do not move
   causes: Said[]; // what stopped the robot
@@ -52,9 +49,6 @@ export interface Page {
   workObject: Frame | null;
   events: readonly LogEvent[]; // the newest first
   recording: Recording | null;
-  tasks: readonly RapidTask[]; // of a controller without a driver
-  missing: readonly string[]; // what is not shown of it and why
-  log: readonly LogLine[]; // of it, the newest first
 }
 
 export function initialPage(model: Model, workObject: Frame | null): Page {
@@ -62,13 +56,13 @@ export function initialPage(model: Model, workObject: Frame | null): Page {
   return {
     model,
     view: {
-      is_recording: false, controller: null, why_no_robot: CONNECTING, is_virtual: false, why_not_operated: "", may_stop: false, may_pair: false,
+      is_recording: false, why_no_robot: CONNECTING, is_virtual: false, why_not_operated: "", may_stop: false, may_pair: false,
       control: "none", surroundings: { boxes: [] }, faults: [],
     },
     state: null, stateTime: 0, reasons: [], causes: [], stop: "", problems: {}, commanding: {}, limited: {}, nearest: null,
     silentSince: Infinity, arm, tab: "joints", jogSpeed: 0.6, frame: "base", handle: "none",
     goal: posesOf(model)[0] ?? JOINT_GOAL, isForBoth: false, isPreviewed: false, plan: null,
-    device: "keyboard", teleoperatedArms: "both", scale: 1, yaw: 0, teleoperated: null, workObject, events: [], recording: null, tasks: [], missing: [], log: [],
+    device: "keyboard", teleoperatedArms: "both", scale: 1, yaw: 0, teleoperated: null, workObject, events: [], recording: null,
   };
 }
 
@@ -84,44 +78,17 @@ export function ofState(page: Page, message: StateMessage): Partial<Page> {
   return { state, stateTime, reasons, causes, stop, problems, commanding, limited, nearest, silentSince };
 }
 
-/** What is known of a controller without a driver, in the shape of a driver's state as far as there is one. */
-export function ofController(page: Page, message: ControllerMessage): Partial<Page> {
-  const { arms, missing, motors, operating_mode, program, speed_ratio, tasks, time: stateTime } = message;
-  const each = <T>(value: (name: ArmName) => T): PerArm<T> => Object.fromEntries(armsOf(message).map((name) => [name, value(name)]));
-  const state: DriverState = {
-    robot: nameOf(page.view.controller!), operating_mode, motors, program, speed_scale: (speed_ratio ?? 100) / 100,
-    machines: each(() => null), egm: each(() => "off"), controllers: each(() => []), grippers: each(() => null),
-    arms: each((name) => ({
-      mode: "no_egm", session: 0, position: arms[name] ?? null, velocity: null, sent: null, goal: null, cycles: null,
-    })),
-  };
-  return { state, stateTime, tasks, missing };
-}
-
-function nameOf({ robot, address }: ControllerKind): string {
-  return robot ? `${robot} at ${address}` : address;
-}
-
 /** What the server's words on control and robot change. */
-export function ofView(page: Page, { type: _, events, log, ...view }: ViewMessage): Partial<Page> {
+export function ofView(page: Page, { type: _, events, ...view }: ViewMessage): Partial<Page> {
   const isControlLost = page.view.control === "here" && view.control !== "here";
   return {
-    view, ...ofEvents([], events), ...ofLog([], log), ...(isControlLost ? { plan: null, teleoperated: null } : {}), ...(view.why_no_robot ? { state: null } : {}),
+    view, ...ofEvents([], events), ...(isControlLost ? { plan: null, teleoperated: null } : {}), ...(view.why_no_robot ? { state: null } : {}),
   };
 }
 
 /** What new lines of the log change. */
 export function ofEvents(known: readonly LogEvent[], events: readonly LogEvent[]): Partial<Page> {
   return { events: newestFirst(known, events) };
-}
-
-/** What new lines of a controller's log change. */
-export function ofLog(known: readonly LogLine[], lines: readonly LogLine[]): Partial<Page> {
-  return { log: newestFirst(known, lines) };
-}
-
-function newestFirst<T>(known: readonly T[], added: readonly T[]): T[] {
-  return [...[...added].reverse(), ...known].slice(0, MOST_LINES);
 }
 
 /** What the loss of the connection changes. */
@@ -149,18 +116,4 @@ export function frameOf(page: Page): Frame | null {
 }
 
 /** The page's state, with the views that show it. */
-export class Store {
-  private readonly views: ((page: Page) => void)[] = [];
-
-  constructor(public page: Page) {}
-
-  /** Call a view after each change. */
-  show(view: (page: Page) => void): void {
-    this.views.push(view);
-  }
-
-  change(part: Partial<Page>): void {
-    this.page = { ...this.page, ...part };
-    for (const view of this.views) view(this.page);
-  }
-}
+export class Store extends ShellStore<Page> {}

@@ -1,8 +1,8 @@
 /** Cycle health: the last ten seconds of some numbers, of both arms. */
 
-import { at, make, text } from "./dom";
+import { at, make, text } from "abb-view/dom";
 import { armsOf, type ArmName, type ArmState, type DriverState, type PerArm } from "./messages";
-import { DEGREES, difference, indexAt } from "./numbers";
+import { DEGREES, difference, indexAt } from "abb-view/numbers";
 import type { Page, Store } from "./store";
 
 const SAMPLES = 300; // of a strip

@@ -1,7 +1,7 @@
 /** Tabs: the arm that is shown, and what it is operated with, so that what is used together is seen together. */
 
-import { at, button, make } from "./dom";
-import { armsOf, type ArmName } from "./messages";
+import { at, button } from "abb-view/dom";
+import { armsOf } from "./messages";
 import { hasControl, TABS, type Page, type Store } from "./store";
 
 function bindTabs<T extends string>(names: readonly T[], idOf: (name: T) => string, choose: (name: T) => void): void {
@@ -19,21 +19,8 @@ function bindTabs<T extends string>(names: readonly T[], idOf: (name: T) => stri
   }
 }
 
-/** One tab for each robot where these are not a YuMi's arms; none where there is one robot alone. */
-function buildArmTabs(arms: readonly ArmName[]): void {
-  if (arms.includes("right")) return;
-  const list = at("tab-right").parentElement!;
-  list.hidden = arms.length < 2;
-  list.replaceChildren(...arms.map((name) => {
-    const tab = make("button", { id: `tab-${name}`, textContent: name, role: "tab" });
-    tab.setAttribute("aria-controls", "arm-panel");
-    return tab;
-  }));
-}
-
 export function bindAllTabs(store: Store, endJog: () => void): void {
   const arms = armsOf(store.page.model);
-  buildArmTabs(arms);
   bindTabs(arms, (name) => `tab-${name}`, (arm) => {
     endJog();
     store.change({ arm, isPreviewed: false });

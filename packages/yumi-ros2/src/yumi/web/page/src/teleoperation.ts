@@ -1,15 +1,15 @@
 /** Teleoperation: what a person's device reports goes to the server as frames, while the tab Teleoperate is open. */
 
 import type { Connection } from "./connection";
-import { at, choice, input, press } from "./dom";
+import { at, choice, input, press } from "abb-view/dom";
 import { ClutchGate, chosenArms, Keyboard, Pad, SpaceMouse, type Device, type Hid } from "./devices";
 import { Headset, type HeadsetMode } from "./headset";
 import { SIDES, type Hands, type Said, type Side, type TeleoperatedMessage } from "./messages";
 import type { Picture } from "./picture";
-import type { HandColor } from "./scene";
+import type { HandColor } from "abb-view/scene";
 import { hasControl, type DeviceName, type Page, type Store } from "./store";
 import { showTeleoperation } from "./teleoperation_panel";
-import { toast } from "./toast";
+import { toast } from "abb-view/toast";
 
 const PERIOD = 16; // [ms] between two frames, of a device that does not pace them itself
 const IDLE = 0.05; // [s] between two frames without a held clutch; the driver takes the link as lost when the newest is 0.2 s old

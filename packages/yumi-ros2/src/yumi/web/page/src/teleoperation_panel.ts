@@ -1,6 +1,6 @@
 /** The tab Teleoperate: the device, how the arms take its clutches, and the link. */
 
-import { at, choice, input, make, text } from "./dom";
+import { at, choice, input, make, text } from "abb-view/dom";
 import { capitalised, SIDES, type TeleoperatedArm } from "./messages";
 import { hasControl, type DeviceName, type Page } from "./store";
 

@@ -1,16 +1,8 @@
 /** The verdict of the band: whether the robot moves, else why not and what to do, and the button that does it. */
 
+import type { Level, Verdict } from "abb-view/banner";
 import { armsOf, type ArmName, type Said } from "./messages";
 import { CONNECTING, silentArms, type Page } from "./store";
-
-export type Level = "good" | "warn" | "error" | "wait";
-
-export interface Verdict {
-  level: Level;
-  kind: string; // what is shown, where it is not the robot now
-  head: string;
-  lines: string[]; // what else is in the way, and what to do
-}
 
 const BEGINNING = 1; // [s] EGM that begins may be without datagrams for so long
 
@@ -60,14 +52,7 @@ function isSilent(page: Page): boolean {
 }
 
 export function verdict(page: Page): Verdict {
-  if (page.recording) return recorded(page);
-  return page.view.controller && page.state && !page.view.why_no_robot ? ofRapid(page) : live(page);
-}
-
-/** Of a controller without a driver: whether its program runs, and what is not shown. */
-function ofRapid({ state, missing }: Page): Verdict {
-  const runs = state?.program === "running" ? "RAPID runs" : state?.program ? "RAPID is stopped" : "RAPID is being read";
-  return { level: state?.program === "running" ? "good" : "wait", kind: "", head: `View only: ${runs}`, lines: [...missing] };
+  return page.recording ? recorded(page) : live(page);
 }
 
 function live(page: Page): Verdict {

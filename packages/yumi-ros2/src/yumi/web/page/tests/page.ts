@@ -1,31 +1,17 @@
 /** A page as tests begin with it: both arms stand at zero, EGM runs on both, and joint_goal commands them. */
 
-import type { ArmState, ControllerKind, ControllerMessage, DriverState, Model, PerArm, StateMessage, ViewMessage } from "../src/messages";
+import type { ArmState, DriverState, Model, PerArm, StateMessage, ViewMessage } from "../src/messages";
 import { initialPage, ofState, ofView, type Page } from "../src/store";
 
 const byArm = <T>(value: () => T): PerArm<T> => ({ right: value(), left: value() });
 const zeros = () => [0, 0, 0, 0, 0, 0, 0];
 
 export const MODEL: Model = {
-  links: {}, joints: [],
+  program: "yumi view", links: {}, joints: [],
   arms: byArm(() => ({ joints: [], axes: [1, 2, 7, 3, 4, 5, 6], fingers: [], tip: "tip", tool0: "tool0", poses: { home: zeros(), ready: zeros() } })),
   limits: { lower: zeros(), upper: zeros(), velocity: zeros() },
   gripper: { travel: 0.025, force: 20 }, commands: [],
 };
-
-export const CONTROLLER: ControllerKind = { address: "127.0.0.1:80", robot: "IRB 120", units: ["ROB_1"], is_drawn: true };
-
-export const SIX_AXES: Model = {
-  ...MODEL, arms: { ROB_1: { joints: [], axes: [1, 2, 3, 4, 5, 6], fingers: [], tip: "tool0", tool0: "tool0", poses: { home: [0, 0, 0, 0, 0, 0] } } },
-};
-
-export function controllerMessage(changes: Partial<ControllerMessage> = {}): ControllerMessage {
-  return {
-    type: "controller", time: 3, operating_mode: "AUTO", motors: "motoron", program: "running", speed_ratio: 50,
-    arms: { ROB_1: [1, 2, 3, 4, 5, 6] }, missing: ["No driver runs for it."],
-    tasks: [{ name: "T_ROB1", execution: "started", is_active: true, is_motion_task: true, pointer: null }], ...changes,
-  };
-}
 
 export function arm(changes: Partial<ArmState> = {}): ArmState {
   return {
@@ -48,7 +34,7 @@ export function stateMessage(changes: Partial<StateMessage> = {}): StateMessage 
 
 export function viewMessage(changes: Partial<ViewMessage> = {}): ViewMessage {
   return {
-    type: "view", is_recording: false, controller: null, log: [], why_no_robot: "", is_virtual: false, why_not_operated: "", may_stop: true, may_pair: false, control: "here",
+    type: "view", is_recording: false, why_no_robot: "", is_virtual: false, why_not_operated: "", may_stop: true, may_pair: false, control: "here",
     events: [], surroundings: { boxes: [] }, faults: [], ...changes,
   };
 }

@@ -1,19 +1,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { initialPage, ofController, ofEvents, ofLog, ofLoss, ofState, ofView, Store, frameOf } from "../src/store";
-import { CONTROLLER, controllerMessage, driverState, MODEL, page, SIX_AXES, stateMessage, viewMessage } from "./page";
+import { initialPage, ofEvents, ofLoss, ofState, ofView, frameOf } from "../src/store";
+import { driverState, MODEL, page, stateMessage, viewMessage } from "./page";
 
 const PLAN = { plan: 1, duration: 1, planning_time: 1, clearance: 0.1, arms: {}, time: 0 };
-
-test("every view is called with the whole page after a change", () => {
-  const store = new Store(page());
-  const seen: string[] = [];
-  store.show(({ arm, tab }) => seen.push(`${arm} ${tab}`));
-  store.change({ arm: "left" });
-  store.change({ tab: "tool" });
-  assert.deepEqual(seen, ["left joints", "left tool"]);
-});
 
 test("plan is forgotten with the control and with the connection", () => {
   const planned = { ...page(), plan: PLAN };
@@ -53,21 +44,4 @@ test("frame of a box is found by its name, and that of a work object where one w
 
 test("page begins with the first arm of the robot, and its first pose", () => {
   assert.deepEqual([initialPage(MODEL, null).arm, initialPage(MODEL, null).goal], ["right", "home"]);
-  assert.deepEqual([initialPage(SIX_AXES, null).arm, initialPage(SIX_AXES, null).goal], ["ROB_1", "home"]);
-});
-
-test("controller without a driver is a state of which only what is read is known", () => {
-  const { state, stateTime, tasks, missing } = ofController(page({ view: { controller: CONTROLLER } }), controllerMessage());
-  assert.deepEqual([state?.robot, state?.speed_scale, state?.egm, state?.grippers], ["IRB 120 at 127.0.0.1:80", 0.5, { ROB_1: "off" }, { ROB_1: null }]);
-  assert.deepEqual([state?.arms.ROB_1?.position, state?.arms.ROB_1?.mode], [[1, 2, 3, 4, 5, 6], "no_egm"]);
-  assert.deepEqual([stateTime, tasks?.[0]?.name, missing], [3, "T_ROB1", ["No driver runs for it."]]);
-  const nameless = page({ view: { controller: { ...CONTROLLER, robot: "" } } });
-  assert.equal(ofController(nameless, controllerMessage({ speed_ratio: null })).state?.robot, "127.0.0.1:80");
-});
-
-test("log of a controller is kept newest first, and begins anew with each view", () => {
-  const line = (text: string) => ({ source: "TPWrite" as const, text, level: "information", clock: "", task: "T_ROB1", code: 0, detail: "" });
-  const begun = ofView(page(), viewMessage({ controller: CONTROLLER, log: [line("a"), line("b")] })).log!;
-  assert.deepEqual(begun.map(({ text }) => text), ["b", "a"]);
-  assert.deepEqual(ofLog(begun, [line("c"), line("d")]).log?.map(({ text }) => text), ["d", "c", "b", "a"]);
 });

@@ -5,8 +5,8 @@ import { permissions } from "../src/permissions";
 import { ofTime } from "../src/recording";
 import { inTheWay, remedyButton, verdict } from "../src/verdict";
 import type { Said } from "../src/messages";
-import { CONNECTING, ofController, ofLoss } from "../src/store";
-import { arm, CONTROLLER, controllerMessage, driverState, off, page, reason } from "./page";
+import { CONNECTING, ofLoss } from "../src/store";
+import { arm, driverState, off, page, reason } from "./page";
 
 const PRESSED = reason("The emergency stop is pressed.", "release_stop");
 const MANUAL = reason("The controller is in MANR.", "turn_to_auto");
@@ -124,17 +124,6 @@ test("band of a recording says what was so at its time, and asks for nothing", (
   const motorsOff = { ...recording, states: [{ time: 0, reasons: ["The motors are off."], causes: ["The motors are off."] }] };
   const begun = verdict({ ...page(), recording: motorsOff, ...ofTime(motorsOff, 0) });
   assert.deepEqual([begun.level, begun.head, begun.lines], ["warn", "The arms could not move: The motors are off.", []]);
-});
-
-test("band of a controller without a driver says whether RAPID runs, and what is not shown", () => {
-  const seen = page({ view: { controller: CONTROLLER, control: "none", why_not_operated: "No driver." } });
-  const at = (program: string | null) => verdict({ ...seen, ...ofController(seen, controllerMessage({ program })) });
-  assert.deepEqual(at("running"), { level: "good", kind: "", head: "View only: RAPID runs", lines: ["No driver runs for it."] });
-  assert.deepEqual([at("stopped").level, at("stopped").head], ["wait", "View only: RAPID is stopped"]);
-  assert.equal(at(null).head, "View only: RAPID is being read");
-  assert.equal(verdict({ ...seen, state: null }).head, "Waiting for the robot");
-  const gone = { ...page({ view: { controller: CONTROLLER, why_no_robot: "It does not answer." } }), state: null };
-  assert.deepEqual([verdict(gone).head, verdict(gone).lines], ["No robot", ["It does not answer."]]);
 });
 
 test("band of a page that connects, or whose connection is lost, says nothing of the robot", () => {

@@ -1,6 +1,6 @@
 /** Numbers as a person reads them; angles are shown in degrees. */
 
-import type { Joints } from "./messages";
+import type { Joints, Vector } from "./messages";
 
 export const DEGREES = 180 / Math.PI;
 
@@ -11,6 +11,9 @@ export function fixed(value: number, digits: number): string {
 }
 
 export const millimetres = (value: number): string => fixed(value * 1000, 1);
+
+/** A point [m] in millimetres. */
+export const coordinates = (point: Vector): string => point.map((value, axis) => `${"xyz"[axis]}\u00a0${millimetres(value)}`).join(", ");
 
 /** The largest difference of two positions [rad]. */
 export function difference(one: Joints, other: Joints): number {

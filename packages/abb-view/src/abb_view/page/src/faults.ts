@@ -51,9 +51,9 @@ export const GROUPS: Record<string, Record<string, string>> = {
   },
 };
 
-/** What a fault does, in a sentence of its own; then the arm that is chosen, and whether the fault stays. */
-export function explanation(fault: Fault, arm: ArmName): string {
-  const ofArm = fault.has_side ? ` Chosen: the ${arm} arm.` : "";
+/** What a fault does, in a sentence of its own; then the arm that is chosen, if any is, and whether the fault stays. */
+export function explanation(fault: Fault, arm: ArmName | null): string {
+  const ofArm = fault.has_side && arm ? ` Chosen: the ${arm} arm.` : "";
   const endless = fault.has_duration && fault.default_duration === null ? " Without a duration it does not end by itself." : "";
   return `${capitalised(fault.meaning)}.${ofArm}${endless}`;
 }

@@ -1,33 +1,28 @@
-"""A controller without a driver for the pages of ``yumi view``: read over Robot Web Services, and never changed.
+"""A controller as a page shows it: read over Robot Web Services, and never changed.
 
-Any robot: a YuMi without the state machine of this package, a single arm, six axes, or one that this package has no
-description of. A page gets joint positions, RAPID's tasks with their program pointers and the lines around these, and
-the newest lines of the event log. A virtual controller of this package also shows what programs write to the
-FlexPendant (TPWrite), which Robot Web Services do not have.
+Any robot: a YuMi, a single arm, six axes, or one that abb_protocols has no description of. A page gets joint positions,
+RAPID's tasks with their program pointers and the lines around these, and the newest lines of the event log. A
+controller of virtual-irc5 also shows what programs write to the FlexPendant (TPWrite), which Robot Web Services do not
+have.
 """
 
 from __future__ import annotations
 
-import asyncio
 import re
 import time
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
-from math import atan2, hypot, radians
-from typing import Any
+from math import radians
 
 import msgspec
-import numpy as np
 
 from abb_protocols.catalogue import Message, message
-from abb_protocols.errors import ControllerRefused, ProtocolError, RobotNotReady, YumiError
+from abb_protocols.errors import ControllerRefused, ProtocolError, YumiError
 from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.irb120 import irb120
 from abb_protocols.robot.joints import CHAIN_AXES, Side
-from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.yumi_arms import irb14050
 from abb_protocols.rws.documents import JointTarget, RwsEvent
 from abb_protocols.rws.operations.rapid import TaskInfo
@@ -37,14 +32,6 @@ from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.transport import HttpTransport
-from yumi.driver.launch_checks import LaunchChecks, other_robot
-from yumi.driver.reports import EventReport
-from yumi.driver.settings import RobotSettings
-from yumi.driver.surroundings import Surroundings
-from yumi.web.page_words import said_of
-
-LINES = 200
-"""So many lines of the log are kept for a page that is opened later."""
 
 AROUND = 5
 """Lines of RAPID that are shown before and behind that of a program pointer."""
@@ -54,7 +41,6 @@ _TCP_ROBOT = "TCPRobot"
 _LONGEST_LINE = 160  # characters of a line of RAPID or of the log
 _NEW_EVENTS = 30  # of the event log that are read at once, at most
 _CLOCK = re.compile(r"\d\d:\d\d:\d\d")
-_RECONNECT = 1.0  # [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +133,7 @@ class ControllerKind(msgspec.Struct, frozen=True):
         address: of the controller.
         robot: ABB's name, such as ``IRB 120``; empty where no option of the system names one.
         units: the mechanical units that are robots.
-        is_drawn: whether this package has a description of the robot.
+        is_drawn: whether abb_protocols has a description of the robot.
     """
 
     address: str
@@ -188,7 +174,7 @@ class Unit:
         key: of the arm in messages: right and left for a YuMi's, else the unit.
         name: of the unit.
         axes: ABB's numbers, in the order of the positions.
-        arm: its description; None where this package has none. A YuMi's arms have the URDF.
+        arm: its description; None where there is none. A YuMi's arms have the URDF.
     """
 
     key: str
@@ -211,21 +197,22 @@ class ControllerReader:
     Args:
         client: connected.
         clock: that the periods pass by.
-        why_view_only: why no driver runs for it.
 
     Attributes:
         address: of the controller.
         robot: ABB's name of the robot, such as ``IRB 120``; empty where no option of the system names one.
-        is_virtual: whether it is a virtual controller of this package.
+        is_virtual: whether it is a controller of virtual-irc5.
         units: the robots.
+        why_view_only: why a page can only look at it; None where there is nothing to say of that.
         on_log: called with new lines, oldest first.
     """
 
-    def __init__(self, client: RwsClient, clock: Clock, why_view_only: Message) -> None:
+    def __init__(self, client: RwsClient, clock: Clock) -> None:
         self.address = client.address
         self.on_log: Callable[[tuple[LogLine, ...]], None] = lambda lines: None
         self.robot = client.system().robot
-        self._client, self._clock, self._why = client, clock, why_view_only
+        self.why_view_only: Message | None = None
+        self._client, self._clock = client, clock
         self.is_virtual = self._has_display()
         self.units = tuple(self._units())
         self._arms: dict[str, tuple[float, ...] | None] = {unit.key: None for unit in self.units}
@@ -328,11 +315,8 @@ class ControllerReader:
     # What is read
 
     def _missing(self) -> Iterator[Message]:
-        if self.is_yumi:
-            yield self._why
-        else:
-            what = other_robot(self.robot, self.kind.units)
-            yield message("no_driver_for_robot", robot=what)
+        if self.why_view_only is not None:
+            yield self.why_view_only
         if not self.kind.is_drawn:
             yield message("no_description_of_robot")
         for name, why in self._refused.items():
@@ -475,228 +459,39 @@ def _line_of(event: RwsEvent) -> LogLine:
     )
 
 
-def open_controller(robot: RobotSettings) -> ControllerReader | None:
-    """A reader of the controller, where no driver of this package can run for it; None where one can.
+@dataclass(frozen=True, slots=True)
+class Login:
+    """Where a controller is, and who logs in.
 
-    The reader is to be closed.
-
-    Args:
-        robot: where the controller is, and who logs in.
-
-    Raises:
-        YumiError: nothing answers there, or it is not a controller of RobotWare 6, or it does not let us in.
+    Attributes:
+        address: host:port of Robot Web Services.
+        user: user name.
+        password: its password.
+        timeout: longest wait for one answer [s].
     """
-    clock = SystemClock()
-    address = f"{robot.address}:{robot.rws_port}"
 
-    def client_of(where: str | HttpTransport) -> RwsClient:
-        client = RwsClient(where, user=robot.user, password=robot.password, timeout=robot.timeout, clock=clock)
+    address: str
+    user: str
+    password: str = field(repr=False)
+    timeout: float
+
+    def connect(self, *, is_virtual: bool = False) -> RwsClient:
+        """A connected client; a virtual controller bears more than the twenty requests a second of a real one."""
+        clock = SystemClock()
+        where = HttpTransport(self.address, clock, request_interval=0.0) if is_virtual else self.address
+        client = RwsClient(where, user=self.user, password=self.password, timeout=self.timeout, clock=clock)
         client.connect()
         return client
 
-    client = client_of(address)
+
+def open_reader(login: Login, client: RwsClient) -> ControllerReader:
+    """A reader of a controller, to be closed; ``client`` is connected to it, and belongs to the reader from now on."""
     try:
-        why = _why_no_driver(client)
-        reader = None if why is None else ControllerReader(client, clock, why)
+        reader = ControllerReader(client, SystemClock())
     except YumiError:
         client.close()
         raise
-    if reader is not None and not reader.is_virtual:
+    if not reader.is_virtual:
         return reader
     client.close()
-    if reader is None or why is None:
-        return None
-    # A virtual controller bears more than the twenty requests a second of a real one.
-    return ControllerReader(client_of(HttpTransport(address, clock, request_interval=0.0)), clock, why)
-
-
-def _why_no_driver(client: RwsClient) -> Message | None:
-    """Why no driver of this package can run for a controller; None where one can."""
-    try:
-        LaunchChecks(client).run()
-    except RobotNotReady as error:
-        return error.said
-    return None
-
-
-class ControllerView:
-    """A controller for the pages, read while one is open; has what :class:`yumi.web.live.LiveRobot` has for them.
-
-    Args:
-        reader: of the controller.
-        on_state: called with each :class:`ControllerMessage`, as JSON.
-        on_log: called with new lines of the log.
-        on_change: called when the controller does not answer any more, or answers again.
-
-    Attributes:
-        why_not: why there is no state; None while there is one.
-        is_virtual: whether it is a virtual controller of this package.
-        lines: the newest ones of the log, oldest first.
-        reader: of the controller.
-    """
-
-    def __init__(
-        self,
-        reader: ControllerReader,
-        on_state: Callable[[bytes], None],
-        on_log: Callable[[LogMessage], None],
-        on_change: Callable[[], None],
-    ) -> None:
-        self.why_not: Message | None = None
-        self.is_virtual = reader.is_virtual
-        self.events: deque[EventReport] = deque()
-        self.surroundings = Surroundings()
-        self.lines: deque[LogLine] = deque(maxlen=LINES)
-        self.reader = reader
-        self._on_state, self._on_log, self._on_change = on_state, on_log, on_change
-        self._watched = asyncio.Event()
-        self._new_lines: list[LogLine] = []
-        reader.on_log = self._new_lines.extend  # on the reader's thread
-
-    def watch(self, is_watched: bool) -> None:
-        """Whether a page is open."""
-        if is_watched:
-            self._watched.set()
-        else:
-            self._watched.clear()
-
-    async def run(self) -> None:
-        """Read the controller while a page is open, until cancelled."""
-        reading: asyncio.Future[float] | None = None  # nothing is read any more when this has ended
-        try:
-            while True:
-                await self._watched.wait()
-                reading = asyncio.ensure_future(asyncio.to_thread(self.reader.step))
-                try:
-                    delay = await asyncio.shield(reading)
-                except Exception as error:  # a fault of ours, too, which the log shows whole
-                    self.reader.forget()
-                    self._set_why_not(said_of(error))
-                    await asyncio.sleep(_RECONNECT)
-                    continue
-                self._set_why_not(None)
-                if self._new_lines:
-                    lines = tuple(self._new_lines)
-                    self._new_lines.clear()
-                    self.lines.extend(lines)
-                    self._on_log(LogMessage(lines))
-                self._on_state(msgspec.json.encode(self.reader.message()))
-                await asyncio.sleep(delay)
-        finally:
-            if reading is not None:
-                await asyncio.wait([reading])
-
-    def _set_why_not(self, why_not: Message | None) -> None:
-        if why_not != self.why_not:
-            self.why_not = why_not
-            self._on_change()
-
-
-# ---- what a page draws of a robot that has no meshes here
-
-_COLOR = [0.86, 0.87, 0.88]
-_JOINT_COLOR = [0.45, 0.48, 0.52]
-_THICKEST, _THINNEST = 0.055, 0.028  # [m] radius of the first and the last link
-_SHORTEST = 1e-6  # [m]
-_FOOT = {
-    "shape": "cylinder",
-    "mesh": "",
-    "radius": [0.09],
-    "length": [0.02],
-    "xyz": [0.0, 0.0, 0.01],
-    "rpy": [0.0, 0.0, 0.0],
-    "color": _JOINT_COLOR,
-}
-
-
-def chain_model(units: Sequence[Unit]) -> dict[str, Any]:
-    """The part of the page's model that says how robots are drawn: capsules from axis to axis of a description.
-
-    Args:
-        units: one with its description; or any without, of which nothing is drawn.
-    """
-    arm = units[0].arm if units else None
-    if arm is None:
-        return {
-            "links": {"base_link": []},
-            "joints": [],
-            "arms": {unit.key: _arm_model(unit, [], "base_link") for unit in units},
-            "limits": {"lower": [], "upper": [], "velocity": []},
-        }
-    unit = units[0]
-    names = [f"{unit.name}_{axis}" for axis in arm.axes]
-    links: dict[str, list[dict[str, Any]]] = {"base_link": [_FOOT], **{name: [] for name in names}, "tool0": []}
-    joints = []
-    for index, (name, after) in enumerate(zip([*names, "tool0"], [*names[1:], "tool0", ""], strict=True)):
-        share = index / len(names)
-        radius = _THICKEST + share * (_THINNEST - _THICKEST)
-        is_tool = name == "tool0"
-        axis = [0.0, 0.0, 0.0] if is_tool else [float(about == arm.turns_about[index]) for about in range(3)]
-        joints.append(
-            {
-                "name": name,
-                "type": "fixed" if is_tool else "revolute",
-                "parent": "base_link" if index == 0 else names[index - 1],
-                "child": name,
-                "axis": axis,
-                "mimic": None,
-                # tool0 has its z axis along the foot's x in the all-zero pose.
-                "xyz": arm.offsets[index].tolist(),
-                "rpy": [0.0, radians(90.0), 0.0] if is_tool else [0.0, 0.0, 0.0],
-            }
-        )
-        parent = "base_link" if index == 0 else names[index - 1]
-        links[parent] += _capsule(arm.offsets[index].tolist(), radius)
-        if after:
-            links[name] += _hub(axis, radius)
-    x, y, z = arm.foot_to_world.position
-    joints[0]["xyz"] = [a + b for a, b in zip((x, y, z), joints[0]["xyz"], strict=True)]
-    assert np.allclose(matrix(arm.foot_to_world.orientation), np.eye(3)), "a foot that stands upright"
-    return {
-        "links": links,
-        "joints": joints,
-        "arms": {unit.key: _arm_model(unit, names, "tool0")},
-        "limits": {"lower": arm.limits.lower, "upper": arm.limits.upper, "velocity": arm.limits.velocity},
-    }
-
-
-def _arm_model(unit: Unit, joints: list[str], tip: str) -> dict[str, Any]:
-    home = unit.arm.home if unit.arm is not None else [0.0] * len(unit.axes)
-    return {"joints": joints, "axes": unit.axes, "fingers": [], "tip": tip, "tool0": tip, "poses": {"home": home}}
-
-
-def _capsule(end: list[float], radius: float) -> list[dict[str, Any]]:
-    """A cylinder from a link's origin to ``end`` [m] with a ball there; nothing where that is at the origin."""
-    x, y, z = end
-    length = hypot(x, y, z)
-    if length < _SHORTEST:
-        return []
-    rpy = [0.0, atan2(hypot(x, y), z), atan2(y, x)]
-    return [
-        {
-            "shape": "cylinder",
-            "mesh": "",
-            "radius": [radius],
-            "length": [length],
-            "xyz": [x / 2.0, y / 2.0, z / 2.0],
-            "rpy": rpy,
-            "color": _COLOR,
-        },
-        {"shape": "sphere", "mesh": "", "radius": [radius], "xyz": end, "rpy": [0.0, 0.0, 0.0], "color": _COLOR},
-    ]
-
-
-def _hub(axis: list[float], radius: float) -> list[dict[str, Any]]:
-    """A short cylinder along a joint's axis, so that its turning is seen."""
-    x, y, z = axis
-    return [
-        {
-            "shape": "cylinder",
-            "mesh": "",
-            "radius": [0.8 * radius],
-            "length": [2.5 * radius],
-            "xyz": [0.0, 0.0, 0.0],
-            "rpy": [0.0, atan2(hypot(x, y), z), atan2(y, x)],
-            "color": _JOINT_COLOR,
-        }
-    ]
+    return ControllerReader(login.connect(is_virtual=True), SystemClock())

@@ -1,25 +1,25 @@
-/** A controller without a driver: its RAPID tasks with the lines around their program pointers, and its log. */
+/** A controller: its RAPID tasks with the lines around their program pointers, and its log. */
 
+import type { ControllerPage } from "./controller";
 import { at, make, text } from "./dom";
 import type { LogLine, Pointer, RapidTask } from "./messages";
-import type { Page, Store } from "./store";
+import type { Store } from "./store";
 
 const RUNS: Record<string, string> = { started: "running", ready: "ready", stopped: "stopped", uninitialized: "no program" };
 
-export function bindRapid(store: Store): void {
+export function bindRapid(store: Store<ControllerPage>): void {
   const drawn = new Map<string, string>(); // of each task what is drawn of it, as text
   let shown: readonly LogLine[] = [];
   store.show((page) => {
     showKind(page);
-    showTasks(page.tasks, drawn);
+    showTasks(page.state?.tasks ?? [], drawn);
     if (page.log === shown) return;
     shown = page.log;
     at("rapid-log").replaceChildren(...page.log.map(item));
   });
 }
 
-function showKind({ view: { controller, is_virtual: isVirtual, why_no_robot: whyNot } }: Page): void {
-  document.body.classList.toggle("views-controller", controller !== null);
+function showKind({ view: { controller, is_virtual: isVirtual, why_no_robot: whyNot } }: ControllerPage): void {
   document.body.classList.toggle("views-undrawn", controller !== null && !controller.is_drawn);
   at("rapid-panel").hidden = !controller || Boolean(whyNot);
   if (!controller) return;

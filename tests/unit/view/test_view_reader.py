@@ -1,4 +1,4 @@
-"""A controller without a driver, as ``yumi view`` reads and draws it: virtual ones in memory and in virtual time."""
+"""A controller as its page reads and draws it: virtual ones in memory and in virtual time."""
 
 from __future__ import annotations
 
@@ -26,12 +26,16 @@ from abb_protocols.robot.yumi_arms import irb14050
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import RwsClient
+from abb_view import controller_view
+from abb_view.controller_reader import AROUND, ControllerReader, LogLine, PointerReport, Unit
+from abb_view.controller_server import ControllerServer
+from abb_view.controller_view import ControllerView
+from abb_view.page_server import PageSettings
+from abb_view.robot_model import chain_model, controller_model
 from memory_http import MemoryHttp
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system, with_programs
 from virtual_irc5.world import World, WorldSettings
-from yumi.web.controller_view import AROUND, ControllerReader, ControllerView, LogLine, PointerReport, Unit, chain_model
-from yumi.web.robot_model import controller_model
-from yumi.web.view_server import ViewServer, ViewSettings
+from yumi.web.view_only import why_view_only
 
 PROGRAM = """MODULE Cell
     CONST jointtarget there:=[[20,10,5,10,20,30],[9E9,9E9,9E9,9E9,9E9,9E9]];
@@ -88,7 +92,8 @@ class Cell(ManualClock):
             self.rws.refused.add(DISPLAY_PATH)
         self.client = RwsClient(self.rws, clock=self)
         self.client.connect()
-        self.reader = ControllerReader(self.client, self, "There is no state machine.")
+        self.reader = ControllerReader(self.client, self)
+        self.reader.why_view_only = why_view_only(self.reader, say("driver_has_ended"))
         self.lines: list[LogLine] = []
         self.reader.on_log = self.lines.extend
 
@@ -153,7 +158,7 @@ def test_arms_of_a_yumi_are_shown_in_the_order_of_the_chain_without_a_state_mach
     message = cell.reader.message()
     for side in Side:
         assert message.arms[side.word] == pytest.approx(home(side), abs=1e-4)
-    assert message.missing == ("There is no state machine.",)
+    assert message.missing == (str(say("driver_has_ended")),)
     assert cell.reader.kind.is_drawn
     assert set(controller_model(cell.reader)["arms"]) == {"right", "left"}
 
@@ -226,10 +231,12 @@ def test_lines_of_a_module_that_was_replaced_are_read_anew(tmp_path: Path) -> No
 def test_nothing_is_known_of_a_controller_that_does_not_answer_until_it_does_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("yumi.web.controller_view._RECONNECT", 0.01)
+    monkeypatch.setattr(controller_view, "_RECONNECT", 0.01)
     cell = Cell("irb120", tmp_path)
     changes: list[Message | None] = []
-    view = ControllerView(cell.reader, lambda state: None, lambda log: None, lambda: changes.append(view.why_not))
+    view = ControllerView(
+        cell.reader, "yumi view", lambda state: None, lambda log: None, lambda: changes.append(view.why_not)
+    )
 
     async def until(condition: Callable[[], bool]) -> None:
         for _ in range(1000):
@@ -259,7 +266,7 @@ def test_page_gets_the_controller_with_its_log_and_can_only_look(tmp_path: Path)
     cell = Cell("irb120", tmp_path)
 
     async def main() -> None:
-        server = ViewServer(ViewSettings(port=0, controller=cell.reader))
+        server = ControllerServer(PageSettings(port=0), "yumi view", cell.reader)
         await server.start()
         base = f"http://127.0.0.1:{server.port}"
         try:

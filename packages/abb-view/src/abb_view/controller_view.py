@@ -1,0 +1,90 @@
+"""A controller for the pages that are open: read again and again, and its state and log for them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+
+import msgspec
+
+from abb_protocols.catalogue import Message
+from abb_view.controller_reader import ControllerReader, LogLine, LogMessage
+from abb_view.page_server import said_of
+
+LINES = 200
+"""So many lines of the log are kept for a page that is opened later."""
+
+_RECONNECT = 1.0  # [s]
+
+
+class ControllerView:
+    """A controller for the pages, read while one is open.
+
+    Args:
+        reader: of the controller.
+        program: the command that shows it.
+        on_state: called with each :class:`ControllerMessage`, as JSON.
+        on_log: called with new lines of the log.
+        on_change: called when the controller does not answer any more, or answers again.
+
+    Attributes:
+        why_not: why there is no state; None while there is one.
+        lines: the newest ones of the log, oldest first.
+        reader: of the controller.
+    """
+
+    def __init__(
+        self,
+        reader: ControllerReader,
+        program: str,
+        on_state: Callable[[bytes], None],
+        on_log: Callable[[LogMessage], None],
+        on_change: Callable[[], None],
+    ) -> None:
+        self.why_not: Message | None = None
+        self.lines: deque[LogLine] = deque(maxlen=LINES)
+        self.reader = reader
+        self._program = program
+        self._on_state, self._on_log, self._on_change = on_state, on_log, on_change
+        self._watched = asyncio.Event()
+        self._new_lines: list[LogLine] = []
+        reader.on_log = self._new_lines.extend  # on the reader's thread
+
+    def watch(self, is_watched: bool) -> None:
+        """Whether a page is open."""
+        if is_watched:
+            self._watched.set()
+        else:
+            self._watched.clear()
+
+    async def run(self) -> None:
+        """Read the controller while a page is open, until cancelled."""
+        reading: asyncio.Future[float] | None = None  # nothing is read any more when this has ended
+        try:
+            while True:
+                await self._watched.wait()
+                reading = asyncio.ensure_future(asyncio.to_thread(self.reader.step))
+                try:
+                    delay = await asyncio.shield(reading)
+                except Exception as error:  # a fault of ours, too, which the log shows whole
+                    self.reader.forget()
+                    self._set_why_not(said_of(error, self._program))
+                    await asyncio.sleep(_RECONNECT)
+                    continue
+                self._set_why_not(None)
+                if self._new_lines:
+                    lines = tuple(self._new_lines)
+                    self._new_lines.clear()
+                    self.lines.extend(lines)
+                    self._on_log(LogMessage(lines))
+                self._on_state(msgspec.json.encode(self.reader.message()))
+                await asyncio.sleep(delay)
+        finally:
+            if reading is not None:
+                await asyncio.wait([reading])
+
+    def _set_why_not(self, why_not: Message | None) -> None:
+        if why_not != self.why_not:
+            self.why_not = why_not
+            self._on_change()
