@@ -85,6 +85,19 @@ with ControllerProcess(Path("controller.log"), {{"model": "irb120", "program": "
     assert "#0 Main/main, line 4" in done.stdout, done.stdout + done.stderr
 """
 
+SHOWS_A_ROBOT = """
+import urllib.request
+from pathlib import Path
+from abb_runtime.process.command_process import CommandProcess
+from virtual_irc5.testing.controller_process import ControllerProcess
+with ControllerProcess(Path("controller.log"), {"model": "irb120"}) as controller:
+    options = ("view", "--robot", controller.address, "--port", "0")
+    with CommandProcess("view", "virtual_irc5", options, Path("view.log")) as view:
+        page = view.wait_until_ready(60.0)
+        for name in ("", "static/app.js", "static/shell.css", "model.json", "meshes/base.stl"):
+            assert urllib.request.urlopen(page + name).status == 200
+"""
+
 
 class ReleaseFailed(Exception):
     """The release was not made."""
@@ -183,12 +196,23 @@ def checks(new: str, dist: Path) -> Iterator[tuple[str, Callable[[], str]]]:
     tries: list[tuple[str, str, list[str], list[list[str]]]] = []  # name, Python, what is installed, commands
     for python in pythons:
         tries += [
-            ("virtual-irc5 from wheels", python, ["virtual-irc5", "pytest"], [are_installed(*PACKAGES[:3]), *rapid]),
+            (
+                "virtual-irc5 from wheels",
+                python,
+                ["virtual-irc5", "pytest"],
+                [are_installed(*PACKAGES[:2], "virtual-irc5"), *rapid],
+            ),
+            (
+                "virtual-irc5 with its view from wheels",
+                python,
+                ["virtual-irc5[page]"],
+                [are_installed(*PACKAGES[:4]), ["python", "-c", SHOWS_A_ROBOT]],
+            ),
             (
                 "yumi-ros2 from wheels",
                 python,
                 [str(plain)],
-                [are_installed(*PACKAGES[:2], "yumi-ros2"), ["yumi", "fault"]],
+                [are_installed(*PACKAGES[:3], "yumi-ros2"), ["yumi", "fault"]],
             ),
             (
                 "all packages from wheels",
@@ -203,7 +227,7 @@ def checks(new: str, dist: Path) -> Iterator[tuple[str, Callable[[], str]]]:
                 [are_installed(*PACKAGES), *rapid, moves, ["yumi", "tune"]],
             ),
         ]
-    demo = [are_installed(*PACKAGES[:4]), ["yumi", "demo"]]
+    demo = [are_installed(*PACKAGES[:5]), ["yumi", "demo"]]
     tries.append((built.name, sys.executable, [f"{built}[virtual,ros,record]"], demo))
     for name, python, installed, commands in tries:
         yield f"{name} on {python}", partial(try_out, python, dist, installed, commands)

@@ -52,6 +52,7 @@ LEFT_OUT = {
     r"yumi retreat": "needs a driver; tests/unit/cli/test_cli_robot.py runs it",
     r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
     r"yumi view": "a page for a person; tests/system/test_view_page.py opens it",
+    r"virtual-irc5 view": "a page for a person; tests/system/test_view_controller.py opens it",
     r"yumi moveit-config": "writes where it is told; tests/unit/cli/test_cli_moveit.py runs it",
     r"yumi answer": "needs a question; tests/contract/test_rws_dialogs.py answers one",
     r"yumi shell": "a prompt; has tests of its own",

@@ -1,4 +1,4 @@
-"""``yumi view`` of controllers for which no driver can run: which these are, and the page in a browser."""
+"""The page of a controller in a browser, of ``virtual-irc5 view``, and of ``yumi view`` where no driver can run."""
 
 from __future__ import annotations
 
@@ -115,6 +115,41 @@ def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(addres
         # Nothing of a YuMi or of a driver is on the page.
         for hidden in ("#take", "#stop", "#tab-ROB_1", ".gripper", "#health-panel", "#events-panel", "#robot-panel"):
             assert not page.is_visible(hidden), hidden
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+        assert errors == []
+
+
+@pytest.mark.real_time
+@pytest.mark.alone
+@pytest.mark.timeout(180)
+def test_page_of_virtual_irc5_stops_the_controller_and_turns_its_key(address: str, tmp_path: Path) -> None:
+    errors: list[str] = []
+    arguments = ("view", "--robot", address, "--port", "0")
+    with browser() as chromium, CommandProcess("view", "virtual_irc5", arguments, tmp_path / "view.log") as view:
+        page = chromium.new_page(viewport={"width": 1000, "height": 700})
+        page.set_default_timeout(SOON)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
+        page.goto(view.wait_until_ready(60.0))
+        page.wait_for_function("() => document.querySelector('#verdict').innerText === 'RAPID runs'")
+
+        def shows(element: str, words: str) -> None:
+            page.wait_for_function(
+                "([element, words]) => document.querySelector(element).innerText.includes(words)", arg=[element, words]
+            )
+
+        page.click("#press-stop")
+        shows("#verdict", "RAPID is stopped")
+        shows("#chips", "emergency stop")
+        shows("#rapid-log", "Emergency stop")
+        page.click("#release-stop")
+        shows("#toast", "the emergency stop is released")
+        page.click("#key")
+        shows("#chips", "MANR")
+        page.select_option("#fault", "collision")  # of the one arm that there is, without a side
+        page.click("#inject")
+        shows("#toast", "motors are off")
         page.set_viewport_size({"width": 390, "height": 844})
         assert page.evaluate("document.documentElement.scrollWidth") == 390
         assert errors == []

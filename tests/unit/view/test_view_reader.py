@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from abb_protocols.robot.yumi_arms import irb14050
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import RwsClient
-from abb_view import controller_view
+from abb_view import controller_server, controller_view
 from abb_view.controller_reader import AROUND, ControllerReader, LogLine, PointerReport, Unit
 from abb_view.controller_server import ControllerServer
 from abb_view.controller_view import ControllerView
@@ -294,6 +294,42 @@ def test_page_gets_the_controller_with_its_log_and_can_only_look(tmp_path: Path)
             await server.stop()
 
     asyncio.run(asyncio.wait_for(main(), 30.0))
+
+
+@pytest.mark.parametrize("takes_faults", [True, False])
+def test_page_injects_faults_only_into_a_virtual_controller_of_this_machine_that_it_may(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, takes_faults: bool
+) -> None:
+    injected: list[tuple[str, str, Mapping[str, str]]] = []
+    monkeypatch.setattr(controller_server, "inject_fault", lambda *fault: injected.append(fault))
+
+    async def answer(reader: ControllerReader) -> dict[str, Any]:
+        server = ControllerServer(PageSettings(port=0), "virtual-irc5 view", reader, takes_faults=takes_faults)
+        await server.start()
+        base = f"http://127.0.0.1:{server.port}"
+        try:
+            async with (
+                aiohttp.ClientSession() as session,
+                session.ws_connect(f"{base}/ws", headers={"Origin": base}) as socket,
+            ):
+                await socket.send_json({"type": "inject", "id": 3, "name": "motors-off", "form": {}})
+                while (message := await socket.receive_json(timeout=10.0)).get("id") != 3:
+                    continue
+                return dict(message)
+        finally:
+            await server.stop()
+
+    for address, is_own in (("127.0.0.1:8080", True), ("192.168.125.1:80", True), ("127.0.0.1:8080", False)):
+        injected.clear()
+        reader = Cell("irb120", tmp_path, is_own=is_own).reader
+        reader.address = address
+        message = asyncio.run(asyncio.wait_for(answer(reader), 30.0))
+        may = takes_faults and is_own and address.startswith("127.")
+        assert injected == ([(address, "motors-off", {})] if may else [])
+        if may:
+            assert message == {"type": "done", "id": 3, "result": "Done: Motors Off is pressed"}
+        else:
+            assert message["error"]["sentence"] == str(say("faults_only_virtual"))
 
 
 @pytest.mark.parametrize("arm", [irb120(), irb14050()], ids=["irb120", "irb14050"])

@@ -11,6 +11,7 @@ from abb_protocols.catalogue import Message, message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused
 from abb_runtime.faults import Fault, fault_named, inject_fault
+from abb_runtime.udp import is_loopback
 from abb_view.controller_reader import ControllerReader, LogMessage
 from abb_view.controller_view import ControllerView
 from abb_view.page_build import CONTROLLER_PAGE, page_folder
@@ -40,7 +41,7 @@ class ControllerServer(PageServer[OpenPage]):
         settings: how.
         program: the command that serves it.
         reader: of the controller.
-        takes_faults: whether pages may inject faults into it, where it is a virtual one.
+        takes_faults: whether pages may inject faults into it, where it is a virtual one of this machine.
 
     Raises:
         MissingPrerequisite: the page must be built first, and cannot be.
@@ -51,7 +52,8 @@ class ControllerServer(PageServer[OpenPage]):
     ) -> None:
         super().__init__(settings, program, page_folder(CONTROLLER_PAGE), controller_model(reader))
         self._view = ControllerView(reader, program, self._publish, self._publish_log, self._introduce_all)
-        self._faults = tuple(Fault) if takes_faults and reader.is_virtual else ()
+        is_here = reader.is_virtual and is_loopback(reader.address.rpartition(":")[0])
+        self._faults = tuple(Fault) if takes_faults and is_here else ()
         self._following: asyncio.Task[None] | None = None
         self._injecting: set[asyncio.Task[None]] = set()
 

@@ -18,6 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
+from threading import Event
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -26,6 +27,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import SettingsError, YumiError
 from abb_runtime.faults import Fault
+from abb_runtime.process.command_process import PAGE_READY
 from abb_runtime.udp import host_of_url, is_loopback
 from abb_view.robot_model import MESH_FOLDER
 
@@ -291,6 +293,20 @@ class PageServer(Generic[AnyPage]):
             with suppress(asyncio.CancelledError, ConnectionError):
                 await sending
         return socket
+
+
+def serve(server: PageServer[Any], is_over: Event, show: Callable[[str], None]) -> None:
+    """Serve pages until ``is_over``; ``show`` takes the line that says where a browser finds them."""
+
+    async def run() -> None:
+        await server.start()
+        show(f"{PAGE_READY}{server.url}")
+        try:
+            await asyncio.to_thread(is_over.wait)
+        finally:
+            await server.stop()
+
+    asyncio.run(run())
 
 
 def said_of(error: Exception, program: str) -> Message:

@@ -1,4 +1,4 @@
-"""The command line: ``virtual-irc5 run``, ``check``, ``debug`` and ``fault``."""
+"""The command line: ``virtual-irc5 run``, ``check``, ``debug``, ``fault`` and ``view``."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from virtual_irc5 import __version__
 from virtual_irc5.commands.check import check
 from virtual_irc5.commands.debugger import run_debugger
 from virtual_irc5.commands.run import controller
+from virtual_irc5.commands.view import view
 
 
 class _Commands(click.Group):
@@ -47,6 +48,7 @@ def main() -> None:
       virtual-irc5 check --model irb120 main.mod
       virtual-irc5 debug T_ROB1 --yes
       virtual-irc5 fault emergency-stop
+      virtual-irc5 view
     """
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     logging.getLogger("httpx").setLevel(logging.WARNING)
@@ -76,3 +78,4 @@ def debug(task: str, yes: bool, once: bool, robot: str, user: str, password: str
 main.add_command(controller, "run")
 main.add_command(check)
 main.add_command(fault)
+main.add_command(view)

@@ -6,7 +6,6 @@ the browser, or a recording. ``record`` shows and exports the recordings and fli
 
 from __future__ import annotations
 
-import asyncio
 import json
 import logging
 import os
@@ -49,7 +48,7 @@ from abb_runtime.options import (
     speed_scale_option,
     until_stdin_closes_option,
 )
-from abb_runtime.process.command_process import DRIVER_READY, DRIVER_RUNNING, PAGE_READY, CommandProcess
+from abb_runtime.process.command_process import DRIVER_READY, DRIVER_RUNNING, CommandProcess
 from abb_runtime.process.realtime import release_process, settle_memory, short_switch_interval
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.process.supervision import Failures, SupervisedThread, start_thread
@@ -83,7 +82,6 @@ from yumi.recording.reader import read_recording
 from yumi.recording.recorder import Recorder
 
 if TYPE_CHECKING:
-    from abb_view.page_server import PageServer
     from yumi.recording.tables import TableName
     from yumi.ros.ros_driver import RosDriver
 
@@ -511,7 +509,7 @@ def view(
     """
     from abb_view.controller_server import ControllerServer  # noqa: PLC0415 - a quick --help
     from abb_view.page_build import CONTROLLER_PAGE, page_folder  # noqa: PLC0415
-    from abb_view.page_server import PageSettings  # noqa: PLC0415
+    from abb_view.page_server import PageSettings, serve  # noqa: PLC0415
     from yumi.web.page_build import ROBOT_PAGE  # noqa: PLC0415
     from yumi.web.page_recording import page_recording  # noqa: PLC0415
     from yumi.web.page_words import PROGRAM  # noqa: PLC0415
@@ -546,7 +544,7 @@ def view(
                 tls=_tls_of(listen) if https else None,
                 token="" if is_loopback(listen) else secrets.token_urlsafe(18),
             )
-            asyncio.run(_serve_pages(ControllerServer(shown, PROGRAM, controller), is_over))
+            serve(ControllerServer(shown, PROGRAM, controller), is_over, click.echo)
             return
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
@@ -562,7 +560,7 @@ def view(
             token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
             recording=None if recording is None else page_recording(recording),
         )
-        asyncio.run(_serve_pages(ViewServer(settings), is_over))
+        serve(ViewServer(settings), is_over, click.echo)
 
 
 def _tls_of(listen: str) -> ssl.SSLContext:
@@ -579,15 +577,6 @@ def _tls_of(listen: str) -> ssl.SSLContext:
         click.echo("It was made now, for a year: a device that has accepted an older one is asked again.")
     click.echo("A browser warns of it until it is trusted: compare the fingerprint there.")
     return certificate.context
-
-
-async def _serve_pages(server: PageServer[Any], is_over: Flag) -> None:
-    await server.start()
-    click.echo(f"{PAGE_READY}{server.url}")
-    try:
-        await asyncio.to_thread(is_over.wait)
-    finally:
-        await server.stop()
 
 
 def _has_driver(robot: str) -> bool:
