@@ -41,7 +41,8 @@ class DriverLink:
         Raises:
             RobotNotReady: none runs, or several do; the message says what to do.
         """
-        connecting = asyncio.ensure_future(asyncio.to_thread(lambda: connect_driver(find_driver(robot))))
+        # Of the executor, as a task of its own would be cancelled, too, where the program ends, and its socket lost.
+        connecting = asyncio.get_running_loop().run_in_executor(None, lambda: connect_driver(find_driver(robot)))
         try:
             connected = await asyncio.shield(connecting)
         except asyncio.CancelledError:  # the thread connects all the same
