@@ -76,11 +76,12 @@ test: parts-of-tests check
 	.venv/bin/python -m pytest -m smoke tests/ros/test_ros_driver.py $(ARGS)
 
 # What runs in real time waits more than it computes: two files at a time, each with the robot and the driver that its
-# tests share. What measures or loads the machine has the machine to itself.
+# tests share. What measures or loads the machine has the machine to itself. Other folders have no such tests.
+IN_REAL_TIME = tests/docs tests/ros tests/system
 REAL_TIME = (ros or real_time) and not soak
 test-real-time: parts-of-tests
-	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder -m '$(REAL_TIME) and not alone' $(ARGS)
-	.venv/bin/python -m pytest -m '$(REAL_TIME) and alone' $(ARGS)
+	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder $(IN_REAL_TIME) -m '$(REAL_TIME) and not alone' $(ARGS)
+	.venv/bin/python -m pytest $(IN_REAL_TIME) -m '$(REAL_TIME) and alone' $(ARGS)
 
 # The long forms of tests, properties with a thousand examples each, with what they tell meanwhile.
 soak: parts-of-tests

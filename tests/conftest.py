@@ -49,8 +49,16 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     shutil.rmtree(config.stash[_RUNTIME])
 
 
+IN_REAL_TIME = ("docs", "ros", "system")
+"""The folders of all tests marked ros or real_time: ``make test-real-time`` reads no others."""
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long tests run only where they are selected, see ``make soak``; random words have no wording to look at."""
+    folders = tuple(Path(__file__).parent / folder for folder in IN_REAL_TIME)
+    for item in items:
+        if is_in_real_time(item) and not any(map(item.path.is_relative_to, folders)):
+            raise pytest.UsageError(f"make test-real-time does not find {item.nodeid}; move it to {IN_REAL_TIME}.")
     if config.getoption("random_words"):
         for item in items:
             if item.get_closest_marker("words"):
@@ -58,6 +66,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if "soak" not in config.option.markexpr:  # another -m takes the place of the usual one
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("soak")])
         items[:] = [item for item in items if not item.get_closest_marker("soak")]
+
+
+def is_in_real_time(item: pytest.Item) -> bool:
+    return any(item.get_closest_marker(name) for name in ("ros", "real_time"))
 
 
 def pytest_collection_finish() -> None:

@@ -28,7 +28,7 @@ from soak import long, short, tell
 from system.teleoperation_bench import LEFT_START, START
 from system.test_hand_over_measured import ARMS, WITHIN, commanding, sent, teleoperate, unbroken, wait_for
 from system.test_teleoperation_measured import recorded_driver
-from system.test_view_teleoperation import GAMEPAD, page_of
+from system.test_view_teleoperation import GAMEPAD, page_of, served_page
 from yumi.api.attach import RunningDriver
 from yumi.recording.message_types import EVENTS
 from yumi.recording.reader import recorded_messages
@@ -214,7 +214,7 @@ def test_no_take_over_steps_whether_policy_and_person_come_over_ros_page_or_pyth
                 wait_for(driver, "none")  # its stream is over
 
         run(lambda turn: teleoperate(driver, turn))
-        with browser() as chromium, page_of(chromium, tmp_path, GAMEPAD) as page:
+        with browser() as chromium, served_page(tmp_path) as url, page_of(chromium, url, GAMEPAD) as page:
             page.select_option("#device", "gamepad")
             run(lambda turn: teleoperate_at_the_page(page, driver, turn))
         services.close()

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
@@ -16,7 +17,9 @@ from control_msgs.msg import JointTolerance
 from rclpy.qos import qos_profile_services_default
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from yumi_interfaces import srv
 
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, TrajectoryRefused
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 from abb_runtime.clock import ManualClock
@@ -25,6 +28,7 @@ from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.trajectory_commands import Tolerances
+from yumi.driver.commands import offered_to
 from yumi.planning.trajectory_request import MOST_POINTS, plan_trajectory
 from yumi.ros import messages
 from yumi.ros.messages import tolerances_of, trajectory_of
@@ -205,3 +209,11 @@ def test_tolerance_of_a_joint_with_a_name_of_a_million_characters_is_cut_in_the_
     goal = FollowJointTrajectory.Goal(path_tolerance=[JointTolerance(name=LONG)])
     _, remark = tolerances_of(goal, [Side.RIGHT])
     assert remark == f"'{'x' * 79}… is not a joint of this controller"
+
+
+def test_every_service_has_a_type_with_its_arguments() -> None:
+    for kind in offered_to(FrontEnd.ROS):
+        required = {each.name for each in msgspec.structs.fields(kind) if each.required}
+        if kind.method() not in {"set_mode", "recover"}:  # actions
+            known = getattr(srv, kind.__name__).Request.get_fields_and_field_types() if required else {}
+            assert required <= {*known}, kind

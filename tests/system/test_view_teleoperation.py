@@ -6,6 +6,7 @@ import time
 from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from math import cos, pi, radians, sin
 from pathlib import Path
 from statistics import median, quantiles
@@ -20,10 +21,9 @@ from abb_runtime.process.command_process import CommandProcess
 from abb_view.page_build import run_script
 from browser import browser
 from soak import long, short, tell
-from system.test_teleoperation_measured import ROOM, first_motion, recorded_driver, standstill
+from system.test_teleoperation_measured import ROOM, first_motion, recorded_driver, right_cycles, standstill
 from yumi.api.attach import RunningDriver
 from yumi.driver.teleoperated_arm import LINK_LOST
-from yumi.recording.reader import recorded_messages
 from yumi.web.page_build import ROBOT_PAGE
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(240)]
@@ -45,25 +45,58 @@ def emulated_headset() -> str:
     return run_script(ROBOT_PAGE, "person")
 
 
+@dataclass(frozen=True)
+class Served:
+    """A driver, what it records, and the address of its page."""
+
+    driver: RunningDriver
+    record: Path
+    url: str
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    folder = tmp_path_factory.mktemp("teleoperation")
+    record = folder / "record.mcap"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        with recorded_driver(folder, record) as driver, served_page(folder) as url:
+            yield Served(driver, record, url)
+
+
+@pytest.fixture
+def driver(served: Served) -> RunningDriver:
+    """No person commands its arms, and the right one has room, whatever the test before has left."""
+    served.driver.give_back()
+    served.driver.move_to(right=ROOM)
+    return served.driver
+
+
 @contextmanager
-def page_of(chromium: Any, folder: Path, script: str = "") -> Iterator[Any]:
-    """The page with control, on the tab Teleoperate; ``script`` runs in it first."""
+def served_page(folder: Path) -> Iterator[str]:
+    """The address of the page of the driver that runs."""
     with CommandProcess("yumi view", "yumi", ("view", "--port", "0"), folder / "view.log") as view:
-        page = chromium.new_page(viewport=SMALL)
-        errors: list[str] = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        if script:
-            page.add_init_script(script)
-        page.goto(view.wait_until_ready(60.0))
-        wait(page, lambda: "EGM holds both arms" in page.text_content("#verdict"))
-        press(page, "#take")
-        wait(page, lambda: page.text_content("#take") == "Give control back")
-        press(page, "#tab-teleop")
-        try:
-            yield page
-        finally:
-            page.context.close()
-        assert errors == []
+        yield view.wait_until_ready(60.0)
+
+
+@contextmanager
+def page_of(chromium: Any, url: str, script: str = "") -> Iterator[Any]:
+    """The page with control, on the tab Teleoperate; ``script`` runs in it first."""
+    page = chromium.new_page(viewport=SMALL)
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    if script:
+        page.add_init_script(script)
+    page.goto(url)
+    wait(page, lambda: "EGM holds both arms" in page.text_content("#verdict"))
+    press(page, "#take")
+    wait(page, lambda: page.text_content("#take") == "Give control back")
+    press(page, "#tab-teleop")
+    try:
+        yield page
+    finally:
+        page.context.close()
+    assert errors == []
 
 
 def wait(page: Any, condition: Callable[[], object]) -> None:
@@ -157,6 +190,13 @@ class Headset:
         return min(offsets)[1]
 
 
+@pytest.fixture
+def person(chromium: Any, emulated_headset: str, served: Served, driver: RunningDriver) -> Iterator[Headset]:
+    """On a page that has control."""
+    with page_of(chromium, served.url, emulated_headset) as page:
+        yield Headset(page)
+
+
 def moved(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> tuple[float, float, float]:
     """The hand, moved in the operator's frame: x away, y to the left, z up."""
     a, b, c = HAND
@@ -164,49 +204,40 @@ def moved(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> tuple[float, float,
 
 
 def test_hand_in_a_headset_leads_the_arm_and_each_press_goes_on_from_where_it_is(
-    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    person: Headset, driver: RunningDriver
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with (
-        recorded_driver(tmp_path, tmp_path / "r.mcap") as driver,
-        page_of(chromium, tmp_path, emulated_headset) as page,
-    ):
-        person = Headset(page)
-        left, followed, commanders = at_rest(page, driver, Side.LEFT), 0, set()
-        for attempt in range(20):
-            step = (0.02, 0.015, 0.03) if attempt % 2 == 0 else (-0.02, -0.015, -0.03)
-            begin = at_rest(page, driver)
-            person.put(HAND)  # without the clutch nothing moves
-            person.engage()
-            assert within(begin, at_rest(page, driver), EXACT)
-            x, y, z = (a + b for a, b in zip(begin.position, step, strict=True))
-            goal = Pose((x, y, z), begin.orientation)
-            person.put(moved(*step))
-            wait(page, lambda goal=goal: within(goal, sent(driver), EXACT) or clutch(page) == "inert")
-            commanders.add(commander(driver))
-            is_followed = clutch(page) != "inert"  # else the machine had no time for a frame: the arm holds
-            end = at_rest(page, driver)
-            assert within(goal, end, EXACT) or not is_followed
-            followed += is_followed
-            person.release()
-            # Let go, the hand goes anywhere; the arm holds.
-            person.evaluate("person.put('right', [0.1, 0.9, -0.2], [0.92, 0.0, 0.38, 0.0])")
-            assert within(end, at_rest(page, driver), EXACT)
-            if followed == 4:
-                break
-        assert followed == 4
-        assert "headset" in commanders <= {"headset", "none"}
-        assert within(left, sent(driver, Side.LEFT), (1e-6, 1e-6))
+    page = person.page
+    left, followed, commanders = at_rest(page, driver, Side.LEFT), 0, set()
+    for attempt in range(20):
+        step = (0.02, 0.015, 0.03) if attempt % 2 == 0 else (-0.02, -0.015, -0.03)
+        begin = at_rest(page, driver)
+        person.put(HAND)  # without the clutch nothing moves
+        person.engage()
+        assert within(begin, at_rest(page, driver), EXACT)
+        x, y, z = (a + b for a, b in zip(begin.position, step, strict=True))
+        goal = Pose((x, y, z), begin.orientation)
+        person.put(moved(*step))
+        wait(page, lambda goal=goal: within(goal, sent(driver), EXACT) or clutch(page) == "inert")
+        commanders.add(commander(driver))
+        is_followed = clutch(page) != "inert"  # else the machine had no time for a frame: the arm holds
+        end = at_rest(page, driver)
+        assert within(goal, end, EXACT) or not is_followed
+        followed += is_followed
+        person.release()
+        # Let go, the hand goes anywhere; the arm holds.
+        person.evaluate("person.put('right', [0.1, 0.9, -0.2], [0.92, 0.0, 0.38, 0.0])")
+        assert within(end, at_rest(page, driver), EXACT)
+        if followed == 4:
+            break
+    assert followed == 4
+    assert "headset" in commanders <= {"headset", "none"}
+    assert within(left, sent(driver, Side.LEFT), (1e-6, 1e-6))
 
 
 def test_person_who_looks_down_in_a_headset_sees_the_whole_robot_before_them(
-    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chromium: Any, emulated_headset: str, served: Served
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with (
-        recorded_driver(tmp_path, tmp_path / "r.mcap"),
-        page_of(chromium, tmp_path, emulated_headset) as page,
-    ):
+    with page_of(chromium, served.url, emulated_headset) as page:
         for place in ("0", "180"):  # behind the robot, opposite it
             page.select_option("#stands", place)
             person = Headset(page)
@@ -256,35 +287,30 @@ def within(one: Pose, other: Pose, limits: tuple[float, float]) -> bool:
 
 
 def test_nothing_moves_by_a_headset_that_does_not_see_the_hand_or_is_in_its_menu(
-    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    person: Headset, driver: RunningDriver
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with (
-        recorded_driver(tmp_path, tmp_path / "r.mcap") as driver,
-        page_of(chromium, tmp_path, emulated_headset) as page,
-    ):
-        person = Headset(page)
-        for lose, find in (("see('right', false)", "see('right', true)"), ("hide(true)", "hide(false)")):
-            person.engage()
-            person.evaluate(f"person.{lose}")
-            wait(page, lambda: clutch(page) in {"released", "inert"})
-            held = at_rest(page, driver)
-            person.put(moved(z=0.03))
-            person.evaluate(f"person.{find}")
-            # The grip is squeezed still: it has to be pressed again.
-            wait(page, lambda: clutch(page) == "inert")
-            frames = person.evaluate("person.frames.length")
-            wait(page, lambda frames=frames: person.evaluate("person.frames.length") > frames + 5)
-            assert within(held, at_rest(page, driver), (1e-6, 1e-6))
-            person.put(HAND)
-            person.release()
+    page = person.page
+    for lose, find in (("see('right', false)", "see('right', true)"), ("hide(true)", "hide(false)")):
         person.engage()
-        press(page, "#take")  # control is given back
-        wait(page, lambda: page.text_content("#take") == "Take control")
+        person.evaluate(f"person.{lose}")
+        wait(page, lambda: clutch(page) in {"released", "inert"})
         held = at_rest(page, driver)
         person.put(moved(z=0.03))
-        page.wait_for_timeout(300)
-        assert within(held, sent(driver), (1e-6, 1e-6))
+        person.evaluate(f"person.{find}")
+        # The grip is squeezed still: it has to be pressed again.
+        wait(page, lambda: clutch(page) == "inert")
+        frames = person.evaluate("person.frames.length")
+        wait(page, lambda frames=frames: person.evaluate("person.frames.length") > frames + 5)
+        assert within(held, at_rest(page, driver), (1e-6, 1e-6))
+        person.put(HAND)
+        person.release()
+    person.engage()
+    press(page, "#take")  # control is given back
+    wait(page, lambda: page.text_content("#take") == "Take control")
+    held = at_rest(page, driver)
+    person.put(moved(z=0.03))
+    page.wait_for_timeout(300)
+    assert within(held, sent(driver), (1e-6, 1e-6))
 
 
 def is_away(begin: Pose, driver: RunningDriver) -> bool:
@@ -294,28 +320,25 @@ def is_away(begin: Pose, driver: RunningDriver) -> bool:
 
 @pytest.mark.parametrize("steps", [short(8), long(40, 300.0)])
 def test_motion_of_a_hand_in_a_headset_is_in_a_datagram_within_thirty_milliseconds(
-    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
+    person: Headset, served: Served, driver: RunningDriver, steps: int
 ) -> None:
     """From the headset's time of the frame, which its page sends, to the datagram that moves the arm."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    record, moved_at = tmp_path / "steps.mcap", []
-    with recorded_driver(tmp_path, record) as driver, page_of(chromium, tmp_path, emulated_headset) as page:
-        person = Headset(page)
-        for attempt in range(2 * steps):
-            person.engage()
-            begin = at_rest(page, driver)
-            page.wait_for_timeout(500 + 3.7 * attempt)  # the arm stands, and the robot's cycle is anywhere
-            there = person.evaluate(f"person.move('right', {list(moved(z=0.0 if attempt % 2 else 0.01))})")
-            if there is None:  # the machine had no time for a frame: the grip is pressed again
-                continue
-            at = there + person.to_browser_clock()
-            wait(page, lambda begin=begin: is_away(begin, driver) or clutch(page) == "inert")
-            if is_away(begin, driver):
-                moved_at.append(at)
-            if len(moved_at) == steps:
-                break
-        assert len(moved_at) == steps, f"The clutch was lost in {2 * steps - len(moved_at)} of {2 * steps} motions."
-    cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
+    page, moved_at = person.page, []
+    for attempt in range(2 * steps):
+        person.engage()
+        begin = at_rest(page, driver)
+        page.wait_for_timeout(500 + 3.7 * attempt)  # the arm stands, and the robot's cycle is anywhere
+        there = person.evaluate(f"person.move('right', {list(moved(z=0.0 if attempt % 2 else 0.01))})")
+        if there is None:  # the machine had no time for a frame: the grip is pressed again
+            continue
+        at = there + person.to_browser_clock()
+        wait(page, lambda begin=begin: is_away(begin, driver) or clutch(page) == "inert")
+        if is_away(begin, driver):
+            moved_at.append(at)
+        if len(moved_at) == steps:
+            break
+    assert len(moved_at) == steps, f"The clutch was lost in {2 * steps - len(moved_at)} of {2 * steps} motions."
+    cycles = right_cycles(served.record, moved_at[0], moved_at[-1])
     delays = [first_motion(cycles, at) for at in moved_at]
     p95 = quantiles(delays, n=20, method="inclusive")[-1]
     tell(f"From a headset's frame to the datagram: median {1e3 * median(delays):.1f} ms, p95 {1e3 * p95:.1f} ms.")
@@ -346,32 +369,29 @@ was sent [s], and what the page showed of the clutch then."""
 
 
 def test_arm_stands_soon_after_the_link_to_a_headset_is_lost_and_holds_when_it_is_back(
-    chromium: Any, emulated_headset: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    person: Headset, served: Served, driver: RunningDriver
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    record, lost_at = tmp_path / "losses.mcap", []
-    with recorded_driver(tmp_path, record) as driver, page_of(chromium, tmp_path, emulated_headset) as page:
-        person = Headset(page)
-        for _ in range(10):
-            person.engage()
-            sent_at, shown = person.evaluate(LIFT_UNTIL_LOST)
-            if shown not in {"engaged", "limited"}:  # the machine had no time for a frame: the grip is pressed again
-                person.put(HAND)
-                person.evaluate("person.cut(false)")
-                continue
-            lost_at.append(sent_at + person.to_browser_clock())
-            held = at_rest(page, driver)
-            person.evaluate("person.cut(false)")
-            wait(page, lambda: clutch(page) == "inert")
+    page, lost_at = person.page, []
+    for _ in range(10):
+        person.engage()
+        sent_at, shown = person.evaluate(LIFT_UNTIL_LOST)
+        if shown not in {"engaged", "limited"}:  # the machine had no time for a frame: the grip is pressed again
             person.put(HAND)
-            assert within(held, at_rest(page, driver), (1e-6, 1e-6))
-            person.release()
-            driver.give_back()
-            driver.move_to(right=ROOM)
-            if len(lost_at) == 2:
-                break
-        assert len(lost_at) == 2, "The clutch was lost before the link was cut, in eight of ten motions."
-    cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
+            person.evaluate("person.cut(false)")
+            continue
+        lost_at.append(sent_at + person.to_browser_clock())
+        held = at_rest(page, driver)
+        person.evaluate("person.cut(false)")
+        wait(page, lambda: clutch(page) == "inert")
+        person.put(HAND)
+        assert within(held, at_rest(page, driver), (1e-6, 1e-6))
+        person.release()
+        driver.give_back()
+        driver.move_to(right=ROOM)
+        if len(lost_at) == 2:
+            break
+    assert len(lost_at) == 2, "The clutch was lost before the link was cut, in eight of ten motions."
+    cycles = right_cycles(served.record, lost_at[0], lost_at[-1])
     stops = [standstill(cycles, lost) for lost in lost_at]
     tell(f"From a headset's last frame to standstill: at most {1e3 * max(stops):.0f} ms.")
     assert max(stops) < LINK_LOST + 0.2
@@ -404,10 +424,9 @@ def moving(driver: RunningDriver, axis: int, by: float) -> Callable[[], bool]:
 
 
 def test_keys_move_the_arm_while_space_is_held_and_the_focus_is_there(
-    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chromium: Any, served: Served, driver: RunningDriver
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with recorded_driver(tmp_path, tmp_path / "r.mcap") as driver, page_of(chromium, tmp_path) as page:
+    with page_of(chromium, served.url) as page:
         keys = page.keyboard
 
         def space() -> None:
@@ -436,10 +455,9 @@ def test_keys_move_the_arm_while_space_is_held_and_the_focus_is_there(
 
 
 def test_gamepad_moves_the_arm_of_the_bumper_that_is_held_and_vibrates_at_a_limit(
-    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chromium: Any, served: Served, driver: RunningDriver
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with recorded_driver(tmp_path, tmp_path / "r.mcap") as driver, page_of(chromium, tmp_path, GAMEPAD) as page:
+    with page_of(chromium, served.url, GAMEPAD) as page:
 
         def bumper() -> None:
             page.evaluate("pad.hold(5, false)")

@@ -90,13 +90,3 @@ def test_result_of_a_command_has_its_type() -> None:
 def test_stop_waits_for_nothing() -> None:
     stops = {kind.method() for kind in COMMANDS if kind.lane is Lane.STOP}
     assert stops == {"stop_egm", "motors_off", "stop_rapid"}
-
-
-@pytest.mark.ros
-def test_every_service_has_a_type_with_its_arguments() -> None:
-    srv = pytest.importorskip("yumi_interfaces.srv", reason="ROS 2 is not installed")
-    for kind in offered_to(FrontEnd.ROS):
-        required = {each.name for each in msgspec.structs.fields(kind) if each.required}
-        if kind.method() not in {"set_mode", "recover"}:  # actions
-            known = getattr(srv, kind.__name__).Request.get_fields_and_field_types() if required else {}
-            assert required <= {*known}, kind
