@@ -104,14 +104,28 @@ def test_no_attempt_begins_after_the_deadline() -> None:
         ask(READ, LOST, LOST, OK, timeout=1.0)
 
 
-def test_every_request_on_the_wire_counts_for_the_pace() -> None:
+@pytest.fixture
+def paced() -> tuple[RwsSession, ManualClock]:
+    """A session of a controller that answers at once, once it has let the user in."""
     clock = ManualClock()
     transport = ScriptedTransport(clock)
     transport.handle_request = lambda request: OK if {"authorization", "cookie"} & {*request.headers} else STRANGER  # type: ignore[method-assign]
-    session = RwsSession(transport, user="u", password="p", timeout=TIMEOUT, clock=clock)
+    return RwsSession(transport, user="u", password="p", timeout=TIMEOUT, clock=clock), clock
+
+
+def test_every_request_on_the_wire_counts_for_the_pace(paced: tuple[RwsSession, ManualClock]) -> None:
+    session, clock = paced
     for _ in range(40):
         session.exchange(READ)
     assert clock.now() == pytest.approx((40 + 1 - BURST) * INTERVAL)
+
+
+def test_no_request_waits_once_the_pace_is_lifted(paced: tuple[RwsSession, ManualClock]) -> None:
+    session, clock = paced
+    session.lift_pace()
+    for _ in range(40):
+        session.exchange(READ)
+    assert clock.now() == 0.0
 
 
 def test_waiting_for_its_turn_is_no_part_of_the_timeout() -> None:

@@ -94,11 +94,14 @@ def test_refused_start_leaves_the_watchdog_of_another_driver_armed(robot: RealRo
 
 @pytest.mark.parametrize("takes_faults", [True, False])
 def test_robot_behind_a_tunnel_to_this_machine_is_real(monkeypatch: pytest.MonkeyPatch, takes_faults: bool) -> None:
-    system = System()
+    """And gets no more requests a second than any other real one."""
+    system, lifted = System(), []
     system.client.connect()
     monkeypatch.setattr(wiring, "takes_faults", lambda address: takes_faults)
+    monkeypatch.setattr(system.client, "lift_pace", lambda: lifted.append(True))
     check_kind(system.manager, system.client, settings_for("127.0.0.1"))
     assert system.manager.is_real is not takes_faults
+    assert lifted == [True] * takes_faults
 
 
 def test_robot_that_is_ready_gets_egm_alone_where_bringup_is_not_named(robot: RealRobot) -> None:

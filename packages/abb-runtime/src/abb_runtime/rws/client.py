@@ -132,6 +132,10 @@ class RwsClient(
             self._session.close()
             raise
 
+    def lift_pace(self) -> None:
+        """Send requests as fast as they come from now on: a virtual controller takes any number a second."""
+        self._session.lift_pace()
+
     def close(self) -> None:
         """Log out, if there is a session, and close the connections, those of subscriptions too."""
         for subscription in tuple(self._subscriptions):

@@ -156,6 +156,10 @@ class RwsSession:
                 repeats -= 1
                 self._pace.count()
 
+    def lift_pace(self) -> None:
+        """From now on no request waits because many came before it."""
+        self._pace = RequestPace(self._clock, 0.0)
+
     def open_socket(self, target: str, listener: Listener) -> OpenWebSocket:
         """A WebSocket that belongs to this session, on a connection of its own.
 

@@ -16,6 +16,7 @@ import click
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.joints import Joints, Side
 from abb_runtime.clock import SystemClock
+from abb_runtime.faults import takes_faults
 from abb_runtime.options import (
     NEW_FILE,
     JsonOutput,
@@ -25,7 +26,7 @@ from abb_runtime.options import (
     yes_option,
 )
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import UdpServer, address_towards, resolve
+from abb_runtime.udp import UdpServer, address_towards, is_loopback, resolve
 from yumi.cli.driver_options import config_option, robot_options, settings_of
 from yumi.driver.launch_checks import EgmAddress
 
@@ -159,6 +160,8 @@ def controller_for_doctor(
     client = RwsClient(
         f"{where.address}:{where.rws_port}", user=where.user, password=where.password, timeout=where.timeout
     )
+    if is_loopback(remote) and takes_faults(client.address):
+        client.lift_pace()
     return client, remote, {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
 
 
