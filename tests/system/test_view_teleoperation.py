@@ -23,6 +23,7 @@ from browser import browser
 from soak import long, short, tell
 from system.test_teleoperation_measured import ROOM, first_motion, recorded_driver, right_cycles, standstill
 from yumi.api.attach import RunningDriver
+from yumi.control.hand_over import Commander
 from yumi.driver.teleoperated_arm import LINK_LOST
 from yumi.web.page_build import ROBOT_PAGE
 
@@ -67,6 +68,10 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 @pytest.fixture
 def driver(served: Served) -> RunningDriver:
     """No person commands its arms, and the right one has room, whatever the test before has left."""
+    end = time.monotonic() + SOON
+    while any(Commander(commander(served.driver, side)).is_person for side in Side):  # until the link counts as lost
+        assert time.monotonic() < end, "the page that was closed still commands an arm"
+        time.sleep(0.02)
     served.driver.give_back()
     served.driver.move_to(right=ROOM)
     return served.driver
