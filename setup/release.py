@@ -31,7 +31,9 @@ _NUMBERS = re.compile(r"(\d+)\.(\d+)\.(\d+)")
 PACKAGES = ("abb-protocols", "abb-runtime", "abb-view", "virtual-irc5", "yumi-ros2", "yumi-evaluation")
 """The distributions: what each needs comes before it."""
 
-_NEEDED = re.compile(r"(?<=~=)[\d.]+")
+_NEEDED = re.compile(
+    f"(?:{'|'.join(f'(?<={re.escape(name)}==)' for name in (*PACKAGES, 'virtual-irc5[robotware7]'))})[\\d.]+"
+)
 COPIES = {
     **{
         f"packages/{name}/src/{name.replace('-', '_')}/__init__.py": _OF_MODULE

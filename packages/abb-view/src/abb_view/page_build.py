@@ -139,7 +139,7 @@ def _workshop(page: Page, report: Report) -> Iterator[_Workshop]:
 
 def _clone(page: Page) -> Path | None:
     """The clone that has the sources; None where they are installed."""
-    return next((each for each in page.sources.parents if (each / "packages").is_dir()), None)
+    return next((each for each in page.sources.parents if (each / "packages/abb-view/pyproject.toml").is_file()), None)
 
 
 def _home(page: Page) -> Path:

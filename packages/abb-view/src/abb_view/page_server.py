@@ -11,7 +11,7 @@ import logging
 import platform
 import secrets
 import ssl
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
@@ -135,7 +135,7 @@ class OpenPage:
 AnyPage = TypeVar("AnyPage", bound=OpenPage)
 
 
-class PageServer(Generic[AnyPage]):
+class PageServer(ABC, Generic[AnyPage]):
     """Serves a page from :meth:`start` to :meth:`stop`, on the event loop of its caller.
 
     Args:

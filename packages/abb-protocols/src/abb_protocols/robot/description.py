@@ -130,7 +130,7 @@ HAND = Mass(0.230, (0.0082, 0.0117, 0.0520), (0.00021, 0.0, 0.0, 0.00024, 0.0, 0
 FINGER_MASS = Mass(0.0075, (-0.006, 0.0065, 0.0225), (1.4e-6, 0.0, 0.0, 1.3e-6, 0.0, 1.8e-7))
 
 # Fitted to the public meshes (§1.10).
-# The covers that are shown (robot/meshes) are made to be within these: see setup/make_meshes.py.
+# The covers that are shown (meshes of abb-view) are made to be within these: see setup/make_meshes.py.
 BODY_SHAPES = (
     # The base, and the two lobes in front of it
     Box((-358, -200, -100), (0, 200, 100)),

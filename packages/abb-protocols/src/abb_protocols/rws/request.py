@@ -1,4 +1,4 @@
-"""One request of Robot Web Services, and what sends it sees of the reply; free of connection and session."""
+"""A request of Robot Web Services and the reply to it, free of connection and session."""
 
 from __future__ import annotations
 

@@ -48,7 +48,9 @@ def view(robot: str, user: str, password: str | None, port: int, listen: str, un
         from abb_view.controller_server import ControllerServer  # noqa: PLC0415
         from abb_view.page_build import CONTROLLER_PAGE, page_folder  # noqa: PLC0415
         from abb_view.page_server import PageSettings, serve  # noqa: PLC0415
-    except ImportError as error:
+    except ModuleNotFoundError as error:
+        if not (error.name or "").startswith("abb_view"):
+            raise
         what = message("command_needs_packages", packages=("abb-view",))
         raise missing_extra(what, "virtual-irc5", "page") from error
 

@@ -8,13 +8,13 @@ export interface ControllerPage {
   model: Model;
   view: Omit<ControllerViewMessage, "type" | "log" | "controller"> & { controller: ControllerKind | null };
   state: ControllerMessage | null; // the newest, or the one last seen
-  arm: ArmName; // that the panel shows
+  arm: ArmName; // that the panel shows; empty of a controller without an arm
   log: readonly LogLine[]; // the newest first
 }
 
 export function initialPage(model: Model): ControllerPage {
   const view = { controller: null, is_virtual: false, why_no_robot: CONNECTING, faults: [] };
-  return { model, view, state: null, arm: armsOf(model)[0]!, log: [] };
+  return { model, view, state: null, arm: armsOf(model)[0] ?? "", log: [] };
 }
 
 /** What the server's words on the controller change. */

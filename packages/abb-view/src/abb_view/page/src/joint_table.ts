@@ -18,7 +18,7 @@ export class JointTable {
   readonly rows: JointRow[];
 
   constructor(private readonly model: Model) {
-    const longest = Object.values(model.arms).map(({ axes }) => axes).reduce((one, other) => (other.length > one.length ? other : one));
+    const longest = Object.values(model.arms).map(({ axes }) => axes).reduce((one, other) => (other.length > one.length ? other : one), []);
     this.rows = longest.map((axis, index) => this.addRow(axis, index));
   }
 

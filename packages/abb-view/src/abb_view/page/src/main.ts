@@ -62,7 +62,8 @@ function showChips({ view, state }: ControllerPage): void {
   const robot = nameOf(view.controller);
   chip("robot", view.is_virtual ? `${robot}, virtual` : robot);
   panelChips(state);
-  speedChip((state.speed_ratio ?? 100) / 100);
+  if (state.speed_ratio === null) chip("speed", "unknown", "warn");
+  else speedChip(state.speed_ratio / 100);
 }
 
 async function begin(): Promise<void> {
@@ -98,7 +99,7 @@ async function begin(): Promise<void> {
     showVerdict(verdict(page));
     showChips(page);
     document.body.classList.toggle("last-seen", Boolean(page.view.why_no_robot && page.state));
-    if (page.state) joints.show(page.state.arms[page.arm] ?? null);
+    joints.show(page.state?.arms[page.arm] ?? null);
     text(at("tool-pose"), picture.whereTip(page.arm));
     at("virtual-panel").hidden = !page.view.faults.length || Boolean(page.view.why_no_robot);
     faults.show();
