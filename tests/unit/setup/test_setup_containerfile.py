@@ -63,7 +63,7 @@ def test_every_source_that_is_copied_is_in_the_clone_and_not_ignored() -> None:
 
 def test_everything_that_the_wheels_are_made_from_is_copied() -> None:
     copied = {source for each in STAGES["build"].all("COPY") for source in each.split()[:-1]}
-    assert len(IN_AMENT_INDEX) == 4
+    assert len(IN_AMENT_INDEX) == 5
     assert {"packages", "config", *(name.partition("/")[0] for name in IN_AMENT_INDEX)} <= copied
 
 
