@@ -17,6 +17,7 @@ from refusals import assert_says, refused
 from yumi.api import motion_executor
 from yumi.api.arm_access import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.motion_registry import MotionRegistry
+from yumi.api.robot_arm import Arm
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
@@ -648,6 +649,25 @@ def test_jog_does_not_end_a_motion_that_began_since_the_last_one(robot: FakeRobo
     with refused(CommandRefused, "jog_while_moving", arm="right"):
         robot.executor.jog_tool(Side.RIGHT, twist, tool, PAGE, is_in_tool=False)
     assert robot.tool_goals[Side.RIGHT].read() == written
+
+
+def test_velocity_of_a_tool_has_the_time_at_which_it_was_asked_for(robot: FakeRobot) -> None:
+    """Its controller may take it later, as where the arm is held first, and must not take an old one for new."""
+    robot.control.on_command = robot.rest
+    twist = (0.1, *ZERO[1:])
+    tool = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    for _ in range(2):
+        robot.executor.jog_tool(Side.RIGHT, twist, tool, PAGE, is_in_tool=False)
+    robot.clock.advance(0.05)
+    robot.executor.jog_tool(Side.RIGHT, twist, tool, PAGE, is_in_tool=False)
+    jogged = robot.tool_goals[Side.RIGHT].read()
+    assert jogged is not None
+    assert jogged[1].time == robot.clock.now()
+    robot.clock.advance(0.05)
+    Arm(Side.LEFT, lambda: robot.executor, None).servo_twist((0.1, 0.0, 0.0))  # type: ignore[arg-type]
+    streamed = robot.tool_goals[Side.LEFT].read()
+    assert streamed is not None
+    assert streamed[1].time == robot.clock.now()
 
 
 def test_first_jog_takes_the_arm_over_and_the_next_one_moves_it(robot: FakeRobot) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from abb_protocols.robot.description import SERVO_GRIPPERS
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Side, home, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Pose, Side, home, joints
+from abb_protocols.robot.kinematics import tool0_to_body
 from controller_states import configured, state
 from yumi.control.chunk_commands import FollowChunk
 from yumi.control.collisions import CollisionLimiter
@@ -28,7 +29,7 @@ from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.motion.standstill import AT_GOAL
 from yumi.control.shared_state import TrajectoryFeedback
-from yumi.control.tool_goal import ToolGoal, twist_goal
+from yumi.control.tool_goal import ToolGoal, pose_goal, twist_goal
 from yumi.control.trajectory_commands import (
     ArmPlan,
     CancelTrajectory,
@@ -150,6 +151,7 @@ def test_trajectory_that_is_cancelled_in_front_of_the_limit_is_given_up_at_once(
 
 START = home(Side.RIGHT)
 FAR = joints([now + up for now, up in zip(START, UP, strict=True)])
+NEAR = joints([now - 0.3 * up for now, up in zip(START, UP, strict=True)])
 POINTS = [TrajectoryPoint(0.0, START, ZERO, ZERO), TrajectoryPoint(2.0, FAR, ZERO, ZERO)]
 
 
@@ -200,11 +202,12 @@ class Led:
     def __init__(self) -> None:
         self.goals = MemoryBuffer[ToolGoal]()
         self.speeds, self.positions = MemoryBuffer[SessionGoal](), MemoryBuffer[SessionGoal]()
+        self.points = MemoryBuffer[SessionGoal]()
         feedback = MemoryBuffer[TrajectoryFeedback]()
         controllers: dict[str, Controller] = {
             "tool": CartesianController(Side.RIGHT, self.goals, feedback),
             "path": JointTrajectoryController(Side.RIGHT, feedback),
-            "goal": JointGoalController(MemoryBuffer[SessionGoal]()),
+            "goal": JointGoalController(self.points),
             "speeds": JointVelocityController(self.speeds),
             "group": JointGroupVelocityController(MemoryBuffer[SessionGoal](), self.speeds),
             "stream": JointPositionController(self.positions),
@@ -229,6 +232,16 @@ class Led:
     def move_tool(self) -> None:
         self.goals.write(twist_goal(self.rig.snapshot.session, UPWARDS, time=self.rig.clock.now()))
 
+    def ask_for_pose(self) -> None:
+        """Once, of 10 cm below."""
+        here = tool0_to_body(Side.RIGHT, self.rig.snapshot.sent)
+        x, y, z = here.position
+        self.goals.write(pose_goal(self.rig.snapshot.session, Pose((x, y, z - 0.1), here.orientation)))
+
+    def ask_for_velocity(self) -> None:
+        """Once, downwards, and at no known time."""
+        self.goals.write(twist_goal(self.rig.snapshot.session, joints([-speed for speed in UPWARDS])))
+
     def move_joints(self) -> None:
         write_speeds(self.speeds, self.rig.snapshot.session, UP, self.rig.clock.now())
 
@@ -241,6 +254,12 @@ class Led:
         now = self.rig.clock.now()
         position = joints([at + up * (now - self._begun) for at, up in zip(START, UP, strict=True)])
         write_goal(self.positions, self.rig.snapshot.session, position, time=now, delay=0.05)
+
+    def ask_for_position(self) -> None:
+        write_goal(self.positions, self.rig.snapshot.session, NEAR)
+
+    def ask_for_goal(self) -> None:
+        write_goal(self.points, self.rig.snapshot.session, NEAR)
 
     def follow_chunk(self) -> None:
         times = 0.05 * np.arange(31)
@@ -307,3 +326,56 @@ def test_arm_that_is_held_back_while_its_chunks_are_exhausted_is_given_up_where_
     assert rig.cycles[-1].desired is None
     rig.run(1.0)
     assert rests_where_it_is(rig)
+
+
+@pytest.mark.parametrize("ask", [Led.ask_for_pose, Led.ask_for_velocity], ids=["pose", "velocity"])
+def test_tool_that_is_let_go_again_before_it_stands_does_not_go_where_it_was_asked_for_meanwhile(
+    ask: Callable[[Led], object],
+) -> None:
+    led = Led()
+    rig = led.rig
+    led.begin("tool")
+
+    def is_held_back() -> bool:
+        led.move_tool()
+        return bool(rig.snapshot.limited_part) and rig.cycles[-1].beyond > 0.01
+
+    rig.run_until(is_held_back, limit=4.0)
+    led.send(CancelTrajectory())
+    rig.cycle()
+    assert rig.cycles[-1].desired is None
+    ask(led)
+    rig.cycle()
+    led.send(CancelTrajectory())
+    rig.run_until(lambda: rig.cycles[-1].desired is not None, limit=1.0)
+    still = rig.cycles[-1].sent.position
+    rig.run(1.0)
+    assert rig.cycles[-1].sent.position == pytest.approx(still, abs=1e-5)
+
+
+STOPPED: dict[str, tuple[str, Callable[[Led], object], Callable[[Led], object]]] = {
+    # by which controller, what it is sent, and what stops it before its next cycle
+    "pose cancelled": ("tool", Led.ask_for_pose, lambda led: led.send(CancelTrajectory())),
+    "pose's stream ended": ("tool", Led.ask_for_pose, Led.end_streams),
+    "velocity cancelled": ("tool", Led.ask_for_velocity, lambda led: led.send(CancelTrajectory())),
+    "speeds' stream ended": ("speeds", Led.move_joints, Led.end_streams),
+    "group's stream ended": ("group", Led.move_joints, Led.end_streams),
+    "position's stream ended": ("stream", Led.ask_for_position, Led.end_streams),
+    "goal's stream ended": ("goal", Led.ask_for_goal, Led.end_streams),
+    "trajectory cancelled": ("path", lambda led: led.send(PATH), lambda led: led.send(CancelTrajectory())),
+    "chunks cancelled": ("path", Led.follow_chunk, lambda led: led.send(CancelTrajectory())),
+}
+
+
+@pytest.mark.parametrize("how", STOPPED)
+def test_what_is_sent_just_before_a_stop_does_not_begin_after_it(how: str) -> None:
+    name, ask, stop = STOPPED[how]
+    led = Led()
+    rig = led.rig
+    led.begin(name)
+    still, first = rig.cycles[-1].sent.position, len(rig.cycles)
+    ask(led)
+    stop(led)
+    rig.run(1.0)
+    for each in rig.cycles[first:]:
+        assert each.sent.position == pytest.approx(still, abs=1e-5)

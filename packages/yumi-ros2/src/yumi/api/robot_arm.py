@@ -471,8 +471,10 @@ class Arm:
         except (TypeError, ValueError) as error:
             raise CommandRefused(message("twist_malformed")) from error
         check_twist(twist)
-        of = self._tool(tool)
-        self.executor.stream_tool(self.side, lambda session: twist_goal(session, twist, of, is_in_tool=frame == "tool"))
+        of, now = self._tool(tool), self.executor.clock.now
+        self.executor.stream_tool(
+            self.side, lambda session: twist_goal(session, twist, of, is_in_tool=frame == "tool", time=now())
+        )
 
     def stream(
         self,

@@ -211,7 +211,7 @@ class ArmStreams(ArmAccess):
         buffer = self.control.buffers[side].tool_goals
 
         def write(session: int, values: Joints) -> None:
-            buffer.write(twist_goal(session, values, tool, is_in_tool=is_in_tool))
+            buffer.write(twist_goal(session, values, tool, is_in_tool=is_in_tool, time=self.clock.now()))
 
         return self._jog(side, CARTESIAN_CONTROLLER, buffer, write, joints(twist), owner)
 

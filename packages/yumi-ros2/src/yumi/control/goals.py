@@ -158,22 +158,42 @@ def stream_delay(tracking: str = "feed_forward", delay: float | None = None) -> 
     return value
 
 
-class GoalInbox:
-    """A controller's view of its buffer: every goal is taken once."""
+class _SessionMessage(Protocol):
+    @property
+    def session(self) -> int: ...
 
-    def __init__(self, buffer: GoalBuffer) -> None:
+
+M = TypeVar("M", bound=_SessionMessage)
+
+
+class Inbox(Generic[M]):
+    """A controller's view of its buffer: every message is taken once."""
+
+    def __init__(self, buffer: Buffer[M]) -> None:
         self._buffer = buffer
         self._number = 0
 
     @property
     def number(self) -> int:
-        """Of the newest write that was taken or forgotten; the numbers between two are of goals that nothing took."""
+        """Of the newest write that was taken or forgotten; the numbers between two are of messages nothing took."""
         return self._number
 
     def forget(self) -> None:
-        """What was sent until now belongs to the past."""
+        """What was sent until now belongs to the past: nothing of it begins after a stop, or after an activation."""
         newest = self._buffer.read()
         self._number = newest[0] if newest else 0
+
+    def take_newest(self, session: int) -> M | None:
+        """The newest message, if it was not taken before and is meant for ``session``."""
+        newest = self._buffer.read()
+        if newest is None or newest[0] == self._number:
+            return None
+        self._number, received = newest
+        return received if received.session == session else None
+
+
+class GoalInbox(Inbox[SessionGoal]):
+    """The view of goals for the joints."""
 
     def sampled(self, goal: Joints, gains: Joints | None = None) -> Sampled | None:
         """The formula of a controller that took ``goal`` last; None where the goals are not in shared memory."""
@@ -185,11 +205,8 @@ class GoalInbox:
 
         A goal of unknown time was given ``now`` [s], since it was not there a cycle ago.
         """
-        newest = self._buffer.read()
-        if newest is None or newest[0] == self._number:
-            return None
-        self._number, goal = newest
-        if goal.session != session:
+        goal = self.take_newest(session)
+        if goal is None:
             return None
         return Goal(goal.position, goal.velocity, now if isnan(goal.time) else goal.time, goal.delay)
 

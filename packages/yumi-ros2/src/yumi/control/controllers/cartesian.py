@@ -15,7 +15,7 @@ from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, ArmCommand, Arm
 from abb_runtime.parameters import Parameter, Values, number
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.tool_stream import QUIET, SHARE_OF_SPEED, ToolStream
-from yumi.control.goals import Buffer, GoalKind
+from yumi.control.goals import Buffer, GoalKind, Inbox
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.place import Place
 from yumi.control.shared_state import TrajectoryFeedback
@@ -70,8 +70,7 @@ class CartesianController(JointTrajectoryController):
         self._held_by, self._held_at = "", -inf
         self._caps = (inf, inf)  # of the stream's speeds, as its messages have them
         self._limited: list[ToolLimited] = []
-        self._goals = goals
-        self._number = 0
+        self._inbox = Inbox(goals)
         self._is_ended = False  # its stream, until it is activated anew
         self._values: Values = {each.name: each.default for each in _PARAMETERS}
 
@@ -90,15 +89,13 @@ class CartesianController(JointTrajectoryController):
 
     def activate(self, state: ArmState) -> None:
         super().activate(state)
-        newest = self._goals.read()
-        self._number = newest[0] if newest else 0  # what was sent before does not count
+        self._inbox.forget()
         self._is_ended = False
 
     def update(self, state: ArmState) -> ArmCommand | None:
-        newest = self._goals.read()
-        if newest is not None and newest[0] != self._number and self._standstill is None and not self._is_ended:
-            self._number, goal = newest
-            if goal.session == state.session:
+        if self._standstill is None and not self._is_ended:
+            goal = self._inbox.take_newest(state.session)
+            if goal is not None:
                 self._take(goal, state)
         stream = self._source
         if not isinstance(stream, ToolStream):
@@ -182,7 +179,7 @@ class CartesianController(JointTrajectoryController):
 
     def receive(self, command: object, state: ArmState | None) -> None:
         super().receive(command, state)
-        if isinstance(command, CancelTrajectory) and isinstance(self._source, ToolStream):
-            newest = self._goals.read()
-            self._number = newest[0] if newest else 0  # a message that was not taken yet would begin a new stream
-            self._brake()
+        if isinstance(command, CancelTrajectory):
+            self._inbox.forget()  # a message that was not taken yet, as while the arm is held, would begin a new stream
+            if isinstance(self._source, ToolStream):
+                self._brake()
