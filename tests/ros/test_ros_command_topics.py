@@ -16,9 +16,10 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ZERO, Joints, Side, joint_names
 from abb_runtime.clock import ManualClock
+from controller_states import read_goal
 from refusals import refused
 from yumi.control.counters import WireCounters
-from yumi.control.goals import CONFIGURED_DELAY, GoalKind, MemoryBuffer, SessionGoal, read_goal
+from yumi.control.goals import CONFIGURED_DELAY, GoalKind, MemoryBuffer, SessionGoal
 from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot

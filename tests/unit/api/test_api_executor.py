@@ -12,6 +12,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
 from abb_protocols.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names, joints
 from abb_protocols.robot.kinematics import IDENTITY
+from controller_states import read_goal
 from fake_robot import FakeRobot, Switch
 from refusals import assert_says, refused
 from yumi.api import motion_executor
@@ -21,7 +22,7 @@ from yumi.api.robot_arm import Arm
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
-from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, Goal, MemoryBuffer, read_goal, stream_delay, write_speeds
+from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, Goal, MemoryBuffer, stream_delay, write_speeds
 from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (

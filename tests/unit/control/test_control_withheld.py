@@ -362,6 +362,7 @@ STOPPED: dict[str, tuple[str, Callable[[Led], object], Callable[[Led], object]]]
     "group's stream ended": ("group", Led.move_joints, Led.end_streams),
     "position's stream ended": ("stream", Led.ask_for_position, Led.end_streams),
     "goal's stream ended": ("goal", Led.ask_for_goal, Led.end_streams),
+    "goal stopped": ("goal", Led.ask_for_goal, lambda led: led.send(StopMotion())),
     "trajectory cancelled": ("path", lambda led: led.send(PATH), lambda led: led.send(CancelTrajectory())),
     "chunks cancelled": ("path", Led.follow_chunk, lambda led: led.send(CancelTrajectory())),
 }

@@ -128,15 +128,6 @@ def write_speeds(buffer: GoalBuffer, session: int, velocity: Joints, time: float
     buffer.write(SessionGoal(session, time, UNKNOWN, velocity))
 
 
-def read_goal(buffer: GoalBuffer, session: int) -> tuple[int, Goal | None]:
-    """The number of the newest goal, and the goal; None when it is not meant for ``session``."""
-    newest = buffer.read()
-    if newest is None:
-        return 0, None
-    number, goal = newest
-    return number, Goal(*goal[2:4], goal.time, goal.delay) if goal.session == session else None
-
-
 def stream_delay(tracking: str = "feed_forward", delay: float | None = None) -> float:
     """The delay of a goal, for :func:`write_goal`, by what a person says; raises CommandRefused.
 

@@ -26,7 +26,7 @@ from abb_protocols.robot.joints import (
 )
 from abb_runtime.parameters import Parameter, Values, number
 from yumi.control.controller import Controller
-from yumi.control.goals import GoalBuffer, check_position, read_goal
+from yumi.control.goals import GoalBuffer, GoalInbox, check_position
 from yumi.control.motion.point_motion import PointMotion, point_stop, point_travel
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint, largest_difference, slower
@@ -126,10 +126,9 @@ class JointGoalController(Controller):
     ) -> None:
         self._speed = speed or SpeedScale()
         self._period = period
-        self._goals = goals
+        self._inbox = GoalInbox(goals)
         self._limits = limits
         self._values: Mapping[str, float] = _DEFAULTS
-        self._goal_number = 0
         self._reports: list[GoalEnded] = []
         self._command: JointGoal | StopMotion | None = None
         self._standstill: StandstillDetector | None = None
@@ -150,8 +149,7 @@ class JointGoalController(Controller):
 
     def activate(self, state: ArmState) -> None:
         self._command = None
-        newest = self._goals.read()
-        self._goal_number = newest[0] if newest else 0  # what was sent before does not count
+        self._inbox.forget()
         self._hold(state)
 
     def deactivate(self) -> None:
@@ -163,6 +161,8 @@ class JointGoalController(Controller):
     def receive(self, command: object, state: ArmState | None) -> None:
         accepted, motion = self._planned(command)
         is_stop = isinstance(accepted, StopMotion)
+        if is_stop:
+            self._inbox.forget()  # a goal that was not taken yet would begin after the stop
         self._end(
             GoalOutcome.STOPPED if is_stop else GoalOutcome.REPLACED,
             message("motion_stopped" if is_stop else "goal_replaced"),
@@ -174,15 +174,12 @@ class JointGoalController(Controller):
             self._start(motion)
 
     def update(self, state: ArmState) -> ArmCommand | None:
-        newest = self._goals.read()
-        if newest is not None and newest[0] != self._goal_number:
-            number, goal = read_goal(self._goals, state.session)
-            if goal is not None:
-                self._goal_number = number
-                try:
-                    self.receive(JointGoal(goal.position), state)
-                except CommandRefused as error:
-                    self._reports.append(GoalEnded(0, GoalOutcome.ABORTED, error.said))
+        goal = self._inbox.take(state.session, state.time)
+        if goal is not None:
+            try:
+                self.receive(JointGoal(goal.position), state)
+            except CommandRefused as error:
+                self._reports.append(GoalEnded(0, GoalOutcome.ABORTED, error.said))
         is_braking = isinstance(self._command, StopMotion) and self._time < self._motion.duration
         if is_braking and self._is_held_back(state):
             self._hold(state)
