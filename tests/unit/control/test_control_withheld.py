@@ -232,6 +232,13 @@ class Led:
     def move_tool(self) -> None:
         self.goals.write(twist_goal(self.rig.snapshot.session, UPWARDS, time=self.rig.clock.now()))
 
+    def stream_poses(self) -> None:
+        """Of a tool that goes upwards."""
+        now, start = self.rig.clock.now(), tool0_to_body(Side.RIGHT, START)
+        x, y, z = start.position
+        higher = Pose((x, y, z + UPWARDS[2] * (now - self._begun)), start.orientation)
+        self.goals.write(pose_goal(self.rig.snapshot.session, higher, time=now))
+
     def ask_for_pose(self) -> None:
         """Once, of 10 cm below."""
         here = tool0_to_body(Side.RIGHT, self.rig.snapshot.sent)
@@ -277,6 +284,7 @@ LET_GO: dict[str, tuple[str, Callable[[Led], object], Callable[[Led], object], C
     "tool cancelled": ("tool", nothing, Led.move_tool, lambda led: led.send(CancelTrajectory())),
     "tool's stream ended": ("tool", nothing, Led.move_tool, Led.end_streams),
     "tool silent": ("tool", nothing, Led.move_tool, nothing),
+    "poses silent": ("tool", nothing, Led.stream_poses, nothing),
     "joints' stream ended": ("speeds", nothing, Led.move_joints, Led.end_streams),
     "joints silent": ("speeds", nothing, Led.move_joints, nothing),
     "joints stopped": ("speeds", nothing, Led.move_joints, Led.stop_joints),
@@ -311,6 +319,8 @@ def test_arm_that_is_let_go_while_it_is_held_back_goes_nowhere_by_what_was_withh
     after = rig.cycles[first:]
     if let_go is not nothing:
         assert after[0].desired is None  # the limiter brings it to rest from what it was sent
+    else:
+        rig.manager.check_take_over("path", rig.line.state, rig.clock.now())  # it is idle
     assert max(each.beyond for each in after[75:]) < AT_GOAL
     for each in after[150:]:
         assert each.sent.position == pytest.approx(after[150].sent.position, abs=1e-5)

@@ -423,7 +423,7 @@ class Arm:
         """Follow a stream of poses of the tool, of which this is the next; returns at once.
 
         It may be called up to 500 times a second. The tool keeps its limits (``cartesian_controller`` in
-        controllers.yaml) and those of the joints, and stays at the last pose.
+        controllers.yaml) and those of the joints, and stays at the last pose, or where something holds it back.
 
         Args:
             pose: as for :meth:`inverse_kinematics`; so are ``tool`` and ``work_object``.

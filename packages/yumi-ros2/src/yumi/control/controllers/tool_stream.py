@@ -94,7 +94,7 @@ class ToolStream:
         self._side = side
         self._within = within
         self.wall = ""  # that holds the tool now
-        self.is_stopping = False  # since no velocity leads it any further
+        self.is_stopping = False  # since no velocity leads it any further, or its poses have fallen silent
         self.tool = tool
         self._tool, self._to_tool0 = pose_of(tool), inverse(pose_of(tool))
         self._limits = limits
@@ -121,7 +121,7 @@ class ToolStream:
         self.predictor.rest_at(self._target)
         self._twist: Joints = ZERO
         self._is_twist = self._is_at_rest = False
-        self._given_at = -inf
+        self._given_at = self._came_at = -inf
         self.silence = 0.0
         self.independence = 1.0
         self._weakest: tuple[float, ...] = (1.0,) * 6
@@ -153,7 +153,7 @@ class ToolStream:
         self.predictor.timeout = self.silence
         angle = self.predictor.goal[6] if isnan(goal.angle) else goal.angle
         self.predictor.add(self._numbers(pose_of(goal.pose), angle), UNKNOWN, time)
-        self._given_at = time
+        self._given_at, self._came_at = time, now
 
     def _numbers(self, pose: Pose, angle: float) -> Joints:
         """A pose and an arm angle as the target has them, without jumps at half a turn."""
@@ -200,6 +200,7 @@ class ToolStream:
             if self._is_twist:
                 self._move_target(dt, timeout, state.time, scale)
             else:
+                self.is_stopping = state.time - self._came_at > self.predictor.patience
                 target = self.predictor.at(state.time, delay)
                 self._target, self._rates, _ = self._filter.step(target, dt, scale)
                 self._target = self._behind_walls(self._target, before[0].position, dt)

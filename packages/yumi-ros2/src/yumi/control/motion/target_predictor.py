@@ -163,7 +163,7 @@ class TargetPredictor:
         interval = time - self._time
         if interval < CONNECTED:  # a slow stream is one, too
             self._period += (interval - self._period) * (_LEARNING if self._period else 1.0)
-        if interval < max(CONNECTED, self._patience):
+        if interval < max(CONNECTED, self.patience):
             gains = _fading_gains(max(interval, _SHORTEST), self.memory)
         else:  # another stream: only what this goal itself says counts
             self.rest_at(goal)
@@ -188,7 +188,7 @@ class TargetPredictor:
 
     def is_over(self, now: float) -> bool:
         """Whether the stream has ended at ``now`` [s]: no goal has come for too long."""
-        return now - self._time > self._patience
+        return now - self._time > self.patience
 
     @property
     def speed(self) -> float:
@@ -196,5 +196,6 @@ class TargetPredictor:
         return max([abs(track.velocity) for track in self._tracks])
 
     @property
-    def _patience(self) -> float:
+    def patience(self) -> float:
+        """A stream without a goal for so long has ended [s]."""
         return max(self.timeout, min(_MISSED * self._period, _LONGEST_PATIENCE))
