@@ -1,15 +1,18 @@
 from __future__ import annotations
 
+from math import nan
+
 import pytest
 
 from abb_protocols.catalogue import message
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names, joints
 from controller_arms import LimitedArm
 from egm_loop import EgmLoop
 from refusals import assert_says
 from reported_limiter import ReportedLimiter
 from yumi.control.controller import Controller
 from yumi.control.counters import LimiterCounters, WireCounters
+from yumi.control.cycle import Cycle
 from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop import LONGEST_UNANSWERED, ArmLoop
@@ -25,6 +28,7 @@ from yumi.control.loop_events import (
     is_fault,
 )
 from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.motion.standstill import SentPositions
 from yumi.control.shared_state import Limited, Snapshot, read_snapshot
 
 
@@ -332,3 +336,27 @@ def test_short_times_without_an_answer_deactivate_nothing_however_many(
         monkeypatch.setattr(Limiter, "unanswered", number * 40)
         feed(loop, arm, middle, now=20.0 + number * 0.16)
     assert loop.activation
+
+
+@pytest.mark.parametrize(("time", "is_newest"), [(20.004, True), (19.996, False)])
+def test_controllers_know_what_the_core_has_sent_in_their_place(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints, monkeypatch: pytest.MonkeyPatch, time: float, is_newest: bool
+) -> None:
+    feed(loop, arm, middle, now=20.0)
+    ours = loop.manager.sent.position
+    braked = joints([value + 0.002 for value in middle])
+    state = ArmState(time, CYCLE, 1, middle, ZERO, middle, is_running=True)
+    monkeypatch.setattr(LimitedArm, "take_braked", lambda arm: (Cycle(state, None, ArmCommand(braked)),))
+    monkeypatch.setattr(Limiter, "unanswered", 1)
+    loop.watch_silence(20.006)
+    assert loop.manager.sent.position == (braked if is_newest else ours)
+
+
+def test_position_that_is_no_number_has_no_later_command_taken_for_withheld(middle: Joints) -> None:
+    sent = SentPositions()
+    sent.note(middle, middle)
+    sent.note((*middle[:6], nan), middle)
+    for _ in range(20):
+        sent.note(middle, middle)
+        assert not sent.is_held_back(middle, ZERO, middle)
+    assert sent.is_held_back((*middle[:6], nan), ZERO, middle)

@@ -275,11 +275,13 @@ class ArmLoop:
             self.publish(now)
 
     def _note_late(self, now: float) -> None:
-        """Report what the core has answered in place of the controllers; deactivate those that hung."""
+        """Note what the core has answered in place of the controllers; deactivate those that hung."""
         count = self._limiter.unanswered
         if count != self._braked:
             self._braked = count
             for cycle in self._arm.take_braked():
+                if self._last is None or cycle.state.time > self._last.state.time:  # else one of ours was sent later
+                    self.manager.sent.note(None, cycle.sent.position)
                 self._recorder.record(cycle, None, _NO_STAGES)
         if count == self._late_reported:
             return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from math import isfinite
 
 from abb_protocols.robot.joints import CYCLE, ArmState, Joints
 from yumi.control.motion.robot_response import SERVO_CYCLES, STANDING
@@ -31,7 +32,7 @@ class SentPositions:
 
     def note(self, commanded: Joints | None, sent: Joints) -> None:
         """After a reply: what was commanded, None where the arm holds, and what was sent [rad], (7,)."""
-        if commanded is None:
+        if commanded is None or not all(map(isfinite, commanded)):  # the limiter holds the arm in place of the latter
             self._commanded.clear()
         else:
             if not self._commanded:
@@ -51,7 +52,7 @@ class SentPositions:
         """
         if self.position is not None and self._commanded:
             rows = zip(self.position, *self._commanded, strict=True)
-            if any(not min(lately) - AT_GOAL <= sent <= max(lately) + AT_GOAL for sent, *lately in rows):  # NaN too
+            if any(not min(lately) - AT_GOAL <= sent <= max(lately) + AT_GOAL for sent, *lately in rows):
                 return True
         behind = zip(commanded, velocity, planned, strict=True)
         return any(not abs(to - now) <= _ELSEWHERE + _DELAYED * abs(speed) for to, speed, now in behind)
