@@ -24,7 +24,7 @@ from abb_protocols.robot.joints import Joints, Side, home
 from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.yumi_arms import irb14050
 from abb_runtime.clock import ManualClock
-from abb_runtime.faults import DISPLAY_PATH
+from abb_runtime.faults import DISPLAY_PATH, Fault
 from abb_runtime.rws.client import RwsClient
 from abb_view import controller_server, controller_view
 from abb_view.controller_reader import AROUND, ControllerReader, LogLine, PointerReport, Unit
@@ -301,7 +301,12 @@ def test_page_injects_faults_only_into_a_virtual_controller_of_this_machine_that
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, takes_faults: bool
 ) -> None:
     injected: list[tuple[str, str, Mapping[str, str]]] = []
-    monkeypatch.setattr(controller_server, "inject_fault", lambda *fault: injected.append(fault))
+
+    def inject(address: str, name: str, form: Mapping[str, str]) -> Fault:
+        injected.append((address, name, form))
+        return Fault.MOTORS_OFF
+
+    monkeypatch.setattr(controller_server, "inject_fault", inject)
 
     async def answer(reader: ControllerReader) -> dict[str, Any]:
         server = ControllerServer(PageSettings(port=0), "virtual-irc5 view", reader, takes_faults=takes_faults)

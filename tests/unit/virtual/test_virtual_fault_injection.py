@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 
+import httpx
 import pytest
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import CollisionState, ControllerState, OperatingMode
 from abb_runtime.clock import ManualClock
-from abb_runtime.faults import FAULTS_PATH, Fault, FaultDirection
+from abb_runtime.faults import FAULTS_PATH, Fault, FaultDirection, inject_fault
 from memory_http import MemoryHttp
 from system.virtual_time_bench import System
 from virtual_irc5.mechanics.egm_client import EgmOutcome
@@ -319,3 +320,31 @@ def test_program_of_this_machine_injects_faults(
 def test_every_fault_can_be_injected(used_faults: FaultInjection, fault: Fault) -> None:
     with suppress(CommandRefused):
         used_faults.inject(fault)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../rw/panel/ctrlstate?action=setctrlstate",
+        "..",
+        "",
+        "emergency-stop/..",
+        "motors-off?",
+        "%2e%2e",
+        "MOTORS-OFF",
+    ],
+)
+def test_name_that_no_fault_has_is_never_sent(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[str] = []
+
+    def answer(method: str, url: str, **options: object) -> httpx.Response:
+        sent.append(url)
+        return httpx.Response(204)
+
+    monkeypatch.setattr(httpx, "request", answer)
+    with pytest.raises(CommandRefused) as refusal:
+        inject_fault("127.0.0.1:80", name, {})
+    assert str(refusal.value) == f"There is no fault {name!r}; `virtual-irc5 fault` lists all faults."
+    assert sent == []
+    assert inject_fault("127.0.0.1:80", "motors-off", {}) is Fault.MOTORS_OFF
+    assert sent == [f"http://127.0.0.1:80{FAULTS_PATH}/motors-off"]

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
+from abb_protocols.catalogue import quoted
 from abb_protocols.errors import CommandRefused, NoConnection
 from abb_runtime.udp import is_loopback
 
@@ -206,8 +208,8 @@ def takes_faults(address: str) -> bool:
     return reply.is_success and reply.headers.get("Content-Type", "").startswith("application/json")
 
 
-def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
-    """Inject a fault into the virtual controller at ``address``.
+def inject_fault(address: str, name: str, form: Mapping[str, str]) -> Fault:
+    """Inject a fault into the virtual controller at ``address``, and return it; another name is never sent.
 
     Raises:
         NoConnection: nothing answers there.
@@ -215,8 +217,11 @@ def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
     """
     import httpx  # noqa: PLC0415 - for this alone, of what the virtual robot imports
 
+    fault = fault_named(name)
+    if fault is None:
+        raise CommandRefused(f"There is no fault {quoted(name)}; `virtual-irc5 fault` lists all faults.")
     try:
-        reply = _ask(address, "POST", f"{FAULTS_PATH}/{name}", form)
+        reply = _ask(address, "POST", f"{FAULTS_PATH}/{quote(name, safe='')}", form)
     except httpx.HTTPError as error:
         raise NoConnection(
             f"Nothing answers at {address} ({error}). `virtual-irc5 run` or `yumi controller` starts a virtual one."
@@ -225,6 +230,7 @@ def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
         is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
         sentence = reply.text if is_virtual else ""
         raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")
+    return fault
 
 
 def _ask(address: str, method: str, path: str, form: Mapping[str, str] | None = None) -> httpx.Response:

@@ -10,7 +10,7 @@ from aiohttp import web
 from abb_protocols.catalogue import Message, message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused
-from abb_runtime.faults import Fault, fault_named, inject_fault
+from abb_runtime.faults import Fault, inject_fault
 from abb_runtime.udp import is_loopback
 from abb_view.controller_reader import ControllerReader, LogMessage
 from abb_view.controller_view import ControllerView
@@ -109,14 +109,12 @@ class ControllerServer(PageServer[OpenPage]):
         try:
             if not self._faults:
                 raise CommandRefused(message("faults_only_virtual"))
-            await asyncio.to_thread(inject_fault, self._view.reader.address, request.name, request.form)
+            fault = await asyncio.to_thread(inject_fault, self._view.reader.address, request.name, request.form)
         except Exception as error:  # a fault of ours, too: the page waits for an answer
             said = _words(said_of(error, self._program))
             page.send({"type": "failed", "id": request.id, "error": {"sentence": said}})
             return
-        known = fault_named(request.name)
-        done = request.name if known is None else known.value.meaning
-        page.send({"type": "done", "id": request.id, "result": f"Done: {done}"})
+        page.send({"type": "done", "id": request.id, "result": f"Done: {fault.value.meaning}"})
 
     def _publish(self, state: bytes) -> None:
         for page in self.pages:

@@ -19,7 +19,7 @@ from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, rotate
 from abb_protocols.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
-from abb_runtime.faults import fault_named, inject_fault
+from abb_runtime.faults import inject_fault
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER
 from yumi.api.joint_positions import checked_goal
 from yumi.driver.command import Command
@@ -252,10 +252,8 @@ class Operator:
     async def _inject(self, request: Inject) -> str:
         if not self._live.is_virtual:
             raise CommandRefused(message("faults_only_virtual"))
-        await asyncio.to_thread(inject_fault, self._live.address, request.name, request.form)
-        known = fault_named(request.name)
-        meaning = request.name if known is None else known.value.meaning
-        return f"Done: {meaning}"
+        fault = await asyncio.to_thread(inject_fault, self._live.address, request.name, request.form)
+        return f"Done: {fault.value.meaning}"
 
     async def _jog_on(self) -> None:
         """Carry out the newest jog message again and again; one request to the driver is under way at a time."""
