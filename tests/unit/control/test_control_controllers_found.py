@@ -7,12 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side
 from yumi.control import controllers
 from yumi.control.controllers import find_controllers
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.place import ControllerBuffers, Place
 from yumi.control.speed_scale import SpeedScale
+from yumi.driver.wiring import CONTROLLER_KINDS
 
 PLACE = Place("waiting", Side.RIGHT, ControllerBuffers(), {}, YUMI_LIMITS, CYCLE, SpeedScale())
 WAITING = """
@@ -34,6 +36,9 @@ class SlowVelocities(JointVelocityController):
 class Unfinished(JointVelocityController):
     pass
 """
+
+
+COPY = WAITING.replace("class WaitingController", "class CopiedController")
 
 
 @pytest.fixture
@@ -58,6 +63,25 @@ def test_class_without_a_type_of_its_own_replaces_none(kinds: dict[str, list[str
     assert all(len(names) == 1 for names in kinds.values())
 
 
+def test_two_controllers_of_one_type_are_refused_by_their_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, text in (("waiting", WAITING), ("waiting_copy", COPY)):
+        (tmp_path / f"{name}.py").write_text(text)
+        monkeypatch.delitem(sys.modules, f"yumi.control.controllers.{name}", raising=False)
+    monkeypatch.setattr(controllers, "__path__", [*controllers.__path__, str(tmp_path)])
+    with pytest.raises(SettingsError) as refusal:
+        list(find_controllers())
+    for name in ("waiting", "waiting_copy"):
+        del sys.modules[f"yumi.control.controllers.{name}"]
+    assert str(refusal.value) == (
+        "Controllers yumi.control.controllers.waiting.WaitingController and "
+        "yumi.control.controllers.waiting_copy.CopiedController have the same type, 'test/WaitingController'; "
+        "give each a kind of its own."
+    )
+
+
 @pytest.mark.parametrize("kind", list(find_controllers()), ids=lambda kind: kind.__name__)
 def test_each_controller_is_made_from_its_place(kind: type[controllers.Controller]) -> None:
-    assert type(kind.make(PLACE)) is kind
+    made = CONTROLLER_KINDS[kind.kind](PLACE)
+    assert (type(made), made.kind) == (kind, kind.kind)

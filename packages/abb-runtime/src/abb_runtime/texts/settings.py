@@ -35,6 +35,9 @@ SETTINGS: Mapping[str, Text] = {
     "controller_of_unknown_type": Text(
         "{place}: controller {controller:quoted} has type {type:quoted}; known are: {known:list}"
     ),
+    "controllers_of_one_type": Text(
+        "controllers {classes:and} have the same type, {type:quoted}", "give each a kind of its own"
+    ),
     "egm_frame_not_rapid": Text(
         "{setting} is {value:quoted}; it must be a RAPID {type} such as {example}, with finite numbers"
     ),
