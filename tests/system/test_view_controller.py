@@ -11,13 +11,13 @@ import pytest
 
 from abb_protocols.catalogue import message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_protocols.errors import LoginRefused, NoConnection
+from abb_protocols.errors import LoginRefused, NoConnection, RobotNotReady
 from abb_runtime.process.command_process import CommandProcess
 from browser import browser
 from system.test_doctor import served, world
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system
 from yumi.driver.settings import RobotSettings
-from yumi.web.view_only import open_controller
+from yumi.web.view_only import open_controller, reopen_controller
 
 SOON = 60_000  # [ms]
 PROGRAM = """MODULE Cell
@@ -46,8 +46,17 @@ def test_yumi_without_the_state_machine_is_read_and_says_why() -> None:
     with served(world(system=factory_system()).controller) as what:
         reader = open_controller(settings(what.port))
         assert reader is not None
-        assert reader.message().missing == (str(message("state_machine_missing", task="T_ROB_R", module="TRobMain")),)
-        reader.close()
+        again = reopen_controller(settings(what.port))
+        for each in (reader, again):
+            missing = message("state_machine_missing", task="T_ROB_R", module="TRobMain")
+            assert each.message().missing == (str(missing),)
+            each.close()
+
+
+def test_controller_that_a_driver_can_run_for_by_now_is_named() -> None:
+    with served(world().controller) as what, pytest.raises(RobotNotReady) as refusal:
+        reopen_controller(settings(what.port))
+    assert refusal.value.said == message("driver_can_run_now", address=f"127.0.0.1:{what.port}")
 
 
 def test_controller_that_does_not_let_us_in_or_is_not_there_is_an_error() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import aiohttp
 import httpx
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from abb_view import controller_server, controller_view
 from abb_view.controller_reader import AROUND, ControllerReader, LogLine, PointerReport, Unit
 from abb_view.controller_server import ControllerServer
 from abb_view.controller_view import ControllerView
-from abb_view.page_server import PageSettings
+from abb_view.page_server import OpenPage, PageSettings
 from abb_view.robot_model import chain_model, controller_model
 from memory_http import MemoryHttp
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system, with_programs
@@ -96,6 +97,12 @@ class Cell(ManualClock):
         self.reader.why_view_only = why_view_only(self.reader, say("driver_has_ended"))
         self.lines: list[LogLine] = []
         self.reader.on_log = self.lines.extend
+
+    def reopen(self) -> ControllerReader:
+        """A reader of what answers now, with a session of its own."""
+        client = RwsClient(self.rws, clock=self)
+        client.connect()
+        return ControllerReader(client, self)
 
     def start(self) -> None:
         self.world.controller.set_motors(on=True)
@@ -235,38 +242,115 @@ def test_nothing_is_known_of_a_controller_that_does_not_answer_until_it_does_aga
     cell = Cell("irb120", tmp_path)
     changes: list[Message | None] = []
     view = ControllerView(
-        cell.reader, "yumi view", lambda state: None, lambda log: None, lambda: changes.append(view.why_not)
+        cell.reader,
+        cell.reopen,
+        "yumi view",
+        lambda state: None,
+        lambda log: None,
+        lambda: changes.append(view.why_not),
     )
-
-    async def until(condition: Callable[[], bool]) -> None:
-        for _ in range(1000):
-            if condition():
-                return
-            cell.advance(1.0)  # everything is due
-            await asyncio.sleep(0.005)
-        raise AssertionError(f"{changes}")
 
     async def main() -> None:
         view.watch(True)
         running = asyncio.create_task(view.run())
-        await until(lambda: cell.reader.message().arms["ROB_1"] is not None)
+        await until(lambda: cell.reader.message().arms["ROB_1"] is not None, cell)
         cell.rws.is_there = False
-        await until(lambda: bool(changes))
+        await until(lambda: bool(changes), cell)
         assert cell.reader.message().arms == {"ROB_1": None}
         cell.rws.is_there = True
-        await until(lambda: cell.reader.message().arms["ROB_1"] is not None)
+        await until(lambda: cell.reader.message().arms["ROB_1"] is not None, cell)
         running.cancel()
         await asyncio.wait([running])
 
     asyncio.run(main())
     assert [each and str(each) for each in changes] == ["Nothing answers in this memory.", None]
+    assert view.reader is cell.reader  # the session goes on: it is the same controller
+
+
+async def until(condition: Callable[[], bool], cell: Cell) -> None:
+    """Wait for what a view reads; everything is due all the time."""
+    for _ in range(1000):
+        if condition():
+            return
+        cell.advance(1.0)
+        await asyncio.sleep(0.005)
+    raise AssertionError
+
+
+@pytest.mark.parametrize("is_noticed", [True, False], ids=["connection lost", "session lost"])
+def test_real_controller_that_takes_the_place_of_a_virtual_one_is_shown_as_a_real_one_and_gets_few_requests(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_noticed: bool
+) -> None:
+    monkeypatch.setattr(controller_view, "_RECONNECT", 0.01)
+    cell, other = Cell("irb120", tmp_path), Cell("yumi", tmp_path)
+    cell.reader.address = "127.0.0.1:8080"
+    cell.world.controller.execution.installed["T_ROB1"].host.write_text("T_ROB1", "begins")
+    server = ControllerServer(PageSettings(port=0), "virtual-irc5 view", cell.reader, cell.reopen, takes_faults=True)
+    view = server._view
+    page = Introduced()
+
+    async def main() -> None:
+        view.watch(True)
+        running = asyncio.create_task(view.run())
+        await until(lambda: cell.reader.message().arms["ROB_1"] is not None and bool(view.lines), cell)
+        server.introduce(page)
+        server.pages.add(page)
+        if is_noticed:
+            cell.rws.is_there = False
+            await until(lambda: view.why_not is not None, cell)
+        cell.rws.adapter, cell.rws.refused = other.rws.adapter, {DISPLAY_PATH}
+        cell.rws.is_there = True
+        await until(
+            lambda: view.reader is not cell.reader and view.why_not is None and page.kinds[-1] != "IRB 120", cell
+        )
+        running.cancel()
+        await asyncio.wait([running])
+
+    asyncio.run(main())
+    assert page.kinds[0] == "IRB 120"
+    assert (page.sent[0]["is_virtual"], bool(page.sent[0]["faults"])) == (True, True)
+    assert (page.kinds[-1], page.sent[-1]["is_virtual"], page.sent[-1]["faults"]) == ("IRB 14000", False, [])
+    assert msgspec.json.decode(server._model)["arms"].keys() == {"right", "left"}
+    assert all(line.source != "TPWrite" for line in view.lines)  # nothing of the controller before
+
+    cell.reader = view.reader
+    cell.go_on(1.0)
+    cell.rws.asked.clear()
+    cell.go_on(10.0)
+    assert {method for method, _ in cell.rws.asked} == {"GET"}
+    assert 30 < cell.rws.asked.total() <= 5.5 * 10.0
+
+
+class Introduced(OpenPage):
+    """A page without a browser.
+
+    Attributes:
+        sent: what it was sent of the controller.
+    """
+
+    def __init__(self) -> None:
+        self.sent: list[Mapping[str, Any]] = []
+
+    def send(self, message: Mapping[str, Any]) -> None:
+        self.sent.append(message)
+
+    def send_bytes(self, message: bytes) -> None:
+        """A line of the log."""
+
+    def send_state(self, state: bytes) -> None:
+        """A state."""
+
+    @property
+    def kinds(self) -> list[str]:
+        """The robots."""
+        return [each["controller"].robot for each in self.sent]
 
 
 def test_page_gets_the_controller_with_its_log_and_can_only_look(tmp_path: Path) -> None:
     cell = Cell("irb120", tmp_path)
 
     async def main() -> None:
-        server = ControllerServer(PageSettings(port=0), "yumi view", cell.reader)
+        server = ControllerServer(PageSettings(port=0), "yumi view", cell.reader, cell.reopen)
         await server.start()
         base = f"http://127.0.0.1:{server.port}"
         try:
@@ -307,9 +391,12 @@ def test_page_injects_faults_only_into_a_virtual_controller_of_this_machine_that
         return Fault.MOTORS_OFF
 
     monkeypatch.setattr(controller_server, "inject_fault", inject)
+    monkeypatch.setattr(controller_server, "takes_faults", lambda address: is_virtual)
 
-    async def answer(reader: ControllerReader) -> dict[str, Any]:
-        server = ControllerServer(PageSettings(port=0), "virtual-irc5 view", reader, takes_faults=takes_faults)
+    async def answer(cell: Cell) -> dict[str, Any]:
+        server = ControllerServer(
+            PageSettings(port=0), "virtual-irc5 view", cell.reader, cell.reopen, takes_faults=takes_faults
+        )
         await server.start()
         base = f"http://127.0.0.1:{server.port}"
         try:
@@ -324,12 +411,18 @@ def test_page_injects_faults_only_into_a_virtual_controller_of_this_machine_that
         finally:
             await server.stop()
 
-    for address, is_own in (("127.0.0.1:8080", True), ("192.168.125.1:80", True), ("127.0.0.1:8080", False)):
+    here, far = "127.0.0.1:8080", "192.168.125.1:80"
+    for address, is_own, is_virtual in (
+        (here, True, True),
+        (far, True, True),
+        (here, False, True),
+        (here, True, False),
+    ):
         injected.clear()
-        reader = Cell("irb120", tmp_path, is_own=is_own).reader
-        reader.address = address
-        message = asyncio.run(asyncio.wait_for(answer(reader), 30.0))
-        may = takes_faults and is_own and address.startswith("127.")
+        cell = Cell("irb120", tmp_path, is_own=is_own)
+        cell.reader.address = address
+        message = asyncio.run(asyncio.wait_for(answer(cell), 30.0))
+        may = takes_faults and is_own and is_virtual and address == here
         assert injected == ([(address, "motors-off", {})] if may else [])
         if may:
             assert message == {"type": "done", "id": 3, "result": "Done: Motors Off is pressed"}

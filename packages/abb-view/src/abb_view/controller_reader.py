@@ -209,6 +209,7 @@ class ControllerReader:
 
     def __init__(self, client: RwsClient, clock: Clock) -> None:
         self.address = client.address
+        self._logins = client.login_count
         self.on_log: Callable[[tuple[LogLine, ...]], None] = lambda lines: None
         self.robot = client.system().robot
         self.why_view_only: Message | None = None
@@ -258,6 +259,11 @@ class ControllerReader:
     def is_yumi(self) -> bool:
         """Whether it has the two arms of a YuMi."""
         return {unit.key for unit in self.units} == {side.word for side in Side}
+
+    @property
+    def is_of_session(self) -> bool:
+        """Whether the session goes on in which the robot was read; without it, another controller may answer."""
+        return self._client.login_count == self._logins
 
     def step(self) -> float:
         """Read what is due next, if anything is due; how soon something is due again [s].

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 
 import msgspec
 from aiohttp import web
@@ -10,7 +11,7 @@ from aiohttp import web
 from abb_protocols.catalogue import Message, message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused
-from abb_runtime.faults import Fault, inject_fault
+from abb_runtime.faults import Fault, inject_fault, takes_faults
 from abb_runtime.udp import is_loopback
 from abb_view.controller_reader import ControllerReader, LogMessage
 from abb_view.controller_view import ControllerView
@@ -41,6 +42,7 @@ class ControllerServer(PageServer[OpenPage]):
         settings: how.
         program: the command that serves it.
         reader: of the controller.
+        reopen: opens another one, when another controller may answer, see :class:`ControllerView`.
         takes_faults: whether pages may inject faults into it, where it is a virtual one of this machine.
 
     Raises:
@@ -48,12 +50,17 @@ class ControllerServer(PageServer[OpenPage]):
     """
 
     def __init__(
-        self, settings: PageSettings, program: str, reader: ControllerReader, *, takes_faults: bool = False
+        self,
+        settings: PageSettings,
+        program: str,
+        reader: ControllerReader,
+        reopen: Callable[[], ControllerReader],
+        *,
+        takes_faults: bool = False,
     ) -> None:
         super().__init__(settings, program, page_folder(CONTROLLER_PAGE), controller_model(reader))
-        self._view = ControllerView(reader, program, self._publish, self._publish_log, self._introduce_all)
-        is_here = reader.is_virtual and is_loopback(reader.address.rpartition(":")[0])
-        self._faults = tuple(Fault) if takes_faults and is_here else ()
+        self._view = ControllerView(reader, reopen, program, self._publish, self._publish_log, self._introduce_all)
+        self._takes_faults = takes_faults
         self._following: asyncio.Task[None] | None = None
         self._injecting: set[asyncio.Task[None]] = set()
 
@@ -63,10 +70,11 @@ class ControllerServer(PageServer[OpenPage]):
         self._following = asyncio.create_task(self._view.run())
 
     async def stop(self) -> None:
-        """Close all pages and end, after a request to the controller that is under way."""
+        """Close all pages and the reader, after a request to the controller that is under way."""
         if self._following is not None:
             self._following.cancel()
             await asyncio.wait([self._following, *self._injecting])
+        await asyncio.to_thread(self._view.reader.close)
         await super().stop()
 
     def open_page(self, socket: web.WebSocketResponse, request: web.Request) -> OpenPage:
@@ -87,7 +95,7 @@ class ControllerServer(PageServer[OpenPage]):
                 "is_virtual": reader.is_virtual,
                 "log": tuple(self._view.lines),
                 "why_no_robot": "" if self._view.why_not is None else _words(self._view.why_not),
-                "faults": [fault_for_page(each) for each in self._faults],
+                "faults": [fault_for_page(each) for each in self._faults()],
             }
         )
 
@@ -105,11 +113,18 @@ class ControllerServer(PageServer[OpenPage]):
         self._injecting.add(task)
         task.add_done_callback(self._injecting.discard)
 
+    def _faults(self) -> tuple[Fault, ...]:
+        """Those that pages may inject: into a virtual controller of this machine."""
+        reader = self._view.reader
+        is_here = reader.is_virtual and is_loopback(reader.address.rpartition(":")[0])
+        return tuple(Fault) if self._takes_faults and is_here else ()
+
     async def _inject(self, page: OpenPage, request: Inject) -> None:
         try:
-            if not self._faults:
+            address = self._view.reader.address
+            if not self._faults() or not await asyncio.to_thread(takes_faults, address):
                 raise CommandRefused(message("faults_only_virtual"))
-            fault = await asyncio.to_thread(inject_fault, self._view.reader.address, request.name, request.form)
+            fault = await asyncio.to_thread(inject_fault, address, request.name, request.form)
         except Exception as error:  # a fault of ours, too: the page waits for an answer
             said = _words(said_of(error, self._program))
             page.send({"type": "failed", "id": request.id, "error": {"sentence": said}})
@@ -126,6 +141,7 @@ class ControllerServer(PageServer[OpenPage]):
             page.send_bytes(data)
 
     def _introduce_all(self) -> None:
+        self.draw(controller_model(self._view.reader))
         for page in self.pages:
             self.introduce(page)
 

@@ -154,7 +154,7 @@ class PageServer(ABC, Generic[AnyPage]):
         self.pages: set[AnyPage] = set()
         self._served, self._program, self._files = settings, program, files
         self._no_token = f"Open the page by the address with the token that `{program}` printed."
-        self._model = msgspec.json.encode({"program": program, **model})
+        self.draw(model)
         application = web.Application(middlewares=[self._guard])
         application.router.add_get("/", self._index)
         application.router.add_get("/model.json", self._send_model)
@@ -180,6 +180,10 @@ class PageServer(ABC, Generic[AnyPage]):
     @abstractmethod
     def watch(self, is_watched: bool) -> None:
         """Whether a page is open."""
+
+    def draw(self, model: Mapping[str, Any]) -> None:
+        """What pages that are opened from now on draw, see :mod:`abb_view.robot_model`."""
+        self._model = msgspec.json.encode({"program": self._program, **model})
 
     async def forget(self, page: AnyPage) -> None:
         """A page was closed."""

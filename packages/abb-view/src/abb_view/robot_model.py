@@ -51,8 +51,9 @@ def yumi_model() -> dict[str, Any]:
 
 
 def controller_model(reader: ControllerReader) -> dict[str, Any]:
-    """As :func:`yumi_model`, of any robot; one without a description has no links to draw."""
-    model = yumi_model()
+    """As :func:`yumi_model`, of any robot, with its name and units; one without a description has no links to draw."""
+    # Not its address: a page gets this without the token.
+    model = {**yumi_model(), "controller": {"robot": reader.robot, "units": reader.kind.units}}
     if reader.is_yumi:
         return model
     if reader.kind.is_drawn:

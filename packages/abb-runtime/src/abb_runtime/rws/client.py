@@ -132,6 +132,11 @@ class RwsClient(
             self._session.close()
             raise
 
+    @property
+    def login_count(self) -> int:
+        """How often the controller has let us in; after another login it may have restarted, or be another one."""
+        return self._session.login_count
+
     def lift_pace(self) -> None:
         """Send requests as fast as they come from now on: a virtual controller takes any number a second."""
         self._session.lift_pace()

@@ -107,10 +107,15 @@ class Transport(Protocol):
 
 
 class RwsSession:
-    """A login over ``transport``; requests of several threads queue up."""
+    """A login over ``transport``; requests of several threads queue up.
+
+    Attributes:
+        login_count: how often the controller has let us in; the second login is for a session that it does not know.
+    """
 
     def __init__(self, transport: Transport, *, user: str, password: str, timeout: float, clock: Clock) -> None:
         self.address = transport.address
+        self.login_count = 0
         self._transport = transport
         self._user = user
         self._password = password
@@ -243,6 +248,7 @@ class RwsSession:
         response = self._once(self._with_credentials(outgoing, response), {}, deadline)
         if response.status_code == _UNAUTHORIZED:
             raise LoginRefused(message("login_refused", address=self.address, user=self._user))
+        self.login_count += 1
         return response
 
     def _with_credentials(self, outgoing: httpx.Request, challenge: httpx.Response) -> httpx.Request:

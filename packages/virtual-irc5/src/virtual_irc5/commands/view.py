@@ -44,7 +44,7 @@ def view(robot: str, user: str, password: str | None, port: int, listen: str, un
       virtual-irc5 view --robot 192.168.125.1 --port 0
     """
     try:
-        from abb_view.controller_reader import Login, open_reader  # noqa: PLC0415 - an extra
+        from abb_view.controller_reader import ControllerReader, Login, open_reader  # noqa: PLC0415 - an extra
         from abb_view.controller_server import ControllerServer  # noqa: PLC0415
         from abb_view.page_build import CONTROLLER_PAGE, page_folder  # noqa: PLC0415
         from abb_view.page_server import PageSettings, serve  # noqa: PLC0415
@@ -57,11 +57,15 @@ def view(robot: str, user: str, password: str | None, port: int, listen: str, un
     is_over = end_flag(until_stdin_closes)
     page_folder(CONTROLLER_PAGE, click.echo)
     login = Login(with_usual_port(robot), user, password or DEFAULT_PASSWORD, _ANSWER)
-    reader = open_reader(login, login.connect())
+
+    def open_controller() -> ControllerReader:
+        return open_reader(login, login.connect())
+
+    reader = open_controller()
     try:
         token = "" if is_loopback(listen) else secrets.token_urlsafe(18)
         settings = PageSettings(host=listen, port=port, token=token)
-        server = ControllerServer(settings, _PROGRAM, reader, takes_faults=True)
+        server = ControllerServer(settings, _PROGRAM, reader, open_controller, takes_faults=True)
         serve(server, is_over, click.echo)
     finally:
         reader.close()

@@ -513,7 +513,7 @@ def view(
     from yumi.web.page_build import ROBOT_PAGE  # noqa: PLC0415
     from yumi.web.page_recording import page_recording  # noqa: PLC0415
     from yumi.web.page_words import PROGRAM  # noqa: PLC0415
-    from yumi.web.view_only import open_controller  # noqa: PLC0415
+    from yumi.web.view_only import open_controller, reopen_controller  # noqa: PLC0415
     from yumi.web.view_server import ViewServer, ViewSettings  # noqa: PLC0415
 
     robot = robot or ""
@@ -544,7 +544,8 @@ def view(
                 tls=_tls_of(listen) if https else None,
                 token="" if is_loopback(listen) else secrets.token_urlsafe(18),
             )
-            serve(ControllerServer(shown, PROGRAM, controller), is_over, click.echo)
+            reopen = partial(reopen_controller, _robot_at(robot, config))
+            serve(ControllerServer(shown, PROGRAM, controller, reopen), is_over, click.echo)
             return
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))

@@ -20,6 +20,7 @@ PAGE: Mapping[str, Text] = {
     "page_was_silent": Text("this page did not answer for a while, and has lost control"),
     "is_a_recording": Text("this is a recording"),
     "no_driver_for_robot": Text("the robot is {robot}: no driver of this package runs for it"),
+    "driver_can_run_now": Text("a driver can run for the controller at {address} now", "start `yumi view` anew"),
     "page_only_shows": Text("this page only shows the robot", "to operate a real one, start `yumi view --operate`"),
     "operated_elsewhere_over_https": Text(
         "a real robot is operated from another machine only over HTTPS",

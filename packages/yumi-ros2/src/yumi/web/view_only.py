@@ -36,6 +36,18 @@ def open_controller(robot: RobotSettings) -> ControllerReader | None:
     return reader
 
 
+def reopen_controller(robot: RobotSettings) -> ControllerReader:
+    """As :func:`open_controller`, after another controller may have come.
+
+    Raises:
+        YumiError: it cannot be shown, as there; or a driver can run for it now.
+    """
+    reader = open_controller(robot)
+    if reader is None:
+        raise RobotNotReady(message("driver_can_run_now", address=f"{robot.address}:{robot.rws_port}"))
+    return reader
+
+
 def why_view_only(reader: ControllerReader, why: Message) -> Message:
     """Why a controller is only shown: what a YuMi lacks for the driver, or that the robot is another one."""
     return why if reader.is_yumi else message("no_driver_for_robot", robot=other_robot(reader.robot, reader.kind.units))

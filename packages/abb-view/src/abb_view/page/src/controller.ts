@@ -32,6 +32,11 @@ export function ofLoss(page: ControllerPage, sentence: string): Partial<Controll
   return { view: { ...page.view, why_no_robot: sentence } };
 }
 
+/** Whether the model is that of another robot: another controller answers where the one of the model did. */
+export function isOther({ controller }: Model, { robot, units }: ControllerKind): boolean {
+  return controller !== undefined && (controller.robot !== robot || controller.units.join() !== units.join());
+}
+
 export function nameOf({ robot, address }: ControllerKind): string {
   return robot ? `${robot} at ${address}` : address;
 }

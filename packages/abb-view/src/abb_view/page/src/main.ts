@@ -2,7 +2,7 @@
 
 import { chip, measureBand, panelChips, showVerdict, speedChip } from "./banner";
 import { Connection } from "./connection";
-import { initialPage, nameOf, ofLog, ofLoss, ofView, verdict, type ControllerPage } from "./controller";
+import { initialPage, isOther, nameOf, ofLog, ofLoss, ofView, verdict, type ControllerPage } from "./controller";
 import { at, make, text } from "./dom";
 import { FaultPanel } from "./fault_panel";
 import { JointTable } from "./joint_table";
@@ -80,7 +80,8 @@ async function begin(): Promise<void> {
     } else if (message.type === "log") {
       store.change(ofLog(store.page.log, message.lines));
     } else if (message.type === "view") {
-      store.change(ofView(message));
+      if (isOther(model, message.controller)) location.reload();
+      else store.change(ofView(message));
     } else if (message.type === "refused") {
       toast(message.sentence);
     }

@@ -49,6 +49,7 @@ export interface Camera {
 
 export interface Model {
   program: string; // the command that serves the page
+  controller?: Pick<ControllerKind, "robot" | "units">; // whose robot it is, on the page of a controller
   links: Record<string, Visual[]>;
   joints: JointModel[];
   arms: PerArm<ArmModel>; // of a robot without a description, an arm has no joints

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { initialPage, nameOf, ofLog, ofLoss, ofView, verdict, type ControllerPage } from "../src/controller";
+import { initialPage, isOther, nameOf, ofLog, ofLoss, ofView, verdict, type ControllerPage } from "../src/controller";
 import type { ControllerKind, ControllerMessage, ControllerViewMessage, Model } from "../src/messages";
 import { CONNECTING } from "../src/store";
 
@@ -40,6 +40,14 @@ test("page begins with the first arm of the robot, and connects", () => {
 test("controller is named by its robot, or by its address alone", () => {
   assert.equal(nameOf(CONTROLLER), "IRB 120 at 127.0.0.1:80");
   assert.equal(nameOf({ ...CONTROLLER, robot: "" }), "127.0.0.1:80");
+});
+
+test("model is of another robot where its name or its units are others", () => {
+  const model = { ...MODEL, controller: CONTROLLER };
+  assert.equal(isOther(model, { ...CONTROLLER }), false);
+  assert.equal(isOther(model, { ...CONTROLLER, robot: "IRB 14000" }), true);
+  assert.equal(isOther(model, { ...CONTROLLER, units: ["ROB_L", "ROB_R"] }), true);
+  assert.equal(isOther(MODEL, CONTROLLER), false); // it says of no controller that it is its own
 });
 
 test("log of a controller is kept newest first, and begins anew with each view", () => {
