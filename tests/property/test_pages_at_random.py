@@ -120,7 +120,9 @@ class Pages:
         is_encrypted = bool(self._random.uniform() < 0.7)
         is_forwarded = bool(self._random.uniform() < 0.2)  # by a proxy on this machine, or on any other
         is_local = remote == "127.0.0.1" and not is_forwarded
-        page = self._view._page(cast("Any", None), remote, key, is_forwarded=is_forwarded, is_encrypted=is_encrypted)
+        headers = {"Via": "a proxy"} if is_forwarded else {}
+        request = SimpleNamespace(remote=remote, query={"paired": key}, headers=headers, secure=is_encrypted)
+        page = self._view.open_page(cast("Any", None), cast("Any", request))
         self._view.pages.add(page)
         self._open[page] = is_local or (is_encrypted and key in self._keys)
         self.done["paired"] += self._open[page] and not is_local

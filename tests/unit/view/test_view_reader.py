@@ -27,11 +27,11 @@ from abb_protocols.robot.yumi_arms import irb14050
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import DISPLAY_PATH, Fault
 from abb_runtime.rws.client import RwsClient
-from abb_view import controller_server, controller_view
+from abb_view import controller_server, controller_view, page_server
 from abb_view.controller_reader import AROUND, ControllerReader, LogLine, PointerReport, Unit
 from abb_view.controller_server import ControllerServer
 from abb_view.controller_view import ControllerView
-from abb_view.page_server import OpenPage, PageSettings
+from abb_view.page_server import FORWARDED, OpenPage, PageSettings
 from abb_view.robot_model import chain_model, controller_model
 from memory_http import MemoryHttp
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system, with_programs
@@ -329,6 +329,7 @@ class Introduced(OpenPage):
     """
 
     def __init__(self) -> None:
+        self.is_local = True
         self.sent: list[Mapping[str, Any]] = []
 
     def send(self, message: Mapping[str, Any]) -> None:
@@ -428,6 +429,43 @@ def test_page_injects_faults_only_into_a_virtual_controller_of_this_machine_that
             assert message == {"type": "done", "id": 3, "result": "Done: Motors Off is pressed"}
         else:
             assert message["error"]["sentence"] == str(say("faults_only_virtual"))
+
+
+@pytest.mark.parametrize("header", [*FORWARDED, None])
+def test_page_on_another_machine_is_offered_no_faults_and_injects_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, header: str | None
+) -> None:
+    injected: list[str] = []
+    monkeypatch.setattr(controller_server, "takes_faults", lambda address: True)
+    monkeypatch.setattr(controller_server, "inject_fault", lambda address, name, form: injected.append(name))
+    if header is None:
+        monkeypatch.setattr(page_server, "is_loopback", lambda host: host != "127.0.0.1")
+    cell = Cell("irb120", tmp_path)
+    cell.reader.address = "localhost:8080"
+
+    async def main() -> None:
+        settings = PageSettings(port=0, token="secret")
+        server = ControllerServer(settings, "virtual-irc5 view", cell.reader, cell.reopen, takes_faults=True)
+        await server.start()
+        base = f"http://127.0.0.1:{server.port}"
+        headers = {"Origin": base, **({} if header is None else {header: "192.168.1.30"})}
+        try:
+            async with (
+                aiohttp.ClientSession() as session,
+                session.ws_connect(f"{base}/ws?token=secret", headers=headers) as socket,
+            ):
+                while (message := await socket.receive_json(timeout=10.0))["type"] != "view":
+                    continue
+                assert (message["is_virtual"], message["faults"]) == (True, [])
+                await socket.send_json({"type": "inject", "id": 3, "name": "motors-off", "form": {}})
+                while (message := await socket.receive_json(timeout=10.0)).get("id") != 3:
+                    continue
+                assert message["error"]["sentence"] == str(say("faults_only_here"))
+        finally:
+            await server.stop()
+
+    asyncio.run(asyncio.wait_for(main(), 30.0))
+    assert injected == []
 
 
 @pytest.mark.parametrize("arm", [irb120(), irb14050()], ids=["irb120", "irb14050"])

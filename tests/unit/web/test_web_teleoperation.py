@@ -205,6 +205,7 @@ class Elsewhere:
         self.codes: list[str] = []
         self._folder = folder
         monkeypatch.setattr(view_server, "is_loopback", lambda host: False)
+        monkeypatch.setattr(view_server, "is_of_this_machine", lambda request: False)
 
     def run(self, story: Callable[[Site], Any], *, is_encrypted: bool = True) -> None:
         asyncio.run(asyncio.wait_for(self._serve(story, is_encrypted), 4 * SOON))

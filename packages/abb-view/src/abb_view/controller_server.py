@@ -16,7 +16,7 @@ from abb_runtime.udp import is_loopback
 from abb_view.controller_reader import ControllerReader, LogMessage
 from abb_view.controller_view import ControllerView
 from abb_view.page_build import CONTROLLER_PAGE, page_folder
-from abb_view.page_server import OpenPage, PageServer, PageSettings, fault_for_page, said_of
+from abb_view.page_server import OpenPage, PageServer, PageSettings, fault_for_page, is_of_this_machine, said_of
 from abb_view.robot_model import controller_model
 
 
@@ -43,7 +43,7 @@ class ControllerServer(PageServer[OpenPage]):
         program: the command that serves it.
         reader: of the controller.
         reopen: opens another one, when another controller may answer, see :class:`ControllerView`.
-        takes_faults: whether pages may inject faults into it, where it is a virtual one of this machine.
+        takes_faults: whether pages of this machine may inject faults into it, where it is a virtual one of it, too.
 
     Raises:
         MissingPrerequisite: the page must be built first, and cannot be.
@@ -79,7 +79,7 @@ class ControllerServer(PageServer[OpenPage]):
 
     def open_page(self, socket: web.WebSocketResponse, request: web.Request) -> OpenPage:
         """The page."""
-        return OpenPage(socket)
+        return OpenPage(socket, is_local=is_of_this_machine(request))
 
     def watch(self, is_watched: bool) -> None:
         """Whether a page is open."""
@@ -95,7 +95,7 @@ class ControllerServer(PageServer[OpenPage]):
                 "is_virtual": reader.is_virtual,
                 "log": tuple(self._view.lines),
                 "why_no_robot": "" if self._view.why_not is None else _words(self._view.why_not),
-                "faults": [fault_for_page(each) for each in self._faults()],
+                "faults": [fault_for_page(each) for each in self._faults(page)],
             }
         )
 
@@ -113,16 +113,18 @@ class ControllerServer(PageServer[OpenPage]):
         self._injecting.add(task)
         task.add_done_callback(self._injecting.discard)
 
-    def _faults(self) -> tuple[Fault, ...]:
-        """Those that pages may inject: into a virtual controller of this machine."""
+    def _faults(self, page: OpenPage) -> tuple[Fault, ...]:
+        """Those that a page may inject: one of this machine, as that alone may, into a virtual controller of it."""
         reader = self._view.reader
         is_here = reader.is_virtual and is_loopback(reader.address.rpartition(":")[0])
-        return tuple(Fault) if self._takes_faults and is_here else ()
+        return tuple(Fault) if self._takes_faults and is_here and page.is_local else ()
 
     async def _inject(self, page: OpenPage, request: Inject) -> None:
         try:
             address = self._view.reader.address
-            if not self._faults() or not await asyncio.to_thread(takes_faults, address):
+            if not page.is_local:
+                raise CommandRefused(message("faults_only_here"))
+            if not self._faults(page) or not await asyncio.to_thread(takes_faults, address):
                 raise CommandRefused(message("faults_only_virtual"))
             fault = await asyncio.to_thread(inject_fault, address, request.name, request.form)
         except Exception as error:  # a fault of ours, too: the page waits for an answer

@@ -82,10 +82,14 @@ class OpenPage:
     """One page; what it is sent waits here: messages in order, of states the newest, once the one before is shown.
 
     A browser that is slow would else show states that are seconds old.
+
+    Attributes:
+        socket: to it.
+        is_local: whether it is open on this machine.
     """
 
-    def __init__(self, socket: web.WebSocketResponse) -> None:
-        self.socket = socket
+    def __init__(self, socket: web.WebSocketResponse, *, is_local: bool) -> None:
+        self.socket, self.is_local = socket, is_local
         self._messages: deque[bytes] = deque(maxlen=200)
         self._state = self._report = b""
         self._sent_at: float | None = None  # of a state that is not shown yet, on the loop's clock [s]
@@ -130,6 +134,11 @@ class OpenPage:
                 state, self._state = self._state, b""
                 self._sent_at = asyncio.get_running_loop().time()
                 await self.socket.send_str(state.decode())
+
+
+def is_of_this_machine(request: web.Request) -> bool:
+    """Whether a page on this machine sends a request, and no proxy for one of another machine."""
+    return is_loopback(request.remote or "") and not any(each in request.headers for each in FORWARDED)
 
 
 AnyPage = TypeVar("AnyPage", bound=OpenPage)

@@ -16,6 +16,9 @@ VIEW: Mapping[str, Text] = {
     "controller_does_not_show": Text("the controller does not show {what}: {why}"),
     "no_seventh_axis": Text("the mechanical unit has no seventh axis, though its configuration names one"),
     "faults_only_virtual": Text("only a virtual robot takes faults"),
+    "faults_only_here": Text(
+        "a virtual robot takes faults only from its own machine", "open the page on the machine that serves it"
+    ),
     # ---- building a page
     "page_without_node": Text(
         "the page must be built, and there is no Node.js {oldest} or newer with npm",

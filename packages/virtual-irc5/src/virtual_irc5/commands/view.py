@@ -36,7 +36,8 @@ def view(robot: str, user: str, password: str | None, port: int, listen: str, un
 
     Open the address that is printed. It shows the robot in 3-D, the RAPID tasks with their program pointers, and the
     event log, of a virtual controller or of a real one with RobotWare 6, which is only read. On a virtual one of this
-    machine the page presses the emergency stop, turns the key, and injects faults.
+    machine the page presses the emergency stop, turns the key, and injects faults; a page on another machine, with
+    --listen, does not.
 
     \b
     Examples:

@@ -26,7 +26,7 @@ from abb_protocols.errors import CommandRefused, SettingsError, YumiError
 from abb_runtime.faults import Fault
 from abb_runtime.udp import is_loopback
 from abb_view.page_build import page_folder
-from abb_view.page_server import FORWARDED, OpenPage, PageServer, PageSettings, fault_for_page
+from abb_view.page_server import OpenPage, PageServer, PageSettings, fault_for_page, is_of_this_machine
 from yumi.driver.commands import StopEgm
 from yumi.driver.reports import EventReport
 from yumi.planning.planning_process import PlanningProcess
@@ -128,21 +128,9 @@ class ViewServer(PageServer["RobotPage"]):
 
     def open_page(self, socket: web.WebSocketResponse, request: web.Request) -> RobotPage:
         """The page, with what decides whether it may operate a real robot."""
-        return self._page(
-            socket,
-            request.remote or "",
-            request.query.get("paired", ""),
-            is_forwarded=any(each in request.headers for each in FORWARDED),
-            is_encrypted=request.secure,
-        )
-
-    def _page(
-        self, socket: web.WebSocketResponse, remote: str, key: str, *, is_forwarded: bool, is_encrypted: bool
-    ) -> RobotPage:
-        """A page at an address, with the key of a pairing, which over HTTP counts for nothing: others may read it."""
-        is_local = is_loopback(remote) and not is_forwarded
-        is_paired = is_encrypted and self._pairing.is_paired(key)
-        return RobotPage(socket, is_local=is_local, is_encrypted=is_encrypted, is_paired=is_paired)
+        # Over HTTP, the key of a pairing counts for nothing: others may read it.
+        is_paired = request.secure and self._pairing.is_paired(request.query.get("paired", ""))
+        return RobotPage(socket, is_local=is_of_this_machine(request), is_encrypted=request.secure, is_paired=is_paired)
 
     def watch(self, is_watched: bool) -> None:
         """Whether a page is open."""
@@ -351,6 +339,6 @@ class RobotPage(OpenPage):
     """One page: whether it is of this machine, encrypted and paired, and its Stop EGM."""
 
     def __init__(self, socket: web.WebSocketResponse, *, is_local: bool, is_encrypted: bool, is_paired: bool) -> None:
-        super().__init__(socket)
-        self.is_local, self.is_encrypted, self.is_paired = is_local, is_encrypted, is_paired
+        super().__init__(socket, is_local=is_local)
+        self.is_encrypted, self.is_paired = is_encrypted, is_paired
         self.stopping = asyncio.Lock()  # one Stop EGM at a time
