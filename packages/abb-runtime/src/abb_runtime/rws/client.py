@@ -29,7 +29,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from abb_protocols.rws import documents
 from abb_protocols.rws.documents import Form, Page, Pairs, RwsState, SystemInfo, decode_form, read_page
-from abb_protocols.rws.operations import io, mastership, modules, panel, rapid
+from abb_protocols.rws.operations import io, mastership, panel, rapid, symbols
 from abb_protocols.rws.operations import subscriptions as table
 from abb_protocols.rws.operations.configuration import ConfigurationService
 from abb_protocols.rws.operations.ctrl import ControllerService
@@ -37,13 +37,14 @@ from abb_protocols.rws.operations.event_log import EVENTS, EventLogService
 from abb_protocols.rws.operations.files import FilesService
 from abb_protocols.rws.operations.io import IoService
 from abb_protocols.rws.operations.mastership import MastershipService
-from abb_protocols.rws.operations.modules import ModulesService, SymbolsService
+from abb_protocols.rws.operations.modules import ModulesService
 from abb_protocols.rws.operations.motion import MotionService
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.panel import PanelService
 from abb_protocols.rws.operations.queues import QueuesService
 from abb_protocols.rws.operations.rapid import RapidService
 from abb_protocols.rws.operations.service import OnProgress, request
+from abb_protocols.rws.operations.symbols import SymbolsService
 from abb_protocols.rws.operations.system import SYSTEM, SystemService
 from abb_protocols.rws.operations.users import LOGOUT, UsersService
 from abb_protocols.rws.request import BUSY, RwsRequest
@@ -379,7 +380,7 @@ def signal_state(name: str, priority: Priority = Priority.HIGH) -> Resource:
 
 def variable_value(task: str, module: str, name: str, priority: Priority = Priority.HIGH) -> Resource:
     """A persistent variable (PERS; a VAR cannot be subscribed): field ``value``, its RAPID literal."""
-    return Resource(f"{modules.SYMBOL.path_of(f'{task}/{module}/{name}')};value", priority)
+    return Resource(f"{symbols.SYMBOL.path_of(f'{task}/{module}/{name}')};value", priority)
 
 
 def task_execution(task: str) -> Resource:

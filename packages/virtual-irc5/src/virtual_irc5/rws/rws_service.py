@@ -22,7 +22,20 @@ from abb_protocols.rws.operations.users import LOGOUT
 from abb_protocols.rws.values import GRANTS, Grant, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import Refused
-from virtual_irc5.rws import configuration, ctrl, dialogs, event_log, files, io, modules, motion, panel, rapid, system
+from virtual_irc5.rws import (
+    configuration,
+    ctrl,
+    dialogs,
+    event_log,
+    files,
+    io,
+    modules,
+    motion,
+    panel,
+    rapid,
+    symbols,
+    system,
+)
 from virtual_irc5.rws.http import (
     NONCE_LIFE,
     Challenge,
@@ -53,6 +66,7 @@ ROUTES = (
     *rapid.ROUTES,
     *dialogs.ROUTES,
     *modules.ROUTES,
+    *symbols.ROUTES,
     *io.ROUTES,
     *motion.ROUTES,
     *configuration.ROUTES,

@@ -19,7 +19,7 @@ from abb_protocols.rws.documents import (
     pose_of,
     rob_target_of,
 )
-from abb_protocols.rws.operations.operation import get, post
+from abb_protocols.rws.operations.operation import UPPER_TRUTH, get, post
 from abb_protocols.rws.operations.operation_answer import (
     TEXT,
     TITLE,
@@ -237,7 +237,6 @@ _PATH_SUPERVISION = f"{_MOTION}/pathsupervision"
 _NON_MOTION = f"{_MOTION}/nonmotionexecution"
 _UNIT = f"{_MOTION}/mechunits/{{unit}}"
 _AXIS = f"{_UNIT}/axes/{{axis}}"
-_TRUTH = "TRUE|FALSE|true|false"
 _CALIBRATE = Grant.CALIBRATE
 _FRAME = "x, y, z, q1, q2, q3, q4"
 _TARGET = "tool, wobj, coordinate=Base|Word|World|Tool|Wobj"
@@ -251,14 +250,14 @@ _SET_UNIT = (
 )
 _JOG = "axis1, axis2, axis3, axis4, axis5, axis6, ccount, inc-mode=Small|Medium|Large|User"
 _FORWARD = (
-    f"tool_frame_position, tool_frame_orientation, rob_joints, ext_joints, robot_fixed_object={_TRUTH}, "
-    f"elog_at_error={_TRUTH}"
+    f"tool_frame_position, tool_frame_orientation, rob_joints, ext_joints, robot_fixed_object={UPPER_TRUTH}, "
+    f"elog_at_error={UPPER_TRUTH}"
 )
 _ALL = (
     "curr_position, curr_ext_joints, tool_frame_position, curr_orientation, tool_frame_orientation, "
-    f"robot_configuration, robot_fixed_object={_TRUTH}"
+    f"robot_configuration, robot_fixed_object={UPPER_TRUTH}"
 )
-_INVERSE = f"{_ALL}, old_rob_joints, old_ext_joints, elog_at_error={_TRUTH}"
+_INVERSE = f"{_ALL}, old_rob_joints, old_ext_joints, elog_at_error={UPPER_TRUTH}"
 _CALCULATED = OperationAnswer(("position-from-joint",), _read_calculated, _write_calculated)
 _SOLUTION = OperationAnswer(("joints-from-position",), _read_solution, _write_solution)
 

@@ -24,6 +24,8 @@ Values = Mapping[str, tuple[str, ...]]
 """Parameters by name, each with the texts it may be; none where any text may come."""
 
 TRUTH = "true|false|TRUE|FALSE"
+UPPER_TRUTH = "TRUE|FALSE|true|false"
+"""A truth value that clients write in capitals."""
 
 _SUCCESS: Mapping[str, int] = {"GET": 200, "PUT": 200, "OPTIONS": 200, "HEAD": 204, "POST": 204, "DELETE": 204}
 _PLACE = re.compile(r"\{(\w+)(?::[^{}]*)?\}")
