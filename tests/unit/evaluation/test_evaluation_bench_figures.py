@@ -67,6 +67,14 @@ def test_one_bad_reply_in_many_runs_misses_its_target() -> None:
     assert not target.holds
 
 
+@pytest.mark.parametrize(("answered", "holds"), [(1, True), (0, False)])
+def test_command_by_which_the_core_brakes_for_a_late_controller_is_no_bad_reply(answered: int, holds: bool) -> None:
+    late = replace(run(1, LOOP, 80.0, bad=1), unanswered={"right": answered})
+    calm = replace(run(2, LOOP, 80.0), unanswered={"right": 3})  # which explains nothing of another run
+    (target,) = [each for each in targets(Figures((late, calm))) if each.name == "bad_replies"]
+    assert target.holds is holds
+
+
 @given(st.integers(1, 6), st.integers(0, 1000))
 def test_schedule_has_every_case_once_a_round(rounds: int, seed: int) -> None:
     cases = cases_of(contenders())
