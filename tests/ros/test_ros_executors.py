@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
+from std_srvs.srv import Trigger
 
 from abb_protocols.errors import MissingPrerequisite
 from refusals import refused
@@ -131,3 +132,45 @@ def test_executors_that_get_no_thread_are_refused_in_a_sentence(
     monkeypatch.setattr(Thread, "start", refuse)
     with refused(MissingPrerequisite, "no_further_thread", thread="ROS 2's services"):
         family.executors.start()
+
+
+class Answers:
+    """What sends the answers of a service: DDS drops the first ones."""
+
+    def __init__(self, dropped: int) -> None:
+        self.dropped = dropped
+        self.sent: SimpleQueue[tuple[str, int]] = SimpleQueue()
+
+    def send(self, answer: str, header: int) -> None:
+        if self.dropped:
+            self.dropped -= 1
+            raise SystemError("returned a result with an exception set") from RuntimeWarning("failed to send response")
+        self.sent.put((answer, header))
+
+
+def served(family: Family, answers: Answers) -> Any:
+    """A service of the family's node whose answers are sent by ``answers``."""
+    service = family.node.create_service(Trigger, "late", lambda request, answer: answer)
+    service.send_response = answers.send
+    family.executors.add_multi_threaded("services", family.node)
+    return service
+
+
+@pytest.mark.parametrize("dropped", [0, 3])
+def test_answer_that_dds_dropped_is_sent_again(family: Family, dropped: int) -> None:
+    answers = Answers(dropped)
+    served(family, answers).send_response("done", 7)
+    assert answers.sent.get(timeout=LONG) == ("done", 7)
+    assert answers.sent.empty()
+
+
+def test_answer_whose_client_is_never_discovered_is_given_up_with_a_sentence(family: Family) -> None:
+    served(family, Answers(10**6)).send_response("done", 7)
+    assert "did not reach its client" in family.complaints.get(timeout=LONG)
+
+
+def test_answer_that_fails_otherwise_is_reported_as_before(family: Family) -> None:
+    answers = Answers(0)
+    answers.send = lambda answer, header: {}["no answer"]  # type: ignore[method-assign]
+    with pytest.raises(KeyError):
+        served(family, answers).send_response("done", 7)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 import threading
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -40,11 +41,64 @@ _THREADS = 8  # so many slow callbacks of a family run side by side
 _SPIN_TIMEOUT = 0.5  # [s] how soon a failed callback is logged
 _FAILURE_PAUSE = 0.01  # [s]
 _LEAST_PAUSE = 0.001  # [s] a timer thread that is behind lets others run
+_ANSWER_TRIES = 50  # each of which the middleware gives 0.1 s
 _CANCELLING = 1.0  # [s] at most, until rclpy has set the flag of a goal that is cancelled
+
+
+class _LateAnswers:
+    """Sends an answer again that DDS has dropped, as it had not discovered the client yet, although the client called.
+
+    A client that has just begun on a busy machine would else wait in vain. The middleware itself waits 0.1 s, then
+    rclpy warns; the other tries have a thread of their own, as a callback may not wait so long.
+
+    Args:
+        send: of a service of rclpy: the answer and the header of its request.
+        name: of the service.
+        log_error: gets that an answer was given up.
+    """
+
+    def __init__(self, send: Callable[[Any, Any], None], name: str, log_error: Callable[[str], None]) -> None:
+        warnings.filterwarnings("error", "failed to send response", RuntimeWarning)
+        self._send, self._name, self._log_error = send, name, log_error
+
+    def __call__(self, answer: Any, header: Any) -> None:
+        if not self._is_sent(answer, header):
+            threading.Thread(target=self._send_again, args=(answer, header), name="late answer", daemon=True).start()
+
+    def _send_again(self, answer: Any, header: Any) -> None:
+        try:
+            if not any(self._is_sent(answer, header) for _ in range(_ANSWER_TRIES)):
+                self._log_error(f"An answer of {self._name} did not reach its client, which DDS has not discovered.")
+        except InvalidHandle:
+            return  # the node was destroyed meanwhile
+
+    def _is_sent(self, answer: Any, header: Any) -> bool:
+        try:
+            self._send(answer, header)
+        except (RuntimeWarning, SystemError) as error:  # of rclpy's C++, which goes on after the warning
+            if not isinstance(error, RuntimeWarning) and not isinstance(error.__cause__, RuntimeWarning):
+                raise
+            return False
+        return True
+
+
+def send_late_answers(node: Any, log_error: Callable[[str], None]) -> None:
+    """Have all services of a node send an answer again that DDS has dropped."""
+    for service in node.services:
+        if not isinstance(service.send_response, _LateAnswers):
+            service.send_response = _LateAnswers(service.send_response, service.srv_name, log_error)
 
 
 class _MultiThreadedExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy has no types
     """Reports a failed callback soon; rclpy's own looks when the next callback comes, however late."""
+
+    def __init__(self, log_error: Callable[[str], None]) -> None:
+        super().__init__(num_threads=_THREADS)
+        self._log_error = log_error
+
+    def add_node(self, node: Any) -> bool:
+        send_late_answers(node, self._log_error)
+        return bool(super().add_node(node))
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         super().spin_once(timeout_sec)
@@ -87,7 +141,7 @@ class Executors:
 
     def add_multi_threaded(self, name: str, *nodes: Any) -> Executor:
         """Add one for services and actions, which may take their time."""
-        return self._add(_MultiThreadedExecutor(num_threads=_THREADS), name, nodes)
+        return self._add(_MultiThreadedExecutor(self._log_error), name, nodes)
 
     def add_single_threaded(self, name: str, *nodes: Any) -> Executor:
         """Add one for topics that come hundreds of times a second."""
@@ -100,6 +154,8 @@ class Executors:
             MissingPrerequisite: the operating system permits too few threads.
         """
         for executor in self._executors:
+            for node in executor.get_nodes():
+                send_late_answers(node, self._log_error)
             if isinstance(executor, _MultiThreadedExecutor):
                 executor.start_threads()
         for thread in self._threads:
