@@ -79,7 +79,6 @@ COUNTED = ("cycles", "missed", "lost")
 
 _QUEUE = QoSProfile(depth=2000)  # nothing that is measured may be lost here
 _TIMEOUT = 30.0  # [s]
-_ASKED_AGAIN = 1.0  # [s] after a question that has no answer
 
 
 class HeardJointState(NamedTuple):
@@ -136,33 +135,15 @@ class EvaluationNode:
 
     def start_egm(self) -> None:
         """Raises RobotNotReady with the driver's sentence."""
-        start = "yumi_robot_manager/start_egm"
-        self._caller(Trigger, start)  # the driver has discovered it once a question asked after this is answered
-        self.is_ready()
-        self._call(Trigger, start, Trigger.Request())
+        self._call(Trigger, "yumi_robot_manager/start_egm", Trigger.Request())
 
     def stop_egm(self) -> None:
         """Raises RobotNotReady with the driver's sentence."""
         self._call(Trigger, "yumi_robot_manager/stop_egm", Trigger.Request())
 
     def is_ready(self) -> bool:
-        """Ask the robot manager, which answers at once while EGM runs; again while no answer comes.
-
-        DDS drops the answer to a client that the server has not discovered yet, although the client has the server.
-        """
-        question = "yumi_robot_manager/robot_is_ready"
-        caller, asked = self._caller(Trigger, question), list[Any]()
-        due = time.monotonic()
-
-        def is_answered() -> bool:
-            nonlocal due
-            if time.monotonic() >= due:
-                asked.append(caller.call_async(Trigger.Request()))
-                due = time.monotonic() + _ASKED_AGAIN
-            return any(each.done() for each in asked)
-
-        self.until(is_answered, question)
-        return bool(next(each.result() for each in asked if each.done()).success)
+        """Ask the robot manager, which answers at once while EGM runs."""
+        return bool(self._ask(Trigger, "yumi_robot_manager/robot_is_ready", Trigger.Request()).success)
 
     def load_module(self, side: Side, file_name: str, text: str) -> None:
         """Have the robot manager load a RAPID module; raises RobotNotReady with its sentence."""
@@ -275,19 +256,19 @@ class EvaluationNode:
             self._executor.spin_once(timeout_sec=0.05)
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
-        future = self._caller(kind, name).call_async(request)
-        self.until(future.done, name)
-        answer = future.result()
+        answer = self._ask(kind, name, request)
         if not getattr(answer, "success", True):
             raise RobotNotReady(message("text", text=answer.message))
         return answer
 
-    def _caller(self, kind: Any, name: str) -> Any:
-        """The client of a service that is there."""
+    def _ask(self, kind: Any, name: str, request: Any) -> Any:
         if name not in self._callers:
             self._callers[name] = self._node.create_client(kind, name)
-        self.until(self._callers[name].service_is_ready, f"finding {name}")
-        return self._callers[name]
+        caller = self._callers[name]
+        self.until(caller.service_is_ready, f"finding {name}")
+        future = caller.call_async(request)
+        self.until(future.done, name)
+        return future.result()
 
     def _take(self, message: Any) -> None:
         stamp = message.header.stamp
