@@ -50,7 +50,7 @@ _FAULTS = _fault_table([fault.value for fault in Fault])
 @click.option(
     "--way",
     type=click.Choice([way.value for way in FaultDirection]),
-    help="Direction of the datagrams; both without it.",
+    help="Direction of the datagrams, both without it; with to-robot the robot does not receive the driver.",
 )
 @json_option
 def fault(

@@ -106,7 +106,7 @@ class Fault(Enum):
     EGM_REPAIR = _of_arm("egm-repair", "all EGM faults of an arm end")
     EGM_LOSS = _lasting(
         "egm-loss",
-        "EGM datagrams are lost; with --way to-robot the robot does not receive the driver",
+        "EGM datagrams are lost",
         Amount("%", 100.0, 0.0, 100.0),
         has_way=True,
     )

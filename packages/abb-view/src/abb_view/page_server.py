@@ -335,7 +335,7 @@ def fault_for_page(fault: Fault) -> dict[str, Any]:
     kind = fault.value
     return {
         "name": kind.name,
-        "meaning": kind.meaning.partition("; with --")[0],  # an option of the command
+        "meaning": kind.meaning,
         "has_side": kind.has_side,
         "has_duration": kind.has_duration,
         "default_duration": kind.default_duration,
