@@ -167,6 +167,7 @@ def test_control_process_that_was_stopped_ends_the_motion(
     control: ControlProcess, robot: Robot, events: Queue[Event], seconds: float
 ) -> None:
     robot.exchange(MESSAGE)
+    snapshot(control)
     control.call(Commands.switch_controllers, RIGHT, (POSITION,))
     write_goal(control.buffers[RIGHT].goals, 1, ELSEWHERE)
     sent = robot.exchange(replace(MESSAGE, seqno=1, measured_time=1.0 + CYCLE)).position
@@ -217,6 +218,7 @@ def test_control_process_that_was_killed_is_started_again(
     control: ControlProcess, robot: Robot, events: Queue[Event]
 ) -> None:
     robot.exchange(MESSAGE)
+    snapshot(control)
     control.call(Commands.switch_controllers, RIGHT, (POSITION,))
     before = control.snapshot(RIGHT).command_epoch
     next(child for child in active_children() if child.name == "yumi-control").kill()

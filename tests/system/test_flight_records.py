@@ -133,6 +133,8 @@ def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
     records = Recorder(tmp_path, 50, control.recorders, lambda sentence: None, SystemClock())
     with closing(Robot(port)) as robot:
         robot.exchange(MESSAGE)
+        # The core may have answered before Python saw that a session begins, which deactivates what is active.
+        assert control.buffers[RIGHT].cycle_done.acquire(timeout=5.0)
         control.call(Commands.switch_controllers, RIGHT, (POSITION,))
         write_goal(control.buffers[RIGHT].goals, 1, ELSEWHERE)
         for seqno in range(1, 6):
@@ -146,9 +148,10 @@ def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
     assert recording.stop.sentence == str(event)
     frames = recording.frames[RIGHT]
     assert [frame.number for frame in frames] == [1, 2, 3, 4, 5, 6]
-    assert frames[-1].reference == ELSEWHERE
+    by_python = [frame for frame in frames if frame.stages.reply > 0.0]  # the others the core, where Python was late
+    assert by_python[-1].reference == ELSEWHERE
     assert 0.0 < frames[-1].sent[0] < ELSEWHERE[0]
-    assert all(0.0 < frame.stages.reply < 0.1 and frame.stages.after_reply > 0.0 for frame in frames)
+    assert all(frame.stages.reply < 0.1 and frame.stages.after_reply > 0.0 for frame in by_python)
     assert 0.04 < recording.stop.time - frames[-1].time < 0.2
 
 
