@@ -36,11 +36,13 @@ from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.core.collision import Obstacle
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import find_driver
+from yumi.driver.motion_commands import Jog, JogTool
 from yumi.driver.surroundings import Surroundings
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
 from yumi.web import distances, live, page_operator, view_server
 from yumi.web.distances import Distances
+from yumi.web.driver_link import DriverLink
 from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog
 from yumi.web.page_operator import OLDEST_SEEN, within_joint_speed
 from yumi.web.view_server import ViewServer, ViewSettings
@@ -650,6 +652,33 @@ def test_jog_that_comes_late_is_refused_and_its_end_is_not(driver: FakeDriver) -
             assert late_jog["error"]["code"] == "page_too_slow_to_jog"
             await page.send(type="jog_joints", arm="right", hold=1, seen=late, speeds=[0.0] * 7)
             await eventually(lambda: speeds_of(driver) == ZERO)
+
+    run(story, may_operate=True)
+
+
+def test_driver_is_told_when_a_jog_came(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that no jog moves the arm that has waited on the way to the driver, or in it."""
+    driver.robot.control.on_command = driver.robot.rest
+    asked: list[Jog | JogTool] = []
+    ask = DriverLink.ask
+
+    async def noted(link: DriverLink, command: Any, *reports: Any) -> Any:
+        asked.extend([command] if isinstance(command, Jog | JogTool) else [])
+        return await ask(link, command, *reports)
+
+    monkeypatch.setattr(DriverLink, "ask", noted)
+    up = [0.0, 0.0, 0.02]
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            begin = time.monotonic()
+            await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
+            await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=2, linear=up)
+            times = [each.time for each in asked]
+            assert {type(each) for each in asked} == {Jog, JogTool}
+            assert all(at is not None and begin <= at <= time.monotonic() for at in times)
+            assert len(set(times)) == len(times)
 
     run(story, may_operate=True)
 

@@ -57,7 +57,9 @@ OLDEST_SEEN = 0.8
 """A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once.
 
 More than for frames of a device: the age of these is read from two clocks, which takes messages before. The first jog
-of a page has none before it, only the newest state, which a page that draws in software shows late."""
+of a page has none before it, only the newest state, which a page that draws in software shows late. From here on the
+clock is that of the driver, which takes no jog of a joint or of a tool that came here longer than
+:data:`yumi.api.streams.OLDEST_JOG` ago: as long as their controllers take a velocity for new."""
 
 STALE = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""
@@ -276,7 +278,7 @@ class Operator:
                 self._live.jogged[jog.arm] = known._replace(by=known.by | {own})
                 if isinstance(jog, ToolJog) and (position := state.arms[jog.arm].position) is not None:
                     jog = within_joint_speed(jog, position)
-                await self._link.ask(jog.request)
+                await self._link.ask(msgspec.structs.replace(jog.request, time=received.time))
             except Exception as error:  # a fault of ours, too: a page must not hold a key in vain
                 self._refuse_jog(jog.hold, error)
 
