@@ -23,6 +23,7 @@ from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import posture_near, wrist_of, wrist_target
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
 from abb_protocols.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, tool0_to_body
+from abb_runtime.faults import Fault
 from abb_view.page_server import MAX_PAGES
 from fake_driver import BOX, FakeDriver
 from refusals import refused
@@ -356,6 +357,63 @@ def test_real_robot_is_stopped_by_a_page_that_only_looks(driver: FakeDriver) -> 
             await page.until("view", lambda view: view["may_stop"] and view["why_not_operated"])
             assert (await page.ask("stop_egm"))["type"] == "done"
         assert driver.manager.asked == ["stop"]
+
+    run(story)
+
+
+@pytest.mark.parametrize(
+    ("is_here", "takes_faults", "refusal"),
+    [(True, True, ""), (True, False, "faults_only_virtual"), (False, True, "faults_only_here")],
+)
+def test_faults_of_a_virtual_robot_are_for_pages_of_this_machine_alone(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch, is_here: bool, takes_faults: bool, refusal: str
+) -> None:
+    """A controller that is not virtual any more is asked before each."""
+    injected: list[str] = []
+
+    def inject(address: str, name: str, form: dict[str, str]) -> Fault:
+        injected.append(name)
+        return Fault.MOTORS_OFF
+
+    monkeypatch.setattr(page_operator, "inject_fault", inject)
+    monkeypatch.setattr(page_operator, "takes_faults", lambda address: takes_faults)
+    monkeypatch.setattr(live, "_is_virtual", lambda address: True)
+
+    async def story(site: Site) -> None:
+        async with site.page(**({} if is_here else {"Via": "1.1 a-proxy"})) as page:
+            view = await page.until("view", lambda view: view["is_virtual"])
+            assert [each["name"] for each in view["faults"]] == [each.value.name for each in Fault] * is_here
+            elsewhere = sentence(say("faults_only_here"), FrontEnd.VIRTUAL_PAGE)
+            assert view["why_no_faults"] == ("" if is_here else elsewhere)
+            await page.take_control()
+            await page.send(type="inject", id=3, name="motors-off")
+            answer = await page.until("failed" if refusal else "done", lambda it: it["id"] == 3)
+            assert injected == ([] if refusal else ["motors-off"])
+            assert not refusal or answer["error"]["code"] == refusal
+
+    run(story)
+
+
+def test_page_loses_a_virtual_robot_once_a_real_one_answers_at_its_address(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds = {"is_virtual": True}
+    monkeypatch.setattr(live, "_is_virtual", lambda address: kinds["is_virtual"])
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.until("view", lambda view: view["is_virtual"])
+            await page.take_control()
+            kinds["is_virtual"] = False
+            driver.manager.session_count += 1
+            assert (await page.until("refused"))["sentence"] == on_page("page_only_shows")
+            view = await page.until("view", lambda view: view["control"] == "none")
+            assert (view["is_virtual"], view["faults"]) == (False, [])
+            assert (await page.ask("start_egm"))["error"]["code"] == "page_only_shows"
+            assert driver.manager.asked == []
+            kinds["is_virtual"] = True
+            driver.manager.session_count += 1
+            await page.until("view", lambda view: view["is_virtual"])
 
     run(story)
 

@@ -404,6 +404,7 @@ class CommandedRobot:
             time=time.time(),
             robot=self.address,
             process=os.getpid(),
+            sessions=self.manager.session_count,
             is_connected=robot.is_connected,
             operating_mode=robot.operating_mode.value if robot.operating_mode else None,
             motors=robot.controller_state.value if robot.controller_state else None,

@@ -19,7 +19,7 @@ from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, rotate
 from abb_protocols.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
-from abb_runtime.faults import inject_fault
+from abb_runtime.faults import inject_fault, takes_faults
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER
 from yumi.api.joint_positions import checked_goal
 from yumi.driver.command import Command
@@ -252,9 +252,11 @@ class Operator:
         }
 
     async def _inject(self, request: Inject) -> str:
-        if not self._live.is_virtual:
+        address = self._live.address
+        # Asked before each, since another controller may answer by now.
+        if not self._live.is_virtual or not await asyncio.to_thread(takes_faults, address):
             raise CommandRefused(message("faults_only_virtual"))
-        fault = await asyncio.to_thread(inject_fault, self._live.address, request.name, request.form)
+        fault = await asyncio.to_thread(inject_fault, address, request.name, request.form)
         return f"Done: {fault.value.meaning}"
 
     async def _jog_on(self) -> None:
