@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from math import cos
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -95,6 +96,32 @@ def test_person_takes_an_arm_from_a_scripts_move_and_gives_it_back(clients: Clie
     clients.done(Move(right=START), SCRIPT)
     assert driver.snapshot(RIGHT).sent == pytest.approx(START, abs=1e-5)
     for side in Side:
+        assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
+
+
+@pytest.mark.parametrize("way", ["jogged by a person", "moved by a person", "stopped", "client gone"])
+def test_move_of_both_arms_that_ends_on_one_ends_on_the_other_and_does_not_go_on(clients: Clients, way: str) -> None:
+    driver, gone = clients.driver, Event()
+    goals = {RIGHT: joints([*START[:6], START[6] + 1.0]), Side.LEFT: joints([*LEFT_START[:6], LEFT_START[6] - 1.0])}
+    script = Caller(client="script", is_gone=gone.is_set)
+    moving = clients.begin(Move(right=goals[RIGHT], left=goals[Side.LEFT], speed_scale=0.05), script)
+    driver.until(lambda: min(max(map(abs, driver.snapshot(side).velocity)) for side in Side) > 0.1, 5.0)
+    if way == "jogged by a person":
+        clients.jog(0.3)
+    elif way == "moved by a person":
+        clients.done(Move(right=START), PAGE)
+    elif way == "stopped":
+        driver.mover.stop((RIGHT,))
+    else:
+        gone.set()
+    with pytest.raises(GoalNotReached):
+        clients.ended(moving)
+    driver.wait(0.5)
+    still = {side: driver.snapshot(side).sent for side in Side}
+    driver.wait(1.0)
+    for side, goal in goals.items():
+        assert driver.snapshot(side).sent == pytest.approx(still[side], abs=1e-9)
+        assert abs(still[side][6] - goal[6]) > 0.2
         assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
 
 
