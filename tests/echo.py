@@ -29,7 +29,7 @@ class Echo:
     """A process that sends each datagram back, asked again and again within the ``with`` block."""
 
     def __init__(self) -> None:
-        self._took: list[tuple[float, float]] = []  # when each was due to be sent, on the monotonic clock, and for how long
+        self._took: list[tuple[float, float]] = []  # when each was due, on the monotonic clock, and how long it took
         self._is_over = Event()
         self._thread = Thread(target=self._run, name="echo")
 

@@ -31,7 +31,7 @@ ROOM = (1.344, -1.222, -1.518, 0.733, -0.471, 0.192, 0.297)
 MOVING = 3e-4  # [m/s] of the tool, by the speeds that are sent; the elbow may still go on while the tool stands
 FASTEST = 1e-2  # [rad/s] an arm that is slower stands
 MOST = 7.5
-"""Times a cycle of the robot and an echo beside it a motion of a hand is in a datagram: 30 ms where an echo takes no time.
+"""So many times as a cycle of the robot and an echo meanwhile: 30 ms, where an echo takes no time.
 
 Each process on the way waits for a processor as an echo does, and the last one for the robot's next cycle.
 """
