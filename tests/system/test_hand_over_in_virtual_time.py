@@ -22,7 +22,8 @@ from system.test_endpoint_in_virtual_time import Driver
 from yumi.control.hand_over import Commander
 from yumi.driver.command import Caller, Command
 from yumi.driver.commands import GiveBack, carry_out
-from yumi.driver.motion_commands import Jog, Move, Stream
+from yumi.driver.device_frame import DeviceFrame
+from yumi.driver.motion_commands import Jog, Move, Stream, Teleoperate
 
 PAGE = Caller(client="page", front_end=FrontEnd.PAGE)
 SCRIPT = Caller(client="script")
@@ -137,6 +138,18 @@ def test_move_of_the_page_is_a_persons_and_no_scripts_move_follows_it_by_itself(
     with refused(CommandRefused, "arm_reserved_for_person"):
         clients.done(Move(right=FAR), SCRIPT)
     clients.done(Move(right=FAR, speed_scale=0.5), PAGE)
+
+
+def test_move_of_the_page_stays_a_persons_while_the_page_sends_frames_of_an_idle_device(clients: Clients) -> None:
+    driver = clients.driver
+    moving = clients.begin(Move(right=FAR, speed_scale=0.2), PAGE)
+    driver.until(lambda: driver.mover.is_moving(RIGHT), 5.0)
+    for _ in range(3):
+        clients.done(Teleoperate(frame=DeviceFrame(time=driver.now())), PAGE)
+        assert command(clients) == (Commander.PAGE, False)
+        driver.wait(0.05)
+    clients.ended(moving)
+    assert driver.snapshot(RIGHT).sent == pytest.approx(FAR, abs=1e-3)
 
 
 def test_person_takes_one_arm_of_a_stream_and_the_other_one_brakes_and_holds(clients: Clients) -> None:

@@ -467,11 +467,11 @@ class LedBoth:
         }
         self.send({side: FollowTrajectory(plan, 1) for side, plan in plans.items()})
 
-    def follow_chunk(self) -> None:
-        """The same as the points of a policy, for both arms."""
-        times = 0.05 * np.arange(41)
+    def follow_chunk(self, right: int = 41) -> None:
+        """The same as the points of a policy, for both arms, so many for the right one."""
         start, chunks = self.rigs[Side.RIGHT].clock.now() + 0.1, {}
-        for side in Side:
+        for side, count in ((Side.RIGHT, right), (Side.LEFT, 41)):
+            times = 0.05 * np.arange(count)
             rows = np.array([point.position for point in swung(side, times)])
             chunks[side] = FollowChunk(1, start, plan_chunk(side, times.tolist(), rows, YUMI_LIMITS), is_of_both=True)
         self.send(chunks)
@@ -540,3 +540,19 @@ def test_arms_that_one_call_moves_both_come_to_rest_and_stay_when_one_of_them_is
         standing = sent[round(0.6 / CYCLE) :]  # none of an arm that is not heard
         assert np.abs(np.diff(standing, axis=0)).max(initial=0.0) < 1e-6
         assert np.abs(sent[-1] - sent[0]).max() < 0.3 * fast[side]
+
+
+def test_arm_of_a_policy_brakes_when_the_other_one_is_taken_over_that_has_no_points_left() -> None:
+    led = LedBoth()
+    led.begin("path")
+    led.follow_chunk(right=11)
+    led.run(1.2)
+    assert np.abs(np.diff(led.sent(Side.RIGHT)[-2:], axis=0)).max() < 1e-9
+    assert np.abs(np.diff(led.sent(Side.LEFT)[-2:], axis=0)).max() / CYCLE > 0.3
+    led.take_over("speeds")
+    first = len(led.sent(Side.LEFT))
+    led.run(0.6)
+    assert np.abs(led.sent(Side.LEFT)[-1] - led.sent(Side.LEFT)[first]).max() < 0.2
+    still = led.sent(Side.LEFT)[-1]
+    led.run(1.0)
+    assert led.sent(Side.LEFT)[-1] == pytest.approx(still, abs=1e-6)

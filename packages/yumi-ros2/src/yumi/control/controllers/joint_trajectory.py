@@ -352,7 +352,8 @@ class JointTrajectoryController(Controller):
 
     def _cancel(self, command: CancelTrajectory) -> None:
         goal = self._goal
-        if isinstance(self._source, ChunkMotion) and command.goal in (None, self._source.number):
+        number = self._source.number if isinstance(self._source, ChunkMotion) else None
+        if command.goal in (None, number):
             self._leave_chunks()
             self._brake_on_chunks()
         if goal is None or goal.is_cancelled or command.goal not in (None, goal.number):
@@ -361,11 +362,10 @@ class JointTrajectoryController(Controller):
         self._brake()
 
     def _leave_chunks(self) -> None:
-        """Something else than their end ends the chunks of the arm: one that is led by the same sender brakes."""
+        """Who sent chunks leads the arm no further, be points left or not; the other arm, if led, too, brakes."""
         other: JointTrajectoryController | None = self._halves.get(self._side.other)
-        is_left = self._is_of_both and isinstance(self._source, ChunkMotion)
-        self._is_of_both = False
-        if is_left and other is not None and other._is_of_both:
+        was_of_both, self._is_of_both = self._is_of_both, False
+        if was_of_both and other is not None and other._is_of_both:
             other._is_of_both = False
             other._brake_on_chunks()
 
