@@ -285,6 +285,8 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
         try:
             caller.check()
             if jog():  # a controller was switched
+                if caller.commander is not None:
+                    robot.followers[side].forget()  # what a stream has sent before, and waits for the gripper
                 robot.on_change()
         finally:
             robot.moving.release()
@@ -338,6 +340,8 @@ def _move(
         except YumiError:  # refused: nothing has moved
             _give_back(robot, before)
             raise
+        for side in sides if caller.commander is not None else ():
+            robot.followers[side].forget()
         _wait(robot, motions, timeout, caller)
         _give_back(robot, before)
         for side in sides:  # the motion is over, although the arm may still settle: the next client need not wait
