@@ -32,6 +32,7 @@ class FakeManager:
         self.egm_arms = tuple(Side)
         self.speed = SpeedSetting()
         self.is_interrupted = False
+        self.session_count = 1
         self.blocks: threading.Event | None = None
         self.robot = RobotState(
             True, OperatingMode.AUTO, ControllerState.MOTORS_ON, ExecutionState.RUNNING, reasons=(), speed_ratio=100

@@ -128,6 +128,17 @@ def test_no_request_waits_once_the_pace_is_lifted(paced: tuple[RwsSession, Manua
     assert clock.now() == 0.0
 
 
+def test_pace_is_kept_again_once_another_controller_may_answer(paced: tuple[RwsSession, ManualClock]) -> None:
+    session, clock = paced
+    session.exchange(READ)
+    session.lift_pace()
+    session.close()  # as a controller that does not know the session
+    for _ in range(41):
+        session.exchange(READ)
+    assert session.login_count == 2
+    assert clock.now() == pytest.approx((2 + 40 - BURST) * INTERVAL)
+
+
 def test_waiting_for_its_turn_is_no_part_of_the_timeout() -> None:
     clock = ManualClock()
     transport = ScriptedTransport(clock, *[OK] * 40)

@@ -42,6 +42,7 @@ class FakeManager:
     """Notes each call; what stands in ``refusals`` by its name is refused with that sentence."""
 
     egm_arms = ()
+    session_count = 1
 
     def __init__(self) -> None:
         self.calls: list[tuple[Any, ...]] = []

@@ -33,8 +33,9 @@ HOLD = 1.0 - np.cos(np.arange(40) * PERIOD)  # of a wave that begins at rest
 @pytest.fixture(scope="module")
 def driver() -> Iterator[Driver]:
     with driver_in_egm() as driver:
+        halves: dict[Side, Any] = {}
         for side, arm in driver.arms.items():
-            controller = JointTrajectoryController(side, driver.buffers[side].trajectory)
+            controller = JointTrajectoryController(side, driver.buffers[side].trajectory, halves=halves)
             arm.line.manager.load(TRAJECTORY_CONTROLLER, controller)
             arm.line.manager.configure(TRAJECTORY_CONTROLLER)
         yield driver
@@ -162,6 +163,26 @@ def test_arm_that_something_else_has_taken_over_follows_no_chunk(driver: Driver,
     assert chunks.state.refused == 2
 
 
+def test_other_arm_of_a_policy_brakes_when_one_is_taken_over_and_no_chunk_moves_either(
+    driver: Driver, chunks: ChunkFollower
+) -> None:
+    long = 0.3 * (1.0 - np.cos(0.5 * np.arange(240) * PERIOD))  # 12 s
+    paths = {side: np.array(driver.snapshot(side).sent) + long[:, None] for side in Side}
+    chunks.send(Chunk(PERIOD, right=paths[Side.RIGHT], left=paths[Side.LEFT]))
+    driver.wait(1.5)
+    assert min(max(map(abs, driver.snapshot(side).velocity)) for side in Side) > 0.05
+    while_time_goes_by(driver, lambda: driver.mover.bring_to_rest((Side.RIGHT,)))
+    driver.wait(0.5)
+    still = {side: driver.snapshot(side).sent for side in Side}
+    for chunk in (Chunk(PERIOD, right=points(driver, Side.RIGHT)), Chunk(PERIOD, left=points(driver, Side.LEFT))):
+        with refused(CommandRefused, "chunks_taken_over", arm="right"):
+            chunks.send(chunk)
+    driver.wait(1.0)
+    for side in Side:
+        assert driver.snapshot(side).sent == pytest.approx(still[side], abs=1e-6)
+        assert shares(np.array(driver.arms[side].admitted)) <= WITHIN
+
+
 def test_policy_takes_no_arm_from_another_one_and_keeps_those_that_it_moves(
     driver: Driver, chunks: ChunkFollower
 ) -> None:
@@ -239,6 +260,20 @@ def test_chunk_for_an_arm_that_is_not_followed_is_refused(driver: Driver) -> Non
 def test_chunk_that_is_elsewhere_names_the_joint(driver: Driver, chunks: ChunkFollower) -> None:
     with refused(CommandRefused, "chunk_jumps", joint=joint_names(Side.RIGHT)[0], most=0.2):
         chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT) + np.array([0.5, *[0.0] * 6])))
+
+
+def test_grippers_of_both_arms_keep_their_goals_when_one_arm_is_taken_over(driver: Driver) -> None:
+    fingers = {side: Fingers() for side in Side}
+    chunks = ChunkFollower(driver.mover, tuple(Side), YUMI_LIMITS, fingers)  # type: ignore[arg-type]
+    while_time_goes_by(driver, chunks.__enter__)
+    right, left = (points(driver, side, 2) for side in (Side.RIGHT, Side.LEFT))
+    chunks.send(Chunk(0.5, driver.now(), right, left, right_gripper=[0.2, 1.0], left_gripper=[0.2, 1.0]))
+    assert {each.goals.get(timeout=5.0) for each in fingers.values()} == {0.2}
+    while_time_goes_by(driver, lambda: driver.mover.bring_to_rest((Side.RIGHT,)))
+    driver.wait(1.0)
+    chunks._grippers.replace(Side.LEFT, [driver.now()], [0.7])  # what the schedule looks at next
+    while_time_goes_by(driver, lambda: chunks.__exit__(None, None, None))
+    assert all(each.goals.empty() for each in fingers.values())
 
 
 class Fingers:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from math import cos
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,8 @@ from system.test_endpoint_in_virtual_time import Driver
 from yumi.control.hand_over import Commander
 from yumi.driver.command import Caller, Command
 from yumi.driver.commands import GiveBack, carry_out
-from yumi.driver.motion_commands import Jog, Move, Stream
+from yumi.driver.device_frame import DeviceFrame
+from yumi.driver.motion_commands import Jog, Move, Stream, Teleoperate
 
 PAGE = Caller(client="page", front_end=FrontEnd.PAGE)
 SCRIPT = Caller(client="script")
@@ -98,6 +100,32 @@ def test_person_takes_an_arm_from_a_scripts_move_and_gives_it_back(clients: Clie
         assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
 
 
+@pytest.mark.parametrize("way", ["jogged by a person", "moved by a person", "stopped", "client gone"])
+def test_move_of_both_arms_that_ends_on_one_ends_on_the_other_and_does_not_go_on(clients: Clients, way: str) -> None:
+    driver, gone = clients.driver, Event()
+    goals = {RIGHT: joints([*START[:6], START[6] + 1.0]), Side.LEFT: joints([*LEFT_START[:6], LEFT_START[6] - 1.0])}
+    script = Caller(client="script", is_gone=gone.is_set)
+    moving = clients.begin(Move(right=goals[RIGHT], left=goals[Side.LEFT], speed_scale=0.05), script)
+    driver.until(lambda: min(max(map(abs, driver.snapshot(side).velocity)) for side in Side) > 0.1, 5.0)
+    if way == "jogged by a person":
+        clients.jog(0.3)
+    elif way == "moved by a person":
+        clients.done(Move(right=START), PAGE)
+    elif way == "stopped":
+        driver.mover.stop((RIGHT,))
+    else:
+        gone.set()
+    with pytest.raises(GoalNotReached):
+        clients.ended(moving)
+    driver.wait(0.5)
+    still = {side: driver.snapshot(side).sent for side in Side}
+    driver.wait(1.0)
+    for side, goal in goals.items():
+        assert driver.snapshot(side).sent == pytest.approx(still[side], abs=1e-9)
+        assert abs(still[side][6] - goal[6]) > 0.2
+        assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
+
+
 def test_move_of_the_page_is_a_persons_and_no_scripts_move_follows_it_by_itself(clients: Clients) -> None:
     moving = clients.begin(Move(right=FAR, speed_scale=0.2), SCRIPT)
     clients.driver.until(lambda: clients.driver.mover.is_moving(RIGHT), 5.0)
@@ -110,6 +138,18 @@ def test_move_of_the_page_is_a_persons_and_no_scripts_move_follows_it_by_itself(
     with refused(CommandRefused, "arm_reserved_for_person"):
         clients.done(Move(right=FAR), SCRIPT)
     clients.done(Move(right=FAR, speed_scale=0.5), PAGE)
+
+
+def test_move_of_the_page_stays_a_persons_while_the_page_sends_frames_of_an_idle_device(clients: Clients) -> None:
+    driver = clients.driver
+    moving = clients.begin(Move(right=FAR, speed_scale=0.2), PAGE)
+    driver.until(lambda: driver.mover.is_moving(RIGHT), 5.0)
+    for _ in range(3):
+        clients.done(Teleoperate(frame=DeviceFrame(time=driver.now())), PAGE)
+        assert command(clients) == (Commander.PAGE, False)
+        driver.wait(0.05)
+    clients.ended(moving)
+    assert driver.snapshot(RIGHT).sent == pytest.approx(FAR, abs=1e-3)
 
 
 def test_person_takes_one_arm_of_a_stream_and_the_other_one_brakes_and_holds(clients: Clients) -> None:

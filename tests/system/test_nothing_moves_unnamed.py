@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from abb_protocols.catalogue import Message
-from abb_protocols.errors import RobotNotReady, YumiError
+from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.joints import Joints, Side
 from abb_protocols.rws.values import ControllerState
+from abb_runtime.faults import Fault
 from refusals import refused
 from system.test_endpoint_in_virtual_time import Driver
 from system.virtual_time_bench import System
@@ -20,8 +22,8 @@ from yumi.api.connect import controllers_for, settings_for
 from yumi.api.connection import Connection
 from yumi.driver import wiring
 from yumi.driver.gripper import GripperSetup
-from yumi.driver.state_machine import START_JOINT, WATCHDOG
-from yumi.driver.wiring import brings_up, check_kind, is_on_this_machine
+from yumi.driver.state_machine import RUN_RAPID, START_JOINT, WATCHDOG
+from yumi.driver.wiring import brings_up, is_on_this_machine, is_real
 
 STEPS = ("switch the motors on", "move the program pointers to main", "start the RAPID program")
 CREEP = 1e-4  # [rad] of the virtual robot under loads
@@ -38,7 +40,7 @@ class RealRobot(System):
         super().__init__()
         self.complaints: list[Message] = []
         manager = self.manager
-        manager.is_real, manager.may_calibrate = True, False
+        manager.is_real = lambda: True
         setup = GripperSetup(
             self.grippers, manager.step, self.complaints.append, is_named=lambda: manager.may_calibrate
         )
@@ -92,16 +94,47 @@ def test_refused_start_leaves_the_watchdog_of_another_driver_armed(robot: RealRo
     assert robot.client.symbol("T_ROB_R", "TRobWatchdog", "active") == "TRUE"
 
 
-@pytest.mark.parametrize("takes_faults", [True, False])
-def test_robot_behind_a_tunnel_to_this_machine_is_real(monkeypatch: pytest.MonkeyPatch, takes_faults: bool) -> None:
-    """And gets no more requests a second than any other real one."""
+@pytest.mark.parametrize(
+    ("is_here", "takes_faults", "answers", "expected"),
+    [
+        (True, True, True, False),
+        (True, False, True, True),  # a tunnel begins here
+        (True, False, False, True),
+        (False, True, True, True),
+    ],
+)
+def test_robot_is_real_unless_it_is_known_to_be_virtual_and_on_this_machine(
+    monkeypatch: pytest.MonkeyPatch, is_here: bool, takes_faults: bool, answers: bool, expected: bool
+) -> None:
+    """A real one gets no more requests a second than any other."""
     system, lifted = System(), []
     system.client.connect()
+    system.http.is_there = answers
     monkeypatch.setattr(wiring, "takes_faults", lambda address: takes_faults)
     monkeypatch.setattr(system.client, "lift_pace", lambda: lifted.append(True))
-    check_kind(system.manager, system.client, settings_for("127.0.0.1"))
-    assert system.manager.is_real is not takes_faults
-    assert lifted == [True] * takes_faults
+    assert is_real(system.client, is_here=is_here) is expected
+    assert lifted == [True] * (not expected)
+
+
+def test_robot_is_taken_for_real_once_another_controller_answers_at_its_address(
+    robot: RealRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds = {"takes_faults": True}
+    monkeypatch.setattr(wiring, "takes_faults", lambda address: kinds["takes_faults"])
+    robot.manager.is_real = partial(is_real, robot.client, is_here=True)
+    robot.manager.start_egm()
+    assert robot.are_calibrated == [True, True]
+    robot.manager.stop_egm()
+    robot.manager.write_signal(RUN_RAPID, 0)
+    sessions = robot.manager.session_count
+    kinds["takes_faults"] = False
+    robot.adapter.expire_sessions()
+    robot.faults.inject(Fault.GRIPPER_NOT_CALIBRATED)
+    robot.manager.recover(lambda step: None)
+    assert robot.are_calibrated == [False, False]
+    with refused(CommandRefused, "rapid_signal_not_written"):
+        robot.manager.write_signal(RUN_RAPID, 0)
+    assert robot.manager.session_count > sessions
 
 
 def test_robot_that_is_ready_gets_egm_alone_where_bringup_is_not_named(robot: RealRobot) -> None:

@@ -40,7 +40,7 @@ def check_of(system: System, *, is_real: bool) -> RapidMotionCheck:
 def checked(system: System, *, is_real: bool) -> RobotManager:
     """The system's robot manager, with the check of motions by RAPID, of a robot that is ready."""
     check = check_of(system, is_real=is_real)
-    manager = RobotManager(system.bringup, system.control, system, is_real=is_real, rapid_check=check)
+    manager = RobotManager(system.bringup, system.control, system, is_real=lambda: is_real, rapid_check=check)
     manager.make_ready()
     return manager
 
@@ -219,6 +219,23 @@ def test_run_counts_as_the_first_where_another_motion_may_have_the_name(system: 
     with suppress(RobotNotReady), check.slow_first(RIGHT, "runModuleLoad", lambda: True):
         raise RobotNotReady("the module was loaded, and no answer came")
     assert ratio("wave") == FIRST_RATIO
+
+
+def test_run_counts_as_the_first_again_once_another_controller_may_answer(system: System) -> None:
+    is_real = [False]
+    check = RapidMotionCheck(
+        system.client, system.bringup.panel, system.bringup.machines, None, MARGIN, is_real=lambda: is_real[0]
+    )
+    system.bringup.make_ready()
+
+    def ratio() -> int:
+        with check.slow_first(RIGHT, "wave", lambda: True):
+            return system.client.speed_ratio()
+
+    assert ratio() == 100  # of a virtual robot
+    is_real[0] = True
+    system.adapter.expire_sessions()
+    assert [ratio(), ratio()] == [FIRST_RATIO, 100]
 
 
 @pytest.mark.parametrize("angle", [radians(400.0), 1e6])

@@ -384,6 +384,31 @@ def test_velocity_of_a_stick_moves_the_tool_and_the_elbow(driver: Driver, operat
     assert is_within_limits(driver)
 
 
+def test_elbow_that_is_not_reported_for_a_while_stays_and_one_that_jumps_is_not_followed(
+    driver: Driver, operator: Operator
+) -> None:
+    def bent(elbow: float | None) -> DeviceHand:
+        return msgspec.structs.replace(at(), elbow=elbow)
+
+    def angle() -> float:
+        return arm_angle(RIGHT, driver.snapshot(RIGHT).sent)
+
+    begin = angle()
+    operator.engage(bent(5.0))  # what counts is its change
+    operator.hold(1.0, lambda time: bent(5.0 + min(0.2, 0.4 * time)))
+    assert angle() - begin == pytest.approx(0.2, abs=1e-3)
+    operator.hold(0.5, lambda time: bent(None))
+    operator.hold(0.5, lambda time: bent(-3.0))
+    assert angle() - begin == pytest.approx(0.2, abs=1e-3)
+    operator.hold(1.0, lambda time: bent(-3.0 - min(0.1, 0.4 * time)))
+    assert angle() - begin == pytest.approx(0.1, abs=1e-3)
+    operator.hold(0.2, lambda time: bent(0.0))
+    assert (operator.clutch, operator.why) == ("inert", "device_hand_jumped")
+    operator.hold(0.5, lambda time: bent(0.0))
+    assert angle() - begin == pytest.approx(0.1, abs=1e-2)
+    assert is_within_limits(driver)
+
+
 def leader(*change: float) -> DeviceHand:
     """A leader arm, by so much away from where the follower stands at first."""
     return DeviceHand(clutch=True, joints=joints([a + b for a, b in zip(START, change, strict=True)]))

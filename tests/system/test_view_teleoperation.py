@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import cos, pi, radians, sin
 from pathlib import Path
-from statistics import median, quantiles
 from typing import Any
 
 import pytest
@@ -20,8 +19,16 @@ from abb_protocols.robot.kinematics import distance_between, tool0_to_body
 from abb_runtime.process.command_process import CommandProcess
 from abb_view.page_build import run_script
 from browser import browser
+from echo import Echo
 from soak import long, short, tell
-from system.test_teleoperation_measured import ROOM, first_motion, recorded_driver, right_cycles, standstill
+from system.test_teleoperation_measured import (
+    ROOM,
+    check_delays,
+    first_motion,
+    recorded_driver,
+    right_cycles,
+    standstill,
+)
 from yumi.api.attach import RunningDriver
 from yumi.control.hand_over import Commander
 from yumi.driver.teleoperated_arm import LINK_LOST
@@ -214,7 +221,7 @@ def is_away(begin: Pose, driver: RunningDriver) -> bool:
 
 
 @pytest.mark.parametrize("steps", [short(8), long(40, 300.0)])
-def test_motion_of_a_hand_in_a_headset_is_in_a_datagram_within_thirty_milliseconds(
+def test_motion_of_a_hand_in_a_headset_is_in_a_datagram_almost_as_soon_as_an_echo_beside_it_is_back(
     person: Headset, served: Served, driver: RunningDriver, steps: int
 ) -> None:
     """From the headset's time of the frame, which its page sends, to the datagram that moves the arm.
@@ -222,25 +229,23 @@ def test_motion_of_a_hand_in_a_headset_is_in_a_datagram_within_thirty_millisecon
     The first one: neither the browser nor the driver has anything left to do for pages that were closed.
     """
     page, moved_at = person.page, []
-    for attempt in range(2 * steps):
-        person.engage()
-        begin = at_rest(page, driver)
-        page.wait_for_timeout(500 + 3.7 * attempt)  # the arm stands, and the robot's cycle is anywhere
-        there = person.evaluate(f"person.move('right', {list(moved(z=0.0 if attempt % 2 else 0.01))})")
-        if there is None:  # the machine had no time for a frame: the grip is pressed again
-            continue
-        at = there + person.to_browser_clock()
-        wait(page, lambda begin=begin: is_away(begin, driver) or clutch(page) == "inert")
-        if is_away(begin, driver):
-            moved_at.append(at)
-        if len(moved_at) == steps:
-            break
+    with Echo() as echo:
+        for attempt in range(2 * steps):
+            person.engage()
+            begin = at_rest(page, driver)
+            page.wait_for_timeout(500 + 3.7 * attempt)  # the arm stands, and the robot's cycle is anywhere
+            there = person.evaluate(f"person.move('right', {list(moved(z=0.0 if attempt % 2 else 0.01))})")
+            if there is None:  # the machine had no time for a frame: the grip is pressed again
+                continue
+            at = there + person.to_browser_clock()
+            wait(page, lambda begin=begin: is_away(begin, driver) or clutch(page) == "inert")
+            if is_away(begin, driver):
+                moved_at.append(at)
+            if len(moved_at) == steps:
+                break
     assert len(moved_at) == steps, f"The clutch was lost in {2 * steps - len(moved_at)} of {2 * steps} motions."
     cycles = right_cycles(served.record, moved_at[0], moved_at[-1])
-    delays = [first_motion(cycles, at) for at in moved_at]
-    p95 = quantiles(delays, n=20, method="inclusive")[-1]
-    tell(f"From a headset's frame to the datagram: median {1e3 * median(delays):.1f} ms, p95 {1e3 * p95:.1f} ms.")
-    assert p95 < 0.030
+    check_delays("a headset's frame", moved_at, [first_motion(cycles, at) for at in moved_at], echo)
 
 
 def test_hand_in_a_headset_leads_the_arm_and_each_press_goes_on_from_where_it_is(
@@ -431,6 +436,39 @@ def moving(driver: RunningDriver, axis: int, by: float) -> Callable[[], bool]:
     return lambda: (sent(driver).position[axis] - begin) * by > by * by
 
 
+CLICKS, KEYS = ("#take", "#tab-teleop", "#keys"), (" ", "w")
+"""What a person presses from the address to a moving arm."""
+
+
+def operated(page: Any, url: str, driver: RunningDriver) -> float | None:
+    """How long it takes from the address to a moving arm [s]; None where the machine had no time for a frame."""
+    is_moving, begin = moving(driver, 0, 0.001), time.monotonic()
+    page.goto(url)
+    for selector in CLICKS:
+        wait(page, lambda selector=selector: page.is_visible(selector))
+        press(page, selector)
+        page.focus(selector)  # as a person's click does
+    for key in KEYS:
+        is_next = is_moving if key == KEYS[-1] else lambda: clutch(page) == "engaged"
+        page.keyboard.down(key)
+        wait(page, lambda is_next=is_next: is_next() or clutch(page) == "inert")
+    return time.monotonic() - begin if is_moving() else None
+
+
+def test_arm_moves_after_three_clicks_and_two_keys_from_the_address(
+    chromium: Any, served: Served, driver: RunningDriver
+) -> None:
+    """As docs/how-to/teleoperate.md has it, with the time that browser, server and driver take of it."""
+    for _ in range(3):
+        page = chromium.new_page(viewport=SMALL)
+        seconds = operated(page, served.url, driver)
+        page.context.close()
+        if seconds is not None:
+            break
+    assert seconds is not None, "the clutch was lost each time"
+    tell(f"From the page's address to a moving arm: {seconds:.1f} s without a person's own time.")
+
+
 def test_keys_move_the_arm_while_space_is_held_and_the_focus_is_there(
     chromium: Any, served: Served, driver: RunningDriver
 ) -> None:
@@ -450,8 +488,6 @@ def test_keys_move_the_arm_while_space_is_held_and_the_focus_is_there(
         assert within(held, sent(driver), (1e-6, 1e-6))
         space()
         until(page, moving(driver, 2, 0.02), space)
-        seconds = page.evaluate("performance.now()") / 1000
-        tell(f"From the page's address to an arm that has moved 2 cm: {seconds:.1f} s.")
         page.evaluate("document.activeElement.blur()")
         wait(page, lambda: clutch(page) == "released")
         held = at_rest(page, driver)

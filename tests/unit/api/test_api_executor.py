@@ -10,7 +10,7 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
-from abb_protocols.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names, joints
+from abb_protocols.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Joints, Pose, Side, home, joint_names, joints
 from abb_protocols.robot.kinematics import IDENTITY
 from controller_states import read_goal
 from fake_robot import FakeRobot, Switch
@@ -19,6 +19,7 @@ from yumi.api import motion_executor
 from yumi.api.arm_access import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.motion_registry import MotionRegistry
 from yumi.api.robot_arm import Arm
+from yumi.api.streams import OLDEST_JOG
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
@@ -669,6 +670,72 @@ def test_velocity_of_a_tool_has_the_time_at_which_it_was_asked_for(robot: FakeRo
     streamed = robot.tool_goals[Side.LEFT].read()
     assert streamed is not None
     assert streamed[1].time == robot.clock.now()
+
+
+def jog_joints(robot: FakeRobot, values: Joints, time: float | None = None) -> bool:
+    return robot.executor.jog(Side.RIGHT, values, PAGE, time)
+
+
+def jog_tool(robot: FakeRobot, values: Joints, time: float | None = None) -> bool:
+    return robot.executor.jog_tool(Side.RIGHT, values, Pose((0.0, 0.0, 0.0), IDENTITY), PAGE, time, is_in_tool=False)
+
+
+def newest_jog(robot: FakeRobot, jog: Callable[..., bool]) -> tuple[Joints, float]:
+    """Its speeds, or its velocity of the tool, and when it was asked for [s]."""
+    newest = robot.speeds[Side.RIGHT].read() if jog is jog_joints else robot.tool_goals[Side.RIGHT].read()
+    assert newest is not None
+    return newest[1].velocity if jog is jog_joints else newest[1].twist, newest[1].time
+
+
+JOGS = pytest.mark.parametrize("jog", [jog_joints, jog_tool])
+
+
+@JOGS
+def test_jog_reaches_its_controller_with_the_time_at_which_it_was_asked_for(
+    robot: FakeRobot, jog: Callable[..., bool]
+) -> None:
+    robot.control.on_command = robot.rest
+    fast, now = (0.1, *ZERO[1:]), robot.clock.now()
+    jog(robot, fast)
+    for given, expected in ((None, now), (now - 0.08, now - 0.08), (now + 5.0, now)):  # a time to come is now
+        jog(robot, fast, given)
+        assert newest_jog(robot, jog) == (fast, expected)
+
+
+@JOGS
+@pytest.mark.parametrize("age", [OLDEST_JOG + 0.01, 3.0, nan])
+def test_jog_that_was_asked_for_too_long_ago_is_refused_unless_the_arm_is_to_stand(
+    robot: FakeRobot, jog: Callable[..., bool], age: float
+) -> None:
+    robot.control.on_command = robot.rest
+    now = robot.clock.now()
+    for speed in (0.1, 0.2):
+        jog(robot, (speed, *ZERO[1:]))
+    with refused(CommandRefused, "jog_too_old", age=age):
+        jog(robot, (0.3, *ZERO[1:]), now - age)
+    assert newest_jog(robot, jog)[0][0] == 0.2
+    jog(robot, ZERO, now - age)
+    assert newest_jog(robot, jog) == (ZERO, now)
+
+
+@JOGS
+def test_jog_that_has_waited_for_the_arm_is_refused(
+    robot: FakeRobot, jog: Callable[..., bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot.control.on_command = robot.rest
+    fast, take_all = (0.1, *ZERO[1:]), robot.control.hand_over.take_all
+    for _ in range(2):
+        jog(robot, fast)
+    written = newest_jog(robot, jog)
+
+    def take_late(*arguments: Any) -> frozenset[Side]:
+        robot.clock.advance(0.15)
+        return take_all(*arguments)
+
+    monkeypatch.setattr(robot.control.hand_over, "take_all", take_late)
+    with refused(CommandRefused, "jog_too_old"):
+        jog(robot, fast)
+    assert newest_jog(robot, jog) == written
 
 
 def test_first_jog_takes_the_arm_over_and_the_next_one_moves_it(robot: FakeRobot) -> None:

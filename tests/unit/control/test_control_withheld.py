@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import count
 from math import inf, nan
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,11 +13,13 @@ import pytest
 from abb_protocols.robot.description import SERVO_GRIPPERS
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Pose, Side, home, joints
 from abb_protocols.robot.kinematics import tool0_to_body
+from cartesian_bench import shares
 from controller_states import configured, state
 from yumi.control.chunk_commands import FollowChunk
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller
 from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.control.controllers.forward_command import JointGroupVelocityController
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController, StopMotion
 from yumi.control.controllers.joint_position import JointPositionController
@@ -390,3 +393,166 @@ def test_what_is_sent_just_before_a_stop_does_not_begin_after_it(how: str) -> No
     rig.run(1.0)
     for each in rig.cycles[first:]:
         assert each.sent.position == pytest.approx(still, abs=1e-5)
+
+
+class LedBoth:
+    """Both arms, which one call moves, each by its own controller.
+
+    Attributes:
+        rigs: of each arm.
+    """
+
+    def __init__(self) -> None:
+        path, both = dict[Side, Any](), dict[Side, Any]()
+        self.rigs = {
+            side: VirtualArmRig(
+                {
+                    "path": JointTrajectoryController(side, MemoryBuffer[TrajectoryFeedback](), halves=path),
+                    "both": DualArmTrajectoryController(side, MemoryBuffer[TrajectoryFeedback](), both),
+                    "goal": JointGoalController(MemoryBuffer[SessionGoal]()),
+                    "speeds": JointVelocityController(MemoryBuffer[SessionGoal]()),
+                },
+                side=side,
+                position=home(side),
+            )
+            for side in Side
+        }
+
+    def begin(self, name: str) -> None:
+        for rig in self.rigs.values():
+            rig.start()
+            rig.switch_to(name)
+        self._name = name
+        self.run(0.5)
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / CYCLE)):
+            for rig in self.rigs.values():
+                rig.cycle()
+
+    def send(self, commands: Mapping[Side, object]) -> None:
+        for side, command in commands.items():
+            self.rigs[side].manager.check(self._name, command, self.rigs[side].line.state)
+        for side, command in commands.items():
+            self.rigs[side].manager.receive(self._name, command, self.rigs[side].line.state)
+
+    def cancel(self, *sides: Side) -> None:
+        self.send(dict.fromkeys(sides, CancelTrajectory()))
+
+    def end_streams(self) -> None:
+        """Of the right arm, as the control loop does where who streams falls silent."""
+        rig = self.rigs[Side.RIGHT]
+        assert rig.line.state is not None
+        rig.manager.end_streams(rig.line.state)
+
+    def take_over(self, name: str) -> None:
+        """Have another controller lead the right arm, which nothing is sent yet."""
+        self.rigs[Side.RIGHT].switch_to(name)
+
+    def lose(self) -> None:
+        """The right arm's datagrams."""
+        self.rigs[Side.RIGHT].to_us = lambda datagram: ()
+
+    def stop(self) -> None:
+        """As a stop of one arm does."""
+        rig = self.rigs[Side.RIGHT]
+        rig.switch_to("goal")
+        rig.manager.receive("goal", StopMotion(), rig.line.state)
+
+    def follow(self) -> None:
+        """Both arms swing for 2 s."""
+        ways = {side: swung(side, np.linspace(0.0, 2.0, 3)) for side in Side}
+        plans = {
+            side: ArmPlan(side, way[0], smooth_spline_through([way[0], way[-1]]), None) for side, way in ways.items()
+        }
+        self.send({side: FollowTrajectory(plan, 1) for side, plan in plans.items()})
+
+    def follow_chunk(self, right: int = 41) -> None:
+        """The same as the points of a policy, for both arms, so many for the right one."""
+        start, chunks = self.rigs[Side.RIGHT].clock.now() + 0.1, {}
+        for side, count in ((Side.RIGHT, right), (Side.LEFT, 41)):
+            times = 0.05 * np.arange(count)
+            rows = np.array([point.position for point in swung(side, times)])
+            chunks[side] = FollowChunk(1, start, plan_chunk(side, times.tolist(), rows, YUMI_LIMITS), is_of_both=True)
+        self.send(chunks)
+
+    def sent(self, side: Side) -> np.ndarray:
+        return np.array([cycle.sent.position for cycle in self.rigs[side].cycles])
+
+
+def swung(side: Side, times: np.ndarray) -> list[TrajectoryPoint]:
+    """Where the last joint turns to and fro [rad], and the others stand."""
+    turns = 0.4 * (1.0 - np.cos(0.5 * np.pi * times))
+    return [
+        TrajectoryPoint(float(time), joints([*home(side)[:6], home(side)[6] + float(turn)]), ZERO, ZERO)
+        for time, turn in zip(times, turns, strict=True)
+    ]
+
+
+BOTH_LED: dict[str, tuple[str, Callable[[LedBoth], object]]] = {
+    # by which controller, and the call that moves both
+    "trajectory": ("both", LedBoth.follow),
+    "chunks": ("path", LedBoth.follow_chunk),
+    "chunks of the dual-arm controller": ("both", LedBoth.follow_chunk),
+}
+BOTH_STOPPED: dict[str, Callable[[LedBoth], object]] = {
+    "both cancelled": lambda led: led.cancel(*Side),
+    "right cancelled": lambda led: led.cancel(Side.RIGHT),
+    "left cancelled": lambda led: led.cancel(Side.LEFT),
+    "right stopped": LedBoth.stop,
+    "right taken over by a jog": lambda led: led.take_over("speeds"),
+    "right taken over by goals": lambda led: led.take_over("goal"),
+    "right's stream ended": LedBoth.end_streams,
+    "right let go": lambda led: led.rigs[Side.RIGHT].manager.deactivate_commanding(),
+    "right lost": LedBoth.lose,
+}
+
+
+@pytest.mark.parametrize("call", BOTH_LED)
+@pytest.mark.parametrize("how", [each for each in BOTH_STOPPED if each != "right lost"])
+def test_call_for_both_arms_that_is_ended_on_one_before_it_begins_moves_neither(call: str, how: str) -> None:
+    name, ask = BOTH_LED[call]
+    led = LedBoth()
+    led.begin(name)
+    ask(led)
+    BOTH_STOPPED[how](led)
+    led.run(1.0)
+    for side in Side:
+        assert np.abs(led.sent(side) - home(side)).max() < 1e-5
+
+
+@pytest.mark.parametrize("call", BOTH_LED)
+@pytest.mark.parametrize("how", BOTH_STOPPED)
+def test_arms_that_one_call_moves_both_come_to_rest_and_stay_when_one_of_them_is_ended(call: str, how: str) -> None:
+    name, ask = BOTH_LED[call]
+    led = LedBoth()
+    led.begin(name)
+    ask(led)
+    led.run(0.8)
+    fast = {side: np.abs(np.diff(led.sent(side)[-2:], axis=0)).max() / CYCLE for side in Side}
+    assert min(fast.values()) > 0.3
+    first = {side: len(led.rigs[side].cycles) for side in Side}
+    BOTH_STOPPED[how](led)
+    led.run(1.5)
+    for side in Side:
+        sent = led.sent(side)[first[side] - 4 :]
+        assert max(shares(sent)) < 1.01  # no step
+        standing = sent[round(0.6 / CYCLE) :]  # none of an arm that is not heard
+        assert np.abs(np.diff(standing, axis=0)).max(initial=0.0) < 1e-6
+        assert np.abs(sent[-1] - sent[0]).max() < 0.3 * fast[side]
+
+
+def test_arm_of_a_policy_brakes_when_the_other_one_is_taken_over_that_has_no_points_left() -> None:
+    led = LedBoth()
+    led.begin("path")
+    led.follow_chunk(right=11)
+    led.run(1.2)
+    assert np.abs(np.diff(led.sent(Side.RIGHT)[-2:], axis=0)).max() < 1e-9
+    assert np.abs(np.diff(led.sent(Side.LEFT)[-2:], axis=0)).max() / CYCLE > 0.3
+    led.take_over("speeds")
+    first = len(led.sent(Side.LEFT))
+    led.run(0.6)
+    assert np.abs(led.sent(Side.LEFT)[-1] - led.sent(Side.LEFT)[first]).max() < 0.2
+    still = led.sent(Side.LEFT)[-1]
+    led.run(1.0)
+    assert led.sent(Side.LEFT)[-1] == pytest.approx(still, abs=1e-6)

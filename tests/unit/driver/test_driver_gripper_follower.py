@@ -8,13 +8,17 @@ from typing import cast
 import pytest
 
 from abb_protocols.catalogue import Message, message
+from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.gripper_values import TRAVEL, Direction, go_to, grip
-from abb_protocols.robot.joints import Side
-from fake_driver import FakeGripper
+from abb_protocols.robot.joints import ZERO, Side
+from fake_driver import FakeDriver, FakeGripper
 from refusals import refused
+from yumi.driver.command import Caller, Command
+from yumi.driver.commands import carry_out
 from yumi.driver.gripper import RwsGripper
 from yumi.driver.gripper_follower import GripperFollower, closed_of, goal_of
+from yumi.driver.motion_commands import Jog, Move
 
 
 @pytest.fixture
@@ -65,6 +69,20 @@ def test_goal_that_was_not_given_yet_is_forgotten(gripper: FakeGripper, follower
     work()
     assert gripper.goals == []
     assert follower.take(0.2) is not None
+
+
+@pytest.mark.parametrize("command", [Jog(arm="right", speeds=(0.1, *ZERO[1:])), Move(right="ready")])
+def test_goal_that_waits_is_forgotten_when_a_person_takes_the_arm(command: Command[str]) -> None:
+    driver = FakeDriver()
+    driver.robot.control.on_command = lambda each: driver.robot.end(each)
+    robot, page = driver.server._robot, Caller(client="page", front_end=FrontEnd.PAGE)
+    waiting = {side: robot.followers[side].take(0.3) for side in Side}
+    carry_out(command, robot, page)
+    for work in waiting.values():
+        assert work is not None
+        work()
+    assert driver.grippers[Side.RIGHT].goals == []
+    assert driver.grippers[Side.LEFT].goals == [goal_of(0.3, 10.0)]
 
 
 def test_refusal_is_kept_until_a_goal_is_taken(gripper: FakeGripper, follower: GripperFollower) -> None:

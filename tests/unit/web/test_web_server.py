@@ -23,6 +23,7 @@ from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import posture_near, wrist_of, wrist_target
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
 from abb_protocols.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, tool0_to_body
+from abb_runtime.faults import Fault
 from abb_view.page_server import MAX_PAGES
 from fake_driver import BOX, FakeDriver
 from refusals import refused
@@ -36,11 +37,13 @@ from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.core.collision import Obstacle
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import find_driver
+from yumi.driver.motion_commands import Jog, JogTool
 from yumi.driver.surroundings import Surroundings
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
 from yumi.web import distances, live, page_operator, view_server
 from yumi.web.distances import Distances
+from yumi.web.driver_link import DriverLink
 from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog
 from yumi.web.page_operator import OLDEST_SEEN, within_joint_speed
 from yumi.web.view_server import ViewServer, ViewSettings
@@ -358,6 +361,63 @@ def test_real_robot_is_stopped_by_a_page_that_only_looks(driver: FakeDriver) -> 
     run(story)
 
 
+@pytest.mark.parametrize(
+    ("is_here", "takes_faults", "refusal"),
+    [(True, True, ""), (True, False, "faults_only_virtual"), (False, True, "faults_only_here")],
+)
+def test_faults_of_a_virtual_robot_are_for_pages_of_this_machine_alone(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch, is_here: bool, takes_faults: bool, refusal: str
+) -> None:
+    """A controller that is not virtual any more is asked before each."""
+    injected: list[str] = []
+
+    def inject(address: str, name: str, form: dict[str, str]) -> Fault:
+        injected.append(name)
+        return Fault.MOTORS_OFF
+
+    monkeypatch.setattr(page_operator, "inject_fault", inject)
+    monkeypatch.setattr(page_operator, "takes_faults", lambda address: takes_faults)
+    monkeypatch.setattr(live, "_is_virtual", lambda address: True)
+
+    async def story(site: Site) -> None:
+        async with site.page(**({} if is_here else {"Via": "1.1 a-proxy"})) as page:
+            view = await page.until("view", lambda view: view["is_virtual"])
+            assert [each["name"] for each in view["faults"]] == [each.value.name for each in Fault] * is_here
+            elsewhere = sentence(say("faults_only_here"), FrontEnd.VIRTUAL_PAGE)
+            assert view["why_no_faults"] == ("" if is_here else elsewhere)
+            await page.take_control()
+            await page.send(type="inject", id=3, name="motors-off")
+            answer = await page.until("failed" if refusal else "done", lambda it: it["id"] == 3)
+            assert injected == ([] if refusal else ["motors-off"])
+            assert not refusal or answer["error"]["code"] == refusal
+
+    run(story)
+
+
+def test_page_loses_a_virtual_robot_once_a_real_one_answers_at_its_address(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds = {"is_virtual": True}
+    monkeypatch.setattr(live, "_is_virtual", lambda address: kinds["is_virtual"])
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.until("view", lambda view: view["is_virtual"])
+            await page.take_control()
+            kinds["is_virtual"] = False
+            driver.manager.session_count += 1
+            assert (await page.until("refused"))["sentence"] == on_page("page_only_shows")
+            view = await page.until("view", lambda view: view["control"] == "none")
+            assert (view["is_virtual"], view["faults"]) == (False, [])
+            assert (await page.ask("start_egm"))["error"]["code"] == "page_only_shows"
+            assert driver.manager.asked == []
+            kinds["is_virtual"] = True
+            driver.manager.session_count += 1
+            await page.until("view", lambda view: view["is_virtual"])
+
+    run(story)
+
+
 def test_page_that_has_control_operates_and_another_one_does_not(driver: FakeDriver) -> None:
     async def story(site: Site) -> None:
         async with site.page() as page, site.page() as other:
@@ -650,6 +710,33 @@ def test_jog_that_comes_late_is_refused_and_its_end_is_not(driver: FakeDriver) -
             assert late_jog["error"]["code"] == "page_too_slow_to_jog"
             await page.send(type="jog_joints", arm="right", hold=1, seen=late, speeds=[0.0] * 7)
             await eventually(lambda: speeds_of(driver) == ZERO)
+
+    run(story, may_operate=True)
+
+
+def test_driver_is_told_when_a_jog_came(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that no jog moves the arm that has waited on the way to the driver, or in it."""
+    driver.robot.control.on_command = driver.robot.rest
+    asked: list[Jog | JogTool] = []
+    ask = DriverLink.ask
+
+    async def noted(link: DriverLink, command: Any, *reports: Any) -> Any:
+        asked.extend([command] if isinstance(command, Jog | JogTool) else [])
+        return await ask(link, command, *reports)
+
+    monkeypatch.setattr(DriverLink, "ask", noted)
+    up = [0.0, 0.0, 0.02]
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            begin = time.monotonic()
+            await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
+            await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=2, linear=up)
+            times = [each.time for each in asked]
+            assert {type(each) for each in asked} == {Jog, JogTool}
+            assert all(at is not None and begin <= at <= time.monotonic() for at in times)
+            assert len(set(times)) == len(times)
 
     run(story, may_operate=True)
 

@@ -139,7 +139,7 @@ class RwsClient(
         return self._session.login_count
 
     def lift_pace(self) -> None:
-        """Send requests as fast as they come from now on: a virtual controller takes any number a second."""
+        """Send requests as fast as they come until the next login: a virtual controller takes any number a second."""
         self._session.lift_pace()
 
     def close(self) -> None:

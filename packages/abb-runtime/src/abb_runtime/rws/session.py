@@ -126,7 +126,7 @@ class RwsSession:
         self._running: list[object] = []  # exchanges under way, the oldest first
         self._slow: object = None  # the one that has delayed another one for too long
         self._is_abandoned = False
-        self._pace = RequestPace(clock, transport.request_interval)
+        self._pace = self._own_pace = RequestPace(clock, transport.request_interval)
 
     @property
     def is_open(self) -> bool:
@@ -162,7 +162,7 @@ class RwsSession:
                 self._pace.count()
 
     def lift_pace(self) -> None:
-        """From now on no request waits because many came before it."""
+        """No request waits because many came before it, until the next login: another controller may answer then."""
         self._pace = RequestPace(self._clock, 0.0)
 
     def open_socket(self, target: str, listener: Listener) -> OpenWebSocket:
@@ -248,6 +248,8 @@ class RwsSession:
         response = self._once(self._with_credentials(outgoing, response), {}, deadline)
         if response.status_code == _UNAUTHORIZED:
             raise LoginRefused(message("login_refused", address=self.address, user=self._user))
+        if self.login_count:
+            self._pace = self._own_pace
         self.login_count += 1
         return response
 

@@ -77,7 +77,8 @@ class ChunkState:
 class ChunkFollower:
     """Arms that follow chunks, from ``with`` on, which takes them over from standstill, to its end.
 
-    What else takes an arm over ends that: no chunk moves the arm again before it is followed anew.
+    What else takes an arm over ends that, for both arms: the other one brakes, and no chunk moves either of them before
+    they are followed anew.
 
     Args:
         access: the arms.
@@ -99,7 +100,7 @@ class ChunkFollower:
         self._sides = sides
         self._activations: dict[Side, tuple[int, int]] = {}  # the session and activation that are followed
         self._state = ChunkState()
-        self._grippers = _GripperSchedule(grippers, access.clock, self._is_own)
+        self._grippers = _GripperSchedule(grippers, access.clock, lambda _: all(map(self._is_own, self._sides)))
         self._stack = ExitStack()
 
     def __enter__(self) -> ChunkFollower:
@@ -154,13 +155,13 @@ class ChunkFollower:
         times = [number * float(chunk.period) for number in range(count)]
         number = self._state.sent + 1
         commands = []
-        for side in {**points, **values}:
+        for side in self._sides:
             self._access.check_follows(side)
             if not self._is_own(side):
                 raise refused(message("chunks_taken_over", arm=side.word))
         for side, positions in points.items():
             spline = plan_chunk(side, times, positions, self._limits)
-            command = FollowChunk(number, start, spline, self._jump)
+            command = FollowChunk(number, start, spline, self._jump, is_of_both=len(self._sides) > 1)
             commands.append(ControllerCommand(side, TRAJECTORY_CONTROLLER, command, self._activations[side][1]))
         taken: dict[Side, ChunkTaken] = {}
         if commands:

@@ -39,7 +39,7 @@ from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
 from yumi.driver.teleoperation import Elsewhere
-from yumi.driver.wiring import Controllers, DriverParts, brings_up, check_kind, make_parts, only_at_robot
+from yumi.driver.wiring import Controllers, DriverParts, brings_up, make_parts, only_at_robot
 from yumi.recording.message_types import STATE
 from yumi.recording.recorder import FullRecorder, Source, Sources
 
@@ -152,7 +152,7 @@ class Connection:
             atexit.register(self.close)  # a notebook that is shut down ends its motions too
             stack.callback(atexit.unregister, self.close)
             # As a warning, which a script without logging shows, too.
-            is_named = is_named or bool(confirm) or brings_up(self._settings, is_real=self.manager.is_real)
+            is_named = is_named or bool(confirm) or brings_up(self._settings, is_real=self.manager.is_real())
             is_tested = is_named and self._settings.gripper.test_at_start and not self._were_tested
             with self.manager.starting(brings_up=is_named):
                 if not is_named:
@@ -243,7 +243,7 @@ class Connection:
         stack.callback(parts.control.stop)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)
-        check_kind(manager, parts.client, settings)
+        manager.is_real()  # asked now, since a virtual controller takes requests as fast as they come from then on
         parts.control.start()
         stack.callback(parts.signals.close)
         try:

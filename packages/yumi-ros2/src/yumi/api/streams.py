@@ -39,6 +39,9 @@ from yumi.driver.teleoperated_arm import LINK_LOST, Follower, JointsGoal, Motion
 LONGEST_BLEND = 10.0
 """So long may it take until a stream that begins elsewhere is followed as it is [s]."""
 
+OLDEST_JOG = 0.1
+"""A jog that was asked for longer ago than this moves nothing [s]: so long do controllers take a velocity for new."""
+
 _JOG_GAP = 0.3  # [s] jogs that follow each other within this time belong to one press of a key
 
 
@@ -50,7 +53,7 @@ class _Jog(NamedTuple):
         time: when it was asked for [s].
         number: of its message in the buffer.
         buffer: of the controller.
-        write: writes a message for an EGM session.
+        write: writes a message for an EGM session, which was asked for at a time [s].
         owner: who asked for it; None once it was ended.
     """
 
@@ -58,7 +61,7 @@ class _Jog(NamedTuple):
     time: float
     number: int
     buffer: Buffer[Any]
-    write: Callable[[int, Joints], None]
+    write: Callable[[int, Joints, float], None]
     owner: object
 
 
@@ -173,29 +176,45 @@ class ArmStreams(ArmAccess):
                 self.stop((side,))
                 self.control.hand_over.let_go(side)
 
-    def jog(self, side: Side, speeds: Sequence[float], owner: object) -> bool:
+    def jog(self, side: Side, speeds: Sequence[float], owner: object, time: float | None = None) -> bool:
         """Have an arm move with joint speeds [rad/s], (7,), until its controller's timeout or :meth:`end_jog`.
 
         The first call only takes the arm over, which may last seconds; the next one moves it, if it still comes. Until
         the jogs of one ``owner`` end, or have not come for 0.3 s, those of another one are refused.
 
+        Args:
+            side: the arm.
+            speeds: of its joints.
+            owner: who jogs.
+            time: when it was asked for, by the driver's clock [s]; None: now.
+
         Returns:
             Whether its controllers were switched for it.
 
         Raises:
-            CommandRefused: the speeds are no seven finite numbers, or another owner or motion moves the arm.
+            CommandRefused: the speeds are no seven finite numbers, they were asked for too long ago, or another owner
+                or motion moves the arm.
             RobotNotReady: the arm does not follow.
         """
         if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
             raise CommandRefused(message("jog_speeds_malformed", count=JOINT_COUNT, given=str(list(speeds)[:8])))
         buffer = self.control.buffers[side].speeds
 
-        def write(session: int, values: Joints) -> None:
-            write_speeds(buffer, session, values)
+        def write(session: int, values: Joints, asked: float) -> None:
+            write_speeds(buffer, session, values, asked)
 
-        return self._jog(side, JOG_CONTROLLER, buffer, write, joints(speeds), owner)
+        return self._jog(side, JOG_CONTROLLER, buffer, write, joints(speeds), owner, time)
 
-    def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, owner: object, *, is_in_tool: bool) -> bool:
+    def jog_tool(
+        self,
+        side: Side,
+        twist: Sequence[float],
+        tool: Pose,
+        owner: object,
+        time: float | None = None,
+        *,
+        is_in_tool: bool,
+    ) -> bool:
         """Have a tool move with a velocity until its controller's timeout or :meth:`end_jog`, as :meth:`jog`.
 
         Args:
@@ -203,6 +222,7 @@ class ArmStreams(ArmAccess):
             twist: velocity [m/s], angular velocity and that of the arm angle [rad/s], (7,).
             tool: its frame in tool0.
             owner: who jogs.
+            time: as of :meth:`jog`.
             is_in_tool: whether it is seen from the tool, else from the body.
         """
         if len(twist) != JOINT_COUNT:
@@ -210,20 +230,24 @@ class ArmStreams(ArmAccess):
         check_twist(twist)
         buffer = self.control.buffers[side].tool_goals
 
-        def write(session: int, values: Joints) -> None:
-            buffer.write(twist_goal(session, values, tool, is_in_tool=is_in_tool, time=self.clock.now()))
+        def write(session: int, values: Joints, asked: float) -> None:
+            buffer.write(twist_goal(session, values, tool, is_in_tool=is_in_tool, time=asked))
 
-        return self._jog(side, CARTESIAN_CONTROLLER, buffer, write, joints(twist), owner)
+        return self._jog(side, CARTESIAN_CONTROLLER, buffer, write, joints(twist), owner, time)
 
     def _jog(
         self,
         side: Side,
         controller: str,
         buffer: Buffer[Any],
-        write: Callable[[int, Joints], None],
+        write: Callable[[int, Joints, float], None],
         values: Joints,
         owner: object,
+        time: float | None,
     ) -> bool:
+        now = self.clock.now()
+        asked = now if time is None or time > now or values == ZERO else time  # to stand is never asked for too late
+        self._check_recent(asked)
         self._check_owner(side, owner)
         session, is_new = self._begin_stream(side, controller, is_jog=True)  # may last seconds, so without the lock
         with self._jog_locks[side]:
@@ -235,9 +259,15 @@ class ArmStreams(ArmAccess):
                     self.streaming.pop(side, None)
                     raise CommandRefused(message("jog_streamed_by_another", controller=controller, arm=side.word))
                 with self.control.hand_over.writing((side,), Commander.STREAM, _JOG_GAP):
-                    write(session, values)
+                    self._check_recent(asked)  # until here it may have waited
+                    write(session, values, asked)
             self._jogs[side] = _Jog(controller, self.clock.now(), _number(buffer), buffer, write, owner)
         return is_first
+
+    def _check_recent(self, asked: float) -> None:
+        age = self.clock.now() - asked
+        if not age <= OLDEST_JOG:  # NaN too
+            raise CommandRefused(message("jog_too_old", age=age, oldest=OLDEST_JOG))
 
     def _check_owner(self, side: Side, owner: object) -> None:
         if is_person_requesting():  # a person takes an arm from a program that jogs it
@@ -268,7 +298,7 @@ class ArmStreams(ArmAccess):
                     with suppress(YumiError):
                         self.control.call(Commands.send_commands, stop)
                         return
-                last.write(snapshot.session, ZERO)
+                last.write(snapshot.session, ZERO, self.clock.now())
                 self._jogs[side] = last._replace(number=_number(last.buffer))
 
     def _begin_stream(

@@ -77,7 +77,7 @@ from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_connection import RobotConnection
 from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, RobotSettings, Settings, read_controllers, read_settings
-from yumi.driver.wiring import Controllers, DriverParts, brings_up, check_kind, make_parts, only_at_robot
+from yumi.driver.wiring import Controllers, DriverParts, brings_up, make_parts, only_at_robot
 from yumi.recording.reader import read_recording
 from yumi.recording.recorder import Recorder
 
@@ -270,7 +270,7 @@ def run_driver(
         connection = RobotConnection(parts.client, check, parts.manager, parts.signals.close)
         connection.check()
         control, manager = parts.control, parts.manager
-        check_kind(manager, parts.client, settings)
+        manager.is_real()  # asked now, since a virtual controller takes requests as fast as they come from then on
         control.launch()
         stack.callback(control.stop)  # where something fails before it is waited for; else it has ended by then
         front = _with_ros(stack, parts, settings, ros_arguments) if with_ros else DriverWithoutRos(parts, settings)
@@ -296,7 +296,7 @@ def run_driver(
             log(logging.INFO, sentence)
         log(logging.DEBUG, control.started_as)
         log(*_speed_line(manager, with_ros=with_ros))
-        reason = front.bring_up(is_reading_only=not brings_up(settings, is_real=manager.is_real))
+        reason = front.bring_up(is_reading_only=not brings_up(settings, is_real=manager.is_real()))
         settle_memory()
         on_ready(reason)
         is_over.wait()

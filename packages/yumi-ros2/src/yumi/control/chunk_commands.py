@@ -20,12 +20,15 @@ class FollowChunk:
         start: when the time 0 of the spline is due, on the machine's monotonic clock [s].
         spline: through its points, seven joints in chain order; its last point has a velocity and an acceleration.
         jump: at most so far from the chunk the arm may be commanded [rad], beside the time that the chunk gives.
+        is_of_both: whether its sender leads both arms: where one is led on by something else, or stopped, the other one
+            brakes.
     """
 
     number: int
     start: float
     spline: Spline
     jump: float = MOST_JUMP
+    is_of_both: bool = False
 
 
 @dataclass(frozen=True, slots=True)

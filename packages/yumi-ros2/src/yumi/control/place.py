@@ -53,7 +53,7 @@ class Place:
         name: the controller's name.
         side: its arm.
         buffers: what the controllers of its arm share with the driver process.
-        halves: controllers of this name that are active, by arm, for one that moves both arms.
+        halves: controllers of this name that are active, by arm, for what moves both arms.
         limits: what the joints may do in the robot's EGM motion.
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds.

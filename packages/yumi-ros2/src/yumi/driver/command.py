@@ -274,9 +274,18 @@ class Mover(TeleoperatedArms, Protocol):
 
     def end_stream(self, side: Side, owner: Hashable) -> None: ...
 
-    def jog(self, side: Side, speeds: Sequence[float], owner: object) -> bool: ...
+    def jog(self, side: Side, speeds: Sequence[float], owner: object, time: float | None = None) -> bool: ...
 
-    def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, owner: object, *, is_in_tool: bool) -> bool: ...
+    def jog_tool(
+        self,
+        side: Side,
+        twist: Sequence[float],
+        tool: Pose,
+        owner: object,
+        time: float | None = None,
+        *,
+        is_in_tool: bool,
+    ) -> bool: ...
 
     def end_jog(self, side: Side, owner: object) -> None: ...
 
@@ -395,6 +404,7 @@ class CommandedRobot:
             time=time.time(),
             robot=self.address,
             process=os.getpid(),
+            sessions=self.manager.session_count,
             is_connected=robot.is_connected,
             operating_mode=robot.operating_mode.value if robot.operating_mode else None,
             motors=robot.controller_state.value if robot.controller_state else None,

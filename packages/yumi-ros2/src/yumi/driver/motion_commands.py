@@ -139,6 +139,9 @@ class Jog(Command[str], frozen=True):
     It is asked for again and again while the arm moves, such as 50 times a second. The first one only takes the arm
     over from standstill; the next one moves it. The driver stops the arm when its client goes away, or asks no more,
     whatever timeouts its controllers have. An arm that one client jogs is not jogged by another one.
+
+    ``time`` [s] is when a person asked for it, by ``time.monotonic()`` of the driver's machine; without it that is when
+    the driver takes it. What was asked for more than 0.1 s ago is refused, unless it is that the arm stands.
     """
 
     lane = Lane.JOG
@@ -146,13 +149,14 @@ class Jog(Command[str], frozen=True):
 
     arm: Arm
     speeds: Joints
+    time: float | None = None
 
     def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
         return (side_of(self.arm),)
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
-        return _jog(robot, caller, side, lambda: robot.mover.jog(side, self.speeds, caller.client))
+        return _jog(robot, caller, side, lambda: robot.mover.jog(side, self.speeds, caller.client, self.time))
 
 
 class JogTool(Command[str], frozen=True):
@@ -170,6 +174,7 @@ class JogTool(Command[str], frozen=True):
     angular: tuple[float, float, float] = (0.0, 0.0, 0.0)
     elbow: float = 0.0
     frame: Literal["base", "tool"] = "base"
+    time: float | None = None
 
     def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
         return (side_of(self.arm),)
@@ -181,7 +186,7 @@ class JogTool(Command[str], frozen=True):
             robot,
             caller,
             side,
-            lambda: robot.mover.jog_tool(side, twist, FINGERTIPS, caller.client, is_in_tool=is_in_tool),
+            lambda: robot.mover.jog_tool(side, twist, FINGERTIPS, caller.client, self.time, is_in_tool=is_in_tool),
         )
 
 
@@ -280,6 +285,8 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
         try:
             caller.check()
             if jog():  # a controller was switched
+                if caller.commander is not None:
+                    robot.followers[side].forget()  # what a stream has sent before, and waits for the gripper
                 robot.on_change()
         finally:
             robot.moving.release()
@@ -333,6 +340,8 @@ def _move(
         except YumiError:  # refused: nothing has moved
             _give_back(robot, before)
             raise
+        for side in sides if caller.commander is not None else ():
+            robot.followers[side].forget()
         _wait(robot, motions, timeout, caller)
         _give_back(robot, before)
         for side in sides:  # the motion is over, although the arm may still settle: the next client need not wait

@@ -44,7 +44,7 @@ class RapidMotionCheck:
         machines: the state machines on it.
         model: the shapes of both arms and of what stands around them; None: nothing keeps them apart.
         margin: no two parts come nearer to each other [m].
-        is_real: whether a path that is not known has to be named so, and a first run is slow.
+        is_real: asks whether a path that is not known has to be named so, and a first run is slow.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class RapidMotionCheck:
         self._model = model
         self._margins = None if model is None else declared_margins(model, margin)
         self._lock = Lock()  # the model is not for several threads at once
-        self._have_run: dict[Side, set[str]] = {side: set() for side in Side}
+        self._have_run: dict[Side, set[tuple[int, str]]] = {side: set() for side in Side}  # each in a session
 
     def check_routine(self, side: Side, routine: str, *, is_unchecked: bool) -> None:
         """See that the path of a routine is clear for both arms.
@@ -117,8 +117,9 @@ class RapidMotionCheck:
             known.clear()  # routines of the task may be others from now on, whatever becomes of the load
             yield
             return
-        ratio = self._client.speed_ratio() if self._is_real() and name not in known else 0
-        if ratio <= FIRST_RATIO:
+        ratio = self._client.speed_ratio() if self._is_real() else 0
+        run = self._client.login_count, name  # in the next session another controller may answer
+        if ratio <= FIRST_RATIO or run in known:
             yield
         else:
             self._panel.set_speed_ratio(FIRST_RATIO)
@@ -131,7 +132,7 @@ class RapidMotionCheck:
                 raise
             self._restore(ratio)
         if name not in _NEVER_KNOWN:
-            known.add(name)
+            known.add(run)
 
     def _restore(self, ratio: int) -> None:
         if self._client.speed_ratio() == FIRST_RATIO:  # a person may have chosen another one meanwhile

@@ -254,6 +254,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
         time: UNIX time [s].
         robot: its address.
         process: number of the driver's process.
+        sessions: how often the controller has let the driver in; since it last grew, another one may answer.
         is_connected: whether the controller answers.
         operating_mode: the mode switch: AUTO, MANR or MANF.
         motors: of the controller: motoron, motoroff, or the stop that keeps them off.
@@ -275,6 +276,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     time: float
     robot: str
     process: int
+    sessions: int = 0
     is_connected: bool
     operating_mode: str | None
     motors: str | None

@@ -57,7 +57,8 @@ class RobotManager:
         watchdog: whether the robot stops when this program is silent, and when.
         stops: what stopped the robot, where an earlier connection knows it already.
         recovery: whether it recovers by itself where no person was involved.
-        is_real: whether the robot moves nothing, its fingers included, that no call names.
+        is_real: asks whether the robot moves nothing, its fingers included, that no call names; asked each time that it
+            matters, since another controller may answer by then.
         rapid_check: of motions by RAPID; None: they are not checked.
 
     Attributes:
@@ -66,7 +67,6 @@ class RobotManager:
             methods here instead.
         watchdog: on the robot, and our heartbeats to it.
         is_real: as above.
-        may_calibrate: whether grippers that need it may be calibrated when the robot becomes ready.
         has_acted: whether it was asked to change anything on the robot; before, it has only read.
         is_unattended: whether it recovers without having been asked: a gripper does not close its fingers then.
         grippers: of both arms; their jogs end when a stop comes.
@@ -84,11 +84,12 @@ class RobotManager:
         stops: StopLog | None = None,
         recovery: RecoverySettings = RecoverySettings(),  # noqa: B008 - it is frozen
         *,
-        is_real: bool = False,
+        is_real: Callable[[], bool] = lambda: False,
         rapid_check: RapidMotionCheck | None = None,
     ) -> None:
         client = bringup.client
-        self.is_real, self.may_calibrate = is_real, not is_real
+        self.is_real = is_real
+        self._brings_up: bool | None = None  # as a start says
         self.speed, self.panel = bringup.speed, bringup.panel
         self.watchdog = Watchdog(client, control.check, watchdog)
         self._stops = stops or StopLog(clock)
@@ -125,9 +126,15 @@ class RobotManager:
         self.watchdog.stop()
         self.monitor.stop()
 
-    def take_for_real(self) -> None:
-        """From now on the robot moves nothing that no call names, see ``is_real``."""
-        self.is_real, self.may_calibrate = True, False
+    @property
+    def may_calibrate(self) -> bool:
+        """Whether grippers that need it may be calibrated when the robot becomes ready."""
+        return not self.is_real() if self._brings_up is None else self._brings_up
+
+    @property
+    def session_count(self) -> int:
+        """How often the controller has let us in; since it last grew, another one may answer."""
+        return self._client.login_count
 
     def when_ready(self, prepare: Callable[[], None]) -> None:
         """Have ``prepare`` called each time the robot has become ready, with the program running and no EGM.
@@ -143,11 +150,11 @@ class RobotManager:
         Args:
             brings_up: whether the call, or the settings, name bring-up. Without, what would have to be done is refused.
         """
-        self.may_calibrate, self._bringup.only_if_ready = brings_up, not brings_up
+        self._brings_up, self._bringup.only_if_ready = brings_up, not brings_up
         try:
             yield
         finally:
-            self.may_calibrate, self._bringup.only_if_ready = not self.is_real, False
+            self._brings_up, self._bringup.only_if_ready = None, False
 
     def step(self, name: str) -> None:
         """Report what is done to the robot next, within :meth:`when_ready`.
@@ -507,7 +514,7 @@ class RobotManager:
         is_finger_stop = signal.startswith("HAND_CMDGRIPPER") and str(value) == str(int(ServoCommand.GO_TO_READY))
         if signal.startswith(("EGM_START", "RUN_", "HAND_CMD")) and not is_finger_stop:
             self._stops.check_confirmed(self._client, "")
-        if self.is_real and signal == RUN_RAPID:
+        if signal == RUN_RAPID and self.is_real():
             raise CommandRefused(message("rapid_signal_not_written", signal=signal))
         self.panel.write_signal(name, value)
 
@@ -521,7 +528,7 @@ class RobotManager:
         if within not in {MAIN.upper(), RAPID.upper()}:
             self.panel.write_variable(task, module, name, value)
             return
-        if self.is_real and (within == MAIN.upper() or variable == ROUTINE_NAME.upper()):
+        if (within == MAIN.upper() or variable == ROUTINE_NAME.upper()) and self.is_real():
             raise CommandRefused(message("rapid_variable_not_written", module=module, variable=name))
         with self._moving():
             self.panel.write_variable(task, module, name, value)

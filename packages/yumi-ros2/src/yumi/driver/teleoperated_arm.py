@@ -215,7 +215,7 @@ class TeleoperatedArm:
             values = hand.pose if isinstance(motion, _PoseFollowing) else hand.joints
             if values is not None:
                 dt, motion.time = min(time - motion.time, LINK_LOST), time  # whatever a device's clock does
-                if motion.has_jumped(values, dt):
+                if motion.has_jumped(values, hand.elbow, dt):
                     return self._inert("device_hand_jumped")
                 goal = motion.step(values, hand.elbow, settings, dt)
         if goal is None:
@@ -259,14 +259,16 @@ class _PoseFollowing:
         )
         self.time = time
         self._hand = self._last = _pose_of_hand(hand)
-        self._elbow = elbow
+        self._elbow, self._bend = elbow, 0.0
         # Kept until the clutch is released: another scale would move the tool of a hand that stands.
         self._scale, self._turned = settings.scale, _yaw_of(settings)
         self._filter = PoseFilter(self._hand, settings.cutoff, settings.beta)
 
-    def has_jumped(self, values: Joints, dt: float) -> bool:
-        """Whether no hand can have moved so far since the last frame."""
+    def has_jumped(self, values: Joints, elbow: float | None, dt: float) -> bool:
+        """Whether no hand, or elbow, can have moved so far since the last frame."""
         distance, turn = distance_between(self._last, _pose_of_hand(values))
+        if elbow is not None and self._elbow is not None:
+            turn = max(turn, abs(elbow - self._elbow))
         return distance > _JITTER + _FASTEST_HAND * dt or turn > _JITTER + _FASTEST_TURN * dt
 
     def step(self, values: Joints, elbow: float | None, settings: DeviceSettings, dt: float) -> PoseGoal:
@@ -277,9 +279,11 @@ class _PoseFollowing:
         turn = rotate(self._turned, turn_between(self._hand.orientation, hand.orientation))
         x, y, z = (at + self._scale * by for at, by in zip(self.reference.pose.position, translation, strict=True))
         orientation = multiply(quaternion_of(turn), self.reference.pose.orientation)
-        bend = 0.0 if elbow is None or self._elbow is None else elbow - self._elbow
+        if elbow is not None and self._elbow is not None:
+            self._bend += elbow - self._elbow
+        self._elbow = elbow  # where it is not reported the arm angle stays, and counts from the next report on
         return PoseGoal(
-            Pose((x, y, z), unit(orientation)), self.reference.angle + bend, settings.speed, settings.turning
+            Pose((x, y, z), unit(orientation)), self.reference.angle + self._bend, settings.speed, settings.turning
         )
 
 
@@ -298,7 +302,7 @@ class _JointFollowing:
         self._filter = OneEuroFilter(leader, settings.cutoff, settings.beta)
         self._goal = sent
 
-    def has_jumped(self, values: Joints, dt: float) -> bool:
+    def has_jumped(self, values: Joints, elbow: float | None, dt: float) -> bool:
         """Whether no leader can have moved so far since the last frame."""
         return max(abs(b - a) for a, b in zip(self._last, values, strict=True)) > _JITTER + _FASTEST_TURN * dt
 

@@ -30,7 +30,7 @@ from math import radians
 from typing import Any, NamedTuple
 
 from abb_protocols.catalogue import message, said_by
-from abb_protocols.errors import CommandRefused, ControllerRefused, SettingsError, SwitchFailed
+from abb_protocols.errors import CommandRefused, SettingsError, SwitchFailed, YumiError
 from abb_protocols.robot.description import SERVO_GRIPPERS
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Side, joint_names, set_prefix
@@ -137,6 +137,7 @@ def make_parts(
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
+    asks_whether_real = partial(is_real, client, is_here=is_on_this_machine(settings))
     control = ControlProcess(partial(build_arms, plan), on_event, settings.egm.wake)
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
@@ -150,14 +151,14 @@ def make_parts(
         settings.watchdog,
         stops,
         settings.recovery,
-        is_real=not is_on_this_machine(settings),
+        is_real=asks_whether_real,
         rapid_check=RapidMotionCheck(
             client,
             bringup.panel,
             bringup.machines,
             settings.collision.model(plan.grippers) if settings.collision.enabled else None,
             settings.collision.margin,
-            is_real=lambda: manager.is_real,  # the connection may find out that the robot is real
+            is_real=asks_whether_real,
         ),
     )
     if settings.collision.enabled:  # an arm without EGM is kept clear of, too
@@ -181,26 +182,21 @@ def is_on_this_machine(settings: Settings) -> bool:
     return ip_address(resolve(settings.robot.address)).is_loopback
 
 
-def check_kind(manager: RobotManager, client: RwsClient, settings: Settings) -> None:
-    """Take a robot on this machine for a real one, too, unless its controller is known to be virtual: see tunnels.
+def is_real(client: RwsClient, *, is_here: bool) -> bool:
+    """Whether a robot is real, and moves nothing that no call names; asked anew each time: another one may answer.
 
-    The virtual controller of this project takes any number of requests a second; all others are spared.
-
-    Raises:
-        YumiError: the controller does not answer.
+    One whose address is of this machine is real, too, unless what answers there says that it is virtual: a tunnel may
+    begin there. The virtual controller of this project takes any number of requests a second; all others are spared.
     """
-    robot = settings.robot
-    if manager.is_real:
-        return
-    if takes_faults(f"{robot.address}:{robot.rws_port}"):
+    if not is_here:
+        return True
+    if takes_faults(client.address):
         client.lift_pace()
-        return
+        return False
     try:
-        is_virtual = client.identity().is_virtual
-    except ControllerRefused:
-        is_virtual = False
-    if not is_virtual:
-        manager.take_for_real()
+        return not client.identity().is_virtual
+    except YumiError:  # nothing says that it is
+        return True
 
 
 def brings_up(settings: Settings, *, is_real: bool) -> bool:

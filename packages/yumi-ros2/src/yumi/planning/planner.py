@@ -44,6 +44,7 @@ from abb_protocols.robot.joints import (
     joint_names,
     joints,
 )
+from abb_runtime.clock import Clock, SystemClock
 from yumi.control.collisions import BODY_MARGIN, DISTANCES, CollisionLimiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import Setpoint
@@ -118,6 +119,7 @@ class Planner:
         tools: more parts of an arm: fingers of one's own, a tool, an object it holds.
         obstacles: what stands around the robot.
         limits: of the joints; motions are planned for all of their speed, acceleration and jerk.
+        clock: of the timeouts; a search of RoboPlan's looks at that of the machine, too.
 
     Attributes:
         obstacles: as above, as ``limits``.
@@ -133,10 +135,12 @@ class Planner:
         tools: Mapping[Side, Sequence[CollisionPart]] | None = None,
         obstacles: Sequence[Obstacle] = (),
         limits: JointLimits = YUMI_LIMITS,
+        clock: Clock = SystemClock(),  # noqa: B008 - it has no state
     ) -> None:
         if find_spec("roboplan") is None or find_spec("roboplan.rrt") is None:
             raise missing_extra(message("planning_needs_roboplan"), "yumi-ros2", "planning")
         self.limits, self.obstacles, self._tools = limits, tuple(obstacles), tools
+        self._clock = clock
         self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
         self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)
         self._scenes: dict[tuple[float, float], Any] = {}
@@ -171,7 +175,7 @@ class Planner:
         from roboplan import core  # noqa: PLC0415
         from roboplan.rrt import RRT, RRTOptions  # noqa: PLC0415
 
-        begin, begin_of_work = time.monotonic(), time.thread_time()
+        begin, begin_of_work = self._clock.now(), time.thread_time()
         sides = tuple(side for side in Side if side in goal)
         if not sides:
             raise CommandRefused(message("no_arm_has_goal"))
@@ -199,7 +203,7 @@ class Planner:
         for attempt, end in enumerate(there * _ATTEMPTS):
             if is_over:
                 break
-            left = deadline - time.monotonic()
+            left = deadline - self._clock.now()
             if left < 0.0:
                 is_cut_short = True
                 break
@@ -222,7 +226,7 @@ class Planner:
                 continue
             corners = self._shortened(group, path, seed, deadline)
             is_over = take(*self._timed(start, group, corners, speed_scale, deadline))
-        spent = time.monotonic() - begin
+        spent = self._clock.now() - begin
         if not found:
             raise _not_found(spent, time.thread_time() - begin_of_work, is_cut_short=is_cut_short)
         points = found[min(found)]
@@ -324,7 +328,7 @@ class Planner:
         from roboplan import core  # noqa: PLC0415
 
         for attempt in range(10):
-            if time.monotonic() > deadline:
+            if self._clock.now() > deadline:
                 break  # a longer path than need be
             options = core.PathShortcuttingOptions(
                 group_name=group, max_step_size=_STEP, max_iters=_SHORTCUTS, seed=seed + attempt
@@ -393,7 +397,7 @@ class Planner:
             refused = self._refused(start, motion)
             in_vain = 0 if not found or len(refused) < min(found) else in_vain + 1
             found.setdefault(len(refused), motion)
-            if not refused or in_vain == _IN_VAIN or time.monotonic() > deadline:
+            if not refused or in_vain == _IN_VAIN or self._clock.now() > deadline:
                 break
             # A little around, too: the time law averages, and would fill a gap.
             last = len(law) - 1

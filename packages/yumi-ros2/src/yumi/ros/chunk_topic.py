@@ -77,7 +77,7 @@ class ChunkTopic:
         start = now + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9 if stamped else now
         number = next(self._numbers)
         commands = [
-            ControllerCommand(side, self._name, FollowChunk(number, start, plan))
+            ControllerCommand(side, self._name, FollowChunk(number, start, plan, is_of_both=len(self._sides) > 1))
             for side, plan in chunk_topic_plans(trajectory, self._sides, self._limits).items()
         ]
         made = self._control.call(Commands.take_commands, *commands).made

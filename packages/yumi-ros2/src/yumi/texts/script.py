@@ -52,6 +52,7 @@ SCRIPT: Mapping[str, Text] = {
     ),
     # ---- jogging and streams
     "jog_speeds_malformed": Text("jog refused: expected {count} finite speeds [rad/s] in chain order, got {given}"),
+    "jog_too_old": Text("jog refused: it was asked for {age:.2f} s ago, allowed are {oldest:g} s", "press again"),
     "jog_twist_malformed": Text("jog refused: expected {count} velocities of the tool, got {given}"),
     "jog_streamed_by_another": Text(
         "jog refused: another program streams to the {controller} of the {arm} arm", "stop it first"

@@ -76,6 +76,7 @@ class _StatePart(msgspec.Struct, frozen=True):
     reasons: tuple[Said, ...]
     causes: tuple[Said, ...]
     stop: str
+    sessions: int = 0
 
 
 class Jogged(NamedTuple):
@@ -92,12 +93,12 @@ class LiveRobot:
         robot: its address or namespace, where several drivers run.
         on_state: called with each state, as JSON.
         on_events: called with new lines of the driver's log.
-        on_change: called when a driver was found or lost.
+        on_change: called when a driver was found or lost, or another controller answers it.
 
     Attributes:
         why_not: why there is no state; None while there is one.
         address: of the robot; empty while it is unknown.
-        is_virtual: whether it is a virtual one on this machine.
+        is_virtual: whether it is a virtual one on this machine; asked anew when the driver has another session with it.
         events: the newest lines of the driver's log.
         surroundings: what must not collide, as the driver declares it.
         jogged: the arms that pages have jogged since their controllers were switched otherwise.
@@ -200,7 +201,7 @@ class LiveRobot:
         self.events.clear()
         self.surroundings = msgspec.json.decode(await link.ask(GetSurroundings()), type=Surroundings)
         distances, nearest, count = Distances(self.surroundings), None, 0
-        shown, held = ShownLimits(), list[tuple[str, str]]()
+        shown, held, sessions = ShownLimits(), list[tuple[str, str]](), None
         async for raw, events in link.states(RATE):
             is_new = self._state is None
             now = time.monotonic()
@@ -208,13 +209,19 @@ class LiveRobot:
             self.events.extend(events)
             if events:
                 self._on_events(events)
+            part = msgspec.json.decode(raw, type=_StatePart)
+            arms = part.arms
             if is_new:
                 self.address = self.state().robot
                 self.is_virtual = await asyncio.to_thread(_is_virtual, self.address)
                 self.why_not = None
                 self._on_change()
-            part = msgspec.json.decode(raw, type=_StatePart)
-            arms = part.arms
+            elif part.sessions != sessions:
+                was_virtual, self.is_virtual = self.is_virtual, False  # while it is asked
+                self.is_virtual = await asyncio.to_thread(_is_virtual, self.address)
+                if self.is_virtual is not was_virtual:
+                    self._on_change()
+            sessions = part.sessions
             limited = shown.update({arm: place.limited for arm, place in arms.items()}, now)
             before, held = held, [(it.part, it.other) for it in limited.values()]
             if count % _STATES_PER_DISTANCE == 0 or held != before:

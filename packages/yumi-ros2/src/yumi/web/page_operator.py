@@ -19,7 +19,7 @@ from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, rotate
 from abb_protocols.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
-from abb_runtime.faults import inject_fault
+from abb_runtime.faults import inject_fault, takes_faults
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER
 from yumi.api.joint_positions import checked_goal
 from yumi.driver.command import Command
@@ -57,7 +57,9 @@ OLDEST_SEEN = 0.8
 """A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once.
 
 More than for frames of a device: the age of these is read from two clocks, which takes messages before. The first jog
-of a page has none before it, only the newest state, which a page that draws in software shows late."""
+of a page has none before it, only the newest state, which a page that draws in software shows late. From here on the
+clock is that of the driver, which takes no jog of a joint or of a tool that came here longer than
+:data:`yumi.api.streams.OLDEST_JOG` ago: as long as their controllers take a velocity for new."""
 
 STALE = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""
@@ -250,9 +252,11 @@ class Operator:
         }
 
     async def _inject(self, request: Inject) -> str:
-        if not self._live.is_virtual:
+        address = self._live.address
+        # Asked before each, since another controller may answer by now.
+        if not self._live.is_virtual or not await asyncio.to_thread(takes_faults, address):
             raise CommandRefused(message("faults_only_virtual"))
-        fault = await asyncio.to_thread(inject_fault, self._live.address, request.name, request.form)
+        fault = await asyncio.to_thread(inject_fault, address, request.name, request.form)
         return f"Done: {fault.value.meaning}"
 
     async def _jog_on(self) -> None:
@@ -276,7 +280,7 @@ class Operator:
                 self._live.jogged[jog.arm] = known._replace(by=known.by | {own})
                 if isinstance(jog, ToolJog) and (position := state.arms[jog.arm].position) is not None:
                     jog = within_joint_speed(jog, position)
-                await self._link.ask(jog.request)
+                await self._link.ask(msgspec.structs.replace(jog.request, time=received.time))
             except Exception as error:  # a fault of ours, too: a page must not hold a key in vain
                 self._refuse_jog(jog.hold, error)
 

@@ -39,6 +39,7 @@ from yumi.web.page_messages import (
     DeviceMessage,
     ForOperator,
     GiveBackMessage,
+    Inject,
     JointsJog,
     Pair,
     Seen,
@@ -171,6 +172,8 @@ class ViewServer(PageServer["RobotPage"]):
             self._begin(self._stop_egm(page, request))
         elif operator is None or why_not:
             self._refuse_request(page, request, CommandRefused(why_not or message("control_not_taken")))
+        elif isinstance(request, Inject) and not page.is_local:
+            self._refuse_request(page, request, CommandRefused(message("faults_only_here")))
         else:
             operator.take(request)
 
@@ -301,10 +304,12 @@ class ViewServer(PageServer["RobotPage"]):
             self._taking = None
 
     def _note_driver(self) -> None:
-        """A driver was found or lost: the page that has control loses it together with the driver."""
+        """Another driver or controller is there, or none: a page that may not operate any more loses control."""
         self._introduce_all()
         if self._live.why_not is not None:
             self._begin(self._release(None, message("driver_has_ended")))
+        elif self._operator is not None and (why_not := self._why_not_operated(self._operator[0])) is not None:
+            self._begin(self._release(self._operator[0], why_not))
 
     def _introduce_all(self) -> None:
         for page in self.pages:
@@ -317,20 +322,22 @@ class ViewServer(PageServer["RobotPage"]):
         """
         holder = self._operator[0] if self._operator is not None else None
         recording = self._settings.recording
+        is_virtual = self._live.is_virtual
         page.send(
             {
                 "type": "view",
                 "is_recording": recording is not None,
                 "recording": None if recording is None else {"name": recording["name"], "date": recording["date"]},
                 "why_no_robot": "" if recording is not None else self._words(self._live.why_not),
-                "is_virtual": self._live.is_virtual,
+                "is_virtual": is_virtual,
                 "why_not_operated": self._words(self._why_not_operated(page)),
                 "may_stop": self._may_stop,
                 "may_pair": self._may_pair(page),
                 "control": "none" if holder is None else "here" if holder is page else "elsewhere",
                 "events": self._live.words_of_events(self._live.events),
                 "surroundings": self._live.surroundings,
-                "faults": [fault_for_page(each) for each in Fault] if self._live.is_virtual else [],
+                "faults": [fault_for_page(each) for each in Fault] if is_virtual and page.is_local else [],
+                "why_no_faults": self._words(message("faults_only_here")) if is_virtual and not page.is_local else "",
             }
         )
 

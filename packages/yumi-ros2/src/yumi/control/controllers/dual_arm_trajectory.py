@@ -40,8 +40,7 @@ class DualArmTrajectoryController(JointTrajectoryController):
         limits: JointLimits = YUMI_LIMITS,
         speed: SpeedScale | None = None,
     ) -> None:
-        super().__init__(side, feedback, limits, speed)
-        self._halves = halves
+        super().__init__(side, feedback, limits, speed, halves)
         self._worst_skew = self._start_skew = 0.0
         self._followed_together = -inf
 
@@ -49,20 +48,12 @@ class DualArmTrajectoryController(JointTrajectoryController):
     def make(cls, place: Place) -> DualArmTrajectoryController:
         return cls(place.side, place.buffers.dual_trajectory, place.halves, place.limits, place.speed)
 
-    def activate(self, state: ArmState) -> None:
-        super().activate(state)
-        self._halves[self._side] = self
-
-    def deactivate(self) -> None:
-        super().deactivate()
-        self._halves.pop(self._side, None)
-
     def _time_at_once(self, state: ArmState) -> float:
         """Arms at rest take the newer of their datagrams as the start, so that they are in step from the first cycle.
 
         One that moves goes on from its own newest command.
         """
-        other = self._halves.get(self._side.other)
+        other: DualArmTrajectoryController | None = self._halves.get(self._side.other)
         if other is None or other._state is None or self._source.setpoint(self._time).velocity is not ZERO:
             return 0.0
         return min(0.0, state.time - other._state.time)
@@ -120,5 +111,5 @@ class DualArmTrajectoryController(JointTrajectoryController):
 
     def _other(self, goal: TrajectoryGoal) -> DualArmTrajectoryController | None:
         """The other half, while it follows the same trajectory."""
-        other = self._halves.get(self._side.other)
+        other: DualArmTrajectoryController | None = self._halves.get(self._side.other)
         return other if other and other._goal is not None and other._goal.number == goal.number else None

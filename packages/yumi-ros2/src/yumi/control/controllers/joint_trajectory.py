@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, isnan
-from typing import Protocol
+from typing import Any, Protocol
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, TrajectoryRefused
@@ -83,6 +83,7 @@ class JointTrajectoryController(Controller):
         feedback: where others see how it follows.
         limits: what the joints may do.
         speed: the factor on the arm's speed; time on a trajectory goes by slower by it.
+        halves: controllers of this name that are active, by arm; shared by both.
     """
 
     kind = "joint_trajectory_controller/JointTrajectoryController"
@@ -93,8 +94,10 @@ class JointTrajectoryController(Controller):
         feedback: Buffer[TrajectoryFeedback],
         limits: JointLimits = YUMI_LIMITS,
         speed: SpeedScale | None = None,
+        halves: dict[Side, Any] | None = None,
     ) -> None:
         self._side = side
+        self._halves = {} if halves is None else halves
         self._names = joint_names(side)
         self._limits = limits
         self._feedback = feedback
@@ -106,6 +109,7 @@ class JointTrajectoryController(Controller):
         self._goal: TrajectoryGoal | None = None
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
+        self._is_of_both = False  # the last chunk
         self._checked_chunk: tuple[FollowChunk, ArmState, _Source, ChunkMotion, float, float] | None = None
         self._feedback_due = -inf
         self._standstill: StandstillDetector | None = None
@@ -119,7 +123,7 @@ class JointTrajectoryController(Controller):
 
     @classmethod
     def make(cls, place: Place) -> JointTrajectoryController:
-        return cls(place.side, place.buffers.trajectory, place.limits, place.speed)
+        return cls(place.side, place.buffers.trajectory, place.limits, place.speed, place.halves)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         return trajectory_parameters(joint_names)
@@ -139,10 +143,14 @@ class JointTrajectoryController(Controller):
         self._goal, self._state, self._feedback_due = None, state, -inf
         self._rate = self._scale = self._settings.scale
         self._hold(state)
+        self._is_of_both = False
+        self._halves[self._side] = self
 
     def deactivate(self) -> None:
+        self._leave_chunks()
         self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("controller_deactivated"))
         self._rest_at(self._position)
+        self._halves.pop(self._side, None)
 
     def check(self, command: object, state: ArmState | None) -> None:
         if isinstance(command, FollowTrajectory):
@@ -296,7 +304,10 @@ class JointTrajectoryController(Controller):
 
     def _follow_chunk(self) -> ChunkTaken:
         assert self._checked_chunk is not None
-        _, state, _, motion, time, pace = self._checked_chunk
+        command, state, _, motion, time, pace = self._checked_chunk
+        if not command.is_of_both:
+            self._leave_chunks()
+        self._is_of_both = command.is_of_both
         self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
         if not isinstance(self._source, ChunkMotion):
             if self._is_braking:
@@ -329,6 +340,7 @@ class JointTrajectoryController(Controller):
     def _follow(self, command: FollowTrajectory) -> None:
         assert self._checked is not None
         spline, now = self._checked[2:]
+        self._leave_chunks()
         self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
         if isinstance(self._source, PointMotion):
             self._rate = 1.0 if self._is_braking else self._scale
@@ -340,12 +352,26 @@ class JointTrajectoryController(Controller):
 
     def _cancel(self, command: CancelTrajectory) -> None:
         goal = self._goal
-        if isinstance(self._source, ChunkMotion) and command.goal in (None, self._source.number):
-            self._brake(self._source.setpoint(self._time).scaled(self._pace))
+        number = self._source.number if isinstance(self._source, ChunkMotion) else None
+        if command.goal in (None, number):
+            self._leave_chunks()
+            self._brake_on_chunks()
         if goal is None or goal.is_cancelled or command.goal not in (None, goal.number):
             return
         goal.phase = Phase.CANCELED
         self._brake()
+
+    def _leave_chunks(self) -> None:
+        """Who sent chunks leads the arm no further, be points left or not; the other arm, if led, too, brakes."""
+        other: JointTrajectoryController | None = self._halves.get(self._side.other)
+        was_of_both, self._is_of_both = self._is_of_both, False
+        if was_of_both and other is not None and other._is_of_both:
+            other._is_of_both = False
+            other._brake_on_chunks()
+
+    def _brake_on_chunks(self) -> None:
+        if isinstance(self._source, ChunkMotion):
+            self._brake(self._source.setpoint(self._time).scaled(self._pace))
 
     def _watch(self, goal: TrajectoryGoal, state: ArmState) -> None:
         if goal.is_cancelled:

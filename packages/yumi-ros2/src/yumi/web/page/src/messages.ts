@@ -126,7 +126,8 @@ export interface ViewMessage {
   control: "none" | "here" | "elsewhere";
   events: LogEvent[];
   surroundings: { boxes: Box[] };
-  faults: Fault[];
+  faults: Fault[]; // that this page may inject
+  why_no_faults: string; // of a virtual robot
 }
 
 export type ServerMessage =

@@ -27,6 +27,10 @@ export function bindRobot(store: Store, connection: Connection, endJog: () => vo
   document.addEventListener("keydown", (event) => event.key === "Escape" && closeToast());
   store.show(showSpeed);
   store.show(showDialog);
+  store.show(({ view }) => {
+    at("no-faults").hidden = !view.why_no_faults;
+    text(at("no-faults"), view.why_no_faults);
+  });
 }
 
 function showSpeed({ state }: Page): void {

@@ -57,13 +57,18 @@ export function initialPage(model: Model, workObject: Frame | null): Page {
     model,
     view: {
       is_recording: false, why_no_robot: CONNECTING, is_virtual: false, why_not_operated: "", may_stop: false, may_pair: false,
-      control: "none", surroundings: { boxes: [] }, faults: [],
+      control: "none", surroundings: { boxes: [] }, faults: [], why_no_faults: "",
     },
     state: null, stateTime: 0, reasons: [], causes: [], stop: "", problems: {}, commanding: {}, limited: {}, nearest: null,
     silentSince: Infinity, arm, tab: "joints", jogSpeed: 0.6, frame: "base", handle: "none",
     goal: posesOf(model)[0] ?? JOINT_GOAL, isForBoth: false, isPreviewed: false, plan: null,
     device: "keyboard", teleoperatedArms: "both", scale: 1, yaw: 0, teleoperated: null, workObject, events: [], recording: null,
   };
+}
+
+/** Whether this page may inject faults into a virtual robot: one on the robot's own machine may. */
+export function takesFaults({ view }: Page): boolean {
+  return view.faults.length > 0;
 }
 
 /** The poses that have names, of every arm. */

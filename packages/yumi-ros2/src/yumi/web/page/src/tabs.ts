@@ -2,7 +2,7 @@
 
 import { at, button } from "abb-view/dom";
 import { armsOf } from "./messages";
-import { hasControl, TABS, type Page, type Store } from "./store";
+import { hasControl, TABS, takesFaults, type Page, type Store } from "./store";
 
 function bindTabs<T extends string>(names: readonly T[], idOf: (name: T) => string, choose: (name: T) => void): void {
   for (const name of names) {
@@ -35,8 +35,8 @@ export function bindAllTabs(store: Store, endJog: () => void): void {
 function showTabs(page: Page): void {
   for (const name of armsOf(page.model)) at(`tab-${name}`).setAttribute("aria-selected", String(name === page.arm));
   at("arm-panel").setAttribute("aria-labelledby", `tab-${page.arm}`);
-  at("tab-virtual").hidden = !page.view.is_virtual;
-  const wanted = page.tab === "virtual" && !page.view.is_virtual ? "joints" : page.tab;
+  at("tab-virtual").hidden = !takesFaults(page);
+  const wanted = page.tab === "virtual" && !takesFaults(page) ? "joints" : page.tab;
   const tab = hasControl(page) ? wanted : "joints"; // who only looks sees the joints
   for (const name of TABS) {
     at(`tab-${name}`).setAttribute("aria-selected", String(name === tab));
@@ -44,5 +44,5 @@ function showTabs(page: Page): void {
   }
   at("joint-line").hidden = tab === "joints";
   at("jog-speed-row").hidden = tab !== "joints" && tab !== "tool";
-  for (const each of document.querySelectorAll<HTMLElement>(".of-virtual")) each.hidden = !page.view.is_virtual;
+  for (const each of document.querySelectorAll<HTMLElement>(".of-virtual")) each.hidden = !takesFaults(page);
 }

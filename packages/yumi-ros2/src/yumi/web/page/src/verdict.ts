@@ -2,7 +2,7 @@
 
 import type { Level, Verdict } from "abb-view/banner";
 import { armsOf, type ArmName, type Said } from "./messages";
-import { CONNECTING, silentArms, type Page } from "./store";
+import { CONNECTING, silentArms, takesFaults, type Page } from "./store";
 
 const BEGINNING = 1; // [s] EGM that begins may be without datagrams for so long
 
@@ -41,7 +41,7 @@ export function inTheWay(page: Page): Said[] {
 export function remedyButton(page: Page): string {
   if (page.view.control !== "here" || !page.state || page.view.why_no_robot) return "";
   const [blocking] = inTheWay(page);
-  if (blocking) return (page.view.is_virtual && VIRTUAL_BUTTONS[blocking.action ?? ""]) || "";
+  if (blocking) return (takesFaults(page) && VIRTUAL_BUTTONS[blocking.action ?? ""]) || "";
   if (page.stop) return "recover"; // it confirms the stop, and does the rest
   const known = [...page.reasons, ...Object.values(page.problems)].map(({ action }) => BUTTONS[action ?? ""]).find(Boolean);
   return known ?? (isWhole(page) && !uncommanded(page).length ? "" : "start");
@@ -65,7 +65,7 @@ function live(page: Page): Verdict {
   const todo = page.reasons.length ? first : [];
   if (isSilent(page)) {
     const check = view.is_virtual
-      ? "End the faults of EGM: inject “All EGM faults end”."
+      ? view.why_no_faults || "End the faults of EGM: inject “All EGM faults end”."
       : "Check the network cable, the UDP ports in this machine's firewall and the address in the controller's UDPUC device.";
     const silent = silentArms(state).join(" and the ");
     return say("error", `Cannot move: the robot runs EGM on the ${silent} arm, but its datagrams do not arrive`,

@@ -1,6 +1,6 @@
 /** A page as tests begin with it: both arms stand at zero, EGM runs on both, and joint_goal commands them. */
 
-import type { ArmState, DriverState, Model, PerArm, StateMessage, ViewMessage } from "../src/messages";
+import type { ArmState, DriverState, Fault, Model, PerArm, StateMessage, ViewMessage } from "../src/messages";
 import { initialPage, ofState, ofView, type Page } from "../src/store";
 
 const byArm = <T>(value: () => T): PerArm<T> => ({ right: value(), left: value() });
@@ -35,7 +35,7 @@ export function stateMessage(changes: Partial<StateMessage> = {}): StateMessage 
 export function viewMessage(changes: Partial<ViewMessage> = {}): ViewMessage {
   return {
     type: "view", is_recording: false, why_no_robot: "", is_virtual: false, why_not_operated: "", may_stop: true, may_pair: false, control: "here",
-    events: [], surroundings: { boxes: [] }, faults: [], ...changes,
+    events: [], surroundings: { boxes: [] }, faults: [], why_no_faults: "", ...changes,
   };
 }
 
@@ -44,6 +44,10 @@ export function page({ view = {}, ...state }: Partial<StateMessage> & { view?: P
   const seen = { ...begun, ...ofView(begun, viewMessage(view)) };
   return { ...seen, ...ofState(seen, stateMessage(state)) };
 }
+
+export const FAULT: Fault = {
+  name: "motors-off", meaning: "Motors Off is pressed", has_side: false, has_duration: false, default_duration: null, unit: "", default: null,
+};
 
 export const off = () => ({ right: "off", left: "off" });
 export const reason = (sentence: string, action: string | null = null) => ({ code: "", sentence, action });

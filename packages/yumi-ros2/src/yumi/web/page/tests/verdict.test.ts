@@ -4,9 +4,9 @@ import { test } from "node:test";
 import { permissions } from "../src/permissions";
 import { ofTime } from "../src/recording";
 import { inTheWay, remedyButton, verdict } from "../src/verdict";
-import type { Said } from "../src/messages";
+import type { Said, ViewMessage } from "../src/messages";
 import { CONNECTING, ofLoss } from "../src/store";
-import { arm, driverState, off, page, reason } from "./page";
+import { arm, driverState, FAULT, off, page, reason } from "./page";
 
 const PRESSED = reason("The emergency stop is pressed.", "release_stop");
 const MANUAL = reason("The controller is in MANR.", "turn_to_auto");
@@ -53,9 +53,11 @@ test("recover is offered when nothing is left that only a person can end", () =>
 });
 
 test("virtual robot has the buttons that a FlexPendant has", () => {
-  const offered = (said: Said, isVirtual = true) => remedyButton(page({ view: { is_virtual: isVirtual }, reasons: [said, CONFIRM], stop: "10013-1" }));
+  const offered = (said: Said, isVirtual = true, faults = [FAULT]) =>
+    remedyButton(page({ view: { is_virtual: isVirtual, faults: isVirtual ? faults : [] }, reasons: [said, CONFIRM], stop: "10013-1" }));
   assert.deepEqual([offered(PRESSED), offered(MANUAL), offered(reason("The guard is open."))], ["release-stop", "key", ""]);
   assert.deepEqual([offered(PRESSED, false), offered(MANUAL, false)], ["", ""]);
+  assert.deepEqual([offered(PRESSED, true, []), offered(MANUAL, true, [])], ["", ""]); // to a page on another machine
   assert.equal(permissions(page({ view: { is_virtual: true }, reasons: [PRESSED, CONFIRM] })).recover, PRESSED.sentence);
 });
 
@@ -80,6 +82,9 @@ test("EGM whose datagrams do not arrive is named after a second", () => {
   assert.match(verdict(begun).head, /Not idle/);
   assert.match(verdict({ ...begun, stateTime: 11.5 }).head, /runs EGM on the right arm, but its datagrams do not arrive/);
   assert.match(verdict({ ...begun, stateTime: 11.5 }).lines.join(" "), /firewall/);
+  const check = (view: Partial<ViewMessage>) => verdict({ ...begun, view: { ...begun.view, is_virtual: true, ...view }, stateTime: 11.5 }).lines[0];
+  assert.match(check({ faults: [FAULT] })!, /inject “All EGM faults end”/);
+  assert.equal(check({ why_no_faults: "Only from its own machine." }), "Only from its own machine.");
 });
 
 test("arms that move, hold for a problem, or are kept apart are named", () => {
