@@ -81,15 +81,18 @@ class ControllerManager:
         """The types of controllers that can be loaded."""
         return tuple(self._kinds)
 
-    def load(self, name: str, controller: Controller) -> None:
-        """Add a controller, unconfigured.
+    def load(self, name: str, controller: Controller, values: Values | None = None) -> None:
+        """Add a controller, unconfigured, with parameters that differ from their defaults.
 
         Raises:
-            CommandRefused: the name is taken or could not be that of a ROS node.
+            CommandRefused: the name is taken or could not be that of a ROS node, or a value is not allowed; nothing was
+                changed.
         """
         self._check_name(name)
         controller.sent = self.sent
-        self._loaded[name] = LoadedController(name, controller, self._joint_names)
+        loaded = LoadedController(name, controller, self._joint_names)
+        loaded.set_parameters(values or {})
+        self._loaded[name] = loaded
         self._note_change()
 
     def load_kind(self, name: str, kind: str, values: Values | None = None) -> None:
@@ -104,12 +107,7 @@ class ControllerManager:
                 message("controller_type_unknown", controller=name, type=kind, types=tuple(self._kinds))
             )
         with _refusing(name, "load"):
-            controller = self._kinds[kind](name)
-            controller.sent = self.sent
-            loaded = LoadedController(name, controller, self._joint_names)
-            loaded.set_parameters(values or {})
-        self._loaded[name] = loaded
-        self._note_change()
+            self.load(name, self._kinds[kind](name), values)
 
     def unload(self, name: str) -> None:
         """Forget a controller.
@@ -125,15 +123,15 @@ class ControllerManager:
         del self._loaded[name]
         self._note_change()
 
-    def configure(self, name: str, values: Values | None = None) -> None:
+    def configure(self, name: str) -> None:
         """Give an unconfigured or inactive controller its parameters and make it inactive.
 
         Raises:
-            CommandRefused: no such controller, wrong state, unknown parameter or value not allowed.
+            CommandRefused: no such controller, wrong state, or values that do not go together.
         """
         try:
             with _refusing(name, "configure"):
-                find(self._loaded, name).configure(values)
+                find(self._loaded, name).configure()
         finally:
             self._note_change()
 
