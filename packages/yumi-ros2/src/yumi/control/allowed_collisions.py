@@ -91,8 +91,6 @@ class AllowedCollisions:
             self._update()
         elif len(self._permitted) < len(self._until):
             self._update()
-        if not self._events:
-            return ()
         events, self._events = self._events, []
         return events
 

@@ -336,8 +336,6 @@ class ArmLoop:
         """What happened since the last call."""
         for name, report in self.manager.take_reports():
             self._events.append(ControllerReport(self._side, name, report))
-        if not self._events:
-            return ()
         events, self._events = self._events, []
         return events
 

@@ -209,8 +209,6 @@ class JointGoalController(Controller):
             self._start(self._way_to(self._command))
 
     def take_reports(self) -> Sequence[object]:
-        if not self._reports:
-            return ()
         reports, self._reports = self._reports, []
         return reports
 

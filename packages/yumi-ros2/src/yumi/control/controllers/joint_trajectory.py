@@ -102,7 +102,7 @@ class JointTrajectoryController(Controller):
         defaults = {each.name: each.default for each in self.parameters(self._names)}
         self._settings = TrajectorySettings.of(defaults, self._names, limits.acceleration)
         self._scale = self._rate = self._settings.scale
-        self._reports: list[TrajectoryEnded | ChunksExhausted] = []
+        self._reports: list[object] = []
         self._goal: TrajectoryGoal | None = None
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
@@ -224,8 +224,6 @@ class JointTrajectoryController(Controller):
                 self._compare_arms(self._goal, state)
             if state.time >= self._feedback_due:
                 self._give_feedback(state)
-        if not self._reports:
-            return ()
         reports, self._reports = self._reports, []
         return reports
 

@@ -346,8 +346,6 @@ class ControllerManager:
                     self._reports.append((loaded.name, report))
             except Exception as error:
                 self._fail(loaded, error)
-        if not self._reports:
-            return ()
         reports, self._reports = self._reports, []
         return reports
 
