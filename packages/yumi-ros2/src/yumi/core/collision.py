@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from math import hypot, sqrt
-from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +35,7 @@ from abb_protocols.robot.description import (
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Quaternion, Side, Vector
 from abb_protocols.robot.kinematics import IDENTITY, matrix, quaternion_from_euler_zyx
-from yumi.core.library import load
+from yumi.core.library import load, new_handle
 
 Array = NDArray[np.float64]
 
@@ -279,10 +278,7 @@ class CollisionModel:
         ):
             raise ValueError("a part is of a frame that is none, or its shape is not finite")
         origins, shapes, still = (each.ctypes.data for each in arrays)
-        self.handle: int = self._library.model_new(origins, counts.ctypes.data, shapes, still, len(boxes))
-        if not self.handle:
-            raise MemoryError("no memory for the shapes of the arms")
-        finalize(self, self._library.model_delete, self.handle).atexit = False  # threads may still use it
+        self.handle = new_handle(self, "model", origins, counts.ctypes.data, shapes, still, len(boxes))
 
     def contacts(self, positions: Array, within: float, alone: Side | None = None) -> Contacts:
         """The pairs of parts that are near each other.

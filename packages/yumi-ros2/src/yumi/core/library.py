@@ -22,6 +22,7 @@ from pathlib import Path
 from struct import Struct
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
+from weakref import finalize
 
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import MissingPrerequisite
@@ -266,6 +267,26 @@ def load() -> ctypes.PyDLL:
     if tuple(sizes) != SIZES:  # one would read and write beside what the other has
         raise RuntimeError(f"the core at {path} has structures of {tuple(sizes)} bytes, and Python of {SIZES}")
     return library
+
+
+def new_handle(owner: object, kind: str, *arguments: object) -> int:
+    """Make an object of the core that is deleted with its owner.
+
+    Args:
+        owner: what has it in Python.
+        kind: how its functions are called: ``limiter`` for ``limiter_new`` and ``limiter_delete``.
+        arguments: of the first of both.
+
+    Raises:
+        MemoryError: there is no memory for it.
+        MissingPrerequisite: as :func:`load`.
+    """
+    library = load()
+    handle: int | None = getattr(library, f"{kind}_new")(*arguments)
+    if not handle:
+        raise MemoryError(f"the core has no memory for: {kind}")
+    finalize(owner, getattr(library, f"{kind}_delete"), handle).atexit = False  # threads may still use it
+    return handle
 
 
 def compiled() -> Path:
