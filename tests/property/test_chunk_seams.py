@@ -9,6 +9,7 @@ from math import ceil
 
 import numpy as np
 import pytest
+from chunk_runs import ChunkRun, Inference, Policy, follow_chunks, steps_of
 
 from abb_protocols.errors import TrajectoryRefused
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side, joint_names, joints, named_pose
@@ -19,7 +20,6 @@ from yumi.control.motion.chunk_motion import LONGEST_LEAD, ChunkMotion, join
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import Setpoint
 from yumi.planning.chunk_plan import plan_chunk
-from yumi_evaluation.chunks import ChunkRun, Inference, Policy, follow_chunks, steps_of
 
 SIDE = Side.RIGHT
 EXACT = 1.0 + 1e-5  # the last digits of differences of third order
