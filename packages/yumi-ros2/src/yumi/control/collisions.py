@@ -129,10 +129,6 @@ class CollisionLimiter:
         still = ~(self.is_of[Side.RIGHT] | self.is_of[Side.LEFT])
         return np.asarray((np.outer(first, second) | np.outer(second, first)) & ~one_arm & ~np.outer(still, still))
 
-    def limited(self, side: Side) -> Limited | None:
-        """What limits an arm in this cycle."""
-        return self._arms[side].limited
-
 
 class ArmCollisionLimiter:
     """Of one arm's commands, whether they keep the arms apart; see :class:`CollisionLimiter`.
