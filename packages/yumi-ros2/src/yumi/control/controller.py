@@ -191,6 +191,12 @@ def find_controller_parameter(parameters: Iterable[Parameter], name: str) -> Par
     return known.get(name) or next((each for each in groups if each and each.is_group), None)
 
 
+def foreign_command(controller: Controller, command: object, *allowed: type) -> CommandRefused:
+    """The refusal of a command that has none of the types which the controller takes."""
+    names, given = tuple(each.__name__ for each in allowed), type(command).__name__
+    return CommandRefused(message("command_of_other_controller", type=controller.kind, allowed=names, command=given))
+
+
 def check_controller_joints(values: Values, joint_names: Sequence[str], *, in_order: bool) -> None:
     """Refuse a parameter ``joints`` that does not name the joints of the arm.
 

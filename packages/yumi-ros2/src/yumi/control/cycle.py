@@ -86,6 +86,7 @@ def run_cycle(arm: ArmPort, manager: ControllerManager, now: float, timing: Stag
     state = arm.receive(now)
     if state is None:
         return None
-    desired = timing.timed(UPDATE, manager.update(state))
+    desired = manager.update(state)
+    timing.note(UPDATE)
     sent = arm.reply(desired)
     return None if sent is None else Cycle(state, desired, sent)

@@ -25,7 +25,7 @@ from abb_protocols.robot.joints import (
     Joints,
 )
 from abb_runtime.parameters import Parameter, Values, number
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, foreign_command
 from yumi.control.goals import GoalBuffer, GoalInbox, check_position
 from yumi.control.motion.point_motion import PointMotion, point_stop, point_travel
 from yumi.control.motion.robot_response import STANDING
@@ -228,14 +228,7 @@ class JointGoalController(Controller):
         if isinstance(command, StopMotion):
             return command, point_stop(self._setpoint.scaled(self._scale), slower(self._limits, 1.0, _ROOM))
         if not isinstance(command, JointGoal):
-            raise CommandRefused(
-                message(
-                    "command_of_other_controller",
-                    type=self.kind,
-                    allowed=(JointGoal.__name__, StopMotion.__name__),
-                    command=type(command).__name__,
-                )
-            )
+            raise foreign_command(self, command, JointGoal, StopMotion)
         check_goal(command.position)
         return command, self._way_to(command)
 

@@ -29,7 +29,7 @@ from abb_protocols.robot.joints import (
 )
 from abb_runtime.parameters import Parameter, Values
 from yumi.control.chunk_commands import ChunksExhausted, ChunkTaken, FollowChunk
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, foreign_command
 from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
 from yumi.control.controllers.trajectory_parameters import TrajectorySettings, trajectory_parameters
 from yumi.control.goals import Buffer
@@ -153,16 +153,7 @@ class JointTrajectoryController(Controller):
             if not 0.0 <= command.factor <= 1.0:
                 raise CommandRefused(message("speed_scaling_factor_out_of_range", factor=command.factor))
         elif not isinstance(command, CancelTrajectory):
-            raise CommandRefused(
-                message(
-                    "command_of_other_controller",
-                    type=self.kind,
-                    allowed=tuple(
-                        each.__name__ for each in (FollowTrajectory, FollowChunk, ScaleSpeed, CancelTrajectory)
-                    ),
-                    command=type(command).__name__,
-                )
-            )
+            raise foreign_command(self, command, FollowTrajectory, FollowChunk, ScaleSpeed, CancelTrajectory)
 
     def receive(self, command: object, state: ArmState | None) -> ChunkTaken | None:
         self.check(command, state)

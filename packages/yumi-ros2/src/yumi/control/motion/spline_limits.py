@@ -16,9 +16,6 @@ from abb_protocols.robot.joints import JointLimits
 from yumi.control.motion.spline import Segment
 from yumi.control.trajectory_commands import refused
 
-#
-# Without numpy: its linear algebra starts threads, not wanted in the control process, where blends are checked.
-
 _HALVINGS = 50
 
 _BERNSTEIN = {
