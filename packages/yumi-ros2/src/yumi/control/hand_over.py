@@ -95,6 +95,11 @@ class Commanding:
     is_reserved: bool = False
     refused: Message | None = None
 
+    @property
+    def is_own(self) -> bool:
+        """Whether the requester on this thread commands the arm."""
+        return self.who is not Commander.NONE and self.client == _requester.get().client
+
 
 class Requester(NamedTuple):
     """The client that requests what is done on this thread.
@@ -283,24 +288,24 @@ class HandOver:
     def is_foreign(self, side: Side) -> bool:
         """Whether another client than the requester commands an arm."""
         command = self.of(side)
-        return command.who is not Commander.NONE and command.client != _requester.get().client
+        return command.who is not Commander.NONE and not command.is_own
 
     def is_own(self, side: Side) -> bool:
         """Whether the requester commands an arm."""
-        return self.of(side).who is not Commander.NONE and not self.is_foreign(side)
+        return self.of(side).is_own
 
     def renew(self, side: Side, lasts: float) -> None:
         """Have the command of the requester last for a time [s] from now, if the requester commands the arm."""
         with self._reporting():
             held = self._current(side)
-            if held.command.who is not Commander.NONE and held.command.client == _requester.get().client:
+            if held.command.is_own:
                 self._held[side] = held._replace(until=self._now() + lasts)
 
     def let_go(self, side: Side) -> None:
         """End the command of the requester, if the requester commands the arm; a person's arm is reserved then."""
         with self._reporting():
             held = self._current(side)
-            if held.command.who is not Commander.NONE and held.command.client == _requester.get().client:
+            if held.command.is_own:
                 self._end(side, held)
 
     def give_back(self, sides: Sequence[Side]) -> tuple[Side, ...]:
