@@ -106,7 +106,7 @@ LINK_NAMES = ("shoulder", "upper arm", "upper arm", "elbow", "forearm", "wrist",
 def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
     """The gripper with its fingers in any opening, its camera and its cups (reference/yumi.md §2.2, §2.4)."""
     (body,) = GRIPPER_SHAPES
-    half_x, half_y, height = (value / 1000.0 for value in body.high_mm)
+    half_x, half_y, height = _metres(body.high_mm)
     # Capsules side by side, a little thicker than circles that cover the cross-section, so that their
     # round ends cover its corners from further inside.
     columns, rows = (-0.75, -0.25, 0.25, 0.75), (-2.0 / 3.0, 0.0, 2.0 / 3.0)
@@ -121,7 +121,7 @@ def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
         for y in rows
     ]
     (finger,) = FINGER_SHAPES
-    (low_x, low_y, low_z), (_, high_y, high_z) = ([value / 1000.0 for value in corner] for corner in _corners(finger))
+    (low_x, low_y, low_z), (_, high_y, high_z) = _metres(finger.low_mm), _metres(finger.high_mm)
     # Both fingers, wherever they are: side by side along x, one above the other along z.
     origin, slices = FINGER_ORIGINS[0].xyz, 3
     reach, step = FINGER_TRAVEL - low_x, (high_z - low_z) / slices
@@ -343,23 +343,17 @@ def _reach(part: CollisionPart, side: Side) -> list[float]:
 
 
 def link_parts() -> tuple[CollisionPart, ...]:
-    """The arm's links, the same on both arms."""
-    parts = []
-    for frame, shapes in enumerate(LINK_SHAPES):
-        for shape in shapes:
-            if isinstance(shape, Box):
-                raise TypeError("a link's shape is a capsule or a cylinder")
-            start, end = (
-                (x / 1000.0, y / 1000.0, z / 1000.0) for x, y, z in (shape.start_mm, shape.end_mm)
-            )  # a cylinder lies inside the capsule of its axis and radius
-            parts.append(CollisionPart(LINK_NAMES[frame], frame, start, end, shape.radius_mm / 1000.0))
-    return tuple(parts)
+    """The arm's links, the same on both arms; a cylinder lies inside the capsule of its axis and radius."""
+    return tuple(
+        CollisionPart(name, frame, _metres(shape.start_mm), _metres(shape.end_mm), shape.radius_mm / 1000.0)
+        for frame, (name, shapes) in enumerate(zip(LINK_NAMES, LINK_SHAPES, strict=True))
+        for shape in shapes
+    )
 
 
-def _corners(shape: object) -> tuple[Vector, Vector]:
-    if not isinstance(shape, Box):
-        raise TypeError("the gripper's shapes are boxes")
-    return shape.low_mm, shape.high_mm
+def _metres(millimetres: Vector) -> Vector:
+    x, y, z = millimetres
+    return (x / 1000.0, y / 1000.0, z / 1000.0)
 
 
 def middle_and_size(box: Box) -> tuple[Pose, Vector]:
