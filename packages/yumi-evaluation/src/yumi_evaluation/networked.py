@@ -38,6 +38,7 @@ from abb_runtime.rws.login import PASSWORD_VARIABLE
 from abb_runtime.rws.transport import HttpTransport
 from abb_runtime.udp import free_port
 from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.driver.settings import address_values, override, read_settings
 from yumi.recording.reader import read_recording
@@ -512,7 +513,7 @@ def standing(node: EvaluationNode) -> Joints:
     while True:
         node.spin_until(time.monotonic() + _STILL)
         last, position = position, node.position()
-        if _distance(position, last) < _BACK:
+        if largest_difference(position, last) < _BACK:
             return position
 
 
@@ -520,15 +521,10 @@ def _bring_back(node: EvaluationNode, start: Joints) -> None:
     node.set_controller(DELIVERED)
     node.send(start)
     node.until(
-        lambda: bool(node.states) and _distance(node.states[-1].position, start) < 5.0 * _BACK,
+        lambda: bool(node.states) and largest_difference(node.states[-1].position, start) < 5.0 * _BACK,
         "coming back to the start",
         _RETURN,
     )
-
-
-def _distance(one: Joints, other: Joints) -> float:
-    """Of the joint where it is largest [rad]."""
-    return max(abs(a - b) for a, b in zip(one, other, strict=True))
 
 
 def _measure_trips(

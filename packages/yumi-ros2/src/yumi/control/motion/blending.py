@@ -8,7 +8,7 @@ from contextlib import suppress
 from abb_protocols.catalogue import message
 from abb_protocols.errors import TrajectoryRefused
 from abb_protocols.robot.joints import ZERO, JointLimits, Joints, joint_names
-from yumi.control.motion.setpoint import Setpoint
+from yumi.control.motion.setpoint import Setpoint, largest_difference
 from yumi.control.motion.spline import Spline, SplineSampler, TrajectoryPoint, segment_between
 from yumi.control.motion.spline_limits import check_lead, check_motion
 from yumi.control.trajectory_commands import ArmPlan, ResultCode, refused
@@ -65,8 +65,8 @@ def blend(
     if is_at_rest or not plan.is_smoothed:
         _check_begin(plan, setpoint, begin, by_now.position, tolerance)
     if (
-        max(abs(a - b) for a, b in zip(setpoint.position, by_now.position, strict=True)) <= _SAME_POSITION
-        and max(abs(a - b) for a, b in zip(setpoint.velocity, by_now.velocity, strict=True)) <= _SAME_VELOCITY
+        largest_difference(setpoint.position, by_now.position) <= _SAME_POSITION
+        and largest_difference(setpoint.velocity, by_now.velocity) <= _SAME_VELOCITY
     ):
         return spline
     return _joined(spline, setpoint, begin, names, limits)
