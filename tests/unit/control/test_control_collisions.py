@@ -48,7 +48,7 @@ from yumi.control.limiter import Limiter
 from yumi.control.loop_events import KeptApart
 from yumi.control.motion.point_motion import point_stop, point_travel
 from yumi.control.motion.robot_response import EGM_GAIN, SERVO_CYCLES, plan_gain
-from yumi.control.motion.setpoint import Setpoint, slower
+from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import Tolerances, TrajectoryOutcome
 from yumi.core.collision import PADDING, Array, CollisionModel, Distance, Obstacle
@@ -700,7 +700,7 @@ def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_fol
     goal = joints([0.32, -0.784, 0.738, 1.089, -1.354, 0.251, -0.934])
     left = joints([0.683, -1.222, 0.503, 0.244, 0.158, 0.222, 1.759])
     arms = ApartArms({Side.RIGHT: start, Side.LEFT: left})
-    way, least, late = point_travel(Setpoint(start), goal, slower(YUMI_LIMITS, 0.95, 0.9)), np.inf, 0.0
+    way, least, late = point_travel(Setpoint(start), goal, YUMI_LIMITS.slower(0.95, 0.9)), np.inf, 0.0
 
     def follow(these: ApartArms, side: Side) -> ArmCommand:
         now = way.setpoint(len(these.costs) * CYCLE)

@@ -29,7 +29,7 @@ from yumi.control.controller import Controller, foreign_command
 from yumi.control.goals import GoalBuffer, GoalInbox, check_position
 from yumi.control.motion.point_motion import PointMotion, point_stop, point_travel
 from yumi.control.motion.robot_response import STANDING
-from yumi.control.motion.setpoint import Setpoint, largest_difference, slower
+from yumi.control.motion.setpoint import Setpoint, largest_difference
 from yumi.control.motion.standstill import StandstillDetector
 from yumi.control.place import Place
 from yumi.control.speed_scale import SpeedScale
@@ -226,7 +226,7 @@ class JointGoalController(Controller):
 
     def _planned(self, command: object) -> tuple[JointGoal | StopMotion, PointMotion]:
         if isinstance(command, StopMotion):
-            return command, point_stop(self._setpoint.scaled(self._scale), slower(self._limits, 1.0, _ROOM))
+            return command, point_stop(self._setpoint.scaled(self._scale), self._limits.slower(1.0, _ROOM))
         if not isinstance(command, JointGoal):
             raise foreign_command(self, command, JointGoal, StopMotion)
         check_goal(command.position)
@@ -238,11 +238,11 @@ class JointGoalController(Controller):
         top = self._values["top_speed"]
         start = self._setpoint.unscaled(self._speed.value / self._scale)  # in the time of the new way
         try:
-            return point_travel(start, goal.position, slower(self._limits, speed, _ROOM * acceleration, top))
+            return point_travel(start, goal.position, self._limits.slower(speed, _ROOM * acceleration, top))
         except CommandRefused:
             if acceleration == 1.0:
                 raise
-        return point_travel(start, goal.position, slower(self._limits, speed, 1.0, top))  # brakes harder
+        return point_travel(start, goal.position, self._limits.slower(speed, 1.0, top))  # brakes harder
 
     def _factor(self, name: str, value: float | None) -> float:
         if value is None:
