@@ -178,7 +178,7 @@ TRANSITIONS: dict[tuple[State, Transition], State] = {
 }
 
 
-def allowed(state: State) -> tuple[Transition, ...]:
+def allowed_transitions(state: State) -> tuple[Transition, ...]:
     """The transitions that may leave ``state``."""
     return tuple(transition for (source, transition) in TRANSITIONS if source is state)
 

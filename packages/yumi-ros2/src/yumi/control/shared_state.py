@@ -211,9 +211,3 @@ class SharedDeadline(NamedTuple):
     heard: float
     silence: float
     activation: int
-
-
-class Factor(NamedTuple):
-    """A factor on the speed of one arm, above 0 up to 1."""
-
-    value: float

@@ -7,7 +7,7 @@ from math import inf
 from abb_protocols.catalogue import Message, message
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmState, JointLimits, Side
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
-from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
+from yumi.control.controllers.trajectory_goal import TrajectoryGoal, TrajectoryPhase
 from yumi.control.goals import Buffer
 from yumi.control.place import Place
 from yumi.control.shared_state import Skew, TrajectoryFeedback
@@ -97,7 +97,7 @@ class DualArmTrajectoryController(JointTrajectoryController):
 
     def _may_succeed(self, goal: TrajectoryGoal) -> bool:
         other = self._other(goal)
-        return other is not None and other._goal is not None and other._goal.phase is Phase.REACHED
+        return other is not None and other._goal is not None and other._goal.phase is TrajectoryPhase.REACHED
 
     def _end(self, outcome: TrajectoryOutcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
         goal = self._goal

@@ -30,11 +30,11 @@ from abb_protocols.robot.joints import (
 from abb_runtime.parameters import Parameter, Values
 from yumi.control.chunk_commands import ChunksExhausted, ChunkTaken, FollowChunk
 from yumi.control.controller import Controller, foreign_command
-from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
+from yumi.control.controllers.trajectory_goal import TrajectoryGoal, TrajectoryPhase
 from yumi.control.controllers.trajectory_parameters import TrajectorySettings, trajectory_parameters
 from yumi.control.goals import Buffer
 from yumi.control.motion.blending import blend
-from yumi.control.motion.chunk_motion import ChunkMotion, join
+from yumi.control.motion.chunk_motion import ChunkMotion, join_chunk
 from yumi.control.motion.point_motion import PointMotion, point_stop
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint
@@ -51,7 +51,7 @@ from yumi.control.trajectory_commands import (
     ScaleSpeed,
     TrajectoryEnded,
     TrajectoryOutcome,
-    refused,
+    trajectory_refused,
 )
 
 _TIMES = 64  # cycles: more than the longest lookahead
@@ -241,15 +241,15 @@ class JointTrajectoryController(Controller):
             return
         plan, settings = command.plan, self._settings
         if plan.side is not self._side:
-            raise refused(message("trajectory_of_other_arm", arm=plan.side.word, own_arm=self._side.word))
+            raise trajectory_refused(message("trajectory_of_other_arm", arm=plan.side.word, own_arm=self._side.word))
         if plan.left_out and not settings.is_partial_allowed:
-            raise refused(message("trajectory_is_partial", missing=plan.left_out), ResultCode.INVALID_JOINTS)
+            raise trajectory_refused(message("trajectory_is_partial", missing=plan.left_out), ResultCode.INVALID_JOINTS)
         if any(isnan(value) for value in command.tolerances.values):
-            raise refused(message("tolerance_not_a_number"))
+            raise trajectory_refused(message("tolerance_not_a_number"))
         now = self._time_at_once(state) if plan.start is None else state.time - plan.start + settings.lookahead
         late = now - settings.lookahead - plan.spline.end
         if late > 0.0:
-            raise refused(message("trajectory_is_over", late=late), ResultCode.OLD_HEADER_TIMESTAMP)
+            raise trajectory_refused(message("trajectory_is_over", late=late), ResultCode.OLD_HEADER_TIMESTAMP)
         setpoint = self._source.setpoint(self._time)
         if self._is_braking:  # in the trajectory's time from here on
             setpoint = setpoint.unscaled(self._speed.value)
@@ -261,9 +261,9 @@ class JointTrajectoryController(Controller):
     def _checked_state(self, state: ArmState | None) -> ArmState:
         """The state of an arm that may follow what is new; raises TrajectoryRefused for another one."""
         if state is None:
-            raise refused(message("arm_without_egm", arm=self._side.word))
+            raise trajectory_refused(message("arm_without_egm", arm=self._side.word))
         if self._standstill is not None and max(map(abs, state.velocity)) > STANDING:
-            raise refused(message("trajectory_while_arm_moves"))
+            raise trajectory_refused(message("trajectory_while_arm_moves"))
         return state
 
     def _check_chunk(self, command: FollowChunk, state: ArmState | None) -> None:
@@ -280,7 +280,7 @@ class JointTrajectoryController(Controller):
                 pace = self._speed.value
                 before = before.scaled(1.0 / pace)
         shift = time + (command.start - state.time - self._settings.lookahead) * pace
-        motion = join(command, shift, before, time, self._names, self._limits)
+        motion = join_chunk(command, shift, before, time, self._names, self._limits)
         self._checked_chunk = (command, state, self._source, motion, time, pace)
 
     def _follow_chunk(self) -> ChunkTaken:
@@ -333,7 +333,7 @@ class JointTrajectoryController(Controller):
             self._brake(self._source.setpoint(self._time).scaled(self._pace))
         if goal is None or goal.is_cancelled or command.goal not in (None, goal.number):
             return
-        goal.phase = Phase.CANCELED
+        goal.phase = TrajectoryPhase.CANCELED
         self._brake()
 
     def _watch(self, goal: TrajectoryGoal, state: ArmState) -> None:
@@ -350,7 +350,7 @@ class JointTrajectoryController(Controller):
         violation = goal.judge(time, state, self._pace if is_steady else None)
         if violation is not None:
             self._abort(*violation)
-        elif goal.phase is Phase.REACHED and self._may_succeed(goal):
+        elif goal.phase is TrajectoryPhase.REACHED and self._may_succeed(goal):
             self._succeed()
 
     def _judge_segment(self) -> None:

@@ -22,7 +22,7 @@ from abb_runtime.parameters import Values
 from yumi.control.controller import Controller, State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.goals import GoalKind
-from yumi.control.manager.controller_switch import Strictness, Switch, find, plan_switch
+from yumi.control.manager.controller_switch import Strictness, Switch, find_loaded, plan_switch
 from yumi.control.manager.hardware_component import HardwareComponent
 from yumi.control.manager.loaded_controller import LoadedController
 from yumi.control.manager.merged_command import MergedCommand
@@ -115,7 +115,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller, or it is active.
         """
-        loaded = find(self._loaded, name)
+        loaded = find_loaded(self._loaded, name)
         if loaded.state is State.ACTIVE:
             raise CommandRefused(message("controller_still_active", controller=name))
         with _refusing(name, "unload"):
@@ -131,7 +131,7 @@ class ControllerManager:
         """
         try:
             with _refusing(name, "configure"):
-                find(self._loaded, name).configure()
+                find_loaded(self._loaded, name).configure()
         finally:
             self._note_change()
 
@@ -142,7 +142,7 @@ class ControllerManager:
             CommandRefused: no such controller, or it is active.
         """
         with _refusing(name, "cleanup"):
-            find(self._loaded, name).clean_up()
+            find_loaded(self._loaded, name).clean_up()
         self._note_change()
 
     def set_parameters(self, name: str, values: Values) -> None:
@@ -152,7 +152,7 @@ class ControllerManager:
             CommandRefused: no such controller, unknown parameter or value out of range; nothing was changed.
         """
         with _refusing(name, "set_parameters"):
-            find(self._loaded, name).set_parameters(values)
+            find_loaded(self._loaded, name).set_parameters(values)
 
     def parameters(self, name: str) -> tuple[ParameterInfo, ...]:
         """What can be set on a controller and what is set.
@@ -160,7 +160,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller.
         """
-        return find(self._loaded, name).parameters()
+        return find_loaded(self._loaded, name).parameters()
 
     def switch(
         self,
@@ -208,7 +208,7 @@ class ControllerManager:
                 the arm was ended by an incident: only who brings the arm back activates a controller then, and not
                 the next goal of a client that tries again and again.
         """
-        find(self._loaded, name)
+        find_loaded(self._loaded, name)
         if state is None or not state.is_running:
             raise _without_egm(name)
         if self._is_interrupted:
@@ -269,7 +269,7 @@ class ControllerManager:
         Raises:
             CommandRefused: it would not, and why.
         """
-        find(self._loaded, name).check_command(command, state)
+        find_loaded(self._loaded, name).check_command(command, state)
 
     def receive(self, name: str, command: object, state: ArmState | None) -> object:
         """Have an active controller take a command.

@@ -8,7 +8,14 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ArmState
 from abb_runtime.parameters import Values
-from yumi.control.controller import TRANSITIONS, Controller, State, Transition, allowed, find_controller_parameter
+from yumi.control.controller import (
+    TRANSITIONS,
+    Controller,
+    State,
+    Transition,
+    allowed_transitions,
+    find_controller_parameter,
+)
 from yumi.control.controller_info import ControllerInfo, ParameterInfo
 from yumi.control.stage_times import RunningStatistics
 
@@ -109,7 +116,7 @@ class LoadedController:
                     controller=self.name,
                     state=self.state.value,
                     transition=transition.value,
-                    allowed=tuple(choice.value for choice in allowed(self.state)),
+                    allowed=tuple(choice.value for choice in allowed_transitions(self.state)),
                 )
             )
 
