@@ -1,4 +1,6 @@
-"""The cycle: one datagram in, one reply out. The robot's datagram is the clock; nothing else runs here.
+"""The cycle: one datagram in, one reply out, through the port of an arm.
+
+The robot's datagram is the clock; nothing else runs here.
 
 :class:`ArmPort` is what it needs of an arm's hardware, real or virtual.
 """

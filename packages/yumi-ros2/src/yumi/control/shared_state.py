@@ -1,4 +1,4 @@
-"""The state of an arm that the control process shares with the driver: what buffers in shared memory hold."""
+"""The state of an arm, as shared memory holds it for the driver: snapshots, joint states, feedback of trajectories."""
 
 from __future__ import annotations
 
