@@ -100,7 +100,7 @@ class Distance:
     end: Vector
 
 
-LINK_NAMES = ("shoulder", "upper arm", "upper arm", "elbow", "forearm", "wrist", "flange")
+_LINK_NAMES = ("shoulder", "upper arm", "upper arm", "elbow", "forearm", "wrist", "flange")
 
 
 def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
@@ -141,10 +141,10 @@ def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
 BODY = "body"
 """Name of what stands still and belongs to the robot."""
 
-MAX_OBSTACLES = 100
+_MAX_OBSTACLES = 100
 """So many boxes may be declared; a hundred cost both arms 12 µs of a cycle."""
 
-MAX_TOOLS = 20
+_MAX_TOOLS = 20
 """So many tools of an arm may be declared; each is compared with every part of the other arm."""
 
 
@@ -156,13 +156,13 @@ def check_declared(tools: Mapping[Side, Sequence[CollisionPart]], obstacles: Seq
     Raises:
         CommandRefused: there are too many, or a name is empty, another one's or one of the robot's own.
     """
-    own = {"arm", *LINK_NAMES, *(part.name for modules in GripperModules for part in gripper_parts(modules))}
+    own = {"arm", *_LINK_NAMES, *(part.name for modules in GripperModules for part in gripper_parts(modules))}
     names = {BODY}
     for side in Side:
         declared = [part.name for part in tools.get(side, ())]
-        _check_names(declared, MAX_TOOLS, own, side)
+        _check_names(declared, _MAX_TOOLS, own, side)
         names.update(f"{side.word} {name}" for name in (*own, *declared))
-    _check_names([box.name for box in obstacles], MAX_OBSTACLES, names)
+    _check_names([box.name for box in obstacles], _MAX_OBSTACLES, names)
 
 
 def _check_names(names: Sequence[str], most: int, taken: Set[str], side: Side | None = None) -> None:
@@ -346,7 +346,7 @@ def link_parts() -> tuple[CollisionPart, ...]:
     """The arm's links, the same on both arms; a cylinder lies inside the capsule of its axis and radius."""
     return tuple(
         CollisionPart(name, frame, _metres(shape.start_mm), _metres(shape.end_mm), shape.radius_mm / 1000.0)
-        for frame, (name, shapes) in enumerate(zip(LINK_NAMES, LINK_SHAPES, strict=True))
+        for frame, (name, shapes) in enumerate(zip(_LINK_NAMES, LINK_SHAPES, strict=True))
         for shape in shapes
     )
 

@@ -173,7 +173,7 @@ class ArmExchange(ctypes.Structure):
 SHARED_GOAL = Struct("qqqdd14d")
 """A goal in shared memory, of a ``SharedBuffer[SessionGoal]``: its write begun and finished, then its fields."""
 
-SIZES = (
+_SIZES = (
     STATE.size,
     COMMAND.size,
     SETTINGS.size,
@@ -262,10 +262,10 @@ def load() -> ctypes.PyDLL:
         function = getattr(released if name == "fallback_thread_wait" else library, name)
         function.restype, function.argtypes = result, arguments
         setattr(library, name, function)
-    sizes = (integer * len(SIZES))()
+    sizes = (integer * len(_SIZES))()
     library.core_sizes(sizes)
-    if tuple(sizes) != SIZES:  # one would read and write beside what the other has
-        raise RuntimeError(f"the core at {path} has structures of {tuple(sizes)} bytes, and Python of {SIZES}")
+    if tuple(sizes) != _SIZES:  # one would read and write beside what the other has
+        raise RuntimeError(f"the core at {path} has structures of {tuple(sizes)} bytes, and Python of {_SIZES}")
     return library
 
 

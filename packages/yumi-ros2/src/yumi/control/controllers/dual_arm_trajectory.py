@@ -14,7 +14,7 @@ from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, ResultCode, TrajectoryOutcome
 
-OTHER_ARM_TIMEOUT = 0.250
+_OTHER_ARM_TIMEOUT = 0.250
 """An arm that has not followed the common trajectory for so long does not follow it any more [s]. What ends its motion
 ends the other's at once; what remains is a robot whose datagrams do not come, which may be late by tens of ms."""
 
@@ -92,7 +92,7 @@ class DualArmTrajectoryController(JointTrajectoryController):
                     difference = (self._time - other._time) / self._pace - (state.time - other._state.time)
                     self._worst_skew = max(self._worst_skew, abs(difference))
         silence = state.time - self._followed_together
-        if silence > OTHER_ARM_TIMEOUT and not goal.is_cancelled:
+        if silence > _OTHER_ARM_TIMEOUT and not goal.is_cancelled:
             self._abort(ResultCode.INVALID_GOAL, message("other_arm_not_following", silence=silence))
 
     def _may_succeed(self, goal: TrajectoryGoal) -> bool:

@@ -229,7 +229,7 @@ class JointGoalController(Controller):
             return command, point_stop(self._setpoint.scaled(self._scale), self._limits.slower(1.0, _ROOM))
         if not isinstance(command, JointGoal):
             raise foreign_command(self, command, JointGoal, StopMotion)
-        check_goal(command.position)
+        _check_goal(command.position)
         return command, self._way_to(command)
 
     def _way_to(self, goal: JointGoal) -> PointMotion:
@@ -290,7 +290,7 @@ class JointGoalController(Controller):
             self._command = None
 
 
-def check_goal(position: Joints) -> None:
+def _check_goal(position: Joints) -> None:
     """Refuse what is not a position of an arm.
 
     Raises:
