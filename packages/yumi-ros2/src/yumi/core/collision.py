@@ -29,7 +29,6 @@ from abb_protocols.robot.description import (
     JOINT_ORIGINS,
     LINK_SHAPES,
     TOOL0_ORIGIN,
-    Box,
     joint_1_origin,
 )
 from abb_protocols.robot.gripper_values import GripperModules
@@ -251,7 +250,7 @@ class CollisionModel:
             self.arms[side] = slice(len(self.names), len(self.names) + len(own))
             self.names += [f"{side.word} {part.name}" for part in own]
             frames += [part.frame for part in own]
-        fixed = [Obstacle(BODY, *middle_and_size(box)) for box in BODY_SHAPES] + list(obstacles)
+        fixed = (*body_boxes(), *obstacles)
         self.body = slice(len(self.names), len(self.names) + len(BODY_SHAPES))
         self.names += [box.name for box in fixed]
         self.frames = np.array(frames + [-1] * len(fixed))
@@ -356,9 +355,12 @@ def _metres(millimetres: Vector) -> Vector:
     return (x / 1000.0, y / 1000.0, z / 1000.0)
 
 
-def middle_and_size(box: Box) -> tuple[Pose, Vector]:
-    """A box by the pose of its middle and the lengths of its edges [m]."""
-    low, high = np.array(box.low_mm) / 1000.0, np.array(box.high_mm) / 1000.0
-    x, y, z = ((low + high) / 2.0).tolist()
-    width, depth, height = (high - low).tolist()
-    return Pose((x, y, z), IDENTITY), (width, depth, height)
+def body_boxes() -> tuple[Obstacle, ...]:
+    """The robot's body."""
+    boxes = []
+    for shape in BODY_SHAPES:
+        low, high = np.array(_metres(shape.low_mm)), np.array(_metres(shape.high_mm))
+        x, y, z = ((low + high) / 2.0).tolist()
+        width, depth, height = (high - low).tolist()
+        boxes.append(Obstacle(BODY, Pose((x, y, z), IDENTITY), (width, depth, height)))
+    return tuple(boxes)

@@ -13,7 +13,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, ArmCommand, ArmState, JointLimits, Joints, Side, joints
 from abb_runtime.parameters import Parameter, Values, number
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
-from yumi.control.controllers.tool_stream import QUIET, SHARE_OF_SPEED, ToolStream
+from yumi.control.controllers.tool_stream import QUIET_TOOL_STREAM, SHARE_OF_SPEED, ToolStream
 from yumi.control.goals import Buffer, GoalKind, Inbox
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.place import Place
@@ -105,7 +105,7 @@ class CartesianController(JointTrajectoryController):
         )
         self._is_judged = False
         if stream.wall:
-            if stream.wall != self._held_by or state.time - self._held_at > QUIET:
+            if stream.wall != self._held_by or state.time - self._held_at > QUIET_TOOL_STREAM:
                 self._reports.append(ToolLimited(stream.wall))
             self._held_by, self._held_at = stream.wall, state.time
         is_over = stream.is_over(state.time)
