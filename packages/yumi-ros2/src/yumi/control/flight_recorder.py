@@ -5,12 +5,13 @@ from __future__ import annotations
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isnan, nan
+from math import isnan
 from struct import Struct
 from typing import TYPE_CHECKING
 
 from abb_protocols.robot.joints import JOINT_COUNT, Joints
 from yumi.control.cycle import Cycle
+from yumi.control.goals import UNKNOWN
 from yumi.control.stage_times import MARK_COUNT, StageClock, StageTimes
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ FLIGHT_SIZE = 1 + _SLOTS * _SLOT_SIZE
 
 _NUMBER = Struct("d")
 _SLOT = Struct(f"{_SLOT_SIZE}d")
-_NOTHING: Joints = (nan, nan, nan, nan, nan, nan, nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,10 +110,10 @@ class FlightRecorder:
             *state.position,
             *state.velocity,
             *state.planned,
-            *(_NOTHING if desired is None else desired.position),
+            *(UNKNOWN if desired is None else desired.position),
             *sent.position,
             *sent.velocity,
-            *(_NOTHING if reference is None else reference),
+            *(UNKNOWN if reference is None else reference),
             number,
         )
         _NUMBER.pack_into(self._memory, 0, number)
