@@ -7,7 +7,7 @@ from typing import TypeVar
 from abb_protocols.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names, joints
 from abb_runtime.parameters import Value
 from yumi.control.controller import Controller
-from yumi.control.goals import Goal, GoalBuffer
+from yumi.control.goals import GoalBuffer, SessionGoal
 
 AnyController = TypeVar("AnyController", bound=Controller)
 
@@ -34,10 +34,10 @@ def moved(position: Joints, index: int, by: float) -> Joints:
     return joints([value + by * (place == index) for place, value in enumerate(position)])
 
 
-def read_goal(buffer: GoalBuffer, session: int) -> tuple[int, Goal | None]:
+def read_goal(buffer: GoalBuffer, session: int) -> tuple[int, SessionGoal | None]:
     """The number of the newest goal, and the goal; None when it is not meant for ``session``."""
     newest = buffer.read()
     if newest is None:
         return 0, None
     number, goal = newest
-    return number, Goal(*goal[2:4], goal.time, goal.delay) if goal.session == session else None
+    return number, goal if goal.session == session else None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from abb_protocols.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 from yumi.control.cycle import Cycle
-from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
+from yumi.control.flight_recorder import FlightRecorder, RecordedCycle, flight_memory
 from yumi.control.loop_events import SessionLost
 from yumi.control.stage_times import AFTER_REPLY, SEND, StageClock
 from yumi.recording.message_types import RecordedEvent
@@ -46,7 +46,9 @@ def flown(count: int) -> FlightRecorder:
     return recorder
 
 
-def write_flight_record(file: Path, epoch: float, event: RecordedEvent, frames: Mapping[Side, Sequence[Frame]]) -> None:
+def write_flight_record(
+    file: Path, epoch: float, event: RecordedEvent, frames: Mapping[Side, Sequence[RecordedCycle]]
+) -> None:
     """A record as the driver writes it."""
     with RecordingWriter(file, epoch) as writer:
         for side, each in frames.items():

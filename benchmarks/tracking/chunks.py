@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from math import ceil
 
-from yumi_evaluation.chunks import Inference, follow_chunks, follow_upstream, steps_of
+from chunk_runs import Inference, follow_chunks, follow_upstream, steps_of
 
 
 def main(seconds: float) -> None:

@@ -22,7 +22,7 @@ import numpy as np
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE, joint_names
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.recording.reader import read_recording
 from yumi_evaluation.metrics import minimum
@@ -52,7 +52,7 @@ class TransportDelay(NamedTuple):
     joint: int
 
 
-def transport_delay(cycles: Iterable[Frame], gain: float = EGM_GAIN) -> TransportDelay:
+def transport_delay(cycles: Iterable[RecordedCycle], gain: float = EGM_GAIN) -> TransportDelay:
     """The delay of an arm with which the ``cycles`` are explained best.
 
     Args:

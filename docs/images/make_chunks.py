@@ -1,6 +1,6 @@
 """The picture of docs/how-to/run-a-policy.md: the chunks of a policy, and what the arm makes of them, in virtual time.
 
-Run it in the clone: `python docs/images/make_chunks.py` writes docs/images/chunks.png.
+Run it in the clone: `PYTHONPATH=benchmarks/tracking python docs/images/make_chunks.py` writes docs/images/chunks.png.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from chunk_runs import ChunkRun, Inference, follow_chunks, follow_upstream
 
 from abb_protocols.robot.joints import CYCLE
-from yumi_evaluation.chunks import ChunkRun, Inference, follow_chunks, follow_upstream
 
 HERE = Path(__file__).parent
 POLICY = Inference(rate=10.0, points=10, duration=0.3)

@@ -72,8 +72,8 @@ class ArmUnderGoals(ABC):
 class PerfectArmUnderGoals(ArmUnderGoals):
     def __init__(self, start: Joints) -> None:
         manager = ControllerManager(joint_names(Side.RIGHT))
-        manager.load(NAME, JointGoalController(MemoryBuffer()))
-        manager.configure(NAME, FULL)
+        manager.load(NAME, JointGoalController(MemoryBuffer()), FULL)
+        manager.configure(NAME)
         super().__init__(manager)
         self._arm, self._stages = LimitedArm(PerfectArm(start), ReportedLimiter(YUMI_LIMITS)), StageClock()
         self.cycle()
@@ -90,8 +90,8 @@ class VirtualArmUnderGoals(ArmUnderGoals):
     def __init__(self) -> None:
         self._loop = EgmLoop(Side.RIGHT)
         super().__init__(self._loop.manager)
-        self.manager.load(NAME, JointGoalController(MemoryBuffer()))
-        self.manager.configure(NAME, FULL)
+        self.manager.load(NAME, JointGoalController(MemoryBuffer()), FULL)
+        self.manager.configure(NAME)
         self._loop.begin()
         self._loop.deactivate()
         self.until(lambda: len(self.cycles) > 50, 1.0)
@@ -176,8 +176,8 @@ def test_new_goal_in_mid_motion_makes_no_jump(arm: ArmUnderGoals) -> None:
 
 def test_arm_that_another_controller_moves_is_brought_to_rest_first() -> None:
     loop = EgmLoop(Side.RIGHT)
-    loop.manager.load(NAME, JointGoalController(MemoryBuffer()))
-    loop.manager.configure(NAME, FULL)
+    loop.manager.load(NAME, JointGoalController(MemoryBuffer()), FULL)
+    loop.manager.configure(NAME)
     loop.begin()
     loop.go(moved(loop.snapshot.position, 3.0))
     loop.run(0.35)

@@ -21,8 +21,7 @@ from yumi.control.goals import MemoryBuffer, write_goal, write_speeds
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ControllerReport
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.shared_state import Factor
-from yumi.control.speed_scale import SpeedScale
+from yumi.control.speed_scale import SpeedFactor, SpeedScale
 from yumi.control.trajectory_commands import (
     CancelTrajectory,
     FollowTrajectory,
@@ -68,7 +67,7 @@ class ScaledArm:
         self.arm.start()
 
     def set(self, scale: float) -> None:
-        self.scale.write(Factor(scale))
+        self.scale.write(SpeedFactor(scale))
 
     def lead(self, name: str) -> None:
         self.arm.switch_to(name)

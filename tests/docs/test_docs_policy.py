@@ -8,6 +8,7 @@ from threading import Thread
 
 import numpy as np
 import pytest
+from chunk_runs import steps_of
 from doc_pages import ROOT
 from websockets.sync.client import connect
 from websockets.sync.server import serve
@@ -17,8 +18,6 @@ sys.path += [str(ROOT / "docs" / "images"), str(ROOT / "examples")]
 import make_chunks
 import policy_server
 from policy_wire import pack, unpack
-
-from yumi_evaluation.chunks import steps_of
 
 # {"a": np.arange(6, dtype=np.float32).reshape(2, 3), "s": np.float64(1.5), "t": "x", "l": [1, np.zeros(2)]} as
 # openpi_client 0.1.2 packs it.

@@ -9,17 +9,17 @@ from math import ceil
 
 import numpy as np
 import pytest
+from chunk_runs import ChunkRun, Inference, Policy, follow_chunks, steps_of
 
 from abb_protocols.errors import TrajectoryRefused
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side, joint_names, joints, named_pose
 from cartesian_bench import shares
 from soak import MINUTES, long, short, tell
 from yumi.control.chunk_commands import FollowChunk
-from yumi.control.motion.chunk_motion import LONGEST_LEAD, ChunkMotion, join
+from yumi.control.motion.chunk_motion import LONGEST_LEAD, ChunkMotion, join_chunk
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import Setpoint
 from yumi.planning.chunk_plan import plan_chunk
-from yumi_evaluation.chunks import ChunkRun, Inference, Policy, follow_chunks, steps_of
 
 SIDE = Side.RIGHT
 EXACT = 1.0 + 1e-5  # the last digits of differences of third order
@@ -75,7 +75,7 @@ def test_position_velocity_and_acceleration_are_continuous_at_every_seam(count: 
         positions = policy.at(begin + since) + chance.normal(0.0, 0.02, 7)
         chunk = FollowChunk(number, begin, plan_chunk(SIDE, since.tolist(), positions, YUMI_LIMITS))
         try:
-            joined = join(chunk, begin, motion, time, names, YUMI_LIMITS)
+            joined = join_chunk(chunk, begin, motion, time, names, YUMI_LIMITS)
         except TrajectoryRefused:
             refused += 1
         else:

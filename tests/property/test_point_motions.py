@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Joints, Side, home, joints
 from yumi.control.motion.point_motion import PointMotion, point_stop, point_travel
-from yumi.control.motion.setpoint import Setpoint, slower
+from yumi.control.motion.setpoint import Setpoint
 
 STEP = 0.004
 LOOSE = 1.0 + 1e-6
@@ -24,7 +24,7 @@ def positions() -> st.SearchStrategy[Joints]:
 
 
 def limits() -> st.SearchStrategy[JointLimits]:
-    return st.builds(slower, st.just(YUMI_LIMITS), st.floats(0.05, 1.0), st.floats(0.05, 1.0), st.just(pi))
+    return st.builds(YUMI_LIMITS.slower, st.floats(0.05, 1.0), st.floats(0.05, 1.0), st.just(pi))
 
 
 @st.composite

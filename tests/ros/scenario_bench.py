@@ -27,7 +27,7 @@ from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault
 from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import RwsClient
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 
 FAR, NEAR, MOVING, THERE = radians(60.0), radians(3.0), radians(1.0), radians(0.5)
 STANDING = 1e-4  # [rad] between two looks
@@ -80,7 +80,7 @@ class Tracking(NamedTuple):
     lead: float
 
 
-def tracking(frames: Sequence[Frame], begin: float, end: float) -> Tracking:
+def tracking(frames: Sequence[RecordedCycle], begin: float, end: float) -> Tracking:
     """That of the cycles between two times [s]."""
     followed = [frame for frame in frames if frame.is_running and frame.dt > 0.0 and begin <= frame.time <= end]
     missed = sum(round(frame.dt / CYCLE) - 1 for frame in followed) / len(followed)

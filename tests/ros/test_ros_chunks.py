@@ -17,7 +17,7 @@ from abb_protocols.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from abb_runtime.clock import SystemClock
 from refusals import refused
 from yumi.control.chunk_commands import ChunkTaken, FollowChunk
-from yumi.control.loop_commands import Commands, ControllerCommand, Taken
+from yumi.control.loop_commands import Commands, CommandsTaken, ControllerCommand
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
 from yumi.ros.chunk_topic import ChunkTopic, chunk_topic_plans
@@ -35,11 +35,11 @@ class Control:
         self.clock = SystemClock()
         self.commands: list[ControllerCommand] = []
 
-    def call(self, command: Any, /, *args: ControllerCommand) -> Taken:
+    def call(self, command: Any, /, *args: ControllerCommand) -> CommandsTaken:
         assert command is Commands.take_commands
         self.commands += args
         now = self.clock.now()
-        return Taken({}, {each.side: ChunkTaken(2, 5, now, now + 0.1, now + 0.7) for each in args})
+        return CommandsTaken({}, {each.side: ChunkTaken(2, 5, now, now + 0.1, now + 0.7) for each in args})
 
 
 @pytest.fixture

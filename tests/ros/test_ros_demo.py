@@ -248,7 +248,7 @@ def test_limiter_holds_the_arms_of_the_approach_before_they_meet() -> None:
             limiters[side].observe(state)
             measured[side], speeds[side] = arm.position, max(map(abs, velocity))
             arm.advance(CYCLE)
-        held = [both.limited(side) for side in Side]
+        held = [both.arm(side).limited for side in Side]
         if cycle > 50 and all(held) and max(speeds.values()) < 0.01:
             break
     else:

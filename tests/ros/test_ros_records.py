@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -17,8 +18,8 @@ from yumi.recording.reader import Recording, read_recording
 from yumi.recording.tables import rows
 from yumi_evaluation.experiments import AXIS_6, proportional, step, step_figures_of
 from yumi_evaluation.networked import (
+    EvaluationNode,
     NetworkedPlan,
-    evaluation_node,
     join_recorded,
     machine_trips,
     run_undisturbed,
@@ -73,7 +74,7 @@ class Session:
 
 @pytest.fixture(scope="module")
 def session(driver: CommandProcess, robot: Robot, folder: Path) -> Session:
-    with evaluation_node(Side.RIGHT, lambda: None) as node:
+    with closing(EvaluationNode(Side.RIGHT, lambda: None)) as node:
         figures = step_figures_of(run_undisturbed(node, step(proportional(1.6), duration=1.5)))
         goals = send_nudges(node, 100)
         states = [HeardState(each.stamp, each.heard) for each in node.states]

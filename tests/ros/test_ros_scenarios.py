@@ -25,7 +25,7 @@ from abb_protocols.robot.gripper_values import TRAVEL, GripOutcome
 from abb_protocols.robot.joints import Side
 from abb_runtime.faults import Fault
 from system.recovery_bench import largest_jump
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.recording.reader import read_recording
 
 # Both arms are in motion: a machine that stands still for 100 ms stops them by itself, with another cause.
@@ -227,7 +227,7 @@ def test_robot_whose_driver_is_killed_comes_to_rest_and_is_moved_by_the_next_one
 
 
 @pytest.fixture(scope="module")
-def flights(stage: Stage) -> list[tuple[Frame, ...]]:
+def flights(stage: Stage) -> list[tuple[RecordedCycle, ...]]:
     """Every cycle of each arm, of one driver after the other."""
     stage.stop_driver()
     recordings = [read_recording(file, before=inf, after=inf) for file in stage.recordings]
@@ -235,7 +235,7 @@ def flights(stage: Stage) -> list[tuple[Frame, ...]]:
 
 
 @pytest.mark.parametrize("name", scenes(SCENES))
-def test_no_command_of_a_scene_jumps(stage: Stage, flights: list[tuple[Frame, ...]], name: str) -> None:
+def test_no_command_of_a_scene_jumps(stage: Stage, flights: list[tuple[RecordedCycle, ...]], name: str) -> None:
     jumps = [largest_jump(frames, *stage.spans[name]) for frames in flights]
     assert 0.0 < max(jumps) < NO_JUMP
 
@@ -243,7 +243,7 @@ def test_no_command_of_a_scene_jumps(stage: Stage, flights: list[tuple[Frame, ..
 @pytest.mark.soak
 @pytest.mark.parametrize("arm", range(2))
 def test_motion_is_the_same_beside_gripper_commands(
-    stage: Stage, flights: list[tuple[Frame, ...]], arm: int, request: pytest.FixtureRequest
+    stage: Stage, flights: list[tuple[RecordedCycle, ...]], arm: int, request: pytest.FixtureRequest
 ) -> None:
     """Cycle for cycle it is so in ``system/test_grippers_in_virtual_time``; here the machine has other things to do."""
     alone, beside = (tracking(flights[arm], *stage.spans[name]) for name in (ALONE, BESIDE))

@@ -12,7 +12,7 @@ from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, j
 from abb_runtime.faults import Fault
 from abb_runtime.rws.transport import INTERVAL
 from system.virtual_time_bench import System
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.driver.state_machine import EgmMotionSettings
 
 GOALS: dict[Side, Joints] = {
@@ -84,7 +84,7 @@ def recovered(*events: str, done: str = "EGM runs on both arms, the controllers 
     return str(message("recovered_after", events=events, done=done) if events else message("recovered", done=done))
 
 
-def largest_jump(frames: tuple[Frame, ...], begin: float = -inf, end: float = inf) -> float:
+def largest_jump(frames: tuple[RecordedCycle, ...], begin: float = -inf, end: float = inf) -> float:
     """Largest step of a command that the robot follows, from the one before it, or, when the robot begins to follow,
     from the arm; in shares of a joint's speed times a cycle. 0 where it follows none between ``begin`` and ``end`` [s].
     """
@@ -97,6 +97,6 @@ def largest_jump(frames: tuple[Frame, ...], begin: float = -inf, end: float = in
     return max(steps, default=0.0)
 
 
-def _origin(before: Frame | None, frame: Frame) -> Joints:
+def _origin(before: RecordedCycle | None, frame: RecordedCycle) -> Joints:
     is_followed = before is not None and before.is_running and before.session == frame.session
     return before.sent if before is not None and is_followed else frame.position

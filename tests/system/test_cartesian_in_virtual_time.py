@@ -20,8 +20,7 @@ from trajectories import sent_beside_speeds
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
-from yumi.control.shared_state import Factor
-from yumi.control.speed_scale import SpeedScale
+from yumi.control.speed_scale import SpeedFactor, SpeedScale
 from yumi.control.tool_goal import ToolGoal, pose_goal, twist_goal
 from yumi.control.tool_limits import ToolLimits, Wall
 from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, TrajectoryOutcome
@@ -94,8 +93,8 @@ def test_lines_are_straight_and_no_joint_is_beyond_its_limits(count: int) -> Non
 
 
 def test_a_line_slows_down_with_the_speed_scale() -> None:
-    factor = MemoryBuffer[Factor]()
-    factor.write(Factor(0.5))
+    factor = MemoryBuffer[SpeedFactor]()
+    factor.write(SpeedFactor(0.5))
     bench = CartesianBench(Side.RIGHT, POSTURE, SpeedScale(factor))
     begin = tool0_to_body(Side.RIGHT, bench.start)
     x, y, z = begin.position
@@ -357,8 +356,8 @@ def test_a_tool_beyond_a_wall_goes_no_further_and_comes_back() -> None:
 @pytest.mark.parametrize("kind", ["twist", "pose"])
 @pytest.mark.parametrize("scale", [1.0, 0.5])
 def test_the_tool_is_not_faster_than_its_limit_on_a_stream(kind: str, scale: float) -> None:
-    factor = MemoryBuffer[Factor]()
-    factor.write(Factor(scale))
+    factor = MemoryBuffer[SpeedFactor]()
+    factor.write(SpeedFactor(scale))
     bench = CartesianBench(Side.RIGHT, POSTURE, SpeedScale(factor), ToolLimits(0.1))
     begin = tool0_to_body(Side.RIGHT, bench.start)
     x, y, z = begin.position

@@ -13,7 +13,7 @@ from abb_protocols.errors import TrajectoryRefused
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Side
 from refusals import assert_says, refused
 from trajectories import dual_arm_trajectory, swing
-from yumi.control.shared_state import Factor
+from yumi.control.speed_scale import SpeedFactor
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, ResultCode, TrajectoryOutcome
 
 
@@ -70,16 +70,16 @@ def test_both_arms_start_in_the_first_cycle_after_the_goal_whatever_the_phase_of
 def test_both_arms_stay_together_when_speed_scale_changes_on_the_way(arms: DualArms) -> None:
     arms.arms[Side.LEFT].clock.advance(0.0015)
     for box in arms.scales.values():
-        box.write(Factor(0.5))
+        box.write(SpeedFactor(0.5))
     arms.run(0.5)
     arms.send(dual_arm_trajectory())
     arms.run(3.0)
     for box in arms.scales.values():
-        box.write(Factor(0.2))
+        box.write(SpeedFactor(0.2))
     arms.run(3.0)
     assert {arms.feedback(side).scale for side in Side} == {0.2}
     for box in arms.scales.values():
-        box.write(Factor(1.0))
+        box.write(SpeedFactor(1.0))
     arms.run_until(lambda: arms.is_over, 20.0)
     for (ended,) in arms.ended.values():
         assert (ended.outcome, ended.said) == (TrajectoryOutcome.SUCCEEDED, message("goal_reached"))

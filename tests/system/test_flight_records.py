@@ -19,7 +19,7 @@ from abb_runtime.udp import free_port
 from system.test_control_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
 from yumi.control.cycle import Cycle
-from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
+from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, RecordedCycle
 from yumi.control.goals import SessionGoal, write_goal
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import Event, is_fault
@@ -166,7 +166,7 @@ def record_flat_out(pipe: PipeEnd, memory: SharedNumbers, count: int) -> None:
     pipe.send(count)
 
 
-def is_whole(frame: Frame) -> bool:
+def is_whole(frame: RecordedCycle) -> bool:
     vectors = (frame.position, frame.velocity, frame.planned, frame.desired, frame.sent, frame.reference)
     return {frame.time, *(value for vector in vectors for value in vector or ())} == {float(frame.number)}
 

@@ -21,7 +21,7 @@ from cartesian_bench import shares
 from soak import long, short, tell
 from system.test_teleoperation_measured import RATE, recorded_driver
 from yumi.api.attach import RunningDriver
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.driver.command import Arm
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperationReport
 from yumi.driver.motion_commands import Jog, Teleoperate
@@ -170,7 +170,7 @@ def test_no_take_over_of_both_arms_steps_and_none_resumes_by_itself(
     assert worst.max() <= WITHIN
 
 
-def unbroken(cycles: list[Frame]) -> list[np.ndarray]:
+def unbroken(cycles: list[RecordedCycle]) -> list[np.ndarray]:
     """What was sent in runs of cycles of which none was missed."""
     runs: list[list[Joints]] = [[]]
     for cycle in cycles:

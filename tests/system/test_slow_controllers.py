@@ -20,7 +20,7 @@ from abb_runtime.process.realtime import prefer_process, prefer_thread
 from abb_runtime.udp import Poller, UdpClient, free_port
 from soak import tell
 from yumi.control.controller import Controller
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import ControllersLate, Event
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
@@ -86,7 +86,7 @@ class BusyController(Controller):
 Sent = list[tuple[int, Joints]]
 """What an arm was sent, and after how many of its datagrams."""
 
-Moved = tuple[str, dict[Side, tuple[int, Sent]], list[Event], dict[Side, tuple[Frame, ...]]]
+Moved = tuple[str, dict[Side, tuple[int, Sent]], list[Event], dict[Side, tuple[RecordedCycle, ...]]]
 """What a controller did; of each arm how many datagrams it sent, and what it was sent; the reports; the records."""
 
 

@@ -19,7 +19,7 @@ from abb_runtime.udp import free_port
 from echo import Echo
 from soak import long, short, tell
 from yumi.api.attach import RunningDriver
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperationReport
 from yumi.driver.motion_commands import Teleoperate
 from yumi.driver.teleoperated_arm import LINK_LOST
@@ -166,7 +166,7 @@ def test_arm_of_a_device_that_falls_silent_or_is_gone_stands_soon(
     assert max(stops) < LINK_LOST + 0.2
 
 
-def right_cycles(record: Path, begin: float, end: float) -> list[Frame]:
+def right_cycles(record: Path, begin: float, end: float) -> list[RecordedCycle]:
     """The right arm's cycles around two times [s] in a recording that goes on: what it writes comes in pieces."""
     last = time.monotonic() + 10.0
     while True:
@@ -177,7 +177,7 @@ def right_cycles(record: Path, begin: float, end: float) -> list[Frame]:
         time.sleep(0.5)
 
 
-def first_motion(cycles: list[Frame], moved: float) -> float:
+def first_motion(cycles: list[RecordedCycle], moved: float) -> float:
     """How long after a frame the first datagram left that moves the arm [s]."""
     near = [cycle for cycle in cycles if moved - 0.05 < cycle.time < moved + 0.5]
     moving = [cycle.time for cycle in near if _sent_tool_speed(cycle) > MOVING]
@@ -185,14 +185,14 @@ def first_motion(cycles: list[Frame], moved: float) -> float:
     return min(moving) - moved
 
 
-def _sent_tool_speed(cycle: Frame) -> float:
+def _sent_tool_speed(cycle: RecordedCycle) -> float:
     """How fast the tool is sent [m/s]."""
     dt = 1e-3
     later = joints([at + dt * speed for at, speed in zip(cycle.sent, cycle.sent_velocity, strict=True)])
     return dist(*(tool0_to_body(Side.RIGHT, at).position for at in (cycle.sent, later))) / dt
 
 
-def standstill(cycles: list[Frame], lost: float) -> float:
+def standstill(cycles: list[RecordedCycle], lost: float) -> float:
     """How long after ``lost`` the arm still moved [s]."""
     after = [cycle for cycle in cycles if lost - 0.05 < cycle.time < lost + 0.8]
     moving = [cycle.time for cycle in after if max(map(abs, cycle.velocity)) > FASTEST]

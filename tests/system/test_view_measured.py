@@ -23,7 +23,7 @@ from abb_runtime.udp import free_port
 from browser import browser
 from soak import tell
 from yumi.api.attach import RunningDriver
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.recording.reader import recorded_messages
 from yumi.web.live import RATE
 from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR
@@ -274,7 +274,7 @@ async def _losses(url: str, jog: dict[str, Any], loss: str) -> list[float]:
     return times
 
 
-def _standstill(cycles: list[Frame], lost: float) -> float:
+def _standstill(cycles: list[RecordedCycle], lost: float) -> float:
     """How long after ``lost`` the arm still moved faster than a hundredth of a radian a second [s]."""
     after = [cycle for cycle in cycles if lost - 0.05 < cycle.time < lost + 0.5]
     moving = [cycle.time for cycle in after if max(map(abs, cycle.velocity)) > 0.01]

@@ -23,7 +23,7 @@ from yumi.api.streams import OLDEST_JOG
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
-from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, Goal, MemoryBuffer, stream_delay, write_speeds
+from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, MemoryBuffer, SessionGoal, stream_delay, write_speeds
 from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
@@ -276,7 +276,10 @@ def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None
     for _ in range(3):
         robot.executor.stream({Side.RIGHT: RIGHT})
     assert robot.control.switches == [Switch(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))]
-    assert read_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, robot.clock.now(), CONFIGURED_DELAY))
+    assert read_goal(robot.goals[Side.RIGHT], 1) == (
+        3,
+        SessionGoal(1, robot.clock.now(), RIGHT, UNKNOWN, CONFIGURED_DELAY),
+    )
 
 
 def test_stream_gives_both_arms_the_point_for_the_same_time(robot: FakeRobot) -> None:
@@ -284,8 +287,8 @@ def test_stream_gives_both_arms_the_point_for_the_same_time(robot: FakeRobot) ->
     speeds = (0.1,) * 7
     robot.executor.stream({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, {Side.LEFT: speeds}, 99.9, 0.1)
     goals = {side: read_goal(robot.goals[side], 1) for side in Side}
-    assert goals[Side.RIGHT] == (1, Goal(RIGHT, UNKNOWN, 99.9, 0.1))
-    assert goals[Side.LEFT] == (1, Goal(LEFT, speeds, 99.9, 0.1))
+    assert goals[Side.RIGHT] == (1, SessionGoal(1, 99.9, RIGHT, UNKNOWN, 0.1))
+    assert goals[Side.LEFT] == (1, SessionGoal(1, 99.9, LEFT, speeds, 0.1))
 
 
 @pytest.mark.parametrize(
@@ -351,7 +354,7 @@ def test_end_of_a_stream_brakes_the_arm_that_nothing_else_commands(robot: FakeRo
 FAR = joints([value + 0.2 for value in LEFT])
 
 
-def points(robot: FakeRobot) -> dict[Side, Goal | None]:
+def points(robot: FakeRobot) -> dict[Side, SessionGoal | None]:
     """The newest of each arm."""
     return {side: read_goal(robot.goals[side], 1)[1] for side in Side}
 

@@ -22,8 +22,7 @@ from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import Setpoint
-from yumi.control.shared_state import Factor
-from yumi.control.speed_scale import SpeedScale
+from yumi.control.speed_scale import SpeedFactor, SpeedScale
 from yumi.core.collision import CollisionModel
 from yumi_evaluation.virtual_time import VirtualArmRig
 
@@ -277,8 +276,8 @@ def test_it_is_refused_where_nothing_keeps_the_arms_apart() -> None:
 
 
 def test_speed_scale_goes_down_gradually_to_its_cap_and_back_to_what_is_set() -> None:
-    box = MemoryBuffer[Factor]()
-    box.write(Factor(0.8))
+    box = MemoryBuffer[SpeedFactor]()
+    box.write(SpeedFactor(0.8))
     scale = SpeedScale(box)
     scale.highest = CONTACT_SPEED_SCALE
     assert scale.advance(0.004)
@@ -286,11 +285,11 @@ def test_speed_scale_goes_down_gradually_to_its_cap_and_back_to_what_is_set() ->
     for _ in range(250):
         scale.advance(0.004)
     assert scale.value == CONTACT_SPEED_SCALE
-    box.write(Factor(0.05))
+    box.write(SpeedFactor(0.05))
     for _ in range(250):
         scale.advance(0.004)
     assert scale.value == 0.05
-    box.write(Factor(0.8))
+    box.write(SpeedFactor(0.8))
     scale.highest = 1.0
     for _ in range(250):
         scale.advance(0.004)

@@ -213,7 +213,7 @@ def test_loop_bears_an_interruption_and_goes_on(
     feed(loop, arm, middle)
     assert read_snapshot(snapshots).is_streaming
     assert read_snapshot(snapshots).is_commanded
-    assert loop.take_events() == ()
+    assert loop.take_events() == []
 
 
 def test_loop_deactivates_controllers_when_the_robot_stops_following(

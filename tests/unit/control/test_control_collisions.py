@@ -48,7 +48,7 @@ from yumi.control.limiter import Limiter
 from yumi.control.loop_events import KeptApart
 from yumi.control.motion.point_motion import point_stop, point_travel
 from yumi.control.motion.robot_response import EGM_GAIN, SERVO_CYCLES, plan_gain
-from yumi.control.motion.setpoint import Setpoint, slower
+from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import Tolerances, TrajectoryOutcome
 from yumi.core.collision import PADDING, Array, CollisionModel, Distance, Obstacle
@@ -126,7 +126,7 @@ def test_arms_turned_towards_each_other_come_to_rest_at_the_margin(drive: object
     for cycle in range(200):
         arms.cycle(drives)
         lowest = min(lowest, between_arms(arms, arms.measured() if cycle % 2 else arms.commanded()))
-        names |= {limited.other for side in Side if (limited := arms.both.limited(side))}
+        names |= {limited.other for side in Side if (limited := arms.both.arm(side).limited)}
     assert MARGIN - ROUNDING <= lowest <= MARGIN + 0.01
     assert "left fingers" in names
 
@@ -179,7 +179,7 @@ def test_silent_arm_is_where_its_last_command_leads_it() -> None:
         arms.cycle({Side.RIGHT: goal})
         now = {Side.RIGHT: arms.sent[Side.RIGHT].position, Side.LEFT: arms.arms[Side.LEFT].position}
         lowest = min(lowest, between_arms(arms, now))
-        names |= {limited.other for limited in [arms.both.limited(Side.RIGHT)] if limited}
+        names |= {limited.other for limited in [arms.both.arm(Side.RIGHT).limited] if limited}
     assert lowest >= MARGIN - ROUNDING
     # Nobody has read yet where RAPID or a hand has moved it since: the log says what it is based on.
     assert names
@@ -195,7 +195,7 @@ def test_arm_that_was_read_from_the_controller_is_where_it_was_read() -> None:
     both.arm(Side.RIGHT).sent(before, Setpoint(before), None)
     both.arm(Side.LEFT).note_measured(left)
     assert not both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
-    limited = both.limited(Side.RIGHT)
+    limited = both.arm(Side.RIGHT).limited
     assert limited is not None
     assert not limited.other.endswith("last")
     # RAPID takes it away: what lies between two readings is kept clear of, then it has left.
@@ -235,7 +235,7 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -
     assert not both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
     both.arm(Side.LEFT).sent(FORWARD[Side.LEFT], Setpoint(FORWARD[Side.LEFT]), None)
     assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
-    assert both.limited(Side.RIGHT) is None
+    assert both.arm(Side.RIGHT).limited is None
     assert both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
 
 
@@ -372,8 +372,8 @@ def test_robot_that_follows_late_is_compared_where_it_goes_itself() -> None:
     for robot, accepted in ((after, True), (before, False)):
         # On the way that led round the post the positions sent were clear of it.
         both.arm(Side.RIGHT).sent(detour, Setpoint(detour), None)
-        assert both.arm(Side.RIGHT).accepts(robot, Setpoint(after), None) is accepted, both.limited(Side.RIGHT)
-    assert "post" in str(both.limited(Side.RIGHT))
+        assert both.arm(Side.RIGHT).accepts(robot, Setpoint(after), None) is accepted, both.arm(Side.RIGHT).limited
+    assert "post" in str(both.arm(Side.RIGHT).limited)
 
 
 def post_at(position: Joints) -> Obstacle:
@@ -506,7 +506,7 @@ def test_trajectory_of_an_arm_that_is_held_does_not_end_before_it_is_there() -> 
     beside.arm.run(4.0)
     assert not beside.arm.ended
     assert abs(beside.arm.position[0] - goal[0]) > 0.06
-    limited = beside.both.limited(Side.LEFT)
+    limited = beside.both.arm(Side.LEFT).limited
     assert limited is not None
     assert limited.part.startswith("left ")
     beside.right_stands(FORWARD[Side.RIGHT])
@@ -530,7 +530,7 @@ def test_arms_that_were_led_into_each_other_come_back() -> None:
     arms = ApartArms(GOALS, obstacles=())
     for _ in range(500):
         arms.cycle({side: behind(goal) for side, goal in MEETING.items()})
-    assert all(arms.both.limited(side) is not None for side in Side)
+    assert all(arms.both.arm(side).limited is not None for side in Side)
     for _ in range(500):
         arms.cycle({side: behind(goal) for side, goal in GOALS.items()})
     for side, goal in GOALS.items():
@@ -564,7 +564,7 @@ def pushed(drive: Callable[[Joints], Drive], noise: float = 0.0) -> ApartArms:
         arms.cycle(drives)
         assert arms.commanded() == before
         for side in Side:
-            assert arms.both.limited(side) is not None
+            assert arms.both.arm(side).limited is not None
             assert arms.limiters[side].counters.kept_apart == counts[side] + cycle + 1
     return arms
 
@@ -614,7 +614,7 @@ def test_every_cycle_in_which_an_arm_is_kept_apart_says_by_what() -> None:
         arms.cycle({side: to(goal) for side, goal in goals.items()})
         for side in Side:
             count = arms.limiters[side].counters.kept_apart
-            assert count == before[side] or arms.both.limited(side) is not None
+            assert count == before[side] or arms.both.arm(side).limited is not None
             before[side] = count
     assert min(before.values()) > 5
 
@@ -700,7 +700,7 @@ def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_fol
     goal = joints([0.32, -0.784, 0.738, 1.089, -1.354, 0.251, -0.934])
     left = joints([0.683, -1.222, 0.503, 0.244, 0.158, 0.222, 1.759])
     arms = ApartArms({Side.RIGHT: start, Side.LEFT: left})
-    way, least, late = point_travel(Setpoint(start), goal, slower(YUMI_LIMITS, 0.95, 0.9)), np.inf, 0.0
+    way, least, late = point_travel(Setpoint(start), goal, YUMI_LIMITS.slower(0.95, 0.9)), np.inf, 0.0
 
     def follow(these: ApartArms, side: Side) -> ArmCommand:
         now = way.setpoint(len(these.costs) * CYCLE)
@@ -765,11 +765,11 @@ def test_arm_is_not_limited_by_what_has_left() -> None:
     for cycle in range(700):
         wobble = left[0] - radians(1.5) * (1.0 - np.cos(cycle / 12.0))
         arms.cycle({Side.RIGHT: to(goal), Side.LEFT: to(turned(Side.LEFT, wobble))})
-        limited += arms.both.limited(Side.RIGHT) is not None
+        limited += arms.both.arm(Side.RIGHT).limited is not None
     for _ in range(600):
         arms.cycle({Side.RIGHT: to(goal), Side.LEFT: to(FORWARD[Side.LEFT])})
     assert limited
-    assert arms.both.limited(Side.RIGHT) is None
+    assert arms.both.arm(Side.RIGHT).limited is None
     assert arms.sent[Side.RIGHT].position == pytest.approx(goal, abs=1e-6)
 
 
@@ -810,9 +810,9 @@ def test_command_that_is_no_number_is_refused_beside_a_boundary_too() -> None:
     arms = ApartArms(FORWARD, obstacles=())
     for cycle in range(600):
         arms.cycle({side: to(turned(side, radians(168.0 if side is Side.RIGHT else -168.0))) for side in Side})
-        if cycle > 300 and arms.both.limited(Side.RIGHT):  # not in every cycle: it goes nearer by small steps
+        if cycle > 300 and arms.both.arm(Side.RIGHT).limited:  # not in every cycle: it goes nearer by small steps
             break
-    assert arms.both.limited(Side.RIGHT)
+    assert arms.both.arm(Side.RIGHT).limited
     before = arms.limiters[Side.RIGHT].counters.refused
     arms.cycle({Side.RIGHT: to((inf,) * 7)})
     assert arms.limiters[Side.RIGHT].counters.refused == before + 1

@@ -66,7 +66,8 @@ def states(manager: ControllerManager) -> dict[str, State]:
 
 def test_manager_leads_a_controller_through_its_life(manager: ControllerManager, pusher: Pusher) -> None:
     assert states(manager) == {"pusher": State.UNCONFIGURED}
-    manager.configure("pusher", {"p": 1.6})
+    manager.set_parameters("pusher", {"p": 1.6})
+    manager.configure("pusher")
     assert states(manager) == {"pusher": State.INACTIVE}
     manager.switch(["pusher"], [], RUNNING)
     assert (states(manager), pusher.began_at, pusher.values) == ({"pusher": State.ACTIVE}, ZERO, {"p": 1.6})

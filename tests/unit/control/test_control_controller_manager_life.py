@@ -118,9 +118,9 @@ def test_manager_knows_required_interfaces_once_a_controller_is_configured(
 
 def test_manager_configures_an_inactive_controller_anew(manager: ControllerManager, double: Double) -> None:
     manager.configure("double")
-    manager.configure("double", {"mode": "fast"})
+    manager.configure("double")
     assert double.done == ["configure", "clean_up", "configure"]
-    assert (info(manager).state, double.values) == (State.INACTIVE, {"p": 1.0, "mode": "fast"})
+    assert (info(manager).state, double.values) == (State.INACTIVE, {"p": 1.0, "mode": "slow"})
 
 
 def test_manager_leaves_a_controller_unconfigured_that_fails_to_configure(
@@ -142,7 +142,7 @@ def test_manager_keeps_an_inactive_controller_when_a_value_is_refused(
     manager.configure("double")
     reason = message("value_out_of_range_with_unit", parameter="p", value="5", lowest=0.0, highest=2.0, unit="1/s")
     with refused(CommandRefused, "controller_parameter_refused", parameter="p", controller="double", reason=reason):
-        manager.configure("double", {"p": 5})
+        manager.set_parameters("double", {"p": 5})
     assert (info(manager).state, double.done) == (State.INACTIVE, ["configure"])
 
 

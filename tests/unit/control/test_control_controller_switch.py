@@ -226,12 +226,12 @@ def test_notices_are_told_in_order_and_once_even_by_who_has_left(
     doubles["watcher"].notices = ["seen"]
     manager.switch([], ["first"], RUNNING)
     assert manager.take_reports() == [("first", "arrived"), ("first", "aborted"), ("watcher", "seen")]
-    assert manager.take_reports() == ()
+    assert manager.take_reports() == []
 
 
 def test_controller_that_fails_to_tell_is_deactivated(manager: ControllerManager, doubles: dict[str, Double]) -> None:
     doubles["first"].faults["take_reports"] = ValueError("no")
-    assert manager.take_reports() == ()
+    assert manager.take_reports() == []
     assert active(manager) == []
     assert_says(manager.failures[0], "commanding_controller_failed", controller="first", type="ValueError", error=NO)
 

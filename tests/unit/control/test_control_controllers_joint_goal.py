@@ -179,7 +179,7 @@ def test_goal_controller_begins_an_order_that_came_too_early_once_the_arm_stands
     arm.order(JointGoal(goal, 1))
     assert arm.controller.update(arm.state) is None
     while arm.controller.update(arm.state) is None:
-        assert arm.controller.take_reports() == ()
+        assert arm.controller.take_reports() == []
     arm.run(1.0)
     assert arm.state.position == goal
     assert arm.notices == [REACHED]

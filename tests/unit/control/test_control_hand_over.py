@@ -21,7 +21,7 @@ from yumi.control.goals import UNKNOWN
 from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ArmGivenBack, CommanderChanged, CommanderSilent, Event
-from yumi.control.motion.stream_begin import Blend
+from yumi.control.motion.stream_begin import StreamBegin
 from yumi.planning.chunk_plan import plan_chunk
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
@@ -286,7 +286,7 @@ def test_chunk_of_a_policy_takes_its_arm_and_no_chunk_passes_while_another_one_c
 
 def test_blend_begins_where_the_arm_is_sent_and_ends_on_the_stream() -> None:
     sent, first = rad((20, -90, -110, 10, 30, 60, 10)), rad((30, -80, -100, 20, 40, 50, 0))
-    blend = Blend(sent, first, 2.0)
+    blend = StreamBegin(sent, first, 2.0)
     assert blend.at(first, 0.0)[0] == blend.at(first, -1.0)[0] == pytest.approx(sent)
     assert blend.at(first, 2.0) == (first, ZERO)
     half = joints([0.5 * (a + b) for a, b in zip(sent, first, strict=True)])
@@ -296,12 +296,12 @@ def test_blend_begins_where_the_arm_is_sent_and_ends_on_the_stream() -> None:
         a, b, c = (blend.at(first, time + number * step)[0][0] for number in range(3))
         assert abs(b - a) / step < 1e-5
         assert abs(c - 2.0 * b + a) / step**2 < 2e-2
-    assert Blend(sent, first, 0.0).at(ZERO, 0.0) == (ZERO, ZERO)
+    assert StreamBegin(sent, first, 0.0).at(ZERO, 0.0) == (ZERO, ZERO)
 
 
 def test_velocity_of_a_blended_point_is_that_of_the_blended_positions() -> None:
     sent, speed = rad((20, -90, -110, 10, 30, 60, 10)), joints([0.1 * number for number in range(7)])
-    blend, step = Blend(sent, ZERO, 2.0), 1e-4
+    blend, step = StreamBegin(sent, ZERO, 2.0), 1e-4
 
     def position(time: float) -> Joints:
         return blend.at(joints([each * time for each in speed]), time)[0]

@@ -31,8 +31,8 @@ class Derived(JointPositionController):
 def managed(controller: Controller, values: Values | None = None) -> ControllerManager:
     """With this controller active, at ``STATE``."""
     manager = ControllerManager(joint_names(Side.RIGHT))
-    manager.load(NAME, controller)
-    manager.configure(NAME, values or {})
+    manager.load(NAME, controller, values)
+    manager.configure(NAME)
     manager.switch((NAME,), (), STATE)
     return manager
 

@@ -9,7 +9,8 @@ from abb_protocols.robot.joints import ZERO, Joints
 from abb_runtime.process.child import ChildProcess, PipeClosed, PipeEnd
 from yumi.control.goals import GoalKind
 from yumi.control.shared_memory import SharedBuffer, SharedBytes, SharedHistory
-from yumi.control.shared_state import Factor, JointStates, Problem, Snapshot
+from yumi.control.shared_state import JointStates, Problem, Snapshot
+from yumi.control.speed_scale import SpeedFactor
 
 ROUNDS = 1000  # different values that the reader has to see
 SEVEN: Joints = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
@@ -69,7 +70,7 @@ def answer_once(pipe: PipeEnd) -> None:
 
 
 def test_buffer_is_empty_at_first() -> None:
-    assert SharedBuffer(Factor).read() is None
+    assert SharedBuffer(SpeedFactor).read() is None
 
 
 def test_buffer_holds_the_latest_value_with_its_number_and_the_types_of_its_fields() -> None:
@@ -96,15 +97,15 @@ def test_buffer_refuses_values_of_another_size() -> None:
 
 
 def test_buffer_shows_the_value_before_when_its_writer_died_in_the_middle_of_one() -> None:
-    buffer = SharedBuffer(Factor)
+    buffer = SharedBuffer(SpeedFactor)
     assert buffer.read() is None
-    buffer.write(Factor(1.0))
-    assert buffer.read() == (1, Factor(1.0))
+    buffer.write(SpeedFactor(1.0))
+    assert buffer.read() == (1, SpeedFactor(1.0))
     struct.pack_into("q", buffer._memory, 0, 2)  # begun, never finished
     struct.pack_into("d", buffer._memory, 16, 5.0)
-    assert buffer.read() == (1, Factor(1.0))
-    buffer.write(Factor(3.0))
-    assert buffer.read() == (2, Factor(3.0))
+    assert buffer.read() == (1, SpeedFactor(1.0))
+    buffer.write(SpeedFactor(3.0))
+    assert buffer.read() == (2, SpeedFactor(3.0))
 
 
 def test_buffer_never_shows_half_a_value_of_another_process() -> None:
@@ -124,10 +125,10 @@ def test_buffer_never_shows_half_a_value_of_another_process() -> None:
 
 
 def test_history_keeps_the_newest_values_in_order() -> None:
-    history = SharedHistory(Factor, 3)
+    history = SharedHistory(SpeedFactor, 3)
     assert history.read() is None
     for value in (10.0, 20.0, 30.0, 40.0):
-        history.write(Factor(value))
+        history.write(SpeedFactor(value))
     assert history.since(0) == [(2, (20.0,)), (3, (30.0,)), (4, (40.0,))]
     assert history.since(3) == [(4, (40.0,))]
     assert history.since(4) == []

@@ -48,7 +48,7 @@ def test_stage_clock_measures_each_stage(clock: ManualClock) -> None:
     timing.begin(clock.now())
     for number, stage in enumerate((RECEIVE, DECODE, UPDATE, LIMIT, ENCODE, SEND, AFTER_REPLY), start=1):
         clock.advance(number * 1e-6)
-        assert timing.timed(stage, "result") == "result"
+        timing.note(stage)
     times = StageTimes.of(timing.marks)
     assert astuple(times) == pytest.approx([number * 1e-6 for number in range(1, 8)])
     assert times.reply == pytest.approx(21e-6)

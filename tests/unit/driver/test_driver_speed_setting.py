@@ -12,8 +12,7 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE, Side
 from refusals import assert_says, refused
 from yumi.control.goals import MemoryBuffer
-from yumi.control.shared_state import Factor
-from yumi.control.speed_scale import SpeedScale
+from yumi.control.speed_scale import SpeedFactor, SpeedScale
 from yumi.driver.settings import RobotSettings, Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
@@ -96,10 +95,10 @@ def test_first_contact_with_a_robot_at_another_address_is_slow(address: str, giv
 
 def test_scale_of_an_arm_begins_with_what_was_put_and_then_changes_gradually() -> None:
     box = MemoryBuffer()
-    box.write(Factor(0.1))
+    box.write(SpeedFactor(0.1))
     scale = SpeedScale(box)
     assert (scale.value, scale.advance(CYCLE)) == (0.1, False)
-    box.write(Factor(1.0))
+    box.write(SpeedFactor(1.0))
     values = [0.1]
     while scale.advance(CYCLE):
         values.append(scale.value)

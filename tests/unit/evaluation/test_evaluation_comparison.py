@@ -18,7 +18,7 @@ from abb_protocols.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joi
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_parameters import read_egm_parameters
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.stage_times import StageTimes
 from yumi.recording.writer import RecordingWriter
@@ -136,7 +136,7 @@ def recording_of_the_rig(file: Path) -> None:
             state, sent = each.state, each.sent
             writer.add_frame(
                 Side.LEFT,
-                Frame(
+                RecordedCycle(
                     number=number + 1, time=state.time, dt=state.dt, session=state.session,
                     is_running=state.is_running, position=state.position, velocity=none, planned=state.planned,
                     desired=None, sent=sent.position, sent_velocity=sent.velocity, reference=None,

@@ -14,7 +14,7 @@ from virtual_logs import HOME
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.joints import CYCLE, Side, joint_names, joints
 from refusals import refused
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.stage_times import StageTimes
 from yumi.recording.writer import RecordingWriter
 from yumi_evaluation.logs import read_logs
@@ -25,9 +25,9 @@ COMMANDS = HOME + 0.001 * np.arange(COUNT)[:, None] * np.arange(7)
 MEASURED = HOME + 0.0009 * np.arange(COUNT)[:, None] * np.arange(7)
 
 
-def frame(number: int, dt: float, session: int = 1, cycle: int | None = None) -> Frame:
+def frame(number: int, dt: float, session: int = 1, cycle: int | None = None) -> RecordedCycle:
     """What was recorded of a cycle; ``cycle`` is the number of its datagram where others were lost."""
-    return Frame(
+    return RecordedCycle(
         number=(number if cycle is None else cycle) + 1, time=10.0 + number * CYCLE, dt=dt, session=session,
         is_running=True, position=joints(MEASURED[number]), velocity=joints([0.0] * 7),
         planned=joints(MEASURED[number]), desired=None, sent=joints(COMMANDS[number]),

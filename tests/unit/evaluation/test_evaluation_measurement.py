@@ -24,7 +24,6 @@ from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, joint_names, j
 from refusals import assert_says, refused
 from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.cli.main import main
-from yumi.control.motion.setpoint import slower
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
@@ -116,7 +115,7 @@ def test_motion_keeps_two_degrees_and_ten_degrees_a_second(motion: measurement.M
     start = named_pose(Side.RIGHT, "ready")
     rows = motion.trajectory(start, FORTH)
     points = tuple(TrajectoryPoint(time, *map(tuple, values)) for time, *values in rows)
-    limits = slower(YUMI_LIMITS, top_speed=radians(10.0))  # what is faster is refused
+    limits = YUMI_LIMITS.slower(top_speed=radians(10.0))  # what is faster is refused
     plan = plan_trajectory(JointTrajectory(joint_names(Side.RIGHT), points), (Side.RIGHT,), limits)[Side.RIGHT]
     moved = np.array([row[1] for row in rows]) - np.array(start)
     assert 0.7 * LARGEST < np.abs(moved).max() <= LARGEST

@@ -11,13 +11,13 @@ from abb_protocols.robot.joints import CYCLE, joints
 from abb_runtime.parameters import Values
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
+from yumi.control.flight_recorder import FlightRecorder, RecordedCycle, flight_memory
 from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.stage_times import StageClock
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 
-def recorded(model: ArmModel | None = None, values: Values | None = None) -> tuple[Frame, ...]:
+def recorded(model: ArmModel | None = None, values: Values | None = None) -> tuple[RecordedCycle, ...]:
     """Three seconds of an arm that follows a sine."""
     goals, recorder = MemoryBuffer(), FlightRecorder(flight_memory())
     arm = VirtualArmRig({"controller": JointPositionController(goals)}, model=model)

@@ -14,7 +14,7 @@ from abb_protocols.errors import ProtocolError
 from abb_protocols.robot.joints import Side
 from flight import CYCLE, LOST, flown, write_flight_record
 from refusals import refused
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.loop_events import RobotFollows
 from yumi.control.stage_times import StageTimes
 from yumi.recording.message_types import CYCLE_SCHEMA, RecordedEvent, decode_cycle, frame_message, recorded_event
@@ -32,7 +32,7 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def frames() -> tuple[Frame, ...]:
+def frames() -> tuple[RecordedCycle, ...]:
     return flown(30).frames()
 
 
@@ -41,7 +41,9 @@ def lost() -> RecordedEvent:
     return recorded_event(LOST, 0.17)
 
 
-def test_flight_record_gives_back_cycles_and_event(file: Path, frames: tuple[Frame, ...], lost: RecordedEvent) -> None:
+def test_flight_record_gives_back_cycles_and_event(
+    file: Path, frames: tuple[RecordedCycle, ...], lost: RecordedEvent
+) -> None:
     write_flight_record(file, EPOCH, lost, {Side.RIGHT: frames})
     recording = read_recording(file)
     assert recording.frames == {Side.RIGHT: frames}
@@ -50,7 +52,7 @@ def test_flight_record_gives_back_cycles_and_event(file: Path, frames: tuple[Fra
 
 
 def test_flight_record_can_be_read_by_any_reader_of_mcap(
-    file: Path, frames: tuple[Frame, ...], lost: RecordedEvent
+    file: Path, frames: tuple[RecordedCycle, ...], lost: RecordedEvent
 ) -> None:
     write_flight_record(file, EPOCH, lost, {Side.RIGHT: frames})
     with file.open("rb") as stream:
@@ -63,7 +65,7 @@ def test_flight_record_can_be_read_by_any_reader_of_mcap(
     assert json.loads(message.data)["position"] == list(frames[-1].position)
 
 
-def test_cycle_has_exactly_what_its_schema_says(frames: tuple[Frame, ...]) -> None:
+def test_cycle_has_exactly_what_its_schema_says(frames: tuple[RecordedCycle, ...]) -> None:
     properties = CYCLE_SCHEMA["properties"]
     assert isinstance(properties, dict)
     assert list(frame_message(frames[0])) == list(properties)
@@ -74,11 +76,13 @@ def test_cycle_survives_the_way_through_json(
     position: tuple[float, ...], velocity: tuple[float, ...], wanted: tuple[float, ...] | None, number: int, runs: bool
 ) -> None:
     stages = StageTimes(*position)
-    frame = Frame(number, 1.5, 0.004, 2, runs, position, velocity, position, wanted, velocity, velocity, wanted, stages)
+    frame = RecordedCycle(
+        number, 1.5, 0.004, 2, runs, position, velocity, position, wanted, velocity, velocity, wanted, stages
+    )
     assert decode_cycle(json.dumps(frame_message(frame), allow_nan=False).encode()) == frame
 
 
-def test_number_that_is_none_becomes_null_and_back(frames: tuple[Frame, ...]) -> None:
+def test_number_that_is_none_becomes_null_and_back(frames: tuple[RecordedCycle, ...]) -> None:
     message = {**frame_message(frames[0]), "desired": [None, *frames[0].position[1:]]}
     frame = decode_cycle(json.dumps(message).encode())
     assert frame.desired is not None
@@ -86,7 +90,7 @@ def test_number_that_is_none_becomes_null_and_back(frames: tuple[Frame, ...]) ->
     assert json.loads(json.dumps(frame_message(frame))) == json.loads(json.dumps(message))
 
 
-def test_recording_shows_the_cycles_around_the_last_stop(file: Path, frames: tuple[Frame, ...]) -> None:
+def test_recording_shows_the_cycles_around_the_last_stop(file: Path, frames: tuple[RecordedCycle, ...]) -> None:
     with RecordingWriter(file, EPOCH) as writer:
         writer.add_event(recorded_event(RobotFollows(Side.LEFT), 0.004))
         for frame in frames:
@@ -97,7 +101,7 @@ def test_recording_shows_the_cycles_around_the_last_stop(file: Path, frames: tup
     assert [event.kind for event in recording.events] == ["RobotFollows", "SessionLost"]
 
 
-def test_recording_without_a_stop_shows_its_end(file: Path, frames: tuple[Frame, ...]) -> None:
+def test_recording_without_a_stop_shows_its_end(file: Path, frames: tuple[RecordedCycle, ...]) -> None:
     with RecordingWriter(file, EPOCH) as writer:
         for frame in frames:
             writer.add_frame(Side.LEFT, frame)

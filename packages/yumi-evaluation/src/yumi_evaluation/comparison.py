@@ -122,7 +122,7 @@ class ComparedRobot:
         """What is identified, for the virtual controller; the rest is as the virtual robot had it."""
         found, limits = self.identified, self.identified.limits
         model = found.dynamics.model
-        axes = axes_of(len(limits))
+        axes = CHAIN_AXES if len(limits) == JOINT_COUNT else range(1, len(limits) + 1)
         return EgmParameters(
             found.dynamics.gain,
             model.reference_delay,
@@ -143,11 +143,6 @@ class Comparison:
 
     robots: tuple[ComparedRobot, ...]
     left_out: tuple[str, ...]
-
-
-def axes_of(count: int) -> tuple[int, ...]:
-    """ABB's numbers of the axes of an arm with so many joints, in their order."""
-    return CHAIN_AXES if count == JOINT_COUNT else tuple(range(1, count + 1))
 
 
 def dynamics_of(log: RobotLog, gain: float, bandwidth: float | None) -> tuple[str, Dynamics]:

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import CommandRefused, ProtocolError
 from abb_protocols.robot.joints import CHAIN_AXES, CYCLE, JOINT_COUNT, Side
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.recording.reader import JointMessage, joint_messages, read_recording
 
 Array = NDArray[np.float64]
@@ -251,9 +251,9 @@ def _mcap(path: Path) -> Logs:
     return Logs(motions)
 
 
-def _of_frames(side: Side, frames: Sequence[Frame]) -> Iterator[RobotLog]:
+def _of_frames(side: Side, frames: Sequence[RecordedCycle]) -> Iterator[RobotLog]:
     """The motions of an arm: its cycles of one session in which the robot followed."""
-    parts: list[list[Frame]] = [[]]
+    parts: list[list[RecordedCycle]] = [[]]
     for frame in frames:
         last = parts[-1][-1] if parts[-1] else None
         # Of cycles that were not recorded, nothing says what was sent.

@@ -280,10 +280,6 @@ class Examined:
     document: dict[str, Any]
     names: Mapping[str, str]
 
-    def without_names(self, text: str) -> str:
-        """A text in which something else is in the place of names and addresses of machines."""
-        return _without_names(text, self.names)
-
 
 def examine(settings: Settings) -> Examined:
     """Look at the controller and this machine; nothing is changed.
@@ -322,6 +318,7 @@ def examine(settings: Settings) -> Examined:
 
 
 def _without_names(text: str, names: Mapping[str, str]) -> str:
+    """A text in which something else is in the place of names and addresses of machines."""
     for name in sorted(filter(None, names), key=len, reverse=True):  # 192.168.125.10 contains 192.168.125.1
         text = text.replace(name, names[name])
     return text
@@ -362,7 +359,7 @@ class Evidence:
         Args:
             ended: why it has ended early; empty where it has not.
         """
-        stop = self._examined.without_names(ended)
+        stop = _without_names(ended, self._examined.names)
         write_json(self._folder / "measurement.json", {**self._document, "motions": self.motions, "ended": stop})
         archive = self._folder.parent / f"{self._folder.name}.zip"
         with ZipFile(archive, "w", ZIP_DEFLATED) as packed:

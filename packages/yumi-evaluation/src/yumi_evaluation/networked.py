@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -38,6 +38,7 @@ from abb_runtime.rws.login import PASSWORD_VARIABLE
 from abb_runtime.rws.transport import HttpTransport
 from abb_runtime.udp import free_port
 from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.driver.settings import address_values, override, read_settings
 from yumi.recording.reader import read_recording
@@ -96,7 +97,7 @@ class HeardJointState(NamedTuple):
 
 
 class EvaluationNode:
-    """One arm's topics and the services of the driver; everything happens in the thread that calls.
+    """One arm's topics and the services of the driver while ROS 2 is open; all happens in the thread that calls.
 
     Args:
         side: the arm.
@@ -280,16 +281,6 @@ class EvaluationNode:
         self._counters = {name: int(values[name]) for name in COUNTED}
 
 
-@contextmanager
-def evaluation_node(side: Side, check: Callable[[], None]) -> Iterator[EvaluationNode]:
-    """The node while it is needed; ROS 2 is open."""
-    node = EvaluationNode(side, check)
-    try:
-        yield node
-    finally:
-        node.close()
-
-
 DELIVERED: Values = {"tracking.feed_forward": False, "tracking.delay": DELAY, **proportional(1.2).values}
 """The joint position controller as it is delivered."""
 
@@ -409,7 +400,7 @@ def _run_mode(results: Results, mode: Mode, on_step: OnStep, check: Callable[[],
     """The experiments with these settings; one that cannot be run does not keep the others from being run."""
     chosen = [each for each in networked_experiments() if each.mode is mode]
     for side in dict.fromkeys(each.side for each in chosen):
-        with evaluation_node(side, check) as node:
+        with closing(EvaluationNode(side, check)) as node:
             for experiment in (each for each in chosen if each.side is side):
                 on_step(experiment.title)
                 name, repeats = f"{System.NETWORKED.value}/{experiment.name}", list[str]()
@@ -512,7 +503,7 @@ def standing(node: EvaluationNode) -> Joints:
     while True:
         node.spin_until(time.monotonic() + _STILL)
         last, position = position, node.position()
-        if _distance(position, last) < _BACK:
+        if largest_difference(position, last) < _BACK:
             return position
 
 
@@ -520,22 +511,17 @@ def _bring_back(node: EvaluationNode, start: Joints) -> None:
     node.set_controller(DELIVERED)
     node.send(start)
     node.until(
-        lambda: bool(node.states) and _distance(node.states[-1].position, start) < 5.0 * _BACK,
+        lambda: bool(node.states) and largest_difference(node.states[-1].position, start) < 5.0 * _BACK,
         "coming back to the start",
         _RETURN,
     )
-
-
-def _distance(one: Joints, other: Joints) -> float:
-    """Of the joint where it is largest [rad]."""
-    return max(abs(a - b) for a, b in zip(one, other, strict=True))
 
 
 def _measure_trips(
     plan: NetworkedPlan, robot: Sequence[str], on_step: OnStep, check: Callable[[], None]
 ) -> tuple[Measured, tuple[SentGoal, ...], tuple[HeardState, ...]]:
     """What the application knows of round trips; the cycles between are in the driver's recording."""
-    with evaluation_node(Side.RIGHT, check) as node:
+    with closing(EvaluationNode(Side.RIGHT, check)) as node:
         on_step("Round trips to the EGM loop")
         node.start_egm()
         node.set_controller(DELIVERED)

@@ -115,10 +115,9 @@ class Verdict:
 
 def verdicts(results: Results) -> list[Verdict]:
     """What the page says first: published figures reproduced, and indicators inside their limits."""
-    values = [(_value(results, System.BARE, each, name), published) for each, name, published in _published()]
-    run = [_is_near(value, published) for value, published in values if value is not None]
+    near = _are_near(results)
     title = "published figures reproduced within a tenth"
-    found = [Verdict(title, sum(run), len(run) - sum(run), len(values) - len(run), is_demand=False)]
+    found = [Verdict(title, near.count(True), near.count(False), near.count(None), is_demand=False)]
     for system in (System.SHIPPED, System.NETWORKED):
         judged = [each.holds for each in kpis(results.measured.get(system, Measured()))]
         title = f"indicators inside their limits, {system.title}"
@@ -230,10 +229,8 @@ def print_results(results: Results, console: Console) -> None:
 
 def headline(results: Results) -> str:
     """The outcome in a sentence or two."""
-    pairs = [(_value(results, System.BARE, each, name), published) for each, name, published in _published()]
-    run = [(value, published) for value, published in pairs if value is not None]
-    near = sum(_is_near(value, published) for value, published in run)
-    texts = [f"{near} of {len(run)} published times and lags are reproduced within a tenth"] if run else []
+    run = [each for each in _are_near(results) if each is not None]
+    texts = [f"{sum(run)} of {len(run)} published times and lags are reproduced within a tenth"] if run else []
     for system, measured in results.measured.items():
         found = kpis(measured)
         judged = [each for each in found if each.holds is not None]
@@ -496,6 +493,12 @@ def _value(results: Results, system: System, experiment: Experiment, name: str) 
     run = results.find(system, experiment)
     found = getattr(run.figures, name) if run else None
     return None if found is None or isnan(found) else float(found)
+
+
+def _are_near(results: Results) -> list[bool | None]:
+    """Of each published figure, whether ours is near; None where it was not run."""
+    values = ((_value(results, System.BARE, each, name), published) for each, name, published in _published())
+    return [None if value is None else _is_near(value, published) for value, published in values]
 
 
 def _is_near(value: float, published: float) -> bool:

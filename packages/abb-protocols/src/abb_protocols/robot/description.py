@@ -144,7 +144,7 @@ BODY_SHAPES = (
     Box((-361, -112, 448), (43, 112, 460)),
     Box((-361, -93, 460), (43, 93, 471)),
 )
-LINK_SHAPES: tuple[tuple[Shape, ...], ...] = (
+LINK_SHAPES: tuple[tuple[Cylinder | Capsule, ...], ...] = (
     (
         Capsule((-0.1, 0.7, 10.1), (1.7, -14.2, 48.7), 62.5),
         Capsule((30.1, -38.5, 100.4), (21.2, -39, 98.5), 56.1),

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import degrees, isfinite, radians
+from math import degrees, inf, isfinite, radians
 from operator import le
 from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsFloat
 
@@ -251,6 +251,21 @@ class JointLimits:
     def slowed_to(self, speed: float) -> JointLimits:
         """The same joints none faster than ``speed`` [rad/s], as EGM's MaxSpeedDeviation limits them."""
         return replace(self, velocity=joints([min(top, speed) for top in self.velocity]))
+
+    def slower(self, speed: float = 1.0, acceleration: float = 1.0, top_speed: float = inf) -> JointLimits:
+        """The limits for a gentler motion.
+
+        Args:
+            speed: factor on the speeds, above 0 up to 1.
+            acceleration: factor on accelerations and jerks, above 0 up to 1.
+            top_speed: no joint is faster than ``speed`` times this [rad/s].
+        """
+        return replace(
+            self,
+            velocity=tuple([speed * min(each, top_speed) for each in self.velocity]),
+            acceleration=tuple([acceleration * each for each in self.acceleration]),
+            jerk=tuple([acceleration * each for each in self.jerk]),
+        )
 
     def outside(self, position: Joints) -> int | None:
         """Index of the first joint whose position [rad] is out of range (or not a number), or None."""

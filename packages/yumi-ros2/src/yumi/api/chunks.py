@@ -21,7 +21,7 @@ from yumi.api.arm_access import TRAJECTORY_CONTROLLER, ArmAccess
 from yumi.control.chunk_commands import MOST_JUMP, ChunkTaken, FollowChunk
 from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
-from yumi.control.trajectory_commands import refused
+from yumi.control.trajectory_commands import trajectory_refused
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.planning.chunk_plan import LONGEST_PERIOD, SHORTEST_PERIOD, check_time, plan_chunk
 
@@ -146,7 +146,7 @@ class ChunkFollower:
 
     def _send(self, chunk: Chunk) -> Mapping[str, ChunkTaken]:
         if not self._activations:
-            raise refused(message("chunks_ended"))
+            raise trajectory_refused(message("chunks_ended"))
         now = self._access.clock.now()
         start = now if chunk.start is None else float(chunk.start)
         check_time("period", float(chunk.period), SHORTEST_PERIOD, LONGEST_PERIOD)
@@ -158,7 +158,7 @@ class ChunkFollower:
         for side in self._sides:
             self._access.check_follows(side)
             if not self._is_own(side):
-                raise refused(message("chunks_taken_over", arm=side.word))
+                raise trajectory_refused(message("chunks_taken_over", arm=side.word))
         for side, positions in points.items():
             spline = plan_chunk(side, times, positions, self._limits)
             command = FollowChunk(number, start, spline, self._jump, is_of_both=len(self._sides) > 1)
@@ -211,7 +211,7 @@ class ChunkFollower:
         ):
             if (positions is not None or gripper is not None) and side not in self._sides:
                 arms = tuple(each.word for each in self._sides)
-                raise refused(message("chunk_arm_not_taken", arm=side.word, arms=arms))
+                raise trajectory_refused(message("chunk_arm_not_taken", arm=side.word, arms=arms))
             if positions is not None:
                 points[side] = _positions(side, positions)
                 counts[f"{side.word} arm"] = len(points[side])
@@ -219,11 +219,13 @@ class ChunkFollower:
                 values[side] = _gripper_values(side, gripper)
                 counts[f"{side.word} gripper"] = len(values[side])
         if not counts:
-            raise refused(message("chunk_without_arm"))
+            raise trajectory_refused(message("chunk_without_arm"))
         (part, count), *rest = counts.items()
         for other, others in rest:
             if others != count:
-                raise refused(message("chunk_counts_differ", points=count, part=part, others=others, other=other))
+                raise trajectory_refused(
+                    message("chunk_counts_differ", points=count, part=part, others=others, other=other)
+                )
         return points, values, count
 
 
@@ -231,12 +233,12 @@ def _positions(side: Side, given: Any) -> NDArray[np.float64]:
     try:
         positions = np.array(given, dtype=float)
     except (TypeError, ValueError) as error:
-        raise refused(
+        raise trajectory_refused(
             message("chunk_points_malformed", arm=side.word, joints=JOINT_COUNT, error=said_by(error))
         ) from error
     if positions.ndim != 2 or positions.shape[1] != JOINT_COUNT or not np.isfinite(positions).all():
         said = f"shape {positions.shape}" if np.isfinite(positions).all() else "not finite"
-        raise refused(message("chunk_points_malformed", arm=side.word, joints=JOINT_COUNT, error=said))
+        raise trajectory_refused(message("chunk_points_malformed", arm=side.word, joints=JOINT_COUNT, error=said))
     return positions
 
 
@@ -246,7 +248,7 @@ def _gripper_values(side: Side, given: Any) -> list[float]:
     except (TypeError, ValueError):
         values = []
     if not values or not all(0.0 <= each <= 1.0 for each in values):
-        raise refused(message("chunk_gripper_malformed", arm=side.word, given=quoted(given)))
+        raise trajectory_refused(message("chunk_gripper_malformed", arm=side.word, given=quoted(given)))
     return values
 
 

@@ -23,7 +23,7 @@ from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.point_motion import PointMotion, point_travel
 from yumi.control.motion.robot_response import STANDING
-from yumi.control.motion.setpoint import Setpoint, slower
+from yumi.control.motion.setpoint import Setpoint
 from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import ToolLimits
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Tolerances
@@ -264,7 +264,7 @@ class MotionExecutor(ArmStreams):
             if isinstance(it.value, float)
         }
         scales = speed_scale or values["speed_scale"], acceleration or values["acceleration_scale"]
-        return slower(YUMI_LIMITS, *scales, values["top_speed"])
+        return YUMI_LIMITS.slower(*scales, values["top_speed"])
 
     def _way_to_goal(self, side: Side, start: Joints, goal: Joints, motion: PointMotion | None) -> MotionWay:
         """By how far the arm is on the straight way, whose times are those of a motion that begins at rest."""

@@ -29,7 +29,7 @@ from yumi.control.goals import (
 from yumi.control.hand_over import Commander, is_person_requesting, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
-from yumi.control.motion.stream_begin import NEAR, Blend
+from yumi.control.motion.stream_begin import NEAR, StreamBegin
 from yumi.control.shared_state import SharedDeadline
 from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
@@ -75,7 +75,7 @@ class _Begun(NamedTuple):
     """
 
     time: float
-    blend: Blend
+    blend: StreamBegin
     client: Hashable
 
 
@@ -138,7 +138,7 @@ class ArmStreams(ArmAccess):
         stamp = now if time is None else float(time)
         for side, (_, is_new) in begun.items():
             if is_new or side in begins:
-                blended = Blend(self.control.snapshot(side).sent, positions[side], duration or 0.0)
+                blended = StreamBegin(self.control.snapshot(side).sent, positions[side], duration or 0.0)
                 self._begun[side] = _Begun(max(now, stamp), blended, self.control.hand_over.of(side).client)
         with self.control.hand_over.writing(goals, Commander.STREAM):
             for side, position in positions.items():

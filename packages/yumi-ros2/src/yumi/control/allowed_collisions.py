@@ -19,7 +19,7 @@ from yumi.control.speed_scale import FULL
 CONTACT_SPEED_SCALE = 0.1
 """No arm is faster than this share of its speeds while a collision is allowed."""
 
-LONGEST_CONTACT = 60.0
+_LONGEST_CONTACT = 60.0
 """A collision is allowed for so long at most [s]; asked for again, the time begins anew."""
 
 PartPair = tuple[str, str]
@@ -53,8 +53,8 @@ class AllowedCollisions:
         """
         if self._collisions is None:
             raise CommandRefused(message("nothing_to_allow"))
-        if not 0.0 < seconds <= LONGEST_CONTACT:  # NaN too
-            raise CommandRefused(message("contact_time_out_of_range", time=seconds, longest=LONGEST_CONTACT))
+        if not 0.0 < seconds <= _LONGEST_CONTACT:  # NaN too
+            raise CommandRefused(message("contact_time_out_of_range", time=seconds, longest=_LONGEST_CONTACT))
         _check_parts(self._collisions, part, other)
         if not self._until:
             try:
@@ -91,8 +91,6 @@ class AllowedCollisions:
             self._update()
         elif len(self._permitted) < len(self._until):
             self._update()
-        if not self._events:
-            return ()
         events, self._events = self._events, []
         return events
 

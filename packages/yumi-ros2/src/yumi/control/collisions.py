@@ -18,7 +18,6 @@ from ctypes import byref
 from itertools import chain
 from math import inf, isfinite
 from struct import Struct
-from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,7 @@ from yumi.control.motion.robot_response import plan_gain
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.shared_state import Limited
 from yumi.core.collision import TOOL_FRAME, CollisionModel
-from yumi.core.library import SETPOINT, LimitedParts, load
+from yumi.core.library import SETPOINT, LimitedParts, load, new_handle
 
 MARGIN = 0.010
 """No two parts, padding included, come nearer to each other than this [m]."""
@@ -90,14 +89,8 @@ class CollisionLimiter:
         numbers = {name: number for number, name in enumerate(model.names)}
         names = np.array([numbers[name] for name in model.names])
         braking = np.array([*limits.acceleration, *limits.jerk, plan_gain(gain)])
-        self.handle: int = self.library.collisions_new(model.handle, braking.ctypes.data, names.ctypes.data)
-        if not self.handle:
-            raise MemoryError("no memory to keep the arms apart")
-        finalize(self, self.library.collisions_delete, self.handle).atexit = False  # threads may still use it
-        self.arm_collisions_handle: int = self.library.arm_collisions_new(self.handle, distances, plan_gain(gain))
-        if not self.arm_collisions_handle:
-            raise MemoryError("no memory to keep the arms apart")
-        finalize(self, self.library.arm_collisions_delete, self.arm_collisions_handle).atexit = False
+        self.handle = new_handle(self, "collisions", model.handle, braking.ctypes.data, names.ctypes.data)
+        self.arm_collisions_handle = new_handle(self, "arm_collisions", self.handle, distances, plan_gain(gain))
         self.permit()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
@@ -135,10 +128,6 @@ class CollisionLimiter:
         one_arm = sum(np.outer(its, its) for its in self.is_of.values()) > 0
         still = ~(self.is_of[Side.RIGHT] | self.is_of[Side.LEFT])
         return np.asarray((np.outer(first, second) | np.outer(second, first)) & ~one_arm & ~np.outer(still, still))
-
-    def limited(self, side: Side) -> Limited | None:
-        """What limits an arm in this cycle."""
-        return self._arms[side].limited
 
 
 class ArmCollisionLimiter:

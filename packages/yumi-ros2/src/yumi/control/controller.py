@@ -178,7 +178,7 @@ TRANSITIONS: dict[tuple[State, Transition], State] = {
 }
 
 
-def allowed(state: State) -> tuple[Transition, ...]:
+def allowed_transitions(state: State) -> tuple[Transition, ...]:
     """The transitions that may leave ``state``."""
     return tuple(transition for (source, transition) in TRANSITIONS if source is state)
 
@@ -189,6 +189,12 @@ def find_controller_parameter(parameters: Iterable[Parameter], name: str) -> Par
     words = name.split(".")
     groups = (known.get(".".join(words[:count])) for count in range(len(words) - 1, 0, -1))
     return known.get(name) or next((each for each in groups if each and each.is_group), None)
+
+
+def foreign_command(controller: Controller, command: object, *allowed: type) -> CommandRefused:
+    """The refusal of a command that has none of the types which the controller takes."""
+    names, given = tuple(each.__name__ for each in allowed), type(command).__name__
+    return CommandRefused(message("command_of_other_controller", type=controller.kind, allowed=names, command=given))
 
 
 def check_controller_joints(values: Values, joint_names: Sequence[str], *, in_order: bool) -> None:

@@ -1,4 +1,6 @@
-"""The cycle: one datagram in, one reply out. The robot's datagram is the clock; nothing else runs here.
+"""The cycle: one datagram in, one reply out, through the port of an arm.
+
+The robot's datagram is the clock; nothing else runs here.
 
 :class:`ArmPort` is what it needs of an arm's hardware, real or virtual.
 """
@@ -86,6 +88,7 @@ def run_cycle(arm: ArmPort, manager: ControllerManager, now: float, timing: Stag
     state = arm.receive(now)
     if state is None:
         return None
-    desired = timing.timed(UPDATE, manager.update(state))
+    desired = manager.update(state)
+    timing.note(UPDATE)
     sent = arm.reply(desired)
     return None if sent is None else Cycle(state, desired, sent)

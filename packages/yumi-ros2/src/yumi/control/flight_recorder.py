@@ -5,12 +5,13 @@ from __future__ import annotations
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isnan, nan
+from math import isnan
 from struct import Struct
 from typing import TYPE_CHECKING
 
 from abb_protocols.robot.joints import JOINT_COUNT, Joints
 from yumi.control.cycle import Cycle
+from yumi.control.goals import UNKNOWN
 from yumi.control.stage_times import MARK_COUNT, StageClock, StageTimes
 
 if TYPE_CHECKING:
@@ -30,11 +31,10 @@ FLIGHT_SIZE = 1 + _SLOTS * _SLOT_SIZE
 
 _NUMBER = Struct("d")
 _SLOT = Struct(f"{_SLOT_SIZE}d")
-_NOTHING: Joints = (nan, nan, nan, nan, nan, nan, nan)
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class RecordedCycle:
     """One recorded cycle; all positions in chain order [rad], velocities [rad/s].
 
     Attributes:
@@ -110,19 +110,19 @@ class FlightRecorder:
             *state.position,
             *state.velocity,
             *state.planned,
-            *(_NOTHING if desired is None else desired.position),
+            *(UNKNOWN if desired is None else desired.position),
             *sent.position,
             *sent.velocity,
-            *(_NOTHING if reference is None else reference),
+            *(UNKNOWN if reference is None else reference),
             number,
         )
         _NUMBER.pack_into(self._memory, 0, number)
 
-    def frames(self) -> tuple[Frame, ...]:
+    def frames(self) -> tuple[RecordedCycle, ...]:
         """Everything that is remembered, oldest first."""
         return self.since(0)
 
-    def since(self, number: int) -> tuple[Frame, ...]:
+    def since(self, number: int) -> tuple[RecordedCycle, ...]:
         """The cycles after cycle ``number`` that are remembered, oldest first."""
         newest, frames = self.newest, []
         for each in range(max(number, newest - RECORDED_CYCLES) + 1, newest + 1):
@@ -144,13 +144,13 @@ def _offset(number: int) -> int:
     return _NUMBER.size + number % _SLOTS * _SLOT.size
 
 
-def _frame(values: Sequence[float]) -> Frame:
+def _frame(values: Sequence[float]) -> RecordedCycle:
     number, time, dt, session, is_running = values[: 1 + _SCALARS]
     marks = values[1 + _SCALARS : 1 + _SCALARS + MARK_COUNT]
     begin = 1 + _SCALARS + MARK_COUNT
     vectors = [tuple(values[start : start + JOINT_COUNT]) for start in range(begin, _SLOT_SIZE - 1, 7)]
     position, velocity, planned, desired, sent, sent_velocity, reference = vectors
-    return Frame(
+    return RecordedCycle(
         number=int(number),
         time=time,
         dt=dt,

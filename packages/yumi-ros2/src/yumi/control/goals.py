@@ -69,32 +69,16 @@ Tracking = Literal["feed_forward", "gains"]
 """How a stream is followed: by its stamps with speeds fed forward, or each point by the controller's gains alone."""
 
 
-class Goal(NamedTuple):
+class SessionGoal(NamedTuple):
     """What the joints are to do.
 
     Attributes:
+        session: the EGM session that it is meant for; a later session will not go there.
+        time: when it was given, on the machine's monotonic clock [s]; NaN where that is not known.
         position: positions [rad], (7,); NaN in a goal of speeds.
         velocity: velocities [rad/s], (7,); NaN where they are not known.
-        time: when it was given, on the machine's monotonic clock [s]; NaN where that is not known.
         delay: how late the arm follows the stream that it is a point of [s]: 0 predicts, ``CONFIGURED_DELAY`` is what
             the parameters say; NaN where it is not a point of a stream, and the controller's gains lead there.
-    """
-
-    position: Joints
-    velocity: Joints = UNKNOWN
-    time: float = nan
-    delay: float = nan
-
-
-class SessionGoal(NamedTuple):
-    """A goal in a buffer.
-
-    Attributes:
-        session: the EGM session that it is meant for; a later session will not go there.
-        time: as in :class:`Goal`.
-        position: as in :class:`Goal`.
-        velocity: as in :class:`Goal`.
-        delay: as in :class:`Goal`.
     """
 
     session: int
@@ -118,13 +102,13 @@ def write_goal(
 ) -> None:
     """Ask for ``goal`` [rad], which itself moves with ``velocity`` [rad/s], in EGM session ``session``.
 
-    ``time`` and ``delay`` are as in :class:`Goal`.
+    ``time`` and ``delay`` are as in :class:`SessionGoal`.
     """
     buffer.write(SessionGoal(session, time, goal, velocity, delay))
 
 
 def write_speeds(buffer: GoalBuffer, session: int, velocity: Joints, time: float = nan) -> None:
-    """Ask for speeds [rad/s], (7,), in EGM session ``session``; ``time`` as in :class:`Goal`."""
+    """Ask for speeds [rad/s], (7,), in EGM session ``session``; ``time`` as in :class:`SessionGoal`."""
     buffer.write(SessionGoal(session, time, UNKNOWN, velocity))
 
 
@@ -191,15 +175,13 @@ class GoalInbox(Inbox[SessionGoal]):
         address = getattr(self._buffer, "address", None)
         return None if address is None else Sampled(address, self._number, goal, gains)
 
-    def take(self, session: int, now: float) -> Goal | None:
+    def take(self, session: int, now: float) -> SessionGoal | None:
         """The newest goal, if it was not taken before and is meant for ``session``.
 
         A goal of unknown time was given ``now`` [s], since it was not there a cycle ago.
         """
         goal = self.take_newest(session)
-        if goal is None:
-            return None
-        return Goal(goal.position, goal.velocity, now if isnan(goal.time) else goal.time, goal.delay)
+        return goal if goal is None or not isnan(goal.time) else goal._replace(time=now)
 
 
 def check_position(name: str, index: int, position: float) -> None:

@@ -95,6 +95,11 @@ class Commanding:
     is_reserved: bool = False
     refused: Message | None = None
 
+    @property
+    def is_own(self) -> bool:
+        """Whether the requester on this thread commands the arm."""
+        return self.who is not Commander.NONE and self.client == _requester.get().client
+
 
 class Requester(NamedTuple):
     """The client that requests what is done on this thread.
@@ -283,17 +288,17 @@ class HandOver:
     def is_foreign(self, side: Side) -> bool:
         """Whether another client than the requester commands an arm."""
         command = self.of(side)
-        return command.who is not Commander.NONE and command.client != _requester.get().client
+        return command.who is not Commander.NONE and not command.is_own
 
     def is_own(self, side: Side) -> bool:
         """Whether the requester commands an arm."""
-        return self.of(side).who is not Commander.NONE and not self.is_foreign(side)
+        return self.of(side).is_own
 
     def renew(self, side: Side, lasts: float) -> None:
         """Have the command of the requester last for a time [s] from now, if the requester commands the arm."""
         with self._reporting():
             held = self._current(side)
-            if held.command.who is not Commander.NONE and held.command.client == _requester.get().client:
+            if held.command.is_own:
                 self._held[side] = held._replace(until=self._now() + lasts)
 
     def let_go(self, side: Side) -> None:
@@ -301,11 +306,10 @@ class HandOver:
 
         A requester that says who it is ends no other command of the same client: a page whose device is idle may jog.
         """
-        who, client, *_ = _requester.get()
+        who = _requester.get().who
         with self._reporting():
             held = self._current(side)
-            is_own = held.command.who is not Commander.NONE and held.command.client == client
-            if is_own and who in (None, held.command.who):
+            if held.command.is_own and who in (None, held.command.who):
                 self._end(side, held)
 
     def give_back(self, sides: Sequence[Side]) -> tuple[Side, ...]:

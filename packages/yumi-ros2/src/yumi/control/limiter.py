@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from struct import Struct
 from typing import Any
-from weakref import finalize
 
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
 from yumi.control.collisions import ArmCollisionLimiter
@@ -22,7 +21,7 @@ from yumi.control.limiter_state import (
 )
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.shared_state import Limited, Problem
-from yumi.core.library import COMMAND, SETTINGS, STATE, TABLE, LimiterExchange, load
+from yumi.core.library import COMMAND, SETTINGS, STATE, TABLE, LimiterExchange, load, new_handle
 
 _COUNTERS, _NUMBER = Struct("7q"), Struct("q")
 _get_state = STATE.unpack_from
@@ -89,12 +88,8 @@ class Limiter:
         own = (*limits.lower, *limits.upper, *limits.velocity, *limits.acceleration, *limits.jerk)
         settings = SETTINGS.pack(*own, *YUMI_LIMITS.velocity, period, gain, bandwidth)
         both, arm = (collisions.handle, collisions.number) if collisions is not None else (None, 0)
-        handle: int = self._library.limiter_new(settings, _TABLE, both, arm)
-        if not handle:
-            raise MemoryError("no memory for the limiter of an arm")
-        self.handle = handle
-        finalize(self, self._library.limiter_delete, handle).atexit = False  # threads may still use it
-        self._exchange = LimiterExchange.from_address(handle)
+        self.handle = new_handle(self, "limiter", settings, _TABLE, both, arm)
+        self._exchange = LimiterExchange.from_address(self.handle)
         self._other: Limiter | None = None  # kept, since the core reads what it has measured
 
     def pair(self, other: Limiter) -> None:

@@ -39,10 +39,10 @@ from yumi.control.stage_times import AFTER_REPLY, StageClock
 INTERRUPTION = 5
 """Feedback that has not come for so many cycles is interrupted; later, by the session's own limit, it is lost."""
 
-DOUBTS_REPORTED = 1.0
+_DOUBTS_REPORTED = 1.0
 """Positions that are not believed are reported at most so often, as long as the arm goes on [s]."""
 
-LIMITED_SHOWN = 0.2
+_LIMITED_SHOWN = 0.2
 """What an arm is kept apart from is in its snapshot for so long after the last cycle in which it was [s]."""
 
 STOOD_STILL = 0.040
@@ -288,7 +288,7 @@ class ArmLoop:
         controllers = self.manager.commanding
         is_hung = count - self._unanswered > self._most_unanswered
         deactivated = self.manager.deactivate_commanding() if is_hung else ()
-        if deactivated or now - self._lateness_reported >= DOUBTS_REPORTED:
+        if deactivated or now - self._lateness_reported >= _DOUBTS_REPORTED:
             self._events.append(ControllersLate(self._side, count - self._late_reported, controllers, deactivated))
             self._late_reported, self._lateness_reported = count, now
 
@@ -336,8 +336,6 @@ class ArmLoop:
         """What happened since the last call."""
         for name, report in self.manager.take_reports():
             self._events.append(ControllerReport(self._side, name, report))
-        if not self._events:
-            return ()
         events, self._events = self._events, []
         return events
 
@@ -351,10 +349,10 @@ class ArmLoop:
         self._kept_apart = count
         if limited is not None:
             self._limited, self._limited_at = limited, now
-            if now - self._limited_reported >= DOUBTS_REPORTED:
+            if now - self._limited_reported >= _DOUBTS_REPORTED:
                 self._limited_reported = now
                 self._events.append(KeptApart(self._side, limited))
-        elif self._limited is not None and now - self._limited_at > LIMITED_SHOWN:
+        elif self._limited is not None and now - self._limited_at > _LIMITED_SHOWN:
             self._limited = None
 
     def _note_problem(self, now: float) -> None:
@@ -369,7 +367,7 @@ class ArmLoop:
                 self._events.append(ReferencesIgnored(self._side, self.manager.deactivate_commanding()))
             else:
                 self._events.append(self._doubted(is_lost=True))
-        elif is_doubted and self._problem is Problem.NONE and now - self._doubt_reported >= DOUBTS_REPORTED:
+        elif is_doubted and self._problem is Problem.NONE and now - self._doubt_reported >= _DOUBTS_REPORTED:
             self._doubt_reported = now
             self._events.append(self._doubted(is_lost=False))
         self.publish(now)

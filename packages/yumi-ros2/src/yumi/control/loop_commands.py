@@ -37,7 +37,7 @@ class ControllerCommand:
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class CommandsTaken:
     """What became of commands that were taken.
 
     Attributes:
@@ -185,7 +185,7 @@ class Commands:
         """
         return self.take_commands(*commands).replaced
 
-    def take_commands(self, *commands: ControllerCommand) -> Taken:
+    def take_commands(self, *commands: ControllerCommand) -> CommandsTaken:
         """As :meth:`send_commands`, and what the controllers made of the commands."""
         self.check_commands(*commands)
         replaced: dict[Side, tuple[str, ...]] = {}
@@ -208,7 +208,7 @@ class Commands:
         for each in commands:
             arm = self._arms[each.side]
             made[each.side] = arm.manager.receive(each.controller, each.message, arm.state)
-        return Taken(replaced, made)
+        return CommandsTaken(replaced, made)
 
     def _publish(self, side: Side) -> None:
         self._arms[side].publish(self._now())

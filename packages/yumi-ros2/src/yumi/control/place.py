@@ -1,4 +1,4 @@
-"""The place of a controller: the arm that a controller is made for, and what the two share with the driver."""
+"""The place of a controller: the arm that a controller is made for, and the buffers of the arm's controllers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The state of an arm that the control process shares with the driver: what buffers in shared memory hold."""
+"""The state of an arm, as shared memory holds it for the driver: snapshots, joint states, feedback of trajectories."""
 
 from __future__ import annotations
 
@@ -211,9 +211,3 @@ class SharedDeadline(NamedTuple):
     heard: float
     silence: float
     activation: int
-
-
-class Factor(NamedTuple):
-    """A factor on the speed of one arm, above 0 up to 1."""
-
-    value: float

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from yumi.control.goals import Buffer
 from yumi.control.motion.joint_steps import ramp_speed
-from yumi.control.shared_state import Factor
 
 FULL = 1.0
 
 _FASTEST = 4.0  # [1/s] at full speed a change takes two thirds of a joint's acceleration
 _HARSHEST = 40.0  # [1/s²] and not half of its jerk
+
+
+class SpeedFactor(NamedTuple):
+    """A factor on the speed of one arm, above 0 up to 1."""
+
+    value: float
 
 
 class SpeedScale:
@@ -27,7 +34,7 @@ class SpeedScale:
         highest: it is not above this, whatever is set.
     """
 
-    def __init__(self, goal: Buffer[Factor] | None = None) -> None:
+    def __init__(self, goal: Buffer[SpeedFactor] | None = None) -> None:
         self._goal = goal
         self._rate = 0.0
         self.highest = FULL

@@ -13,11 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import TypeVar
 
 from yumi.control.controller_info import Statistics
-
-T = TypeVar("T")
 
 BEGIN, RECEIVE, DECODE, UPDATE, LIMIT, ENCODE, SEND, AFTER_REPLY = range(8)
 """Indices of marks: the cycle began, or the stage of that name was done."""
@@ -83,11 +80,6 @@ class StageClock:
     def note(self, stage: int) -> None:
         """``stage`` is done."""
         self.marks[stage] = self._now()
-
-    def timed(self, stage: int, result: T) -> T:
-        """``stage`` is done and this is its ``result``."""
-        self.marks[stage] = self._now()
-        return result
 
 
 class RunningStatistics:

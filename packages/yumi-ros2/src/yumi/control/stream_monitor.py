@@ -129,8 +129,6 @@ class StreamMonitor:
 
     def take_reports(self) -> list[StreamReport]:
         """Those since the last call."""
-        if not self._reports:
-            return self._reports
         reports, self._reports = self._reports, []
         return reports
 

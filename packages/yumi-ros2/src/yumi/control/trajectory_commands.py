@@ -46,7 +46,7 @@ class ArmPlan:
     is_smoothed: bool = False
 
 
-def refused(said: Message, code: ResultCode = ResultCode.INVALID_GOAL) -> TrajectoryRefused:
+def trajectory_refused(said: Message, code: ResultCode = ResultCode.INVALID_GOAL) -> TrajectoryRefused:
     """The error for a trajectory that cannot be followed."""
     return TrajectoryRefused(said, code)
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from math import hypot, sqrt
-from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +29,12 @@ from abb_protocols.robot.description import (
     JOINT_ORIGINS,
     LINK_SHAPES,
     TOOL0_ORIGIN,
-    Box,
     joint_1_origin,
 )
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Quaternion, Side, Vector
 from abb_protocols.robot.kinematics import IDENTITY, matrix, quaternion_from_euler_zyx
-from yumi.core.library import load
+from yumi.core.library import load, new_handle
 
 Array = NDArray[np.float64]
 
@@ -101,13 +99,13 @@ class Distance:
     end: Vector
 
 
-LINK_NAMES = ("shoulder", "upper arm", "upper arm", "elbow", "forearm", "wrist", "flange")
+_LINK_NAMES = ("shoulder", "upper arm", "upper arm", "elbow", "forearm", "wrist", "flange")
 
 
 def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
     """The gripper with its fingers in any opening, its camera and its cups (reference/yumi.md §2.2, §2.4)."""
     (body,) = GRIPPER_SHAPES
-    half_x, half_y, height = (value / 1000.0 for value in body.high_mm)
+    half_x, half_y, height = _metres(body.high_mm)
     # Capsules side by side, a little thicker than circles that cover the cross-section, so that their
     # round ends cover its corners from further inside.
     columns, rows = (-0.75, -0.25, 0.25, 0.75), (-2.0 / 3.0, 0.0, 2.0 / 3.0)
@@ -122,7 +120,7 @@ def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
         for y in rows
     ]
     (finger,) = FINGER_SHAPES
-    (low_x, low_y, low_z), (_, high_y, high_z) = ([value / 1000.0 for value in corner] for corner in _corners(finger))
+    (low_x, low_y, low_z), (_, high_y, high_z) = _metres(finger.low_mm), _metres(finger.high_mm)
     # Both fingers, wherever they are: side by side along x, one above the other along z.
     origin, slices = FINGER_ORIGINS[0].xyz, 3
     reach, step = FINGER_TRAVEL - low_x, (high_z - low_z) / slices
@@ -142,10 +140,10 @@ def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
 BODY = "body"
 """Name of what stands still and belongs to the robot."""
 
-MAX_OBSTACLES = 100
+_MAX_OBSTACLES = 100
 """So many boxes may be declared; a hundred cost both arms 12 µs of a cycle."""
 
-MAX_TOOLS = 20
+_MAX_TOOLS = 20
 """So many tools of an arm may be declared; each is compared with every part of the other arm."""
 
 
@@ -157,13 +155,13 @@ def check_declared(tools: Mapping[Side, Sequence[CollisionPart]], obstacles: Seq
     Raises:
         CommandRefused: there are too many, or a name is empty, another one's or one of the robot's own.
     """
-    own = {"arm", *LINK_NAMES, *(part.name for modules in GripperModules for part in gripper_parts(modules))}
+    own = {"arm", *_LINK_NAMES, *(part.name for modules in GripperModules for part in gripper_parts(modules))}
     names = {BODY}
     for side in Side:
         declared = [part.name for part in tools.get(side, ())]
-        _check_names(declared, MAX_TOOLS, own, side)
+        _check_names(declared, _MAX_TOOLS, own, side)
         names.update(f"{side.word} {name}" for name in (*own, *declared))
-    _check_names([box.name for box in obstacles], MAX_OBSTACLES, names)
+    _check_names([box.name for box in obstacles], _MAX_OBSTACLES, names)
 
 
 def _check_names(names: Sequence[str], most: int, taken: Set[str], side: Side | None = None) -> None:
@@ -252,7 +250,7 @@ class CollisionModel:
             self.arms[side] = slice(len(self.names), len(self.names) + len(own))
             self.names += [f"{side.word} {part.name}" for part in own]
             frames += [part.frame for part in own]
-        fixed = [Obstacle(BODY, *middle_and_size(box)) for box in BODY_SHAPES] + list(obstacles)
+        fixed = (*body_boxes(), *obstacles)
         self.body = slice(len(self.names), len(self.names) + len(BODY_SHAPES))
         self.names += [box.name for box in fixed]
         self.frames = np.array(frames + [-1] * len(fixed))
@@ -279,10 +277,7 @@ class CollisionModel:
         ):
             raise ValueError("a part is of a frame that is none, or its shape is not finite")
         origins, shapes, still = (each.ctypes.data for each in arrays)
-        self.handle: int = self._library.model_new(origins, counts.ctypes.data, shapes, still, len(boxes))
-        if not self.handle:
-            raise MemoryError("no memory for the shapes of the arms")
-        finalize(self, self._library.model_delete, self.handle).atexit = False  # threads may still use it
+        self.handle = new_handle(self, "model", origins, counts.ctypes.data, shapes, still, len(boxes))
 
     def contacts(self, positions: Array, within: float, alone: Side | None = None) -> Contacts:
         """The pairs of parts that are near each other.
@@ -347,28 +342,25 @@ def _reach(part: CollisionPart, side: Side) -> list[float]:
 
 
 def link_parts() -> tuple[CollisionPart, ...]:
-    """The arm's links, the same on both arms."""
-    parts = []
-    for frame, shapes in enumerate(LINK_SHAPES):
-        for shape in shapes:
-            if isinstance(shape, Box):
-                raise TypeError("a link's shape is a capsule or a cylinder")
-            start, end = (
-                (x / 1000.0, y / 1000.0, z / 1000.0) for x, y, z in (shape.start_mm, shape.end_mm)
-            )  # a cylinder lies inside the capsule of its axis and radius
-            parts.append(CollisionPart(LINK_NAMES[frame], frame, start, end, shape.radius_mm / 1000.0))
-    return tuple(parts)
+    """The arm's links, the same on both arms; a cylinder lies inside the capsule of its axis and radius."""
+    return tuple(
+        CollisionPart(name, frame, _metres(shape.start_mm), _metres(shape.end_mm), shape.radius_mm / 1000.0)
+        for frame, (name, shapes) in enumerate(zip(_LINK_NAMES, LINK_SHAPES, strict=True))
+        for shape in shapes
+    )
 
 
-def _corners(shape: object) -> tuple[Vector, Vector]:
-    if not isinstance(shape, Box):
-        raise TypeError("the gripper's shapes are boxes")
-    return shape.low_mm, shape.high_mm
+def _metres(millimetres: Vector) -> Vector:
+    x, y, z = millimetres
+    return (x / 1000.0, y / 1000.0, z / 1000.0)
 
 
-def middle_and_size(box: Box) -> tuple[Pose, Vector]:
-    """A box by the pose of its middle and the lengths of its edges [m]."""
-    low, high = np.array(box.low_mm) / 1000.0, np.array(box.high_mm) / 1000.0
-    x, y, z = ((low + high) / 2.0).tolist()
-    width, depth, height = (high - low).tolist()
-    return Pose((x, y, z), IDENTITY), (width, depth, height)
+def body_boxes() -> tuple[Obstacle, ...]:
+    """The robot's body."""
+    boxes = []
+    for shape in BODY_SHAPES:
+        low, high = np.array(_metres(shape.low_mm)), np.array(_metres(shape.high_mm))
+        x, y, z = ((low + high) / 2.0).tolist()
+        width, depth, height = (high - low).tolist()
+        boxes.append(Obstacle(BODY, Pose((x, y, z), IDENTITY), (width, depth, height)))
+    return tuple(boxes)

@@ -22,6 +22,7 @@ from pathlib import Path
 from struct import Struct
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
+from weakref import finalize
 
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import MissingPrerequisite
@@ -172,7 +173,7 @@ class ArmExchange(ctypes.Structure):
 SHARED_GOAL = Struct("qqqdd14d")
 """A goal in shared memory, of a ``SharedBuffer[SessionGoal]``: its write begun and finished, then its fields."""
 
-SIZES = (
+_SIZES = (
     STATE.size,
     COMMAND.size,
     SETTINGS.size,
@@ -261,11 +262,31 @@ def load() -> ctypes.PyDLL:
         function = getattr(released if name == "fallback_thread_wait" else library, name)
         function.restype, function.argtypes = result, arguments
         setattr(library, name, function)
-    sizes = (integer * len(SIZES))()
+    sizes = (integer * len(_SIZES))()
     library.core_sizes(sizes)
-    if tuple(sizes) != SIZES:  # one would read and write beside what the other has
-        raise RuntimeError(f"the core at {path} has structures of {tuple(sizes)} bytes, and Python of {SIZES}")
+    if tuple(sizes) != _SIZES:  # one would read and write beside what the other has
+        raise RuntimeError(f"the core at {path} has structures of {tuple(sizes)} bytes, and Python of {_SIZES}")
     return library
+
+
+def new_handle(owner: object, kind: str, *arguments: object) -> int:
+    """Make an object of the core that is deleted with its owner.
+
+    Args:
+        owner: what has it in Python.
+        kind: how its functions are called: ``limiter`` for ``limiter_new`` and ``limiter_delete``.
+        arguments: of the first of both.
+
+    Raises:
+        MemoryError: there is no memory for it.
+        MissingPrerequisite: as :func:`load`.
+    """
+    library = load()
+    handle: int | None = getattr(library, f"{kind}_new")(*arguments)
+    if not handle:
+        raise MemoryError(f"the core has no memory for: {kind}")
+    finalize(owner, getattr(library, f"{kind}_delete"), handle).atexit = False  # threads may still use it
+    return handle
 
 
 def compiled() -> Path:

@@ -41,7 +41,8 @@ from yumi.control.shared_memory import (
     new_cycle_event,
     shared_numbers,
 )
-from yumi.control.shared_state import Factor, JointStates, SharedDeadline, Snapshot, read_snapshot
+from yumi.control.shared_state import JointStates, SharedDeadline, Snapshot, read_snapshot
+from yumi.control.speed_scale import SpeedFactor
 from yumi.driver.egm_arm import FallbackThread
 
 POLL_PERIOD = 0.010
@@ -101,7 +102,7 @@ class ArmBuffers(ControllerBuffers):
     def __init__(self) -> None:
         super().__init__()
         self.snapshots = SharedBuffer(Snapshot)
-        self.speed_scale = SharedBuffer(Factor)
+        self.speed_scale = SharedBuffer(SpeedFactor)
         self.deadline = SharedBuffer(SharedDeadline)
         self.read_joints = SharedBuffer(JointStates)
         self.flight = shared_numbers(FLIGHT_SIZE)

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Sequence
 from ctypes import create_string_buffer, string_at
 from itertools import islice
 from struct import Struct
-from weakref import finalize
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import MissingPrerequisite
@@ -23,7 +22,7 @@ from yumi.control.cycle import Cycle
 from yumi.control.limiter import Limiter, limiter_arm_command, limiter_arm_state, pack_command
 from yumi.control.sampled import Sampled
 from yumi.control.stage_times import DECODE, LIMIT, RECEIVE, SEND, UPDATE, StageClock
-from yumi.core.library import BRAKED, MOST_BRAKED, SAMPLED, ArmExchange, load
+from yumi.core.library import BRAKED, MOST_BRAKED, SAMPLED, ArmExchange, load, new_handle
 from yumi.driver.egm_server import DatagramLink, wire_counters
 from yumi.egm.egm_session import Session
 from yumi.egm.joint_codec import not_finite
@@ -61,10 +60,7 @@ class EgmArm:
         self._link, self._session, self._limiter = link, session, limiter
         self._stages, self._keep = stages, keep
         self._is_socket = link.fileno() >= 0
-        self.handle: int = self._library.arm_new(limiter.handle, session.handle, link.fileno())
-        if not self.handle:
-            raise MemoryError("no memory for an arm")
-        finalize(self, self._library.arm_delete, self.handle).atexit = False  # threads may still use it
+        self.handle = new_handle(self, "arm", limiter.handle, session.handle, link.fileno())
         self._braked = create_string_buffer(BRAKED.size * MOST_BRAKED)
         self._exchange = ArmExchange.from_address(self.handle)
 

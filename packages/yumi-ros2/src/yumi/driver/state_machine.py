@@ -35,8 +35,7 @@ from abb_runtime.clock import Clock, wait_until
 from abb_runtime.parameters import bounded
 from abb_runtime.rws.client import RwsClient
 from yumi.control.goals import Buffer
-from yumi.control.shared_state import Factor
-from yumi.control.speed_scale import FULL
+from yumi.control.speed_scale import FULL, SpeedFactor
 
 _NO_SYMBOL = {(400, RwsCode.FAIL), (404, RwsCode.FAIL)}  # of a symbol, and of a module, that is not there
 
@@ -65,7 +64,7 @@ class SpeedSetting:
     def __init__(
         self,
         value: float = FULL,
-        buffers: Mapping[Side, Buffer[Factor]] | None = None,
+        buffers: Mapping[Side, Buffer[SpeedFactor]] | None = None,
         is_in_egm: Callable[[Side], bool] = lambda side: False,
     ) -> None:
         self._lock = Lock()
@@ -117,7 +116,7 @@ class SpeedSetting:
 
     def _write(self) -> None:
         for side, buffer in self._buffers.items():
-            buffer.write(Factor(self._of_arm(side)))
+            buffer.write(SpeedFactor(self._of_arm(side)))
 
 
 def checked_speed_scale(value: float) -> float:

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Generic, NamedTuple, Protocol, TypeVar
-from weakref import finalize
 
 from abb_protocols.errors import ProtocolError
-from yumi.core.library import SessionValues, load
+from yumi.core.library import SessionValues, load, new_handle
 
 SILENCE = 0.020
 """A robot that says nothing for five cycles is lost [s]."""
@@ -96,10 +95,7 @@ class Session:
 
     def __init__(self, silence: float = SILENCE) -> None:
         self._library = load()
-        self.handle: int = self._library.session_new(silence)
-        if not self.handle:
-            raise MemoryError("no memory for a session")
-        finalize(self, self._library.session_delete, self.handle).atexit = False  # threads may still use it
+        self.handle = new_handle(self, "session", silence)
         self._values = SessionValues.from_address(self.handle)
 
     @property

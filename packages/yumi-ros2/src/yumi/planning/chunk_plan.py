@@ -16,7 +16,7 @@ from abb_protocols.robot.joints import JOINT_COUNT, JointLimits, Side, joint_nam
 from yumi.control.goals import check_position
 from yumi.control.motion.spline import Spline, TrajectoryPoint, spline_through
 from yumi.control.motion.spline_limits import ROUNDING, check_motion
-from yumi.control.trajectory_commands import refused
+from yumi.control.trajectory_commands import trajectory_refused
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def plan_chunk(side: Side, times: Sequence[float], positions: Array, limits: Joi
     """
     names, at = joint_names(side), np.asarray(times, dtype=float)
     if not FEWEST_POINTS <= len(at) <= MOST_POINTS:
-        raise refused(message("chunk_point_count", points=len(at), least=FEWEST_POINTS, most=MOST_POINTS))
+        raise trajectory_refused(message("chunk_point_count", points=len(at), least=FEWEST_POINTS, most=MOST_POINTS))
     for step in np.diff(at):
         check_time("the time between two points", float(step), SHORTEST_PERIOD, LONGEST_PERIOD)
     for index, name in enumerate(names):
@@ -73,7 +73,9 @@ def plan_chunk(side: Side, times: Sequence[float], positions: Array, limits: Joi
 def check_time(name: str, value: float, lowest: float, highest: float) -> None:
     """Refuse a time that is out of range [s]; raises TrajectoryRefused."""
     if not lowest * (1.0 - 1e-9) <= value <= highest * (1.0 + 1e-9):  # NaN too
-        raise refused(message("chunk_time_out_of_range", name=name, value=value, lowest=lowest, highest=highest))
+        raise trajectory_refused(
+            message("chunk_time_out_of_range", name=name, value=value, lowest=lowest, highest=highest)
+        )
 
 
 class _SplineArrays:
@@ -131,7 +133,7 @@ class _SplineArrays:
         row, joint = np.unravel_index(int(shares[worst].argmax()), shares[worst].shape)
         quantity, unit = _QUANTITIES[worst]
         limit = tops[worst][int(joint)]
-        return refused(
+        return trajectory_refused(
             message(
                 "chunk_beyond_limit",
                 joint=names[int(joint)],

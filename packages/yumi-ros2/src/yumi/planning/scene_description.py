@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from xml.etree import ElementTree as ET
 
 from abb_protocols.robot.description import (
-    BODY_SHAPES,
     FLANGE_ORIGIN,
     JOINT_EFFORT,
     JOINT_ORIGINS,
@@ -22,7 +21,7 @@ from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names, prefixed
 from abb_protocols.robot.kinematics import euler_zyx
 from abb_protocols.robot.urdf import box_xml, cylinder_xml, joint_xml, limit_xml, link_xml
-from yumi.core.collision import PADDING, TOOL_FRAME, CollisionPart, Obstacle, gripper_parts, link_parts, middle_and_size
+from yumi.core.collision import PADDING, TOOL_FRAME, CollisionPart, Obstacle, body_boxes, gripper_parts, link_parts
 
 GROUPS: Mapping[str, tuple[Side, ...]] = {
     **{f"{side.word}_arm": (side,) for side in Side},
@@ -68,7 +67,7 @@ def planning_description(
         limits: of the joints.
     """
     grown = clearance / 2.0
-    boxes = [_box(*middle_and_size(box), grown) for box in BODY_SHAPES]
+    boxes = [_box(each.centre, each.size, grown) for each in body_boxes()]
     boxes += [_box(obstacle.centre, obstacle.size, to_boxes - grown) for obstacle in obstacles]
     parts = [link_xml(_body_link(), solids=boxes)]
     for side in Side:

@@ -18,7 +18,7 @@ from yumi.control.goals import looks_like_degrees
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import TrajectoryPoint, spline_through
 from yumi.control.motion.spline_limits import ROUNDING, check_motion
-from yumi.control.trajectory_commands import ArmPlan, ResultCode, refused
+from yumi.control.trajectory_commands import ArmPlan, ResultCode, trajectory_refused
 from yumi.planning.smoothing import smooth_way
 
 MOST_POINTS = 20_000
@@ -47,7 +47,7 @@ class JointTrajectory:
 def check_count(points: int) -> None:
     """Refuse a trajectory of more than :data:`MOST_POINTS` points, before anything is done with them."""
     if points > MOST_POINTS:
-        raise refused(message("trajectory_too_long", points=points, most=MOST_POINTS))
+        raise trajectory_refused(message("trajectory_too_long", points=points, most=MOST_POINTS))
 
 
 def plan_trajectory(
@@ -114,34 +114,34 @@ def check_joints(given: Sequence[str], known: Sequence[str], may_leave_out: bool
         TrajectoryRefused: it names none, one twice, one that is not known, or not all where it may leave none out.
     """
     if not given:
-        raise refused(message("trajectory_without_joints", joints=tuple(known)), ResultCode.INVALID_JOINTS)
+        raise trajectory_refused(message("trajectory_without_joints", joints=tuple(known)), ResultCode.INVALID_JOINTS)
     for number, name in enumerate(given):
         if name in given[:number]:
-            raise refused(message("trajectory_joint_twice", joint=name), ResultCode.INVALID_JOINTS)
+            raise trajectory_refused(message("trajectory_joint_twice", joint=name), ResultCode.INVALID_JOINTS)
         if name not in known:
             said = message("trajectory_joint_unknown", joint=name, joints=tuple(known))
-            raise refused(said, ResultCode.INVALID_JOINTS)
+            raise trajectory_refused(said, ResultCode.INVALID_JOINTS)
     missing = tuple(name for name in known if name not in given)
     if missing and not may_leave_out:
-        raise refused(message("trajectory_joints_missing", missing=missing), ResultCode.INVALID_JOINTS)
+        raise trajectory_refused(message("trajectory_joints_missing", missing=missing), ResultCode.INVALID_JOINTS)
 
 
 def _check_points(trajectory: JointTrajectory) -> None:
     """Times, counts and numbers, whatever the joints."""
     points, count = trajectory.points, len(trajectory.joint_names)
     if not points:
-        raise refused(message("trajectory_without_points"))
+        raise trajectory_refused(message("trajectory_without_points"))
     if trajectory.start is not None and not isfinite(trajectory.start):
-        raise refused(message("trajectory_start_not_finite", start=str(trajectory.start)))
+        raise trajectory_refused(message("trajectory_start_not_finite", start=str(trajectory.start)))
     for number, point in enumerate(points, 1):
         fault = _fault(number, point, count)
         if fault is not None:
-            raise refused(fault)
+            raise trajectory_refused(fault)
     if points[0].time < 0.0:
-        raise refused(message("trajectory_begins_too_early", time=points[0].time))
+        raise trajectory_refused(message("trajectory_begins_too_early", time=points[0].time))
     for number, (before, after) in enumerate(pairwise(points), 2):
         if not after.time - before.time >= _SHORTEST:
-            raise refused(
+            raise trajectory_refused(
                 message(
                     "trajectory_times_not_increasing",
                     point=number,
@@ -151,9 +151,9 @@ def _check_points(trajectory: JointTrajectory) -> None:
                 )
             )
     if not points[-1].time < _LATEST:
-        raise refused(message("trajectory_ends_too_late", time=points[-1].time, latest=_LATEST))
+        raise trajectory_refused(message("trajectory_ends_too_late", time=points[-1].time, latest=_LATEST))
     if any(abs(speed) > _AT_REST for speed in points[-1].velocity):
-        raise refused(message("trajectory_ends_in_motion"))
+        raise trajectory_refused(message("trajectory_ends_in_motion"))
 
 
 def _fault(number: int, point: TrajectoryPoint, count: int) -> Message | None:
@@ -178,7 +178,7 @@ def _check_values(points: Sequence[TrajectoryPoint], names: Sequence[str], limit
     for number, point in enumerate(points, 1):
         for index, value in enumerate(point.position):
             if not limits.lower[index] <= value <= limits.upper[index]:
-                raise refused(
+                raise trajectory_refused(
                     message(
                         "point_in_degrees" if looks_like_degrees(index, value) else "point_out_of_range",
                         point=number,
@@ -195,7 +195,7 @@ def _check_values(points: Sequence[TrajectoryPoint], names: Sequence[str], limit
         ):
             for name, value, limit in zip(names, values, most, strict=False):
                 if not abs(value) <= limit * ROUNDING:
-                    raise refused(
+                    raise trajectory_refused(
                         message(
                             "point_beyond_limit",
                             point=number,

@@ -30,7 +30,7 @@ import msgspec
 
 from abb_protocols.catalogue import Message
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Side, joints
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.loop_events import Event, is_fault
 from yumi.control.stage_times import StageTimes
 
@@ -133,7 +133,7 @@ ERROR_SCHEMA: Mapping[str, object] = {
 }
 """JSON schema of how far the arms are from what was sent to them."""
 
-_FIELDS = get_type_hints(Frame)
+_FIELDS = get_type_hints(RecordedCycle)
 _Vector = tuple[float | None, float | None, float | None, float | None, float | None, float | None, float | None]
 _VECTORS: Mapping[Any, Any] = {Joints: _Vector, Joints | None: _Vector | None}
 VECTORS = tuple(name for name, kind in _FIELDS.items() if kind in _VECTORS)
@@ -142,7 +142,7 @@ VECTORS = tuple(name for name, kind in _FIELDS.items() if kind in _VECTORS)
 _CycleMessage = msgspec.defstruct("_CycleMessage", [(name, _VECTORS.get(kind, kind)) for name, kind in _FIELDS.items()])
 
 
-def frame_message(frame: Frame) -> dict[str, object]:
+def frame_message(frame: RecordedCycle) -> dict[str, object]:
     """The object of a cycle; what is not a finite number becomes null, which JSON has."""
     message: dict[str, object] = {name: getattr(frame, name) for name in _FIELDS}
     for name in VECTORS:
@@ -165,7 +165,7 @@ _cycle_decoder, _event_decoder = msgspec.json.Decoder(_CycleMessage), msgspec.js
 _time_decoder, _object_decoder = msgspec.json.Decoder(_Timed), msgspec.json.Decoder(_Object)
 
 
-def decode_cycle(data: bytes) -> Frame:
+def decode_cycle(data: bytes) -> RecordedCycle:
     """The cycle of a message of a recording.
 
     Raises:
@@ -177,7 +177,7 @@ def decode_cycle(data: bytes) -> Frame:
     for name in VECTORS:
         if values[name] is not None:
             values[name] = joints([nan if value is None else value for value in values[name]])
-    return Frame(**values)
+    return RecordedCycle(**values)
 
 
 def decode_event(data: bytes) -> RecordedEvent:

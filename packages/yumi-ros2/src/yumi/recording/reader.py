@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ProtocolError, missing_extra
 from abb_protocols.robot.joints import Side
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.recording.message_types import (
     EVENTS,
     STATE,
@@ -50,7 +50,7 @@ class Recording:
 
     events: tuple[RecordedEvent, ...] = ()
     stop: RecordedEvent | None = None
-    frames: Mapping[Side, tuple[Frame, ...]] = field(default_factory=dict)
+    frames: Mapping[Side, tuple[RecordedCycle, ...]] = field(default_factory=dict)
     is_complete: bool = True
 
     @property
@@ -85,7 +85,7 @@ def read_recording(file: Path, *, before: float = BEFORE, after: float = AFTER) 
     middle = stop.time if stop else last
 
     # A second pass, so that of a long recording only the cycles that are shown are kept in memory.
-    frames: dict[Side, list[Frame]] = {side: [] for side in Side}
+    frames: dict[Side, list[RecordedCycle]] = {side: [] for side in Side}
     for topic, _, value in recorded_messages(file):
         if topic in sides and middle - before <= value.time <= middle + after:
             frames[sides[topic]].append(value)
@@ -96,8 +96,8 @@ def read_recording(file: Path, *, before: float = BEFORE, after: float = AFTER) 
 def recorded_messages(file: Path) -> Iterator[tuple[str | None, int, Any]]:
     """Topic, time of day [ns since 1970] and value of every message of ours in JSON, in the order of the file.
 
-    The value is a Frame, a RecordedEvent, or of grippers and the robot's state a mapping with ``time``. At last (None,
-    0, None) where the file was closed.
+    The value is a RecordedCycle, a RecordedEvent, or of grippers and the robot's state a mapping with ``time``. At last
+    (None, 0, None) where the file was closed.
 
     Raises:
         ProtocolError: the file is not such a recording, or nothing is recorded in it.

@@ -25,7 +25,7 @@ from abb_protocols.errors import SettingsError, YumiError
 from abb_protocols.robot.joints import Pose, Side
 from abb_runtime.clock import Clock
 from abb_runtime.process.supervision import Failures
-from yumi.control.flight_recorder import FlightRecorder, Frame
+from yumi.control.flight_recorder import FlightRecorder, RecordedCycle
 from yumi.control.loop_events import Event, is_fault
 from yumi.control.shared_state import JointStates
 from yumi.recording.message_types import RecordedEvent, recorded_event
@@ -161,7 +161,7 @@ class Recorder:
         name = f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{side.word}.mcap"
         file = self._folder / name
 
-        def write(target: Path, frames: Sequence[Frame], event: RecordedEvent) -> None:
+        def write(target: Path, frames: Sequence[RecordedCycle], event: RecordedEvent) -> None:
             with RecordingWriter(target, time_of_day - event.time) as writer:
                 for frame in frames:
                     writer.add_frame(side, frame)
@@ -190,12 +190,12 @@ class Recorder:
         side: Side,
         newest: int,
         file: Path,
-        frames: Sequence[Frame],
-        write: Callable[[Path, Sequence[Frame], RecordedEvent], None],
+        frames: Sequence[RecordedCycle],
+        write: Callable[[Path, Sequence[RecordedCycle], RecordedEvent], None],
     ) -> None:
         """Replace a record by one that also has what followed its event, and what has become known of its cause."""
         whole = file.with_suffix(".part")
-        after: list[Frame] = []
+        after: list[RecordedCycle] = []
         try:
             self._is_over.wait(event.time + AFTER - self._clock.now())
             after += (each for each in self._recorders[side].since(newest) if each.time <= event.time + AFTER)
@@ -324,7 +324,7 @@ class FullRecorder:
             self._writer.add_tools(now, tools)
             self._tools = tools
 
-    def _new_cycles(self, side: Side) -> Iterator[tuple[Side, Frame]]:
+    def _new_cycles(self, side: Side) -> Iterator[tuple[Side, RecordedCycle]]:
         for frame in self._recorders[side].since(self._last[side]):
             self._lost += frame.number - self._last[side] - 1
             self._last[side] = frame.number

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, missing_extra
 from abb_protocols.robot.joints import CHAIN_AXES, Joints, Side
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.recording.message_types import EVENTS, STAGES, STATE, VECTORS
 from yumi.recording.reader import AFTER, Recording, recorded_messages
 
@@ -217,7 +217,7 @@ def recording_document(recording: Recording, side: Side, cycles: int) -> dict[st
     }
 
 
-def _cycles_table(frames: Sequence[Frame], zero: float, width: int) -> Table:
+def _cycles_table(frames: Sequence[RecordedCycle], zero: float, width: int) -> Table:
     from rich.table import Table  # noqa: PLC0415 - as above
 
     table = Table(title="Cycles: times from the event in ms, angles in °, replies in µs", title_justify="left")
@@ -241,7 +241,7 @@ def _cycles_table(frames: Sequence[Frame], zero: float, width: int) -> Table:
     return table
 
 
-def _stages_table(frames: Sequence[Frame]) -> Table:
+def _stages_table(frames: Sequence[RecordedCycle]) -> Table:
     from rich.table import Table  # noqa: PLC0415 - as above
 
     table = Table(title="Stages of a cycle in µs", title_justify="left")
@@ -259,7 +259,7 @@ def quantile(ascending: Sequence[float], share: float) -> float:
     return ascending[max(0, ceil(share * len(ascending)) - 1)]
 
 
-def gaps_of(frames: Sequence[Frame]) -> list[tuple[float, float]]:
+def gaps_of(frames: Sequence[RecordedCycle]) -> list[tuple[float, float]]:
     """Begin and end of every gap between two cycles that is longer than :data:`GAP` [s]."""
     return [(old.time, new.time) for old, new in pairwise(frames) if new.time - old.time > GAP]
 
@@ -311,7 +311,7 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     if stop and shown[-1].time < zero + window - GAP:
         gaps.append((shown[-1].time - zero, window))
     # None stands where lines break: in every gap.
-    points: list[tuple[float, Frame | None]] = [(frame.time - zero, frame) for frame in shown]
+    points: list[tuple[float, RecordedCycle | None]] = [(frame.time - zero, frame) for frame in shown]
     points = sorted(points + [(begin, None) for begin, _ in gaps], key=lambda point: point[0])
     times = [time for time, _ in points]
 

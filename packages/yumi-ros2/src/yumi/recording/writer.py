@@ -16,7 +16,7 @@ from abb_protocols.robot.gripper_values import GripperState
 from abb_protocols.robot.joints import Joints, Pose, Side, finger_names, joint_names, joints, prefixed
 from abb_protocols.robot.urdf import read_frames, robot_description
 from yumi import __version__
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.shared_state import JointStates
 from yumi.recording.message_types import (
     CYCLE_SCHEMA,
@@ -116,7 +116,7 @@ class RecordingWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def add_frame(self, side: Side, frame: Frame) -> None:
+    def add_frame(self, side: Side, frame: RecordedCycle) -> None:
         """Append a cycle of one arm."""
         self._add(cycle_topic(side), frame.time, frame.number, frame_message(frame))
         nanoseconds = self._nanoseconds(frame.time)

@@ -22,7 +22,7 @@ from abb_protocols.robot.joints import JointLimits, Side, joint_names
 from abb_runtime.clock import Clock
 from yumi.control.chunk_commands import ChunkTaken, FollowChunk
 from yumi.control.loop_commands import CommandPort, Commands, ControllerCommand
-from yumi.control.trajectory_commands import ResultCode, refused
+from yumi.control.trajectory_commands import ResultCode, trajectory_refused
 from yumi.planning.chunk_plan import plan_chunk
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
 from yumi.planning.trajectory_request import check_joints
@@ -94,7 +94,7 @@ def chunk_topic_plans(trajectory: Trajectory, sides: Sequence[Side], limits: Joi
     check_joints(given, known, may_leave_out=True)
     for number, point in enumerate(trajectory.points, 1):
         if len(point.position) != len(given):
-            raise refused(
+            raise trajectory_refused(
                 message(
                     "point_value_count",
                     point=number,
@@ -111,7 +111,7 @@ def chunk_topic_plans(trajectory: Trajectory, sides: Sequence[Side], limits: Joi
         if len(missing) == len(names):
             continue
         if missing:
-            raise refused(message("trajectory_joints_missing", missing=missing), ResultCode.INVALID_JOINTS)
+            raise trajectory_refused(message("trajectory_joints_missing", missing=missing), ResultCode.INVALID_JOINTS)
         columns = [given.index(name) for name in names]
         rows = [[float(point.position[column]) for column in columns] for point in trajectory.points]
         plans[side] = plan_chunk(side, times, np.array(rows), limits)

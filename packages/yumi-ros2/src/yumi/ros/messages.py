@@ -41,7 +41,7 @@ from yumi.control.goals import UNKNOWN, check_position
 from yumi.control.hand_over import Commanding
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, TrajectoryFeedback
-from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, refused
+from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, trajectory_refused
 from yumi.driver.robot_state import RobotMode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import explain
@@ -410,7 +410,7 @@ def trajectory_of(given: Any) -> JointTrajectory:
     points: list[TrajectoryPoint] = []
     for point in given.points:
         if point.effort:
-            raise refused(said("trajectory_with_efforts"))
+            raise trajectory_refused(said("trajectory_with_efforts"))
         fields = (point.positions, point.velocities, point.accelerations)
         time = seconds(point.time_from_start, f"Trajectory refused: time_from_start of point {len(points) + 1}")
         points.append(TrajectoryPoint(time, *map(tuple, fields)))
@@ -438,7 +438,7 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
             return own, f"{quoted(each.name)} is not a joint of this controller"
         values = (each.position, each.velocity, each.acceleration)
         if any(map(isnan, values)):
-            raise refused(said("joint_tolerance_not_a_number", joint=each.name))
+            raise trajectory_refused(said("joint_tolerance_not_a_number", joint=each.name))
         if any(value < 0.0 and value != UNLIMITED for value in values):
             return own, f"a tolerance of {each.name} is negative; -1 is unlimited"
     time = seconds(goal.goal_time_tolerance, "Trajectory refused: goal_time_tolerance")

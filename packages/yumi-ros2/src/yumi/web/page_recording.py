@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from abb_protocols.robot.joints import Joints, Side
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.recording.message_types import EVENTS, STATE, RecordedEvent
 from yumi.recording.reader import recorded_messages
 
@@ -98,10 +98,10 @@ class _Samples:
     """Cycles of one arm at equal intervals, which double when there are too many."""
 
     def __init__(self) -> None:
-        self.kept: list[Frame] = []
+        self.kept: list[RecordedCycle] = []
         self._period, self._last = _FIRST_PERIOD, float("-inf")
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: RecordedCycle) -> None:
         if frame.time - self._last < self._period - 1e-4:
             return
         self._last = frame.time

@@ -19,7 +19,7 @@ from parent import say_ready
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Joints, Side, chain_from_abb
 from abb_runtime.parameters import ParameterFileEntry
-from yumi.control.flight_recorder import Frame
+from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.goals import write_goal
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import Event
@@ -104,7 +104,7 @@ class DrivenLoop:
         print(event, file=sys.stderr, flush=True)
 
 
-def stage_medians(frames: Sequence[Frame]) -> dict[str, float]:
+def stage_medians(frames: Sequence[RecordedCycle]) -> dict[str, float]:
     """The median of each stage of a reply, by its name [µs]; nothing without frames."""
     names = [each.name for each in fields(StageTimes)] if frames else []
     return {name: 1e6 * median(getattr(frame.stages, name) for frame in frames) for name in names}

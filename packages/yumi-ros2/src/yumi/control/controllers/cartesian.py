@@ -7,14 +7,13 @@ them as the joint trajectory controllers do. Streams are followed in every cycle
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import inf, sqrt
 
 from abb_protocols.catalogue import message
 from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, ArmCommand, ArmState, JointLimits, Joints, Side, joints
 from abb_runtime.parameters import Parameter, Values, number
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
-from yumi.control.controllers.tool_stream import QUIET, SHARE_OF_SPEED, ToolStream
+from yumi.control.controllers.tool_stream import QUIET_TOOL_STREAM, SHARE_OF_SPEED, ToolStream
 from yumi.control.goals import Buffer, GoalKind, Inbox
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.place import Place
@@ -69,7 +68,6 @@ class CartesianController(JointTrajectoryController):
         self._within = within
         self._held_by, self._held_at = "", -inf
         self._caps = (inf, inf)  # of the stream's speeds, as its messages have them
-        self._limited: list[ToolLimited] = []
         self._inbox = Inbox(goals)
         self._is_ended = False  # its stream, until it is activated anew
         self._values: Values = {each.name: each.default for each in _PARAMETERS}
@@ -107,8 +105,8 @@ class CartesianController(JointTrajectoryController):
         )
         self._is_judged = False
         if stream.wall:
-            if stream.wall != self._held_by or state.time - self._held_at > QUIET:
-                self._limited.append(ToolLimited(stream.wall))
+            if stream.wall != self._held_by or state.time - self._held_at > QUIET_TOOL_STREAM:
+                self._reports.append(ToolLimited(stream.wall))
             self._held_by, self._held_at = stream.wall, state.time
         is_over = stream.is_over(state.time)
         if (is_over or stream.is_stopping) and self._is_held_back(state):
@@ -129,12 +127,6 @@ class CartesianController(JointTrajectoryController):
 
     def is_idle(self, now: float) -> bool:
         return super().is_idle(now) and not isinstance(self._source, ToolStream)
-
-    def take_reports(self) -> Sequence[object]:
-        reports = super().take_reports()
-        if self._limited:
-            reports, self._limited = [*reports, *self._limited], []
-        return reports
 
     def _take(self, goal: ToolGoal, state: ArmState) -> None:
         stream, values = self._source, self._values

@@ -7,14 +7,14 @@ from math import inf
 from abb_protocols.catalogue import Message, message
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmState, JointLimits, Side
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
-from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
+from yumi.control.controllers.trajectory_goal import TrajectoryGoal, TrajectoryPhase
 from yumi.control.goals import Buffer
 from yumi.control.place import Place
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory, ResultCode, TrajectoryOutcome
 
-OTHER_ARM_TIMEOUT = 0.250
+_OTHER_ARM_TIMEOUT = 0.250
 """An arm that has not followed the common trajectory for so long does not follow it any more [s]. What ends its motion
 ends the other's at once; what remains is a robot whose datagrams do not come, which may be late by tens of ms."""
 
@@ -83,12 +83,12 @@ class DualArmTrajectoryController(JointTrajectoryController):
                     difference = (self._time - other._time) / self._pace - (state.time - other._state.time)
                     self._worst_skew = max(self._worst_skew, abs(difference))
         silence = state.time - self._followed_together
-        if silence > OTHER_ARM_TIMEOUT and not goal.is_cancelled:
+        if silence > _OTHER_ARM_TIMEOUT and not goal.is_cancelled:
             self._abort(ResultCode.INVALID_GOAL, message("other_arm_not_following", silence=silence))
 
     def _may_succeed(self, goal: TrajectoryGoal) -> bool:
         other = self._other(goal)
-        return other is not None and other._goal is not None and other._goal.phase is Phase.REACHED
+        return other is not None and other._goal is not None and other._goal.phase is TrajectoryPhase.REACHED
 
     def _end(self, outcome: TrajectoryOutcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
         goal = self._goal

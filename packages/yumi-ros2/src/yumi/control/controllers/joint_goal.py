@@ -25,11 +25,11 @@ from abb_protocols.robot.joints import (
     Joints,
 )
 from abb_runtime.parameters import Parameter, Values, number
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, foreign_command
 from yumi.control.goals import GoalBuffer, GoalInbox, check_position
 from yumi.control.motion.point_motion import PointMotion, point_stop, point_travel
 from yumi.control.motion.robot_response import STANDING
-from yumi.control.motion.setpoint import Setpoint, largest_difference, slower
+from yumi.control.motion.setpoint import Setpoint, largest_difference
 from yumi.control.motion.standstill import StandstillDetector
 from yumi.control.place import Place
 from yumi.control.speed_scale import SpeedScale
@@ -209,8 +209,6 @@ class JointGoalController(Controller):
             self._start(self._way_to(self._command))
 
     def take_reports(self) -> Sequence[object]:
-        if not self._reports:
-            return ()
         reports, self._reports = self._reports, []
         return reports
 
@@ -228,17 +226,10 @@ class JointGoalController(Controller):
 
     def _planned(self, command: object) -> tuple[JointGoal | StopMotion, PointMotion]:
         if isinstance(command, StopMotion):
-            return command, point_stop(self._setpoint.scaled(self._scale), slower(self._limits, 1.0, _ROOM))
+            return command, point_stop(self._setpoint.scaled(self._scale), self._limits.slower(1.0, _ROOM))
         if not isinstance(command, JointGoal):
-            raise CommandRefused(
-                message(
-                    "command_of_other_controller",
-                    type=self.kind,
-                    allowed=(JointGoal.__name__, StopMotion.__name__),
-                    command=type(command).__name__,
-                )
-            )
-        check_goal(command.position)
+            raise foreign_command(self, command, JointGoal, StopMotion)
+        _check_goal(command.position)
         return command, self._way_to(command)
 
     def _way_to(self, goal: JointGoal) -> PointMotion:
@@ -247,11 +238,11 @@ class JointGoalController(Controller):
         top = self._values["top_speed"]
         start = self._setpoint.unscaled(self._speed.value / self._scale)  # in the time of the new way
         try:
-            return point_travel(start, goal.position, slower(self._limits, speed, _ROOM * acceleration, top))
+            return point_travel(start, goal.position, self._limits.slower(speed, _ROOM * acceleration, top))
         except CommandRefused:
             if acceleration == 1.0:
                 raise
-        return point_travel(start, goal.position, slower(self._limits, speed, 1.0, top))  # brakes harder
+        return point_travel(start, goal.position, self._limits.slower(speed, 1.0, top))  # brakes harder
 
     def _factor(self, name: str, value: float | None) -> float:
         if value is None:
@@ -299,7 +290,7 @@ class JointGoalController(Controller):
             self._command = None
 
 
-def check_goal(position: Joints) -> None:
+def _check_goal(position: Joints) -> None:
     """Refuse what is not a position of an arm.
 
     Raises:

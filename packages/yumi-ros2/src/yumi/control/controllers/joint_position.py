@@ -33,7 +33,7 @@ from abb_protocols.robot.joints import (
 )
 from abb_runtime.parameters import Parameter, Values, flag_setting, number
 from yumi.control.controller import IDLE, Controller
-from yumi.control.goals import CONFIGURED_DELAY, LONGEST_DELAY, Goal, GoalBuffer, GoalInbox, GoalKind
+from yumi.control.goals import CONFIGURED_DELAY, LONGEST_DELAY, GoalBuffer, GoalInbox, GoalKind, SessionGoal
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.speed_motion import speeds_without_noise
@@ -101,7 +101,7 @@ class JointPositionController(Controller):
         self._is_proportional = True
         self._integrals = [0.0] * JOINT_COUNT
         self._predictor, self._filter = TargetPredictor(limits), TrackingFilter(limits)
-        self._monitor, self._pending = StreamMonitor(limits), deque[Goal]()
+        self._monitor, self._pending = StreamMonitor(limits), deque[SessionGoal]()
         self._delay = DELAY
         self._stream_delay = self._asked_delay = CONFIGURED_DELAY
         self._period = self._late = 0.0  # of the stream, and how late it is followed now
@@ -197,10 +197,10 @@ class JointPositionController(Controller):
         parts = zip(state.position, goal, state.velocity, self._p, self._integrals, self._d, strict=True)
         return ArmCommand(tuple([now + p * (to - now) + integral - d * v for now, to, v, p, integral, d in parts]))
 
-    def _track(self, state: ArmState, goal: Goal | None) -> ArmCommand | None:
+    def _track(self, state: ArmState, goal: SessionGoal | None) -> ArmCommand | None:
         self._begin_tracking(state)
         if goal is not None:
-            self._predictor.add(*goal[:3])
+            self._predictor.add(goal.position, goal.velocity, goal.time)
         if state.dt <= 0.0:
             return None
         return _sent(self._filter.step(self._predictor.at(state.time, self._delay), state.dt, self._speed.value))
@@ -217,7 +217,7 @@ class JointPositionController(Controller):
         self._monitor.begin()
         self._period, self._is_lost, self._is_held = 0.0, False, False
 
-    def _follow(self, state: ArmState, goal: Goal | None, points: int) -> ArmCommand | None:
+    def _follow(self, state: ArmState, goal: SessionGoal | None, points: int) -> ArmCommand | None:
         """The command for a stream, of which ``goal`` is the next point, and ``points`` have come since the last one.
 
         Its points wait until they are needed, which is one period before the arm has to be there.
@@ -238,7 +238,8 @@ class JointPositionController(Controller):
             monitor.note_delay(self._late, place - before if is_enough and is_connected else 0.0, now)
         soon = place + max(self._period, _SHORTEST_PERIOD)
         while self._pending and self._pending[0].time <= soon:
-            self._predictor.add(*self._pending.popleft()[:3])
+            due = self._pending.popleft()
+            self._predictor.add(due.position, due.velocity, due.time)
             self._is_lost = self._is_held = False
         if state.dt <= 0.0:
             return None

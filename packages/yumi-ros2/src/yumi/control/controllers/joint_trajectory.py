@@ -29,12 +29,12 @@ from abb_protocols.robot.joints import (
 )
 from abb_runtime.parameters import Parameter, Values
 from yumi.control.chunk_commands import ChunksExhausted, ChunkTaken, FollowChunk
-from yumi.control.controller import Controller
-from yumi.control.controllers.trajectory_goal import Phase, TrajectoryGoal
+from yumi.control.controller import Controller, foreign_command
+from yumi.control.controllers.trajectory_goal import TrajectoryGoal, TrajectoryPhase
 from yumi.control.controllers.trajectory_parameters import TrajectorySettings, trajectory_parameters
 from yumi.control.goals import Buffer
 from yumi.control.motion.blending import blend
-from yumi.control.motion.chunk_motion import ChunkMotion, join
+from yumi.control.motion.chunk_motion import ChunkMotion, join_chunk
 from yumi.control.motion.point_motion import PointMotion, point_stop
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint
@@ -51,7 +51,7 @@ from yumi.control.trajectory_commands import (
     ScaleSpeed,
     TrajectoryEnded,
     TrajectoryOutcome,
-    refused,
+    trajectory_refused,
 )
 
 _TIMES = 64  # cycles: more than the longest lookahead
@@ -105,7 +105,7 @@ class JointTrajectoryController(Controller):
         defaults = {each.name: each.default for each in self.parameters(self._names)}
         self._settings = TrajectorySettings.of(defaults, self._names, limits.acceleration)
         self._scale = self._rate = self._settings.scale
-        self._reports: list[TrajectoryEnded | ChunksExhausted] = []
+        self._reports: list[object] = []
         self._goal: TrajectoryGoal | None = None
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
@@ -161,16 +161,7 @@ class JointTrajectoryController(Controller):
             if not 0.0 <= command.factor <= 1.0:
                 raise CommandRefused(message("speed_scaling_factor_out_of_range", factor=command.factor))
         elif not isinstance(command, CancelTrajectory):
-            raise CommandRefused(
-                message(
-                    "command_of_other_controller",
-                    type=self.kind,
-                    allowed=tuple(
-                        each.__name__ for each in (FollowTrajectory, FollowChunk, ScaleSpeed, CancelTrajectory)
-                    ),
-                    command=type(command).__name__,
-                )
-            )
+            raise foreign_command(self, command, FollowTrajectory, FollowChunk, ScaleSpeed, CancelTrajectory)
 
     def receive(self, command: object, state: ArmState | None) -> ChunkTaken | None:
         self.check(command, state)
@@ -232,8 +223,6 @@ class JointTrajectoryController(Controller):
                 self._compare_arms(self._goal, state)
             if state.time >= self._feedback_due:
                 self._give_feedback(state)
-        if not self._reports:
-            return ()
         reports, self._reports = self._reports, []
         return reports
 
@@ -260,15 +249,15 @@ class JointTrajectoryController(Controller):
             return
         plan, settings = command.plan, self._settings
         if plan.side is not self._side:
-            raise refused(message("trajectory_of_other_arm", arm=plan.side.word, own_arm=self._side.word))
+            raise trajectory_refused(message("trajectory_of_other_arm", arm=plan.side.word, own_arm=self._side.word))
         if plan.left_out and not settings.is_partial_allowed:
-            raise refused(message("trajectory_is_partial", missing=plan.left_out), ResultCode.INVALID_JOINTS)
+            raise trajectory_refused(message("trajectory_is_partial", missing=plan.left_out), ResultCode.INVALID_JOINTS)
         if any(isnan(value) for value in command.tolerances.values):
-            raise refused(message("tolerance_not_a_number"))
+            raise trajectory_refused(message("tolerance_not_a_number"))
         now = self._time_at_once(state) if plan.start is None else state.time - plan.start + settings.lookahead
         late = now - settings.lookahead - plan.spline.end
         if late > 0.0:
-            raise refused(message("trajectory_is_over", late=late), ResultCode.OLD_HEADER_TIMESTAMP)
+            raise trajectory_refused(message("trajectory_is_over", late=late), ResultCode.OLD_HEADER_TIMESTAMP)
         setpoint = self._source.setpoint(self._time)
         if self._is_braking:  # in the trajectory's time from here on
             setpoint = setpoint.unscaled(self._speed.value)
@@ -280,9 +269,9 @@ class JointTrajectoryController(Controller):
     def _checked_state(self, state: ArmState | None) -> ArmState:
         """The state of an arm that may follow what is new; raises TrajectoryRefused for another one."""
         if state is None:
-            raise refused(message("arm_without_egm", arm=self._side.word))
+            raise trajectory_refused(message("arm_without_egm", arm=self._side.word))
         if self._standstill is not None and max(map(abs, state.velocity)) > STANDING:
-            raise refused(message("trajectory_while_arm_moves"))
+            raise trajectory_refused(message("trajectory_while_arm_moves"))
         return state
 
     def _check_chunk(self, command: FollowChunk, state: ArmState | None) -> None:
@@ -299,7 +288,7 @@ class JointTrajectoryController(Controller):
                 pace = self._speed.value
                 before = before.scaled(1.0 / pace)
         shift = time + (command.start - state.time - self._settings.lookahead) * pace
-        motion = join(command, shift, before, time, self._names, self._limits)
+        motion = join_chunk(command, shift, before, time, self._names, self._limits)
         self._checked_chunk = (command, state, self._source, motion, time, pace)
 
     def _follow_chunk(self) -> ChunkTaken:
@@ -358,7 +347,7 @@ class JointTrajectoryController(Controller):
             self._brake_on_chunks()
         if goal is None or goal.is_cancelled or command.goal not in (None, goal.number):
             return
-        goal.phase = Phase.CANCELED
+        goal.phase = TrajectoryPhase.CANCELED
         self._brake()
 
     def _leave_chunks(self) -> None:
@@ -387,7 +376,7 @@ class JointTrajectoryController(Controller):
         violation = goal.judge(time, state, self._pace if is_steady else None)
         if violation is not None:
             self._abort(*violation)
-        elif goal.phase is Phase.REACHED and self._may_succeed(goal):
+        elif goal.phase is TrajectoryPhase.REACHED and self._may_succeed(goal):
             self._succeed()
 
     def _judge_segment(self) -> None:

@@ -50,7 +50,7 @@ _FASTEST_WEAK = 0.3  # [rad/s] so much may lead through a singularity
 _LEAD = (0.002, 0.002, 0.002, 0.02, 0.02, 0.02, 0.05)  # [m], [rad] a velocity takes the target no further ahead
 _UNMOVED = 1e-5  # [rad/s]
 _SMALL = 1e-4  # [s] a step over which a rate is taken
-QUIET = 1.0  # [s] after which a stream that rests has ended
+QUIET_TOOL_STREAM = 1.0  # [s] after which a stream that rests has ended
 _MOST_LOCKED = 3
 SHARE_OF_SPEED = 0.8  # of the tool's limit on streams: joints that catch up with their target come to more for a moment
 _ROOM = 0.002  # [m] a stream leads the tool so near to a wall
@@ -346,7 +346,7 @@ class ToolStream:
     def is_over(self, now: float) -> bool:
         """Whether the tool stands where the stream has led it, and nothing has come for a while."""
         return (
-            now - self._given_at > QUIET
+            now - self._given_at > QUIET_TOOL_STREAM
             and max(map(abs, self._velocity)) < _UNMOVED
             and max(map(abs, self._rates)) < _UNMOVED
         )

@@ -12,7 +12,7 @@ from yumi.control.motion.spline import Spline, SplineSampler
 from yumi.control.trajectory_commands import ResultCode, Tolerances
 
 
-class Phase(Enum):
+class TrajectoryPhase(Enum):
     """How far an arm is with a trajectory."""
 
     RUNNING = auto()
@@ -46,7 +46,7 @@ class TrajectoryGoal:
     def __init__(self, number: int, names: Sequence[str], spline: Spline, tolerances: Tolerances) -> None:
         self.number = number
         self.begin = spline.begin
-        self.phase = Phase.RUNNING
+        self.phase = TrajectoryPhase.RUNNING
         self.first = 0.0
         self._names = names
         self._sampler = SplineSampler(spline)
@@ -58,7 +58,7 @@ class TrajectoryGoal:
     @property
     def is_cancelled(self) -> bool:
         """Whether the arm comes to rest because it was cancelled."""
-        return self.phase is Phase.CANCELED
+        return self.phase is TrajectoryPhase.CANCELED
 
     def judge(self, time: float, state: ArmState, pace: float | None = 1.0) -> Violation | None:
         """What is wrong with an arm that should be where the trajectory was at ``time`` [s]; notes its arrival.
@@ -69,12 +69,12 @@ class TrajectoryGoal:
             return None
         if time < self.end:
             return self._judge_way(time, state, pace)
-        if self.phase is not Phase.RUNNING:
+        if self.phase is not TrajectoryPhase.RUNNING:
             return None
         late, goal = time - self.end, self._sampler.position(self.end)
         off = _first_beyond(goal, state.position, self._goal_bounds)
         if off is None and _first_beyond(ZERO, state.velocity, self._bounds.goal_velocity) is None:
-            self.phase = Phase.REACHED
+            self.phase = TrajectoryPhase.REACHED
         elif late > self._bounds.goal_time:
             if off is None:
                 return ResultCode.GOAL_TOLERANCE_VIOLATED, message("arm_moved_after_trajectory", late=late)

@@ -22,7 +22,7 @@ from abb_runtime.parameters import Values
 from yumi.control.controller import Controller, State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.goals import GoalKind
-from yumi.control.manager.controller_switch import Strictness, Switch, find, plan_switch
+from yumi.control.manager.controller_switch import Strictness, Switch, find_loaded, plan_switch
 from yumi.control.manager.hardware_component import HardwareComponent
 from yumi.control.manager.loaded_controller import LoadedController
 from yumi.control.manager.merged_command import MergedCommand
@@ -81,15 +81,18 @@ class ControllerManager:
         """The types of controllers that can be loaded."""
         return tuple(self._kinds)
 
-    def load(self, name: str, controller: Controller) -> None:
-        """Add a controller, unconfigured.
+    def load(self, name: str, controller: Controller, values: Values | None = None) -> None:
+        """Add a controller, unconfigured, with parameters that differ from their defaults.
 
         Raises:
-            CommandRefused: the name is taken or could not be that of a ROS node.
+            CommandRefused: the name is taken or could not be that of a ROS node, or a value is not allowed; nothing was
+                changed.
         """
         self._check_name(name)
         controller.sent = self.sent
-        self._loaded[name] = LoadedController(name, controller, self._joint_names)
+        loaded = LoadedController(name, controller, self._joint_names)
+        loaded.set_parameters(values or {})
+        self._loaded[name] = loaded
         self._note_change()
 
     def load_kind(self, name: str, kind: str, values: Values | None = None) -> None:
@@ -104,12 +107,7 @@ class ControllerManager:
                 message("controller_type_unknown", controller=name, type=kind, types=tuple(self._kinds))
             )
         with _refusing(name, "load"):
-            controller = self._kinds[kind](name)
-            controller.sent = self.sent
-            loaded = LoadedController(name, controller, self._joint_names)
-            loaded.set_parameters(values or {})
-        self._loaded[name] = loaded
-        self._note_change()
+            self.load(name, self._kinds[kind](name), values)
 
     def unload(self, name: str) -> None:
         """Forget a controller.
@@ -117,7 +115,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller, or it is active.
         """
-        loaded = find(self._loaded, name)
+        loaded = find_loaded(self._loaded, name)
         if loaded.state is State.ACTIVE:
             raise CommandRefused(message("controller_still_active", controller=name))
         with _refusing(name, "unload"):
@@ -125,15 +123,15 @@ class ControllerManager:
         del self._loaded[name]
         self._note_change()
 
-    def configure(self, name: str, values: Values | None = None) -> None:
+    def configure(self, name: str) -> None:
         """Give an unconfigured or inactive controller its parameters and make it inactive.
 
         Raises:
-            CommandRefused: no such controller, wrong state, unknown parameter or value not allowed.
+            CommandRefused: no such controller, wrong state, or values that do not go together.
         """
         try:
             with _refusing(name, "configure"):
-                find(self._loaded, name).configure(values)
+                find_loaded(self._loaded, name).configure()
         finally:
             self._note_change()
 
@@ -144,7 +142,7 @@ class ControllerManager:
             CommandRefused: no such controller, or it is active.
         """
         with _refusing(name, "cleanup"):
-            find(self._loaded, name).clean_up()
+            find_loaded(self._loaded, name).clean_up()
         self._note_change()
 
     def set_parameters(self, name: str, values: Values) -> None:
@@ -154,7 +152,7 @@ class ControllerManager:
             CommandRefused: no such controller, unknown parameter or value out of range; nothing was changed.
         """
         with _refusing(name, "set_parameters"):
-            find(self._loaded, name).set_parameters(values)
+            find_loaded(self._loaded, name).set_parameters(values)
 
     def parameters(self, name: str) -> tuple[ParameterInfo, ...]:
         """What can be set on a controller and what is set.
@@ -162,7 +160,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller.
         """
-        return find(self._loaded, name).parameters()
+        return find_loaded(self._loaded, name).parameters()
 
     def switch(
         self,
@@ -210,7 +208,7 @@ class ControllerManager:
                 the arm was ended by an incident: only who brings the arm back activates a controller then, and not
                 the next goal of a client that tries again and again.
         """
-        find(self._loaded, name)
+        find_loaded(self._loaded, name)
         if state is None or not state.is_running:
             raise _without_egm(name)
         if self._is_interrupted:
@@ -271,7 +269,7 @@ class ControllerManager:
         Raises:
             CommandRefused: it would not, and why.
         """
-        find(self._loaded, name).check_command(command, state)
+        find_loaded(self._loaded, name).check_command(command, state)
 
     def receive(self, name: str, command: object, state: ArmState | None) -> object:
         """Have an active controller take a command.
@@ -348,8 +346,6 @@ class ControllerManager:
                     self._reports.append((loaded.name, report))
             except Exception as error:
                 self._fail(loaded, error)
-        if not self._reports:
-            return ()
         reports, self._reports = self._reports, []
         return reports
 

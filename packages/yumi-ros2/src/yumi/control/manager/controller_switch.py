@@ -105,7 +105,7 @@ class _Chooser:
         controllers = []
         for name in dict.fromkeys(names):
             try:
-                controller = find(self._loaded, name)
+                controller = find_loaded(self._loaded, name)
                 self.known += 1
                 if controller not in stopping:
                     controller.check(transition)
@@ -118,7 +118,7 @@ class _Chooser:
         return tuple(controllers)
 
 
-def find(loaded: Mapping[str, LoadedController], name: str) -> LoadedController:
+def find_loaded(loaded: Mapping[str, LoadedController], name: str) -> LoadedController:
     """The controller of that name.
 
     Raises:

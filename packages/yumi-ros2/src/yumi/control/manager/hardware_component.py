@@ -11,7 +11,7 @@ from yumi.control.controller import State
 from yumi.control.controller_info import HardwareInfo, InterfaceInfo, Statistics
 from yumi.control.stage_times import BEGIN, DECODE, LIMIT, SEND, RunningStatistics
 
-INTERFACE_KINDS = ("position", "velocity")
+_INTERFACE_KINDS = ("position", "velocity")
 """What each joint offers, both as command and as state."""
 
 STATISTICS_WINDOW = 5.0
@@ -35,7 +35,7 @@ class HardwareComponent:
     def __init__(self, name: str, joint_names: tuple[str, ...]) -> None:
         self.name = name
         self.state = State.ACTIVE
-        self.interfaces = tuple(f"{joint}/{kind}" for joint in joint_names for kind in INTERFACE_KINDS)
+        self.interfaces = tuple(f"{joint}/{kind}" for joint in joint_names for kind in _INTERFACE_KINDS)
         self._read_time, self._write_time, self._period = self._times = [RunningStatistics() for _ in range(3)]
         self._recent: tuple[Statistics, ...] = ()
         self._begin = -inf

@@ -8,7 +8,14 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ArmState
 from abb_runtime.parameters import Values
-from yumi.control.controller import TRANSITIONS, Controller, State, Transition, allowed, find_controller_parameter
+from yumi.control.controller import (
+    TRANSITIONS,
+    Controller,
+    State,
+    Transition,
+    allowed_transitions,
+    find_controller_parameter,
+)
 from yumi.control.controller_info import ControllerInfo, ParameterInfo
 from yumi.control.stage_times import RunningStatistics
 
@@ -39,18 +46,17 @@ class LoadedController:
         self._parameters = {parameter.name: parameter for parameter in controller.parameters(joint_names)}
         self._values: Values = {key: parameter.default for key, parameter in self._parameters.items()}
 
-    def configure(self, values: Values | None = None) -> None:
-        """Take ``values`` and become inactive; an inactive one is cleaned up first.
+    def configure(self) -> None:
+        """Give the controller its parameters and become inactive; an inactive one is cleaned up first.
 
         Raises:
-            CommandRefused: wrong state or value, nothing was changed; or the controller or its interfaces do not go
-                with the values, then it is unconfigured.
+            CommandRefused: wrong state, nothing was changed; or the controller or its interfaces do not go with the
+                values, then it is unconfigured.
         """
         if self.state is not State.INACTIVE:
             self.check(Transition.CONFIGURE)
-        complete = self._complete(values or {}, is_settled=False)
         self.clean_up()
-        self.controller.configure(complete)
+        self.controller.configure(self._values)
         # The interfaces may depend on the parameters, so they are asked for afterwards.
         required = _interned(self.controller.command_interfaces(self._joint_names))
         required_state = _interned(self.controller.state_interfaces(self._joint_names))
@@ -58,7 +64,7 @@ class LoadedController:
             twice = next((name for name in interfaces if interfaces.count(name) > 1), None)
             if twice:
                 raise CommandRefused(message("interface_named_twice", controller=self.name, interface=twice))
-        self.required, self.required_state, self._values = required, required_state, complete
+        self.required, self.required_state = required, required_state
         self.state = State.INACTIVE
 
     def set_parameters(self, values: Values) -> None:
@@ -110,7 +116,7 @@ class LoadedController:
                     controller=self.name,
                     state=self.state.value,
                     transition=transition.value,
-                    allowed=tuple(choice.value for choice in allowed(self.state)),
+                    allowed=tuple(choice.value for choice in allowed_transitions(self.state)),
                 )
             )
 

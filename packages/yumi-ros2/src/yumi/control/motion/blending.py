@@ -8,10 +8,10 @@ from contextlib import suppress
 from abb_protocols.catalogue import message
 from abb_protocols.errors import TrajectoryRefused
 from abb_protocols.robot.joints import ZERO, JointLimits, Joints, joint_names
-from yumi.control.motion.setpoint import Setpoint
+from yumi.control.motion.setpoint import Setpoint, largest_difference
 from yumi.control.motion.spline import Spline, SplineSampler, TrajectoryPoint, segment_between
 from yumi.control.motion.spline_limits import check_lead, check_motion
-from yumi.control.trajectory_commands import ArmPlan, ResultCode, refused
+from yumi.control.trajectory_commands import ArmPlan, ResultCode, trajectory_refused
 
 START_TOLERANCE = 0.02
 """A trajectory whose first point is due at 0 s begins at most so far from the arm [rad], a little over 1°."""
@@ -41,7 +41,7 @@ def blend(
     """
     spline, names = plan.spline, joint_names(plan.side)
     if now > spline.end:
-        raise refused(message("trajectory_is_over", late=now - spline.end), ResultCode.OLD_HEADER_TIMESTAMP)
+        raise trajectory_refused(message("trajectory_is_over", late=now - spline.end), ResultCode.OLD_HEADER_TIMESTAMP)
     is_at_rest = setpoint.velocity is ZERO
     sampler = SplineSampler(spline)
     begin = max(now, 0.0) if is_at_rest else now
@@ -65,8 +65,8 @@ def blend(
     if is_at_rest or not plan.is_smoothed:
         _check_begin(plan, setpoint, begin, by_now.position, tolerance)
     if (
-        max(abs(a - b) for a, b in zip(setpoint.position, by_now.position, strict=True)) <= _SAME_POSITION
-        and max(abs(a - b) for a, b in zip(setpoint.velocity, by_now.velocity, strict=True)) <= _SAME_VELOCITY
+        largest_difference(setpoint.position, by_now.position) <= _SAME_POSITION
+        and largest_difference(setpoint.velocity, by_now.velocity) <= _SAME_VELOCITY
     ):
         return spline
     return _joined(spline, setpoint, begin, names, limits)
@@ -87,7 +87,7 @@ def _joined(spline: Spline, setpoint: Setpoint, begin: float, names: Sequence[st
             refusal = error
             continue
         return Spline(spline.segments.after(lead), spline.last if spline.end > end.time else end)
-    raise refused(message("trajectory_too_far_away", duration=_DURATIONS[-1])) from refusal
+    raise trajectory_refused(message("trajectory_too_far_away", duration=_DURATIONS[-1])) from refusal
 
 
 def _check_begin(plan: ArmPlan, setpoint: Setpoint, begin: float, by_now: Joints, tolerance: float) -> None:
@@ -95,7 +95,7 @@ def _check_begin(plan: ArmPlan, setpoint: Setpoint, begin: float, by_now: Joints
     for index, (first, now, place) in enumerate(zip(plan.first.position, by_now, setpoint.position, strict=True)):
         if min(first, now) - tolerance <= place <= max(first, now) + tolerance:
             continue
-        raise refused(
+        raise trajectory_refused(
             message(
                 "trajectory_is_elsewhere" if begin > plan.first.time else "trajectory_begins_elsewhere",
                 time=plan.first.time,

@@ -14,7 +14,7 @@ from yumi.control.chunk_commands import FollowChunk
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import Segment, Spline, SplineSampler, TrajectoryPoint, segment_between
 from yumi.control.motion.spline_limits import derivative, hull
-from yumi.control.trajectory_commands import ResultCode, refused
+from yumi.control.trajectory_commands import ResultCode, trajectory_refused
 
 LONGEST_LEAD = 1.6
 """A chunk begins at most so much later than the points before it end [s]."""
@@ -94,7 +94,7 @@ class ChunkMotion:
         return motion
 
 
-def join(
+def join_chunk(
     chunk: FollowChunk,
     shift: float,
     before: ChunkMotion | Setpoint,
@@ -120,7 +120,7 @@ def join(
     spline = chunk.spline
     begin, end = shift + spline.begin, shift + spline.end
     if end - time < _SHORTEST:
-        raise refused(message("chunk_is_over", late=time - end), ResultCode.OLD_HEADER_TIMESTAMP)
+        raise trajectory_refused(message("chunk_is_over", late=time - end), ResultCode.OLD_HEADER_TIMESTAMP)
     last: ChunkMotion | None
     if isinstance(before, ChunkMotion):
         seam = max(time, min(begin, before.end))
@@ -129,11 +129,11 @@ def join(
     else:
         seam, last, start, points = time, None, before, ()
     if begin - seam > LONGEST_LEAD:
-        raise refused(message("chunk_begins_too_late", early=begin - seam, most=LONGEST_LEAD))
+        raise trajectory_refused(message("chunk_begins_too_late", early=begin - seam, most=LONGEST_LEAD))
     _check_jump(chunk, start, max(seam, begin) - shift, max(0.0, begin - seam), names, limits)
     lead = _lead(spline, start, seam - shift, limits)
     if lead is None:
-        raise refused(message("chunk_out_of_reach", duration=end - seam))
+        raise trajectory_refused(message("chunk_out_of_reach", duration=end - seam))
     due = [begin, *(shift + segment.end for segment in spline.segments)]
     new = [each for each in due if each > time]
     pending = [each for each in points if each > time]
@@ -151,7 +151,7 @@ def _check_jump(
     for name, now, then, speed in zip(names, start.position, there, limits.velocity, strict=True):
         most = chunk.jump + gap * speed
         if not abs(then - now) <= most:  # NaN too
-            raise refused(message("chunk_jumps", joint=name, distance=then - now, most=most))
+            raise trajectory_refused(message("chunk_jumps", joint=name, distance=then - now, most=most))
 
 
 def _lead(spline: Spline, start: Setpoint, seam: float, limits: JointLimits) -> Segment | None:

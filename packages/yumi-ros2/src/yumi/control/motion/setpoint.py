@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import inf
 from typing import NamedTuple
 
-from abb_protocols.robot.joints import ZERO, JointLimits, Joints
+from abb_protocols.robot.joints import ZERO, Joints
 
 
 class Setpoint(NamedTuple):
@@ -40,23 +38,6 @@ class Setpoint(NamedTuple):
         if factor == 1.0 or self.velocity is ZERO:
             return self
         return Setpoint(self.position, tuple([each / factor for each in self.velocity]))
-
-
-def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, top_speed: float = inf) -> JointLimits:
-    """``limits`` for a gentler motion.
-
-    Args:
-        limits: of the joints.
-        speed: factor on the speeds, above 0 up to 1.
-        acceleration: factor on accelerations and jerks, above 0 up to 1.
-        top_speed: no joint is faster than ``speed`` times this [rad/s].
-    """
-    return replace(
-        limits,
-        velocity=tuple([speed * min(each, top_speed) for each in limits.velocity]),
-        acceleration=tuple([acceleration * each for each in limits.acceleration]),
-        jerk=tuple([acceleration * each for each in limits.jerk]),
-    )
 
 
 def largest_difference(left: Joints, right: Joints) -> float:

@@ -14,10 +14,7 @@ from typing import NamedTuple
 from abb_protocols.catalogue import message
 from abb_protocols.robot.joints import JointLimits
 from yumi.control.motion.spline import Segment
-from yumi.control.trajectory_commands import refused
-
-#
-# Without numpy: its linear algebra starts threads, not wanted in the control process, where blends are checked.
+from yumi.control.trajectory_commands import trajectory_refused
 
 _HALVINGS = 50
 
@@ -125,7 +122,7 @@ def check_motion(segments: Sequence[Segment], names: Sequence[str], limits: Join
             ):
                 out = excess(row, length, min(low, start) - _RANGE_ROUNDING, max(high, start) + _RANGE_ROUNDING)
                 if out is not None:
-                    raise refused(
+                    raise trajectory_refused(
                         message(
                             "trajectory_leaves_range",
                             joint=names[index],
@@ -150,7 +147,7 @@ def check_lead(lead: Segment, names: Sequence[str], limits: JointLimits) -> None
 def _check_rate(quantity: str, unit: str, rate: Sequence[float], limit: float, name: str, segment: Segment) -> None:
     out = excess(rate, segment.end - segment.begin, -limit * ROUNDING, limit * ROUNDING)
     if out is not None:
-        raise refused(
+        raise trajectory_refused(
             message(
                 "trajectory_beyond_limit",
                 joint=name,

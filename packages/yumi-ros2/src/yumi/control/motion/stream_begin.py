@@ -8,7 +8,7 @@ NEAR = 0.1
 """A stream may begin so far from where the arm is sent [rad]: the arm is there in a moment, within its limits."""
 
 
-class Blend:
+class StreamBegin:
     """How a stream of joint positions begins that is not where the arm is sent: what lies between fades away.
 
     Args:

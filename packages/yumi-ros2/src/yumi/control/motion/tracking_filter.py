@@ -12,7 +12,7 @@ from math import exp
 
 from abb_protocols.robot.joints import JOINT_COUNT, ZERO, JointLimits, Joints, joints
 from yumi.control.motion.joint_steps import step_to_rest, step_towards
-from yumi.control.motion.setpoint import Setpoint, slower
+from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.speed_motion import SHARE_OF_LIMITS
 
 _FOLLOWABLE = 0.9  # a target nearly as fast or as strong as the joint cannot be caught up with
@@ -32,7 +32,7 @@ class TrackingFilter:
 
     def __init__(self, limits: JointLimits) -> None:
         self.stiffness = 40.0
-        self._limits = slower(limits, SHARE_OF_LIMITS, SHARE_OF_LIMITS)
+        self._limits = limits.slower(SHARE_OF_LIMITS, SHARE_OF_LIMITS)
         self.begin(ZERO)
 
     def begin(self, position: Joints, velocity: Joints = ZERO) -> None:
@@ -66,7 +66,7 @@ class TrackingFilter:
             dt: time that passes [s].
             scale: factor on the speeds.
         """
-        limits = self._limits if scale == 1.0 else slower(self._limits, scale)
+        limits = self._limits if scale == 1.0 else self._limits.slower(scale)
         rows = zip(*self._now, *target, limits.velocity, limits.acceleration, limits.jerk, strict=True)
         steps = [self._filtered(chasing, dt, *row) for chasing, row in zip(self._is_chasing, rows, strict=True)]
         self._is_chasing = [step is None for step in steps]

@@ -1,4 +1,4 @@
-"""Chunks of a policy in virtual time: how an arm follows them, and what upstream's rule makes of the same policy.
+"""Runs of chunks in virtual time: how an arm follows them, and what upstream's rule makes of the same policy.
 
 The policy is smooth and closed-loop: each chunk begins where the arm was observed, and leads back to the policy's own
 motion. Inference takes time, chunks are lost and corrected, and the next inference begins when the last one has ended.
