@@ -98,7 +98,7 @@ def test_robot_behind_a_tunnel_to_this_machine_is_real(monkeypatch: pytest.Monke
     system, lifted = System(), []
     system.client.connect()
     monkeypatch.setattr(wiring, "takes_faults", lambda address: takes_faults)
-    monkeypatch.setattr(system.client, "lift_pace", lambda: lifted.append(True))
+    monkeypatch.setattr(system.client, "lift_rate_limit", lambda: lifted.append(True))
     check_kind(system.manager, system.client, settings_for("127.0.0.1"))
     assert system.manager.is_real is not takes_faults
     assert lifted == [True] * takes_faults

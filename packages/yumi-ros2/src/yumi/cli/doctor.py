@@ -161,7 +161,7 @@ def controller_for_doctor(
         f"{where.address}:{where.rws_port}", user=where.user, password=where.password, timeout=where.timeout
     )
     if is_loopback(remote) and takes_faults(client.address):
-        client.lift_pace()
+        client.lift_rate_limit()
     return client, remote, {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
 
 

@@ -193,7 +193,7 @@ def check_kind(manager: RobotManager, client: RwsClient, settings: Settings) -> 
     if manager.is_real:
         return
     if takes_faults(f"{robot.address}:{robot.rws_port}"):
-        client.lift_pace()
+        client.lift_rate_limit()
         return
     try:
         is_virtual = client.identity().is_virtual

@@ -71,6 +71,8 @@ class _LateAnswers:
                 self._log_error(f"An answer of {self._name} did not reach its client, which DDS has not discovered.")
         except InvalidHandle:
             return  # the node was destroyed meanwhile
+        except Exception as error:  # of the middleware; the thread of the next answer is another one
+            self._log_error(f"An answer of {self._name} could not be sent, {type(error).__name__}: {error}.")
 
     def _is_sent(self, answer: Any, header: Any) -> bool:
         try:
