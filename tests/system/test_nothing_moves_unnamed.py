@@ -19,7 +19,7 @@ from yumi.api.attach import attach
 from yumi.api.connect import controllers_for, settings_for
 from yumi.api.connection import Connection
 from yumi.driver import wiring
-from yumi.driver.gripper import GripperSetup
+from yumi.driver.gripper_setup import GripperSetup
 from yumi.driver.state_machine import START_JOINT, WATCHDOG
 from yumi.driver.wiring import brings_up, check_kind, is_on_this_machine
 

@@ -25,7 +25,9 @@ from abb_protocols.rws.documents import RwsSignal
 from abb_protocols.rws.values import SignalType
 from abb_runtime.clock import ManualClock
 from refusals import refused
-from yumi.driver.gripper import GripperRoutines, GripperSetup, GripperSignals, RwsGripper
+from yumi.driver.gripper import GripperRoutines, RwsGripper
+from yumi.driver.gripper_setup import GripperSetup
+from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.state_machine import SgCommand
 
 

@@ -13,7 +13,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -30,21 +29,28 @@ from yumi.control.speed_scale import FULL
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.command import CommandedRobot
 from yumi.driver.endpoint_server import EndpointServer
-from yumi.driver.gripper import GripperSetup, GripperSignals, RwsGripper, close_as_test
+from yumi.driver.gripper import RwsGripper
 from yumi.driver.gripper_follower import GripperFollower
+from yumi.driver.gripper_setup import close_as_test
+from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.robot_state import Report, arms_in_words
-from yumi.driver.settings import CalibrateWhen, Settings
+from yumi.driver.settings import Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
 from yumi.driver.teleoperation import Elsewhere
-from yumi.driver.wiring import Controllers, DriverParts, brings_up, check_kind, make_parts, only_at_robot
+from yumi.driver.wiring import (
+    Controllers,
+    DriverParts,
+    brings_up,
+    check_kind,
+    make_parts,
+    only_at_robot,
+    set_up_grippers,
+)
 from yumi.recording.message_types import STATE
 from yumi.recording.recorder import FullRecorder, Source, Sources
-
-if TYPE_CHECKING:
-    pass
 
 log = logging.getLogger(__name__)
 
@@ -223,15 +229,7 @@ class Connection:
         )
         self.manager = manager = parts.manager
         self.grippers, self._control, self._gripper_signals = parts.grippers, parts.control, parts.signals
-        self._gripper_setup = GripperSetup(
-            parts.grippers,
-            manager.step,
-            log.warning,
-            is_allowed=settings.gripper.calibrate is CalibrateWhen.AT_START,
-            is_named=lambda: manager.may_calibrate,
-            is_confirmed=lambda: not manager.is_unattended,
-        )
-        manager.when_ready(self._gripper_setup.run)
+        self._gripper_setup = set_up_grippers(manager, parts.grippers, settings.gripper, log.warning)
         if self._speed is not None:  # what was set before the connection was opened anew
             manager.speed.set(self._speed.value)
         self._speed = manager.speed

@@ -57,11 +57,21 @@ from yumi.control.tool_limits import ToolLimits
 from yumi.driver.bringup import Bringup
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.egm_arm import EgmArm, FallbackThread
-from yumi.driver.gripper import GripperRoutines, GripperSignals, RwsGripper
+from yumi.driver.gripper import GripperRoutines, RwsGripper
+from yumi.driver.gripper_setup import GripperSetup, Report
+from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
+from yumi.driver.settings import (
+    MANAGER_SETTINGS,
+    CalibrateWhen,
+    CollisionSettings,
+    ControllerSettings,
+    GripperSettings,
+    InitialState,
+    Settings,
+)
 from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.egm.egm_session import Session
@@ -217,6 +227,22 @@ def build_grippers(
         side: RwsGripper(side, client, routines, clock, own.timeout, own.speed, own.modules(side), signals)
         for side in Side
     }
+
+
+def set_up_grippers(
+    manager: RobotManager, grippers: Mapping[Side, RwsGripper], settings: GripperSettings, warn: Report
+) -> GripperSetup:
+    """The set-up of the grippers, which takes place each time the robot has become ready; see :class:`.GripperSetup`."""
+    setup = GripperSetup(
+        grippers,
+        manager.step,
+        warn,
+        is_allowed=settings.calibrate is CalibrateWhen.AT_START,
+        is_named=lambda: manager.may_calibrate,
+        is_confirmed=lambda: not manager.is_unattended,
+    )
+    manager.when_ready(setup.run)
+    return setup
 
 
 def only_at_robot(settings: Settings) -> SingleInstance:

@@ -25,7 +25,8 @@ from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady, Yu
 from abb_protocols.robot.gripper_values import GripOutcome, GripperGoal, GripperState, ServoState, gripper_goal
 from abb_protocols.robot.joints import Side, finger_names, prefixed
 from abb_runtime.process.supervision import SupervisedThread
-from yumi.driver.gripper import CHANNELS, GripperSignals, RwsGripper
+from yumi.driver.gripper import CHANNELS, RwsGripper
+from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.settings import GripperSettings
 from yumi.ros.messages import LATCHED, SERVICES, say_why, stamp
 from yumi.ros.nodes import TimerThread

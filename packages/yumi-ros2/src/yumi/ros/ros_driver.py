@@ -48,9 +48,9 @@ from yumi.control.controller import State
 from yumi.control.loop_events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotManager, bring_up
-from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
+from yumi.driver.settings import ControllerSettings, Settings, config_folder
+from yumi.driver.wiring import set_up_grippers
 from yumi.ros.cartesian_interfaces import cartesian_interfaces
 from yumi.ros.command_services import CommandActions, CommandServices, SpeedScaleInterface
 from yumi.ros.command_topics import (
@@ -184,15 +184,9 @@ class RosDriver:
             for side, own in controllers.items()
         }
 
-        self._gripper_setup = GripperSetup(
-            grippers.grippers,
-            manager.step,
-            lambda said: log_error(str(said)),
-            is_allowed=grippers.settings.calibrate is CalibrateWhen.AT_START,
-            is_named=lambda: manager.may_calibrate,
-            is_confirmed=lambda: not manager.is_unattended,
+        self._gripper_setup = set_up_grippers(
+            manager, grippers.grippers, grippers.settings, lambda said: log_error(str(said))
         )
-        manager.when_ready(self._gripper_setup.run)
 
         who = control.hand_over
         self._joint_commands = {
@@ -339,7 +333,6 @@ class RosDriver:
         return bring_up(
             self._manager,
             self._gripper_setup,
-            self._gripper_parts.grippers,
             self.log,
             is_tested=self._gripper_parts.settings.test_at_start,
             is_reading_only=is_reading_only,
