@@ -40,7 +40,7 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.signals import SignalHandlerOptions
 
 from abb_protocols.catalogue import Message, message, said_by
-from abb_protocols.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError
+from abb_protocols.errors import CommandRefused, MissingPrerequisite, SettingsError
 from abb_protocols.robot.joints import JointLimits, Side, prefixed
 from abb_protocols.robot.urdf import MESHES, robot_description
 from abb_runtime.clock import Clock
@@ -144,7 +144,7 @@ class RosDriver:
             self._streams,
             self.info,
             self._timers,
-            self._why_no_grip,
+            manager.check_not_stopped,
             manager.calibrate,
             settings.ros.frames,
         )
@@ -337,13 +337,6 @@ class RosDriver:
             is_tested=self._gripper_parts.settings.test_at_start,
             is_reading_only=is_reading_only,
         )
-
-    def _why_no_grip(self, _: Side) -> Message | None:
-        try:
-            self._manager.check_not_stopped()
-        except RobotNotReady as error:
-            return error.said
-        return None
 
     def check_arms(self, sides: Iterable[Side]) -> None:
         """Refuse what needs an arm whose hardware component a user has deactivated.
