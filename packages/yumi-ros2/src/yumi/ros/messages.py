@@ -230,7 +230,7 @@ def speeds_of(message: Any, side: Side) -> Joints:
 
 def _by_index(message: Any, side: Side, noun: str, check: Callable[[str, int, float], None]) -> Joints:
     if len(message.data) != JOINT_COUNT:
-        raise _refused(noun, said("values_wrong_count", count=len(message.data), joints=JOINT_COUNT))
+        raise command_refused(noun, said("values_wrong_count", count=len(message.data), joints=JOINT_COUNT))
     for index, (name, value) in enumerate(zip(joint_names(side), message.data, strict=True)):
         check(name, index, value)
     return joints(message.data)
@@ -248,26 +248,26 @@ def _by_name(names: Sequence[str], values: Sequence[float], side: Side, noun: st
 def _indices(names: Sequence[str], values: Sequence[float], side: Side, noun: str, what: str) -> list[int]:
     """Places of the named joints in chain order."""
     if not names or len(names) != len(values):
-        raise _refused(noun, said("names_and_values_differ", names=len(names), what=what, values=len(values)))
+        raise command_refused(noun, said("names_and_values_differ", names=len(names), what=what, values=len(values)))
     known = {name: index for index, name in enumerate(joint_names(side))}
     for name in names:
         if name not in known:
-            raise _refused(noun, said("no_joint_of_arm", name=name, arm=side.word, joints=tuple(known)))
+            raise command_refused(noun, said("no_joint_of_arm", name=name, arm=side.word, joints=tuple(known)))
     if len(set(names)) != len(names):
         twice = next(name for name in known if names.count(name) > 1)
-        raise _refused(noun, said("joint_named_twice", name=twice))
+        raise command_refused(noun, said("joint_named_twice", name=twice))
     return [known[name] for name in names]
 
 
 def _check_velocity(name: str, index: int, velocity: float, noun: str) -> None:
     if not isfinite(velocity):
-        raise _refused(noun, said("speed_not_finite", name=name, value=velocity))
+        raise command_refused(noun, said("speed_not_finite", name=name, value=velocity))
     top = YUMI_LIMITS.velocity[index]
     if abs(velocity) <= top:
         return
     looks_like_degrees = _DEGREES_ABOVE * top < abs(velocity) <= degrees(top)
     code = "speed_looks_like_degrees" if looks_like_degrees else "speed_too_high"
-    raise _refused(noun, said(code, name=name, value=velocity, highest=top))
+    raise command_refused(noun, said(code, name=name, value=velocity, highest=top))
 
 
 try:
@@ -323,7 +323,8 @@ def lifecycle_of_ros_message(message: Any) -> State:
     raise CommandRefused(said("state_not_primary", number=message.id, label=message.label, choices=choices))
 
 
-def _refused(noun: str, reason: Message) -> CommandRefused:
+def command_refused(noun: str, reason: Message) -> CommandRefused:
+    """The refusal of a message; ``noun`` is what it is, e.g. ``Goal``."""
     return CommandRefused(said("command_refused", noun=noun, reason=reason))
 
 
@@ -688,9 +689,9 @@ def waited_for(info: Mapping[str, Any]) -> float:
 
 
 def check_wait(noun: str, waited: float) -> None:
-    """Raise CommandRefused if a message has waited for too long; ``noun`` is what it is, e.g. ``Goal``."""
+    """Raise CommandRefused if a message has waited for too long; ``noun`` as of :func:`command_refused`."""
     if waited > LONGEST_WAIT:
-        raise _refused(noun, said("command_waited", waited=waited, longest=LONGEST_WAIT))
+        raise command_refused(noun, said("command_waited", waited=waited, longest=LONGEST_WAIT))
 
 
 def _reason(value: object) -> Hashable:
