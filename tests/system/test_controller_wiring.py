@@ -12,7 +12,6 @@ from controller_states import moved
 from refusals import refused
 from yumi.control.goals import GoalKind, write_goal
 from yumi.control.speed_scale import SpeedScale
-from yumi.driver import wiring
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.settings import override, read_controllers, read_settings
 from yumi.driver.wiring import CONTROLLER_KINDS, Place, make_parts
@@ -71,7 +70,7 @@ def test_exchanges_of_the_driver_end_after_two_seconds_unless_the_settings_say_o
         timeouts.append(timeout)
         return RwsClient(address, timeout=timeout, **login)
 
-    monkeypatch.setattr(wiring, "RwsClient", make_client)
+    monkeypatch.setattr("yumi.driver.settings.RwsClient", make_client)
     settings = override(read_settings(), {"robot": {"address": "127.0.0.1", **chosen}}, "x")
     make_parts(settings, {side: read_controllers(side) for side in Side}, ignore, ignore).client.close()
     assert timeouts == [timeout]

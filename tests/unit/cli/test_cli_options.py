@@ -258,7 +258,7 @@ NOBODY = NoConnection("no controller listens there")
 
 
 def wait(controllers: Controllers, monkeypatch: pytest.MonkeyPatch, timeout: float, is_over: Event) -> bool:
-    monkeypatch.setattr("yumi.cli.up.RwsClient", controllers.client)
+    monkeypatch.setattr("yumi.driver.settings.RwsClient", controllers.client)
     monkeypatch.setattr("yumi.cli.up._WAIT_PERIOD", 0.0)
     return wait_for_controller(RobotSettings(address="127.0.0.1", rws_port=8080), timeout, is_over)
 

@@ -83,7 +83,7 @@ def commanded_robot(parts: DriverParts, settings: Settings, executor: MotionExec
     """The robot of a driver as commands reach it, moved by ``executor``."""
     manager, buffers = parts.manager, parts.control.buffers
     return CommandedRobot(
-        address=f"{settings.robot.address}:{settings.robot.rws_port}",
+        address=settings.robot.host_and_port,
         manager=manager,
         control=parts.control,
         datagram=lambda side: buffers[side].datagram.read(),

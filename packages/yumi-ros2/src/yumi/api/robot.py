@@ -62,7 +62,7 @@ class Robot:
         on_step: Callable[[str], None] = lambda step: None,
     ) -> None:
         self._connection = Connection(settings, controllers, arms, on_step)
-        self._address = f"{settings.robot.address}:{settings.robot.rws_port}"
+        self._address = settings.robot.host_and_port
         self._is_connected = False
         self._modules = {side: settings.gripper.modules(side) for side in Side}
         self._collision = settings.collision

@@ -38,7 +38,6 @@ from abb_runtime.options import (
     yes_option,
 )
 from abb_runtime.process.command_process import CommandProcess
-from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import PASSWORD_VARIABLE
 from abb_runtime.udp import free_port
 from yumi.cli.driver_options import demand_ros, limit_discovery, robot_options, settings_of
@@ -192,8 +191,7 @@ def read_positions(robot: RobotSettings) -> Mapping[Side, Joints]:
     Raises:
         YumiError: its controller cannot be reached or asked.
     """
-    address = f"{robot.address}:{robot.rws_port}"
-    with RwsClient(address, user=robot.user, password=robot.password, timeout=robot.timeout) as client:
+    with robot.client() as client:
         return {side: client.joint_target(side.unit) for side in Side}
 
 

@@ -31,9 +31,7 @@ def of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(command)
     def with_client(config: Path | None, **options: Any) -> Any:
         names = ("robot", "user", "password")
-        where = settings_of(config, {name: options.pop(name) for name in names}).robot
-        address = f"{where.address}:{where.rws_port}"
-        with RwsClient(address, user=where.user, password=where.password, timeout=where.timeout) as client:
+        with settings_of(config, {name: options.pop(name) for name in names}).robot.client() as client:
             return command(client, **options)
 
     return with_client

@@ -23,7 +23,14 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import NoConnection, YumiError
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import SystemClock
-from abb_runtime.options import NEW_FILE, TIME, egm_port_options, end_flag, speed_scale_option, until_stdin_closes_option
+from abb_runtime.options import (
+    NEW_FILE,
+    TIME,
+    egm_port_options,
+    end_flag,
+    speed_scale_option,
+    until_stdin_closes_option,
+)
 from abb_runtime.process.command_process import DRIVER_READY, DRIVER_RUNNING
 from abb_runtime.process.realtime import release_process, settle_memory, short_switch_interval
 from abb_runtime.process.single_instance import SingleInstance
@@ -142,7 +149,6 @@ def up(
         click.echo(limit_discovery(is_open=network))
     settings = settings_of(config, options)
     chosen = {side: read_controllers(side, controllers) for side in Side}
-    address = f"{settings.robot.address}:{settings.robot.rws_port}"
     is_over = end_flag(until_stdin_closes)
     end_by_force(is_over)
 
@@ -150,7 +156,7 @@ def up(
         if reason is not None:
             click.echo(f"{DRIVER_RUNNING}{message('not_ready_yet', reason=reason)}")
         else:
-            click.echo(f"{DRIVER_READY}serving the robot at {address}")
+            click.echo(f"{DRIVER_READY}serving the robot at {settings.robot.host_and_port}")
 
     ros_arguments = ["--ros-args", *click.get_current_context().meta[ROS_ARGUMENTS]]
     if with_ros:
@@ -173,9 +179,9 @@ def wait_for_controller(robot: RobotSettings, timeout: float, is_over: Flag) -> 
         YumiError: what answers refuses the user, or is not a controller.
     """
     resolve(robot.address)  # an unknown name does not become known
-    address, end, is_reported = f"{robot.address}:{robot.rws_port}", time.monotonic() + timeout, False
+    end, is_reported = time.monotonic() + timeout, False
     while not is_over.is_set():
-        client = RwsClient(address, user=robot.user, password=robot.password, timeout=robot.timeout)
+        client = robot.client()
         try:
             client.connect()
             return True
@@ -185,7 +191,7 @@ def wait_for_controller(robot: RobotSettings, timeout: float, is_over: Flag) -> 
         finally:
             client.close()
         if not is_reported:
-            click.echo(f"Waiting up to {timeout:g} s for a controller at {address}.")
+            click.echo(f"Waiting up to {timeout:g} s for a controller at {robot.host_and_port}.")
             is_reported = True
         is_over.wait(_WAIT_PERIOD)
     return False

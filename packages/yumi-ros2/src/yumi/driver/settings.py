@@ -30,14 +30,16 @@ from abb_runtime.parameters import (
     read_mapping,
     read_parameter_file,
 )
+from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
-from abb_runtime.udp import is_loopback
+from abb_runtime.udp import address_towards, is_loopback
 from yumi.control.collisions import MARGIN
 from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
 from yumi.core.collision import TOOL_FRAME, CollisionModel, CollisionPart, Obstacle, check_declared
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER
+from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.recovery import RecoverySettings
 from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings
 from yumi.driver.watchdog import WatchdogSettings
@@ -72,6 +74,15 @@ class RobotSettings:
     timeout: float = bounded(2.0, 0.1, 4.0, "s")
     speed_scale: float | None = bounded(None, LOWEST_SPEED_SCALE, FULL)
 
+    @property
+    def host_and_port(self) -> str:
+        """Where Robot Web Services are, as commands and messages say it."""
+        return f"{self.address}:{self.rws_port}"
+
+    def client(self) -> RwsClient:
+        """A client of the controller, not connected yet."""
+        return RwsClient(self.host_and_port, user=self.user, password=self.password, timeout=self.timeout)
+
 
 @dataclass(frozen=True, slots=True)
 class EgmSettings:
@@ -85,7 +96,7 @@ class EgmSettings:
         wake: how the control process waits: ``auto`` or ``blocking``.
     """
 
-    listen: str = "auto"
+    listen: str = _AUTO
     left_port: int = bounded(6511, 1, MAX_PORT)
     right_port: int = bounded(6512, 1, MAX_PORT)
     silence: float = bounded(0.08, 0.02, 0.09, "s")
@@ -94,6 +105,15 @@ class EgmSettings:
     def port(self, side: Side) -> int:
         """The UDP port of one arm."""
         return self.left_port if side is Side.LEFT else self.right_port
+
+    def listen_for(self, robot: str) -> str:
+        """The local address for the datagrams of the robot at an IP address."""
+        return address_towards(robot) if self.listen == _AUTO else self.listen
+
+    def addresses(self, robot: str) -> dict[Side, EgmAddress]:
+        """Where each arm's datagrams are awaited of the robot at an IP address."""
+        host = self.listen_for(robot)
+        return {side: EgmAddress(host, self.port(side)) for side in Side}
 
 
 class CalibrateWhen(Enum):

@@ -38,7 +38,7 @@ from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import takes_faults
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import UdpServer, address_towards, resolve
+from abb_runtime.udp import UdpServer, resolve
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller, find_controller_parameter
 from yumi.control.controllers import find_controllers
@@ -129,7 +129,7 @@ def make_parts(
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
     set_prefix(settings.ros.prefix)
-    clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
+    clock, plan = SystemClock(), plan_egm(settings, controllers)
     first = leading or settings.ros.initial_joint_controller
     for side, entries in plan.controllers.items():
         ready = {each.name: each for each in entries if each.state in {None, InitialState.INACTIVE}}
@@ -144,9 +144,7 @@ def make_parts(
                     choices=choices,
                 )
             )
-    client = RwsClient(
-        f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
-    )
+    client = settings.robot.client()
     control = ControlProcess(partial(build_arms, plan), on_event, settings.egm.wake)
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
@@ -199,10 +197,9 @@ def check_kind(manager: RobotManager, client: RwsClient, settings: Settings) -> 
     Raises:
         YumiError: the controller does not answer.
     """
-    robot = settings.robot
     if manager.is_real:
         return
-    if takes_faults(f"{robot.address}:{robot.rws_port}"):
+    if takes_faults(settings.robot.host_and_port):
         client.lift_rate_limit()
         return
     try:
@@ -232,7 +229,7 @@ def build_grippers(
 def set_up_grippers(
     manager: RobotManager, grippers: Mapping[Side, RwsGripper], settings: GripperSettings, warn: Report
 ) -> GripperSetup:
-    """The set-up of the grippers, which takes place each time the robot has become ready; see :class:`.GripperSetup`."""
+    """The set-up of the grippers, which takes place each time the robot has become ready."""
     setup = GripperSetup(
         grippers,
         manager.step,
@@ -301,11 +298,10 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
     remote = resolve(settings.robot.address)
-    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
     motion = settings.egm_motion
     return EgmPlan(
-        listen,
+        settings.egm.listen_for(remote),
         remote,
         ports,
         settings.egm.silence,
