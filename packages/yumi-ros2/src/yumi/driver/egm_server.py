@@ -228,15 +228,29 @@ class EgmServer:
             CommandRefused: a value is not finite, or there are not as many as the robot has; nothing was sent.
             RobotNotReady: no robot has spoken yet.
         """
-        wanted = reference(
-            self._answered(),
-            joints=joints,
-            pose=pose,
-            speed=speed,
-            twist=twist,
-            external=external,
-            external_speed=external_speed,
-            data=data,
+        state = self._answered()
+        axes, beside = len(state.joints), len(state.external)
+        orientation: Quaternion | None = None
+        if pose is not None:
+            w, x, y, z = _finite("orientation of pose", pose.orientation, 4)
+            norm = hypot(w, x, y, z)
+            if abs(norm - 1.0) > _NORM_TOLERANCE:
+                raise CommandRefused(message("reference_not_unit_quaternion", norm=norm))
+            orientation = (w / norm, x / norm, y / norm, z / norm)
+        if data is not None:
+            if len(data.numbers) > MOST_NUMBERS:
+                raise CommandRefused(message("rapid_data_too_long", count=len(data.numbers), limit=MOST_NUMBERS))
+            data = RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
+        wanted = SensorMessage(
+            seqno=0,
+            position=None if joints is None else _finite("joints", joints, axes),
+            velocity=None if speed is None else _finite("speed", speed, axes),
+            tool_position=None if pose is None else _vector("position of pose", pose.position),
+            tool_orientation=orientation,
+            twist=None if twist is None else cast("Twist", _finite("twist", twist, 6)),
+            external=() if external is None else _finite("external", external, beside),
+            external_velocity=() if external_speed is None else _finite("external_speed", external_speed, beside),
+            rapid_data=data,
         )
         if not moves(wanted):
             wanted = replace(self._held, rapid_data=wanted.rapid_data)
@@ -256,8 +270,11 @@ class EgmServer:
             RobotNotReady: no robot has spoken yet.
         """
         self._answered()
-        wanted = correction(offset, age)
-        self._link.send(self._codec.encode_correction(replace(wanted, seqno=self._session.next_seqno())))
+        if not 0.0 <= age <= _OLDEST_MEASUREMENT:
+            raise CommandRefused(message("correction_of_other_age", age=age, limit=_OLDEST_MEASUREMENT))
+        place = _vector("offset", offset)
+        correction = PathCorrection(self._session.next_seqno(), place, round(age * 1000.0))
+        self._link.send(self._codec.encode_correction(correction))
 
     def _answered(self) -> EgmState:
         if self._state is None:
@@ -287,58 +304,6 @@ def standstill(message: RobotMessage) -> SensorMessage:
         tool_position=None if pose is None else pose.position,
         tool_orientation=None if pose is None else pose.orientation,
     )
-
-
-def reference(
-    state: EgmState,
-    *,
-    joints: Sequence[float] | None = None,
-    pose: Pose | None = None,
-    speed: Sequence[float] | None = None,
-    twist: Sequence[float] | None = None,
-    external: Sequence[float] | None = None,
-    external_speed: Sequence[float] | None = None,
-    data: RapidData | None = None,
-) -> SensorMessage:
-    """The message with these references, see :meth:`EgmServer.send`.
-
-    Raises:
-        CommandRefused: a value is not finite, or there are not as many as the robot has.
-    """
-    axes, beside = len(state.joints), len(state.external)
-    orientation: Quaternion | None = None
-    if pose is not None:
-        w, x, y, z = _finite("orientation of pose", pose.orientation, 4)
-        norm = hypot(w, x, y, z)
-        if abs(norm - 1.0) > _NORM_TOLERANCE:
-            raise CommandRefused(message("reference_not_unit_quaternion", norm=norm))
-        orientation = (w / norm, x / norm, y / norm, z / norm)
-    if data is not None:
-        if len(data.numbers) > MOST_NUMBERS:
-            raise CommandRefused(message("rapid_data_too_long", count=len(data.numbers), limit=MOST_NUMBERS))
-        data = RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
-    return SensorMessage(
-        seqno=0,
-        position=None if joints is None else _finite("joints", joints, axes),
-        velocity=None if speed is None else _finite("speed", speed, axes),
-        tool_position=None if pose is None else _vector("position of pose", pose.position),
-        tool_orientation=orientation,
-        twist=None if twist is None else cast("Twist", _finite("twist", twist, 6)),
-        external=() if external is None else _finite("external", external, beside),
-        external_velocity=() if external_speed is None else _finite("external_speed", external_speed, beside),
-        rapid_data=data,
-    )
-
-
-def correction(offset: Sequence[float], age: float) -> PathCorrection:
-    """The path correction by ``offset`` [m], measured ``age`` [s] ago.
-
-    Raises:
-        CommandRefused: a value is not finite, or the age is negative.
-    """
-    if not 0.0 <= age <= _OLDEST_MEASUREMENT:
-        raise CommandRefused(message("correction_of_other_age", age=age, limit=_OLDEST_MEASUREMENT))
-    return PathCorrection(0, _vector("offset", offset), round(age * 1000.0))
 
 
 def is_placed(message: SensorMessage) -> bool:
