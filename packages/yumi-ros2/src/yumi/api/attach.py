@@ -15,7 +15,7 @@ import msgspec
 
 from abb_protocols.catalogue import message, quoted
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
-from abb_protocols.robot.joints import JOINT_COUNT, Pose, Side, joints
+from abb_protocols.robot.joints import JOINT_COUNT, Pose, Side, by_side, joints
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.control.goals import Tracking
@@ -213,14 +213,9 @@ class RunningDriver:
             RobotNotReady: EGM does not run on the arm.
             GoalNotReached: a motion ended elsewhere.
         """
-        goals = {
-            side: _as_sent(position)
-            for side, position in ((Side.RIGHT, right), (Side.LEFT, left))
-            if position is not None
-        }
         request = Move(
-            right=goals.get(Side.RIGHT),
-            left=goals.get(Side.LEFT),
+            right=None if right is None else _as_sent(right),
+            left=None if left is None else _as_sent(left),
             speed_scale=speed_scale,
             acceleration=acceleration,
             timeout=timeout,
@@ -258,8 +253,7 @@ class RunningDriver:
             self._planner = surroundings, planner
         goals = {
             side: goal if isinstance(goal, Pose) else checked_goal(side, goal, start[side])
-            for side, goal in ((Side.RIGHT, right), (Side.LEFT, left))
-            if goal is not None
+            for side, goal in by_side(right, left).items()
         }
         return self._planner[1].plan(start, goals, timeout=timeout, speed_scale=speed_scale, seed=seed)
 

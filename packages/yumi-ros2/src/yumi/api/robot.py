@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, SupportsFloat, TypeVar
 
 from abb_protocols.catalogue import message, quoted
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
-from abb_protocols.robot.joints import Pose, Side
+from abb_protocols.robot.joints import Pose, Side, by_side
 from abb_runtime.rws.client import RwsClient
 from yumi.api.chunks import ChunkFollower
 from yumi.api.connection import Connection
@@ -243,7 +243,7 @@ class Robot:
             delay: see ``time``.
             blend: see ``time``.
         """
-        goals: dict[Side, Position] = {} if right is left is None else _named(right, left)
+        goals: dict[Side, Position] = by_side(right, left)
         closed = {_side(arm): closed_of(arm, width) for arm, width in (grippers or {}).items()}
         if not goals and not closed:
             raise CommandRefused(message("stream_empty"))
@@ -282,7 +282,7 @@ class Robot:
         """
         from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
 
-        start = {side: arm.position for side, arm in ((Side.RIGHT, self.right), (Side.LEFT, self.left))}
+        start = {side: arm.position for side, arm in by_side(self.right, self.left).items()}
         goals: dict[Side, Position | Pose] = _named(right, left)
         obstacles = (*self._collision.obstacles(), *boxes_from(boxes or {}))
         limits = self.executor.limits  # what EGM leaves of the joints' speeds
@@ -348,7 +348,7 @@ class Robot:
 
         Arguments and errors are those of :meth:`Arm.move_to_pose`, with each arm's own tool.
         """
-        arms = {Side.RIGHT: self.right, Side.LEFT: self.left}
+        arms = by_side(self.right, self.left)
         given: dict[Side, PoseLike] = _named(right, left)
         goals = {side: arms[side]._posture(pose) for side, pose in given.items()}
         return self.move_to(
@@ -379,7 +379,7 @@ class Robot:
         :meth:`Arm.move_linear`, with each arm's own tool; an arm that is stopped on its way stops the other while the
         call waits for them.
         """
-        arms, executor = {Side.RIGHT: self.right, Side.LEFT: self.left}, self.executor
+        arms, executor = by_side(self.right, self.left), self.executor
         poses: dict[Side, PoseLike | Sequence[PoseLike]] = _named(right, left)
         paths = {
             side: ToolMotion(
@@ -601,7 +601,7 @@ def _side(arm: str) -> Side:
 
 def _named(right: T | None, left: T | None) -> dict[Side, T]:
     """What was given for each arm."""
-    given = {side: value for side, value in ((Side.RIGHT, right), (Side.LEFT, left)) if value is not None}
+    given = by_side(right, left)
     if not given:
         raise CommandRefused(message("no_arm_has_goal"))
     return given

@@ -16,7 +16,7 @@ from abb_protocols.catalogue import headline, message
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.joints import Joints, Side
+from abb_protocols.robot.joints import Joints, Side, by_side
 from yumi.control.goals import Tracking, stream_delay
 from yumi.control.hand_over import MOTION_BEGINS, Commander
 from yumi.control.loop_commands import Commands
@@ -71,8 +71,7 @@ class Move(Command[str], frozen=True):
     @property
     def goals(self) -> Mapping[Side, Position]:
         """The positions of the arms that have one."""
-        both = ((Side.RIGHT, self.right), (Side.LEFT, self.left))
-        return {side: goal for side, goal in both if goal is not None}
+        return by_side(self.right, self.left)
 
     def check(self) -> None:
         if self.is_pose and self.speed is not None and not self.is_linear:
@@ -119,8 +118,7 @@ class Follow(Command[str], frozen=True):
     @property
     def trajectories(self) -> Mapping[Side, tuple[TimedPoint, ...]]:
         """The points of the arms that have some."""
-        both = ((Side.RIGHT, self.right), (Side.LEFT, self.left))
-        return {side: points for side, points in both if points is not None}
+        return by_side(self.right, self.left)
 
     def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
         return tuple(self.trajectories)
@@ -210,8 +208,7 @@ class Stream(Command[str], frozen=True):
     @property
     def goals(self) -> Mapping[Side, Position]:
         """The positions of the arms that have one."""
-        both = ((Side.RIGHT, self.right), (Side.LEFT, self.left))
-        return {side: goal for side, goal in both if goal is not None}
+        return by_side(self.right, self.left)
 
     def check(self) -> None:
         if not self.goals and not self.grippers:

@@ -18,7 +18,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from abb_protocols.catalogue import Message, message, quoted, said_by
 from abb_protocols.errors import CommandRefused, SettingsError
 from abb_protocols.robot.gripper_values import GripperModules
-from abb_protocols.robot.joints import Pose, Side, Vector
+from abb_protocols.robot.joints import Pose, Side, Vector, by_side
 from abb_protocols.robot.kinematics import quaternion_from_euler_zyx
 from abb_runtime.parameters import (
     Parameter,
@@ -239,7 +239,7 @@ class CollisionSettings:
                 CollisionPart(name, TOOL_FRAME, _vector(it.start), _vector(it.end), it.radius)
                 for name, it in own.items()
             )
-            for side, own in {Side.RIGHT: self.right_tools, Side.LEFT: self.left_tools}.items()
+            for side, own in by_side(self.right_tools, self.left_tools).items()
         }
 
     def obstacles(self) -> tuple[Obstacle, ...]:

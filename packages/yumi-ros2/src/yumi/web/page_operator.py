@@ -17,7 +17,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
-from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, rotate
+from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, by_side, rotate
 from abb_protocols.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
 from abb_runtime.faults import inject_fault
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER
@@ -211,9 +211,7 @@ class Operator:
                 raise RobotNotReady(message("position_unknown_for_plan", arm=side.word))
             start[side] = position
         goals: dict[Side, Joints | Pose] = {}
-        for side, goal in ((Side.RIGHT, request.right), (Side.LEFT, request.left)):
-            if goal is None:
-                continue
+        for side, goal in by_side(request.right, request.left).items():
             if not request.is_pose:
                 goals[side] = checked_goal(side, goal, start[side])
                 continue
