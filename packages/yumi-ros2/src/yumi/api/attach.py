@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import msgspec
 
 from abb_protocols.catalogue import message, quoted
-from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
-from abb_protocols.robot.joints import JOINT_COUNT, Pose, Side, by_side, joints
+from abb_protocols.errors import CommandRefused, YumiError
+from abb_protocols.robot.joints import JOINT_COUNT, Pose, by_side, joints
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.control.goals import Tracking
@@ -240,12 +240,7 @@ class RunningDriver:
         """
         from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
 
-        arms, start = self.state.arms, {}
-        for side in Side:
-            position = arms[side.word].position
-            if position is None:
-                raise RobotNotReady(message("plan_without_position", arm=side.word))
-            start[side] = position
+        start = self.state.planning_start()
         surroundings = self.call(GetSurroundings())
         if self._planner is None or self._planner[0] != surroundings:
             grippers, tools, obstacles = shapes_of(surroundings)

@@ -14,7 +14,7 @@ import msgspec
 from abb_protocols.catalogue import Message, from_wire, in_words, is_known, message, sentence, to_wire
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.egm.codec import SensorCodec
-from abb_protocols.errors import ProtocolError
+from abb_protocols.errors import ProtocolError, RobotNotReady
 from abb_protocols.robot.gripper_values import GripOutcome
 from abb_protocols.robot.joints import Joints, Pose, Side, abb_from_chain
 from abb_protocols.robot.kinematics import tool0_to_body
@@ -301,6 +301,20 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     def cause(self) -> str:
         """The causes with what to do, in this program's words."""
         return in_words(each.message for each in self.causes)
+
+    def planning_start(self) -> dict[Side, Joints]:
+        """Where both arms are, for a motion that is planned from there [rad], (7,) each.
+
+        Raises:
+            RobotNotReady: EGM does not report where an arm is.
+        """
+        start = {}
+        for side in Side:
+            position = self.arms[side.word].position
+            if position is None:
+                raise RobotNotReady(message("plan_without_position", arm=side.word))
+            start[side] = position
+        return start
 
     def __repr__(self) -> str:
         """In lines, as ``yumi state`` prints it."""

@@ -204,12 +204,7 @@ class Operator:
 
     async def _make_plan(self, request: PlanMotion) -> dict[str, object]:
         self._plan = None
-        arms, start = self._live.state().arms, {}
-        for side in Side:
-            position = arms[side.word].position
-            if position is None:
-                raise RobotNotReady(message("position_unknown_for_plan", arm=side.word))
-            start[side] = position
+        start = self._live.state().planning_start()
         goals: dict[Side, Joints | Pose] = {}
         for side, goal in by_side(request.right, request.left).items():
             if not request.is_pose:
