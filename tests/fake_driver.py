@@ -16,7 +16,7 @@ from yumi.driver.command import CommandedRobot
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import RwsGripper
 from yumi.driver.robot_state import RobotMode, RobotState
-from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.surroundings import BoxReport, Surroundings
 
 ROBOT = "192.168.125.1:80"

@@ -31,7 +31,8 @@ from yumi.driver.egm_arm import EgmArm
 from yumi.driver.gripper import GripperRoutines, RwsGripper
 from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
+from yumi.driver.speed_setting import SpeedSetting
+from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.egm_session import Session
 
 CONTROLLER = "joint_position_controller"

@@ -24,7 +24,7 @@ from yumi.cli.main import main
 from yumi.cli.up import DEFAULT_WAIT, run_driver, wait_for_controller
 from yumi.control.loop_events import SessionLost
 from yumi.driver.settings import RobotSettings, Settings, override, read_settings
-from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
 
 

@@ -15,7 +15,7 @@ from yumi.control.goals import MemoryBuffer
 from yumi.control.shared_state import Factor
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.settings import RobotSettings, Settings
-from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
 
 

@@ -36,7 +36,7 @@ from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.robot_state import Report, arms_in_words
 from yumi.driver.settings import Settings
-from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
 from yumi.driver.teleoperation import Elsewhere

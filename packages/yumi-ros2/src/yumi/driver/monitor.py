@@ -43,7 +43,8 @@ from yumi.control.loop_events import RobotStoppedFollowing, SessionLost, Session
 from yumi.control.shared_state import JointStates, Snapshots
 from yumi.driver.readiness import why_not_ready
 from yumi.driver.robot_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState
-from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
+from yumi.driver.speed_setting import SpeedSetting
+from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, explain, explained, has_ended_egm
 
 GROUP = 0.25

@@ -41,7 +41,8 @@ from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.recovery import RecoverySettings
-from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings
+from yumi.driver.speed_setting import LOWEST_SPEED_SCALE
+from yumi.driver.state_machine import EgmMotionSettings
 from yumi.driver.watchdog import WatchdogSettings
 
 _AUTO = "auto"

@@ -72,7 +72,7 @@ from yumi.driver.settings import (
     InitialState,
     Settings,
 )
-from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
+from yumi.driver.speed_setting import FIRST_SPEED_SCALE, SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.egm.egm_session import Session
 

@@ -30,7 +30,7 @@ from abb_protocols.robot.joints import Pose
 from yumi.control.speed_scale import FULL
 from yumi.driver.command import Arm, Caller, Command, CommandedRobot, Lane
 from yumi.driver.commands import Recover, SetMode, SetSpeedScale, carry_out, offered_to
-from yumi.driver.state_machine import LOWEST_SPEED_SCALE, SpeedSetting
+from yumi.driver.speed_setting import LOWEST_SPEED_SCALE, SpeedSetting
 from yumi.ros.messages import (
     LATCHED,
     SERVICES,
