@@ -38,8 +38,7 @@ def answer(value: str | None, robot: str, user: str, password: str | None, json_
         if value is None:
             task = dialog.stack.split("/")[1]
             json_output.write(json.dumps({"instruction": dialog.instruction, "task": task, "asked": asked}))
-            if not json_output.is_printed:
-                click.echo("\n".join([f"{dialog.instruction} of {task}", *asked]))
+            json_output.say("\n".join([f"{dialog.instruction} of {task}", *asked]))
             return
         try:
             client.answer_dialog(dialog.stack, value)

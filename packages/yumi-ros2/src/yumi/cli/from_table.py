@@ -30,8 +30,7 @@ def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
         with attach(robot or "", on_step=report) as driver:
             result = command(driver, *args, **options)
         json_output.write(msgspec.json.encode(result).decode())
-        if not json_output.is_printed:
-            click.echo(str(result))
+        json_output.say(str(result))
 
     return with_driver
 

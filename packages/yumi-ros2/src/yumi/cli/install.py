@@ -186,10 +186,6 @@ class _Session:
             click.confirm(question or f"Make these {len(plan.changes)} changes{restarts}", abort=True)
         return True
 
-    def say(self, text: str) -> None:
-        if not self.json_output.is_printed:
-            click.echo(text)
-
     def finish(self, outcome: str, plan: InstallationPlan | None = None, **more: object) -> None:
         """Print the result."""
         value: dict[str, object] = {"robot": self.client.address, "outcome": outcome}
@@ -201,7 +197,7 @@ class _Session:
                 "needs_restart": plan.needs_restart,
             }
         self.json_output.write(json.dumps(value | more, indent=2))
-        self.say(outcome)
+        self.json_output.say(outcome)
 
     def show_route(self) -> None:
         """What is wrong with the way to the robot: its datagrams will go to this machine's address there."""
@@ -210,17 +206,17 @@ class _Session:
 
         for finding in examine_route(self.remote, self.addresses, network_cards()):
             if finding.verdict is not Verdict.OK:
-                self.say(f"Note: {finding.found}; {finding.remedy}.")
+                self.json_output.say(f"Note: {finding.found}; {finding.remedy}.")
 
     def show(self, plan: InstallationPlan) -> None:
         """The plan, like a diff."""
         colours = {"+": "green", "-": "red", "~": "yellow"}
         for note in plan.notes:
-            self.say(f"Note: {clause(note)}.")
+            self.json_output.say(f"Note: {clause(note)}.")
         for change in plan.changes:
-            self.say(click.style(str(change), colours[change.sign]))
+            self.json_output.say(click.style(str(change), colours[change.sign]))
         for refusal in plan.refusals:
-            self.say(click.style(str(message("not_possible_now", reason=refusal)), "red"))
+            self.json_output.say(click.style(str(message("not_possible_now", reason=refusal)), "red"))
 
 
 @contextmanager
@@ -241,7 +237,7 @@ def _session(
         installation = Installation(client, record, _Progress(json_output.is_printed))
         session = _Session(client, system, remote, addresses, installation, json_output, not yes, dry_run)
         version = ".".join(map(str, system.robotware))
-        session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {version}")
+        session.json_output.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {version}")
         yield session
     finally:
         client.close()
@@ -277,7 +273,7 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
         NoConnection: an arm's datagrams do not arrive.
         RobotNotReady: they are those of the other arm, or many are lost.
     """
-    streams, stands = streams_for_doctor(session.client, session.addresses, _INSTALLED_TIME, session.say)
+    streams, stands = streams_for_doctor(session.client, session.addresses, _INSTALLED_TIME, session.json_output.say)
     for side, stream in streams.items():
         address = session.addresses[side]
         if stream.position is None:
@@ -286,7 +282,7 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
             raise RobotNotReady(message("datagrams_of_other_arm", port=address.port, arm=side.word))
         if stream.loss > _WORST_LOSS:
             raise RobotNotReady(message("datagrams_lost", share=stream.loss, arm=side.word))
-        session.say(
+        session.json_output.say(
             f"{side.word} arm: {stream.counters.received} datagrams, "
             f"one every {stream.arrivals.cycle_time * 1e3:.2f} ms, {stream.counters.lost} lost"
         )

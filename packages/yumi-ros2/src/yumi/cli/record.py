@@ -103,8 +103,8 @@ def list_records(folder: Path | None, json_output: JsonOutput) -> None:
     """
     folder = folder or Path(read_settings().recorder.folder)
     files = sorted(folder.glob("*.mcap"))
-    if not files and not json_output.is_printed:
-        click.echo(f"There are no records in {folder}.")
+    if not files:
+        json_output.say(f"There are no records in {folder}.")
     damaged = 0
     stops: list[dict[str, str | None]] = []
     for file in files:
@@ -115,8 +115,7 @@ def list_records(folder: Path | None, json_output: JsonOutput) -> None:
             click.echo(f"{error}", err=True)
             continue
         stops.append({"file": str(file), "stop": stop.sentence if stop else None})
-        if not json_output.is_printed:
-            click.echo(f"{file}  {stop.sentence if stop else 'nothing stopped a motion'}")
+        json_output.say(f"{file}  {stop.sentence if stop else 'nothing stopped a motion'}")
     json_output.write(json.dumps(stops))
     if damaged:
         raise ProtocolError(message("records_unreadable", damaged=damaged, count=len(files), folder=str(folder)))

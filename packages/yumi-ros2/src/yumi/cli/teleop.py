@@ -95,8 +95,7 @@ def teleop(
     if is_list:
         found = find_devices()
         json_output.write(msgspec.json.encode([each._asdict() for each in found]).decode())
-        if not json_output.is_printed:
-            click.echo("\n".join(map(str, found)) or str(message("no_input_device", kind="gamepad or spacemouse")))
+        json_output.say("\n".join(map(str, found)) or str(message("no_input_device", kind="gamepad or spacemouse")))
         return
     settings = DeviceSettings(
         scale=scale,
@@ -113,8 +112,7 @@ def teleop(
         try:
             teleoperate(driver, held, settings, show.take)
         except KeyboardInterrupt:
-            if not json_output.is_printed:
-                click.echo("Ended; the arms hold.")
+            json_output.say("Ended; the arms hold.")
 
 
 def _input_device(
@@ -172,14 +170,12 @@ class _Changes:
         if report == last:
             return
         self._json.write(msgspec.json.encode(report).decode())
-        if self._json.is_printed:
-            return
         for side, arm in report.arms.items():
             before = TeleoperatedArmReport() if last is None else last.arms[side]
             if (arm.clutch, arm.why, arm.gripper) != (before.clutch, before.why, before.gripper):
-                click.echo(_line(side.word, arm))
+                self._json.say(_line(side.word, arm))
             elif arm.limited is not None and before.limited is None:
-                click.echo(f"{side.word:<6}kept apart: {arm.limited}")
+                self._json.say(f"{side.word:<6}kept apart: {arm.limited}")
 
 
 def _line(arm: str, report: TeleoperatedArmReport) -> str:

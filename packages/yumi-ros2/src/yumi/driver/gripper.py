@@ -34,13 +34,12 @@ from abb_protocols.robot.gripper_values import (
     speed_count,
 )
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
 from abb_runtime.clock import POLL_PERIOD, Clock, comes_true, wait_until
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.gripper_signals import GripperSignals, full_signal_name
 from yumi.driver.readiness import ConditionalRequest, check_request
 from yumi.driver.robot_state import RobotState
-from yumi.driver.state_machine import GRIPPER, MAIN, RUN_GRIPPER, SgCommand, read_machine_state
+from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, SgCommand, read_machine_state
 
 CHANNELS = (1, 2)
 """Numbers of the vacuum modules."""
@@ -555,7 +554,7 @@ class GripperRoutines:
         with self._lock:
             for side in sides:
                 # The task calibrates in a trap, which would hold back every stop of an arm that moves.
-                machine = read_machine_state(self._client.symbol(side.task, MAIN, "current_state"))
+                machine = read_machine_state(self._client, side)
                 state = RobotState(True, machines={side: machine})
                 check_request(ConditionalRequest.CALIBRATE, state, (side,))
             for each in Side:
@@ -570,19 +569,19 @@ class GripperRoutines:
 
     def _wait_until_taken(self, side: Side, timeout: float, check_may_move: Check = forbid_nothing) -> None:
         def is_taken() -> bool:
-            return rapid_values.decode(self._client.symbol(side.task, GRIPPER, "command_input")) == SgCommand.NONE
+            return self._client.value(side.task, GRIPPER, "command_input") == SgCommand.NONE
 
         refusal = message("gripper_command_not_taken", arm=side.word, timeout=timeout)
         wait_until(self._clock, is_taken, timeout, refusal, check=check_may_move, period=_ROUTINE_POLL)
 
     def _write(self, side: Side, symbol: str, value: float) -> None:
-        self._client.set_symbol(side.task, GRIPPER, symbol, rapid_values.encode(value))
+        self._client.set_value(side.task, GRIPPER, symbol, value)
 
     def _write_force(self, side: Side, force: float) -> None:
-        current = rapid_values.decode(self._client.symbol(side.task, GRIPPER, "settings"))
+        current = self._client.value(side.task, GRIPPER, "settings")
         if not isinstance(current, tuple) or len(current) != 3:
             symbol = f"{side.task}/{GRIPPER}/settings"
             raise RobotNotReady(message("rapid_record_of_unknown_layout", symbol=symbol, value=str(current)))
         max_speed, set_force, limit = current
         if set_force != force:
-            self._client.set_symbol(side.task, GRIPPER, "settings", rapid_values.encode((max_speed, force, limit)))
+            self._client.set_value(side.task, GRIPPER, "settings", (max_speed, force, limit))

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ControllerRefused, RobotNotReady
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
 from abb_protocols.rws.documents import SystemInfo
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.state_machine import MAIN
@@ -131,7 +130,7 @@ class LaunchChecks:
         if kind != "num":
             raise RobotNotReady(message("state_has_wrong_type", task=task, module=MAIN, kind=kind))
         try:
-            version = rapid_values.decode(self._client.symbol(task, MAIN, "VERSION"))
+            version = self._client.value(task, MAIN, "VERSION")
         except ControllerRefused:
             version = "unknown"
         if version != PROGRAM_VERSION:

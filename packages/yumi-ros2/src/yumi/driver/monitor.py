@@ -44,7 +44,7 @@ from yumi.control.shared_state import JointStates, Snapshots
 from yumi.driver.readiness import why_not_ready
 from yumi.driver.robot_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState
 from yumi.driver.speed_setting import SpeedSetting
-from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, read_machine_state
+from yumi.driver.state_machine import RUN_RAPID, START_JOINT, STOP, MachineState, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, explain, explained, has_ended_egm
 
 GROUP = 0.25
@@ -524,7 +524,7 @@ class RobotMonitor:
         machines: dict[Side, MachineState | None] = dict.fromkeys(Side)
         for side in Side:
             try:
-                machines[side] = read_machine_state(self._client.symbol(side.task, MAIN, "current_state"))
+                machines[side] = read_machine_state(self._client, side)
             except ProtocolError:
                 continue
             except ControllerRefused as error:

@@ -256,17 +256,13 @@ class StateMachines:
             RobotNotReady: the robot reports an unknown state, or another program is loaded.
         """
         try:
-            literal = self._client.symbol(side.task, MAIN, "current_state")
+            return read_machine_state(self._client, side)
         except ControllerRefused as error:
             if (error.status, error.code) not in _NO_SYMBOL:
                 raise
             raise RobotNotReady(message("state_machine_missing", task=side.task, module=MAIN)) from error
-        try:
-            return read_machine_state(literal)
         except ProtocolError as error:
-            raise RobotNotReady(
-                message("machine_state_unknown", symbol=f"{side.task}/{MAIN}/current_state", value=literal)
-            ) from error
+            raise RobotNotReady(error.said) from error
 
     def states(self) -> Mapping[Side, MachineState]:
         return {side: self.state(side) for side in Side}
@@ -290,7 +286,7 @@ class StateMachines:
         """
         for side in Side:
             with suppress(ControllerRefused, ProtocolError):
-                record = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
+                record = self._client.value(side.task, EGM, "settings")
                 self._note_tcp(side, merge_egm_settings(record, self._motion, is_allowed=False))
 
     def _note_tcp(self, side: Side, record: RapidValue) -> None:
@@ -379,13 +375,13 @@ class StateMachines:
         motion = replace(self._motion, max_speed_deviation=scale * self._motion.max_speed_deviation)
         if side in self._tools:
             motion = replace(motion, tool=tooldata(self._tools[side]))
-        current = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
+        current = self._client.value(side.task, EGM, "settings")
         desired = merge_egm_settings(current, motion, is_allowed=is_allowed)
         self._note_tcp(side, desired)
         if _equal(current, desired):
             return
-        self._client.set_symbol(side.task, EGM, "settings", rapid_values.encode(desired))
-        written = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
+        self._client.set_value(side.task, EGM, "settings", desired)
+        written = self._client.value(side.task, EGM, "settings")
         if not _equal(written, desired):
             raise RobotNotReady(
                 message("egm_settings_not_taken", task=side.task, written=str(desired), read=str(written))
@@ -400,11 +396,12 @@ def tooldata(tool: Tool) -> str:
     return rapid_values.encode((True, (place, tool.tcp.orientation), (total.mass, centre, axes, *moments)))
 
 
-def read_machine_state(literal: str) -> MachineState:
-    """The state of ``TRobMain/current_state``; raises ProtocolError when there is no such state."""
-    value = rapid_values.decode(literal)
+def read_machine_state(client: RwsClient, side: Side) -> MachineState:
+    """The state of an arm's machine, read once; raises ProtocolError when there is no such state."""
+    value = client.value(side.task, MAIN, "current_state")
     if not isinstance(value, float) or value not in set(MachineState):
-        raise ProtocolError(message("machine_state_unknown", symbol=f"{MAIN}/current_state", value=literal))
+        symbol = f"{side.task}/{MAIN}/current_state"
+        raise ProtocolError(message("machine_state_unknown", symbol=symbol, value=rapid_values.encode(value)))
     return MachineState(int(value))
 
 

@@ -13,7 +13,7 @@ from threading import Event as Flag
 
 from abb_protocols.errors import ControllerRefused, YumiError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws.values import RapidValue
 from abb_runtime.parameters import bounded
 from abb_runtime.process.supervision import SupervisedThread
 from abb_runtime.rws.client import RwsClient
@@ -117,5 +117,5 @@ class Watchdog:
             if self.is_armed:
                 self.beat()
 
-    def _write(self, side: Side, name: str, value: rapid_values.RapidValue) -> None:
-        self._client.set_symbol(side.task, WATCHDOG, name, rapid_values.encode(value))
+    def _write(self, side: Side, name: str, value: RapidValue) -> None:
+        self._client.set_value(side.task, WATCHDOG, name, value)
