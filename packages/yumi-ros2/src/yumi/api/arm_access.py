@@ -35,7 +35,7 @@ TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
 CARTESIAN_CONTROLLER = "cartesian_controller"
 """Moves the tool on straight lines and after streams."""
 
-LAST_STOP = 5.0
+_LAST_STOP = 5.0
 """An arm must have come to rest within this time [s]; it takes a tenth of it."""
 
 
@@ -121,7 +121,7 @@ class ArmAccess:
     def bring_to_rest(self, sides: Iterable[Side]) -> None:
         """Stop arms and wait until they stand; raises GoalNotReached when one did not come to rest."""
         for motion in self.stop(sides):
-            motion.wait(LAST_STOP)
+            motion.wait(_LAST_STOP)
 
     def check_has(self, side: Side, name: str) -> None:
         """Raises CommandRefused where an arm has no controller of that name."""

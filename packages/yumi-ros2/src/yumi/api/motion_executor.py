@@ -32,13 +32,13 @@ from yumi.planning.common_time import started_together
 from yumi.planning.tool_path import SPEED, TURNING, ToolMotion, Waypoint, plan_tool_motions
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 
-PLAN_TOLERANCE = 0.02
+_PLAN_TOLERANCE = 0.02
 """So far may a joint have moved since a plan was made that is executed [rad]."""
 
 RETREAT_SPEED_SCALE = 0.1
 """Of the joints' speeds, with which arms are led out of each other's way."""
 
-ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
+_ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
 """When a trajectory's last point is reached: the same as for single points."""
 
 _PLACE = 3  # numbers of a pose without an orientation
@@ -181,7 +181,7 @@ class MotionExecutor(ArmStreams):
             if not snapshot.is_streaming:  # it may have been led away since its last datagram
                 raise RobotNotReady(message("plan_without_position", arm=side.word))
             away = max(abs(b - a) for a, b in zip(then, snapshot.position, strict=True))
-            if not away <= PLAN_TOLERANCE:
+            if not away <= _PLAN_TOLERANCE:
                 raise CommandRefused(message("arm_moved_since_plan", arm=side.word, distance=away))
         plans = {
             side: plan_trajectory(JointTrajectory(joint_names(side), timed_points(side, points)), (side,), self.limits)[
@@ -249,7 +249,7 @@ class MotionExecutor(ArmStreams):
                 raise CommandRefused(message("goal_refused", reason=reason))
         motions = {side: self.motions.begin(side) for side in plans}
         commands = [
-            ControllerCommand(side, name, FollowTrajectory(each, motions[side].identity, ARRIVAL), before[side][1])
+            ControllerCommand(side, name, FollowTrajectory(each, motions[side].identity, _ARRIVAL), before[side][1])
             for side, each in started_together(plans, self.clock.now()).items()
         ]
         for side, each in plans.items():

@@ -36,7 +36,7 @@ from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.teleoperated_arm import LINK_LOST, Follower, JointsGoal, MotionGoal, PoseGoal
 
-LONGEST_BLEND = 10.0
+_LONGEST_BLEND = 10.0
 """So long may it take until a stream that begins elsewhere is followed as it is [s]."""
 
 _JOG_GAP = 0.3  # [s] jogs that follow each other within this time belong to one press of a key
@@ -401,8 +401,8 @@ def _checked_blend(blend: SupportsFloat | None) -> float | None:
         duration = None if blend is None else float(blend)
     except (TypeError, ValueError):
         duration = nan
-    if duration is not None and not 0.0 < duration <= LONGEST_BLEND:
-        raise CommandRefused(message("blend_out_of_range", given=quoted(blend), longest=LONGEST_BLEND))
+    if duration is not None and not 0.0 < duration <= _LONGEST_BLEND:
+        raise CommandRefused(message("blend_out_of_range", given=quoted(blend), longest=_LONGEST_BLEND))
     return duration
 
 

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 _INTERRUPTED = 130
 _PICTURE = Path("demo_joint_paths.png")
-OBJECT_WIDTH = 0.020
+_OBJECT_WIDTH = 0.020
 """What lies between the left fingers of the virtual robot [m]."""
 
 _READY_TIMEOUT = 60.0
@@ -135,7 +135,7 @@ def run_demo(
         if not plan.robot:
             progress.step("start the virtual controller")
             ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
-            arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
+            arguments = ("controller", "--rws-port", "0", "--left-object", str(_OBJECT_WIDTH), *ports)
             controller = CommandProcess(
                 "virtual controller", "yumi", arguments, plan.logs / "controller.log", plan.secrets
             )

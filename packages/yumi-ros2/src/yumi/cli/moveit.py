@@ -38,11 +38,11 @@ def moveit_config(folder: Path, right_gripper: str, left_gripper: str) -> None:
     click.echo("ros2 launch yumi_moveit_config move_group.launch.py")
 
 
-PACKAGE = "yumi_moveit_config"
+_PACKAGE = "yumi_moveit_config"
 
 _PACKAGE_XML = f"""<?xml version="1.0"?>
 <package format="3">
-  <name>{PACKAGE}</name>
+  <name>{_PACKAGE}</name>
   <version>0.1.0</version>
   <description>MoveIt for an ABB YuMi driven by yumi-ros2; written by yumi moveit-config</description>
   <maintainer email="you@example.com">you</maintainer>
@@ -59,7 +59,7 @@ _PACKAGE_XML = f"""<?xml version="1.0"?>
 """
 
 _CMAKE = f"""cmake_minimum_required(VERSION 3.22)
-project({PACKAGE})
+project({_PACKAGE})
 find_package(ament_cmake REQUIRED)
 install(DIRECTORY config launch DESTINATION share/${{PROJECT_NAME}})
 install(FILES .setup_assistant DESTINATION share/${{PROJECT_NAME}})
@@ -77,7 +77,7 @@ from moveit_configs_utils import MoveItConfigsBuilder
 
 
 def generate_launch_description():
-    config = MoveItConfigsBuilder("yumi", package_name="{PACKAGE}").to_moveit_configs()
+    config = MoveItConfigsBuilder("yumi", package_name="{_PACKAGE}").to_moveit_configs()
     group = Node(package="moveit_ros_move_group", executable="move_group", parameters=[config.to_dict()])
     rviz = Node(
         package="rviz2",

@@ -73,7 +73,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger("yumi")
 
-END_REQUESTS = 3.0
+_END_REQUESTS = 3.0
 """A driver that must end abandons its requests to the controller after this time [s]: the network may be dead."""
 
 END = 4.5
@@ -390,7 +390,7 @@ def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> 
             if has_ended.is_set():
                 return
         manager.interrupt()
-        if not has_ended.wait(END_REQUESTS):
+        if not has_ended.wait(_END_REQUESTS):
             client.abandon()
 
     thread = Thread(target=watch, name="end-in-time", daemon=True)

@@ -29,10 +29,10 @@ from yumi.driver.watchdog import Watchdog
 POSITION_CONTROLLER = "joint_position_controller"
 """What commands an arm after EGM has started, unless another controller is named."""
 
-FIRST_DATAGRAM = 5.0
+_FIRST_DATAGRAM = 5.0
 """How long the arms may take from the start signal until they follow [s]."""
 
-EGM_END_TIMEOUT = 1.0
+_EGM_END_TIMEOUT = 1.0
 """How long after its program has stopped an arm may still report that EGM runs [s]; the arm is silent 0.1 s later."""
 
 
@@ -157,7 +157,7 @@ class EgmControl:
         if remark:
             self._bringup.step(remark)
         self._bringup.start_egm(arms)
-        wait_until(self._clock, lambda: self.is_running(arms), FIRST_DATAGRAM, lambda: self._why_not_running(arms))
+        wait_until(self._clock, lambda: self.is_running(arms), _FIRST_DATAGRAM, lambda: self._why_not_running(arms))
 
     def _wait_for_egm_end(self) -> None:
         """Wait until both arms report that EGM has ended; the last datagrams before a stop still say that EGM runs."""
@@ -165,7 +165,7 @@ class EgmControl:
         def has_ended() -> bool:
             return not any(self._control.snapshot(side).is_running for side in Side)
 
-        wait_until(self._clock, has_ended, EGM_END_TIMEOUT, message("egm_does_not_end"))
+        wait_until(self._clock, has_ended, _EGM_END_TIMEOUT, message("egm_does_not_end"))
 
     def _activate(self, side: Side) -> None:
         """Activate what commanded the arm before it was deactivated unasked, if it still can, or the default."""

@@ -28,7 +28,7 @@ from yumi.control.counters import WireCounters
 from yumi.core.library import load
 from yumi.egm.egm_session import SILENCE, SensorSession, Session
 
-POLL_PERIOD = 0.050
+_POLL_PERIOD = 0.050
 """How often a wait checks whether it is to end [s]."""
 
 MOST_UNREADABLE = 25
@@ -193,10 +193,10 @@ class EgmServer:
         self._arrived = None
         end = None if timeout is None else self._clock.now() + timeout
         while self._arrived is None and not self._is_stopped:
-            left = POLL_PERIOD if end is None else end - self._clock.now()
+            left = _POLL_PERIOD if end is None else end - self._clock.now()
             if left < 0.0:
                 return None
-            self._poller.wait(min(left, POLL_PERIOD))
+            self._poller.wait(min(left, _POLL_PERIOD))
         return self._arrived
 
     def send(

@@ -44,7 +44,7 @@ from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, SgCommand, read_mach
 CHANNELS = (1, 2)
 """Numbers of the vacuum modules."""
 
-STALL_TIME = 1.0
+_STALL_TIME = 1.0
 """Fingers that have stood still for so long on their way to a position are stopped by something [s]."""
 
 _JAMMED = 0.15  # [s]; fingers seen standing for so long before the gripper gave up were stopped by something, too
@@ -302,7 +302,7 @@ class RwsGripper:
         """A gripper gives up by itself, too; an error of fingers that moved has another cause."""
         if state is ServoState.ERROR:
             return self._stood >= _JAMMED and abs(self.last_position - goal.position) > ALLOWANCE
-        if self._stood < STALL_TIME:
+        if self._stood < _STALL_TIME:
             return False
         before = self.last_position  # what was reported may have been held up on its way: ask
         return self._ask_position() == before and self._ask("hand_ActualSpeed") == 0

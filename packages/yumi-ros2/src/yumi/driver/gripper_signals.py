@@ -16,7 +16,7 @@ from abb_runtime.rws.client import Change, signal_state
 
 _log = logging.getLogger(__name__)
 
-SignalName = tuple[Side, str]
+_SignalName = tuple[Side, str]
 """A gripper, and one of its signals without the arm's suffix."""
 
 
@@ -56,8 +56,8 @@ class GripperSignals:
         self._client = client
         self._modules = modules
         self._lock = Lock()
-        self._values: dict[SignalName, float] = {}
-        self._reported: set[SignalName] = set()  # since the subscription started
+        self._values: dict[_SignalName, float] = {}
+        self._reported: set[_SignalName] = set()  # since the subscription started
         self._subscription: Closable | None = None
         self._lost: Closable | None = None  # its group still counts at the controller, which allows two
         self._number = 0  # of the subscription that counts: one that has ended may still report something
@@ -145,7 +145,7 @@ class GripperSignals:
         assert refusal is not None, "there are grippers"
         raise refusal
 
-    def _on_change(self, number: int, paths: Mapping[str, SignalName], change: Change) -> None:
+    def _on_change(self, number: int, paths: Mapping[str, _SignalName], change: Change) -> None:
         try:
             name, value = paths[change.path], float(change.fields["lvalue"])
         except (KeyError, ValueError):

@@ -39,7 +39,7 @@ from yumi.driver.reports import MotionReport
 JOG_HOLDS = 0.06
 """A jog moves an arm for so long, unless the next one comes [s]: braking from the page's highest speed takes 0.12 s."""
 
-LAST_STOP = 5.0
+_LAST_STOP = 5.0
 """The move of a program from which a person takes an arm has ended within this time [s]."""
 
 _SCRIPT = frozenset({FrontEnd.SCRIPT})
@@ -297,8 +297,8 @@ def _acquire_from_program(robot: CommandedRobot, caller: Caller, side: Side) -> 
     if commander is Commander.NONE:
         return robot.moving.acquire(timeout=MOTION_BEGINS)
     hand_over.take(side, caller.commander)
-    wait_for_futures([motion.future for motion in robot.mover.stop((side,))], LAST_STOP)
-    return robot.moving.acquire(timeout=LAST_STOP)
+    wait_for_futures([motion.future for motion in robot.mover.stop((side,))], _LAST_STOP)
+    return robot.moving.acquire(timeout=_LAST_STOP)
 
 
 def _move(

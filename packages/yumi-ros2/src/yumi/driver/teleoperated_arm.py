@@ -29,7 +29,7 @@ from yumi.driver.device_frame import DeviceHand, DeviceSettings
 LINK_LOST = 0.2
 """Without a frame for so long the link is lost [s]: the arm brakes, and the clutch must be pressed again."""
 
-CLOSE_ENOUGH = 0.2
+_CLOSE_ENOUGH = 0.2
 """A follower goes to where its leader arm is only where no joint is further away at first [rad]."""
 
 BLENDING = 2.0
@@ -196,8 +196,8 @@ class TeleoperatedArm:
             goal = self._motion.reference
         elif hand.joints is not None:
             far = max(abs(a - b) for a, b in zip(hand.joints, sent, strict=True))
-            if settings.is_absolute and far > CLOSE_ENOUGH:
-                return self._inert("leader_too_far", distance=far, most=CLOSE_ENOUGH)
+            if settings.is_absolute and far > _CLOSE_ENOUGH:
+                return self._inert("leader_too_far", distance=far, most=_CLOSE_ENOUGH)
             self._motion = _JointFollowing(hand.joints, settings, time, sent)
             goal = JointsGoal(sent)
         else:

@@ -19,7 +19,7 @@ from abb_runtime.process.supervision import SupervisedThread
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.state_machine import EXTERNAL_STATUS, WATCHDOG
 
-BEATS_PER_TIMEOUT = 5
+_BEATS_PER_TIMEOUT = 5
 """So many heartbeats come within the time after which the robot stops."""
 
 
@@ -113,7 +113,7 @@ class Watchdog:
             return
 
     def _run(self) -> None:
-        while not self._is_over.wait(self._settings.timeout / BEATS_PER_TIMEOUT):
+        while not self._is_over.wait(self._settings.timeout / _BEATS_PER_TIMEOUT):
             if self.is_armed:
                 self.beat()
 

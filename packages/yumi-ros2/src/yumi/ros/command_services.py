@@ -43,7 +43,7 @@ from yumi.ros.messages import (
 )
 from yumi.ros.nodes import TimerThread
 
-OF_THEIR_OWN = (SetSpeedScale, SetMode, Recover)
+_OF_THEIR_OWN = (SetSpeedScale, SetMode, Recover)
 """The commands that are no plain services: a parameter is set with it, or they are actions."""
 
 _VALUES: Mapping[Any, Callable[[Any], Any]] = {
@@ -78,7 +78,7 @@ class CommandServices:
         self._robot = robot
         self._callback_groups = {lane: MutuallyExclusiveCallbackGroup() for lane in Lane}
         for kind in offered_to(FrontEnd.ROS):
-            if kind not in OF_THEIR_OWN:
+            if kind not in _OF_THEIR_OWN:
                 self._serve(kind, kind.service or kind.method())
 
     def _serve(self, kind: type[Command[Any]], name: str) -> None:

@@ -53,7 +53,7 @@ from yumi.ros.messages import (
     waited_for,
 )
 
-OLDEST_STAMP = 0.1
+_OLDEST_STAMP = 0.1
 """A goal whose stamp is older comes from a clock that is not ours [s]."""
 
 # Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
@@ -185,7 +185,7 @@ class JointCommandTopic(CommandTopic):
             return 0.0
         made = nanoseconds(stamp, f"{self.noun} refused: header.stamp")
         age = (self._node.get_clock().now().nanoseconds - made) * 1e-9
-        return age if 0.0 <= age <= OLDEST_STAMP else 0.0
+        return age if 0.0 <= age <= _OLDEST_STAMP else 0.0
 
     def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
         return self._checked(received, snapshot, time, nan)

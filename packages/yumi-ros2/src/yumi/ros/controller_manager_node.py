@@ -89,8 +89,8 @@ try:
 except ImportError:  # installations from before December 2025
     CleanupController = None
 
-BASE_CLASS = "controller_interface::ControllerInterface"
-HARDWARE_ID = "ros2_control"
+_BASE_CLASS = "controller_interface::ControllerInterface"
+_HARDWARE_ID = "ros2_control"
 
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _REMINDER = 2.0  # [s] between two that the description is still waited for
@@ -221,7 +221,7 @@ class ControllerManagerNode:
         array.header.stamp = stamp(self._clock.now().nanoseconds)
         array.status = [
             DiagnosticStatus(
-                name=f"{self._name}: {task}", hardware_id=HARDWARE_ID, level=level, message=text, values=pairs
+                name=f"{self._name}: {task}", hardware_id=_HARDWARE_ID, level=level, message=text, values=pairs
             )
             for task, (level, text, pairs) in self._statuses()
         ]
@@ -590,7 +590,7 @@ class ControllerManagerServices:
             ),
             "list_controller_types": (
                 ListControllerTypes,
-                lambda: {"types": controllers.kinds(), "base_classes": [BASE_CLASS] * len(controllers.kinds())},
+                lambda: {"types": controllers.kinds(), "base_classes": [_BASE_CLASS] * len(controllers.kinds())},
             ),
             "list_hardware_components": (
                 ListHardwareComponents,

@@ -286,7 +286,7 @@ GPIO_STATES: Any = DynamicInterfaceGroupValues
 ACTIVITY: Any = ControllerManagerActivity
 """The type of ``~/activity``; None where the installed package is older."""
 
-PLUGIN = "yumi_ros2/EgmSystem"
+_PLUGIN = "yumi_ros2/EgmSystem"
 """What the tools show as the plug-in of an arm's hardware component."""
 
 _IDS = {
@@ -368,7 +368,7 @@ def hardware_state(info: HardwareInfo) -> HardwareComponentState:
         type="system",
         is_async=False,
         rw_rate=RATE,
-        plugin_name=PLUGIN,
+        plugin_name=_PLUGIN,
         state=lifecycle_state(info.state),
         command_interfaces=hardware_interfaces(info.command_interfaces),
         state_interfaces=hardware_interfaces(info.state_interfaces),
@@ -678,7 +678,7 @@ _MOST_LINES = 10
 _REASONS = 50  # remembered; the oldest make room
 
 
-LONGEST_WAIT = 0.5
+_LONGEST_WAIT = 0.5
 """A command that waited for longer in the driver may be from before a stop that was recovered from meanwhile [s]."""
 
 
@@ -690,8 +690,8 @@ def waited_for(info: Mapping[str, Any]) -> float:
 
 def check_wait(noun: str, waited: float) -> None:
     """Raise CommandRefused if a message has waited for too long; ``noun`` as of :func:`command_refused`."""
-    if waited > LONGEST_WAIT:
-        raise command_refused(noun, said("command_waited", waited=waited, longest=LONGEST_WAIT))
+    if waited > _LONGEST_WAIT:
+        raise command_refused(noun, said("command_waited", waited=waited, longest=_LONGEST_WAIT))
 
 
 def _reason(value: object) -> Hashable:

@@ -57,10 +57,10 @@ LIFT = 0.05
 LIFTED = Side.LEFT
 """The arm that does; in the virtual robot something lies between its fingers."""
 
-MOVE_TIMEOUT = 30.0
+_MOVE_TIMEOUT = 30.0
 """Longest time for one motion at full speed [s]."""
 
-RECOVERIES = 3
+_RECOVERIES = 3
 """How often each step of the task is repeated after a stop of the robot; a person confirms each stop."""
 
 _LINES, _POINTS = "cartesian_controller", "joint_position_controller"
@@ -446,9 +446,9 @@ class MoveAndGrab:
             except YumiError as error:
                 attempt += 1
                 was_stopped = isinstance(error, GoalNotReached) or self._is_stopped()
-                if not was_stopped or attempt > RECOVERIES:
+                if not was_stopped or attempt > _RECOVERIES:
                     raise
-                self._progress.step(f"{error} Recover, attempt {attempt} of {RECOVERIES}")
+                self._progress.step(f"{error} Recover, attempt {attempt} of {_RECOVERIES}")
                 self._recover(error)
                 self._start_egm()
 
@@ -525,7 +525,7 @@ class MoveAndGrab:
     def _wait_for_motion(self, is_true: Callable[[], bool], what: str) -> None:
         """The same for the end of a motion; with the parts that the driver keeps apart, where it fails."""
         try:
-            self._wait(is_true, MOVE_TIMEOUT / self._state.speed_scale, what)
+            self._wait(is_true, _MOVE_TIMEOUT / self._state.speed_scale, what)
         except RobotNotReady as error:
             pairs = "; ".join(self._state.limited_by)
             if not pairs:

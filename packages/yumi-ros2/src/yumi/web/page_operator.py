@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from yumi.planning.planner import Plan
     from yumi.planning.planning_process import PlanningProcess
 
-PLANNED_SPEED_SCALE = 0.5
+_PLANNED_SPEED_SCALE = 0.5
 """Share of the joints' speeds that a page plans for, before speed_scale."""
 
 _PLANNING_TIMEOUT = 20.0  # [s] for one plan
@@ -59,17 +59,17 @@ OLDEST_SEEN = 0.8
 More than for frames of a device: the age of these is read from two clocks, which takes messages before. The first jog
 of a page has none before it, only the newest state, which a page that draws in software shows late."""
 
-STALE = 0.05
+_STALE = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""
 
 _PLAN_POINTS = 120  # points of a plan that the page gets, about
 _LAST_ANSWER = 0.3  # [s] the driver has for the end of a jog, before its connection is closed
 _JUST_NOW = 0.5  # [s] so long ago an arm may have been jogged that moves
 
-Send = Callable[[dict[str, Any]], None]
+_Send = Callable[[dict[str, Any]], None]
 """Sends a message to a page; ``type`` says of what kind."""
 
-Show = Callable[[Mapping[str, Any]], None]
+_Show = Callable[[Mapping[str, Any]], None]
 """Sends a message of which a page gets the newest only."""
 
 
@@ -92,7 +92,7 @@ class Operator:
         planning: plans motions.
     """
 
-    def __init__(self, live: LiveRobot, send: Send, show: Show, planning: PlanningProcess) -> None:
+    def __init__(self, live: LiveRobot, send: _Send, show: _Show, planning: PlanningProcess) -> None:
         self._live, self._send, self._planning = live, send, planning
         self._plans = 0
         self._plan: Plan | None = None  # the one that the page shows
@@ -219,7 +219,7 @@ class Operator:
             start,
             goals,
             timeout=_PLANNING_TIMEOUT,
-            speed_scale=PLANNED_SPEED_SCALE,
+            speed_scale=_PLANNED_SPEED_SCALE,
             grippers=grippers,
             tools=tools,
             obstacles=obstacles,
@@ -257,7 +257,7 @@ class Operator:
             if received is None or self._link is None or received.jog.hold == self._refused:
                 continue
             jog = received.jog
-            if time.monotonic() - received.time > STALE and jog.request != jog.at_rest:
+            if time.monotonic() - received.time > _STALE and jog.request != jog.at_rest:
                 continue  # the end of a jog is never too late
             try:
                 state = self._live.state()

@@ -28,7 +28,7 @@ from yumi.driver.readiness import NO_STOP, unmet
 from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import WATCHDOG
 
-CLOCK_TOLERANCE = 60.0
+_CLOCK_TOLERANCE = 60.0
 """By so much the clocks may differ before it is worth a note [s]: events are found by their times."""
 
 NEEDED_GRANTS = {
@@ -326,7 +326,7 @@ def _clock(client: RwsClient, here: datetime) -> Finding:
     except YumiError as error:
         return Finding("clock", Verdict.NOTE, message("clock_unreadable", reason=said_by(error)))
     off = abs((robot - here).total_seconds())
-    if off <= CLOCK_TOLERANCE:
+    if off <= _CLOCK_TOLERANCE:
         return Finding("clock", Verdict.OK, message("clock_agrees", difference=off))
     times = message("clock_differs", there=f"{robot:%Y-%m-%d %H:%M:%S}", here=f"{here:%Y-%m-%d %H:%M:%S}")
     return Finding("clock", Verdict.NOTE, times)
