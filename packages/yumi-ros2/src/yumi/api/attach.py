@@ -45,7 +45,7 @@ from yumi.driver.surroundings import Surroundings, limits_of, shapes_of
 if TYPE_CHECKING:
     from yumi.planning.planner import Plan, Planner
 
-R = TypeVar("R")
+_R = TypeVar("_R")
 Arms = Arm | Sequence[Arm]
 
 
@@ -100,8 +100,8 @@ class RunningDriver:
         self._client.close()
 
     def call(
-        self, command: Command[R], on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None
-    ) -> R:
+        self, command: Command[_R], on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None
+    ) -> _R:
         """Have the driver carry out a command, such as ``driver.call(yumi.driver.commands.StopEgm())``; its result.
 
         Args:

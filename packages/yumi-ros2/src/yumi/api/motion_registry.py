@@ -100,7 +100,7 @@ class Motion:
             raise GoalNotReached(message("goal_not_reached_yet", arm=self.side.word, timeout=timeout)) from None
 
 
-Explain = Callable[[Callable[[Cause], None]], None]
+_Explain = Callable[[Callable[[Cause], None]], None]
 """Calls back with what stopped the robot, once that is known."""
 
 
@@ -117,7 +117,7 @@ class MotionRegistry:
     """
 
     def __init__(self, *, is_script: bool = True) -> None:
-        self.explain: Explain = lambda then: then(Cause())
+        self.explain: _Explain = lambda then: then(Cause())
         self.limited_by: Callable[[Side], Limited | None] = lambda side: None
         self._is_script = is_script
         self._log = log.log if is_script else _no_log

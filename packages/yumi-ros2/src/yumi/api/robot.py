@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 
 class Robot:
@@ -599,7 +599,7 @@ def _side(arm: str) -> Side:
     raise CommandRefused(message("arm_name_unknown", given=quoted(arm)))
 
 
-def _named(right: T | None, left: T | None) -> dict[Side, T]:
+def _named(right: _T | None, left: _T | None) -> dict[Side, _T]:
     """What was given for each arm."""
     given = by_side(right, left)
     if not given:

@@ -33,7 +33,7 @@ def moveit_config(folder: Path, right_gripper: str, left_gripper: str) -> None:
       yumi moveit-config ~/ros2_ws/src/yumi_moveit_config
       yumi moveit-config yumi_moveit_config --right-gripper servo+vacuum
     """
-    write_moveit_config(folder, {Side.RIGHT: GripperModules(right_gripper), Side.LEFT: GripperModules(left_gripper)})
+    _write_moveit_config(folder, {Side.RIGHT: GripperModules(right_gripper), Side.LEFT: GripperModules(left_gripper)})
     click.echo(f"Written: {folder}. Copy it into a workspace with MoveIt, build it there, start yumi up, then")
     click.echo("ros2 launch yumi_moveit_config move_group.launch.py")
 
@@ -97,7 +97,7 @@ _SETUP_ASSISTANT = """moveit_setup_assistant_config:
 """
 
 
-def write_moveit_config(folder: Path, grippers: Mapping[Side, GripperModules] | None = None) -> None:
+def _write_moveit_config(folder: Path, grippers: Mapping[Side, GripperModules] | None = None) -> None:
     """Write the package into ``folder``, which must be new or empty.
 
     Raises:

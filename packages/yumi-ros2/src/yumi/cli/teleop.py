@@ -32,7 +32,7 @@ def _of_settings(name: str, lowest: float, highest: float, default: float, text:
     return click.option(f"--{name}", type=kind, default=default, show_default=True, help=text)
 
 
-def numbers(text: str) -> tuple[float, ...]:
+def _numbers(text: str) -> tuple[float, ...]:
     """Numbers with commas between them."""
     try:
         return tuple(map(float, text.split(",")))
@@ -55,8 +55,8 @@ def numbers(text: str) -> tuple[float, ...]:
 @click.option("--tool", "is_in_tool", is_flag=True, help="Directions are those of the tool.")
 @click.option("--leader", metavar="FILE.py:NAME", default="", help="What makes the leader arm: a class or function.")
 @click.option("--absolute", is_flag=True, help="A follower goes to where its leader is, from 0.2 rad away at most.")
-@click.option("--signs", type=numbers, help="1 or -1 for each joint of the leader, in chain order.")
-@click.option("--offsets", type=numbers, help="Added to each joint of the leader after its sign, in rad.")
+@click.option("--signs", type=_numbers, help="1 or -1 for each joint of the leader, in chain order.")
+@click.option("--offsets", type=_numbers, help="Added to each joint of the leader after its sign, in rad.")
 @robot_option()
 @json_option
 def teleop(

@@ -44,8 +44,8 @@ _SCRIPT_AND_SHELL = _SCRIPT | {FrontEnd.SHELL}
 _ROS = frozenset({FrontEnd.ROS})
 _NOT_ROS = EVERYWHERE - _ROS
 
-Width = Annotated[float, msgspec.Meta(description="Open so far [m]; else all the way.", extra={"to": 2.0 * TRAVEL})]
-Force = Annotated[float, msgspec.Meta(description="Hold with this force [N].", extra={"to": MAX_FORCE})]
+_Width = Annotated[float, msgspec.Meta(description="Open so far [m]; else all the way.", extra={"to": 2.0 * TRAVEL})]
+_Force = Annotated[float, msgspec.Meta(description="Hold with this force [N].", extra={"to": MAX_FORCE})]
 ModeName = Literal["motors_off", "ready", "egm_left", "egm_right", "egm_both"]
 
 
@@ -256,8 +256,8 @@ class Grip(Command[GripReport], frozen=True):
 
     arm: Arm
     action: Literal["open", "close"]
-    width: Width | None = None
-    force: Force | None = None
+    width: _Width | None = None
+    force: _Force | None = None
 
     def check(self) -> None:
         if self.action == "open" and self.force is not None:

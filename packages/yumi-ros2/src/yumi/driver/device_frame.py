@@ -20,7 +20,7 @@ from yumi.control.tool_goal import check_twist
 from yumi.driver.reports import Said
 
 Six: TypeAlias = tuple[float, float, float, float, float, float]
-Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+_Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 _FARTHEST = 100.0  # [m], [rad] a device that reports more is not in a room
 _NO_QUATERNION = 0.5  # of length 1 it should be
@@ -46,7 +46,7 @@ class DeviceHand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     pose: Joints | None = None
     twist: Six | None = None
     joints: Joints | None = None
-    gripper: Fraction | None = None
+    gripper: _Fraction | None = None
     elbow: float | None = None
     is_in_tool: bool = False
 

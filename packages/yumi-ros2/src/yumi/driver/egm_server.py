@@ -79,7 +79,7 @@ class EgmState:
     @property
     def is_running(self) -> bool:
         """Whether the robot follows what it is sent; a position stream alone does not."""
-        return is_running(self.message)
+        return _is_running(self.message)
 
 
 class EgmServer:
@@ -252,9 +252,9 @@ class EgmServer:
             external_velocity=() if external_speed is None else _finite("external_speed", external_speed, beside),
             rapid_data=data,
         )
-        if not moves(wanted):
+        if not _moves(wanted):
             wanted = replace(self._held, rapid_data=wanted.rapid_data)
-        elif is_placed(wanted):
+        elif _is_placed(wanted):
             self._held = replace(wanted, velocity=None, twist=None, external_velocity=(), rapid_data=None)
         self._link.send(self._codec.encode(replace(wanted, seqno=self._session.next_seqno())))
 
@@ -285,16 +285,16 @@ class EgmServer:
         now, session = self._clock.now(), self._session
         if session.silence(now) > self._silence:
             self._link.release()  # the robot may come back from another port
-        received = accept_from(self._link, session.accept, self._link.receive(), now)
+        received = _accept_from(self._link, session.accept, self._link.receive(), now)
         if received is not None:
             self._arrived = self._state = EgmState(now, session.period, session.number, session.is_first, received)
             if session.is_first:
-                self._held = standstill(received)
+                self._held = _standstill(received)
         elif not session.number and session.counters.malformed >= MOST_UNREADABLE:
             raise ProtocolError(message("sender_cannot_be_guided", port=self.port, reason=session.last_error))
 
 
-def standstill(message: RobotMessage) -> SensorMessage:
+def _standstill(message: RobotMessage) -> SensorMessage:
     """Stay where ``message`` was measured, whether the robot heeds its joints or its tool."""
     pose = message.measured_pose
     return SensorMessage(
@@ -306,15 +306,15 @@ def standstill(message: RobotMessage) -> SensorMessage:
     )
 
 
-def is_placed(message: SensorMessage) -> bool:
+def _is_placed(message: SensorMessage) -> bool:
     """Whether it says where the robot is to be."""
     return message.position is not None or message.tool_position is not None or bool(message.external)
 
 
-def moves(message: SensorMessage) -> bool:
+def _moves(message: SensorMessage) -> bool:
     """Whether it has any reference, be it zero."""
     return (
-        is_placed(message)
+        _is_placed(message)
         or message.velocity is not None
         or message.twist is not None
         or bool(message.external_velocity)
@@ -366,7 +366,7 @@ class DatagramLink(Protocol):
 _Accepted = TypeVar("_Accepted")
 
 
-def accept_from(
+def _accept_from(
     link: DatagramLink,
     accept: Callable[[Sequence[bytes], float], _Accepted | None],
     datagrams: Sequence[bytes],
@@ -384,7 +384,7 @@ def accept_from(
     return None
 
 
-def is_running(message: RobotMessage) -> bool:
+def _is_running(message: RobotMessage) -> bool:
     """Whether the robot follows, as the core judges it of the arms of the control loop."""
     return bool(load().codec_is_running(message.motors, message.mci, message.rapid))
 

@@ -480,7 +480,7 @@ class RobotMonitor:
     @property
     def _is_busy(self) -> bool:
         """Whether a state machine is about to change, or its arm's datagrams show another state."""
-        egm = egm_states(self._loop)
+        egm = _egm_states(self._loop)
         return any(
             machine not in _FIXED or (machine is MachineState.RUN_EGM_ROUTINE) != (egm[side] == EGM_RUNNING)
             for side, machine in self._state.machines.items()
@@ -507,7 +507,7 @@ class RobotMonitor:
             self._journal.append(change)
             self._reported_count += 1
             if self._state.is_connected:
-                self._state = changed(self._state, change)
+                self._state = _changed(self._state, change)
         self._wake.set()
 
     def _on_lost(self, sentence: str) -> None:
@@ -571,7 +571,7 @@ class RobotMonitor:
         )
         with self._lock:
             for change in self._changes_since(begin):
-                state = changed(state, change)
+                state = _changed(state, change)
             self._state, self._read_at = state, self._clock.now()
             if self._reported_count > begin:  # changes do not contain events and state machines: read those again
                 self._handled_count = min(self._handled_count, begin)
@@ -587,7 +587,7 @@ class RobotMonitor:
         arms = [self._loop.snapshot(side) for side in Side]
         live = replace(
             state,
-            egm=egm_states(self._loop),
+            egm=_egm_states(self._loop),
             speed_scale=min([self._speed.in_force, *(arm.speed_cap for arm in arms if arm.is_streaming)]),
             allowed_collisions=self.allowed_collisions,
             limited_by=tuple(arm.limited_by for arm in arms if arm.limited_by),
@@ -625,7 +625,7 @@ class RobotMonitor:
             self._failures.attempt("Reporting what stopped the robot", then, cause)
 
 
-def changed(state: RobotState, change: Change) -> RobotState:
+def _changed(state: RobotState, change: Change) -> RobotState:
     """``state`` after a reported change; an unknown word changes nothing."""
     for name, text in change.fields.items():
         try:
@@ -642,7 +642,7 @@ def changed(state: RobotState, change: Change) -> RobotState:
     return state
 
 
-def egm_states(loop: Snapshots) -> Mapping[Side, str]:
+def _egm_states(loop: Snapshots) -> Mapping[Side, str]:
     """EGM of each arm in a word."""
     snapshots = {side: loop.snapshot(side) for side in Side}
     return {

@@ -22,7 +22,7 @@ from yumi.driver.robot_state import EGM_RUNNING, RobotState, machine_name
 from yumi.driver.state_machine import MachineState
 
 _BOTH_ARMS = tuple(Side)
-Arms = tuple[Side, ...]
+_Arms = tuple[Side, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,39 +36,39 @@ class Condition:
     """
 
     name: str
-    is_met: Callable[[RobotState, Arms], bool]
-    reason: Callable[[RobotState, Arms], Message]
+    is_met: Callable[[RobotState, _Arms], bool]
+    reason: Callable[[RobotState, _Arms], Message]
 
 
-def _controller_is_not(stop: ControllerState) -> Callable[[RobotState, Arms], bool]:
+def _controller_is_not(stop: ControllerState) -> Callable[[RobotState, _Arms], bool]:
     return lambda state, _: state.controller_state is not stop
 
 
-def _says(reason: Message) -> Callable[[RobotState, Arms], Message]:
+def _says(reason: Message) -> Callable[[RobotState, _Arms], Message]:
     return lambda state, arms: reason
 
 
-def _mode(state: RobotState, arms: Arms) -> Message:
+def _mode(state: RobotState, arms: _Arms) -> Message:
     if state.operating_mode is None:
         return message("mode_unknown")
     return message("not_in_auto", mode=state.operating_mode.value)
 
 
-def _motors_off(state: RobotState, arms: Arms) -> Message:
+def _motors_off(state: RobotState, arms: _Arms) -> Message:
     if state.controller_state is ControllerState.EMERGENCY_STOP_RESET:
         return message("motors_off_after_emergency_stop")
     return message("motors_off")
 
 
-def _machines(state: RobotState, arms: Arms) -> tuple[Message, ...]:
+def _machines(state: RobotState, arms: _Arms) -> tuple[Message, ...]:
     return tuple(message("machine", arm=side.word, machine=machine_name(state, side)) for side in arms)
 
 
-def _is_idle(state: RobotState, arms: Arms) -> bool:
+def _is_idle(state: RobotState, arms: _Arms) -> bool:
     return all(state.machines[side] is MachineState.IDLE for side in arms)
 
 
-def _is_idle_or_in_egm(state: RobotState, arms: Arms) -> bool:
+def _is_idle_or_in_egm(state: RobotState, arms: _Arms) -> bool:
     return all(state.machines[side] is MachineState.IDLE or state.egm[side] == EGM_RUNNING for side in arms)
 
 
@@ -178,12 +178,12 @@ NEEDED: Mapping[ConditionalRequest, tuple[Condition, ...]] = {
 not need it. That a stop is confirmed is checked by :class:`StopLog`, which reads the event log."""
 
 
-def unmet(conditions: Iterable[Condition], state: RobotState, arms: Arms = _BOTH_ARMS) -> Condition | None:
+def unmet(conditions: Iterable[Condition], state: RobotState, arms: _Arms = _BOTH_ARMS) -> Condition | None:
     """The first condition that is not met."""
     return next((condition for condition in conditions if not condition.is_met(state, arms)), None)
 
 
-def check_request(request: ConditionalRequest, state: RobotState, arms: Arms = _BOTH_ARMS) -> None:
+def check_request(request: ConditionalRequest, state: RobotState, arms: _Arms = _BOTH_ARMS) -> None:
     """Refuse a request that a condition forbids; that a stop is confirmed is left to the log of stops.
 
     Args:

@@ -47,7 +47,7 @@ class SpeedSetting:
         self._buffers = buffers or {}
         self.is_in_egm = is_in_egm
         self._started_with = dict.fromkeys(Side, FULL)
-        self._value = checked_speed_scale(value)
+        self._value = _checked_speed_scale(value)
         self._write()
 
     @property
@@ -67,7 +67,7 @@ class SpeedSetting:
             CommandRefused: the value is out of range; nothing was changed.
         """
         with self._lock:
-            self._value = checked_speed_scale(value)
+            self._value = _checked_speed_scale(value)
             self._write()
         return str(self)
 
@@ -95,7 +95,7 @@ class SpeedSetting:
             buffer.write(Factor(self._of_arm(side)))
 
 
-def checked_speed_scale(value: float) -> float:
+def _checked_speed_scale(value: float) -> float:
     """``value`` as a plain number; raises CommandRefused when it is none, or out of range."""
     try:
         number = float(value)

@@ -190,7 +190,7 @@ def _has_layout(value: RapidValue, layout: RapidValue) -> bool:
     return type(value) is type(layout) and (not isinstance(value, float) or isfinite(value))
 
 
-def merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_allowed: bool) -> RapidValue:
+def _merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_allowed: bool) -> RapidValue:
     """The RAPID record ``EGMSettings`` of the robot with the values of ``motion``; what it leaves open is kept.
 
     Raises:
@@ -287,7 +287,7 @@ class StateMachines:
         for side in Side:
             with suppress(ControllerRefused, ProtocolError):
                 record = self._client.value(side.task, EGM, "settings")
-                self._note_tcp(side, merge_egm_settings(record, self._motion, is_allowed=False))
+                self._note_tcp(side, _merge_egm_settings(record, self._motion, is_allowed=False))
 
     def _note_tcp(self, side: Side, record: RapidValue) -> None:
         _, (place, turn), _ = cast("tuple[Any, ...]", record)[3][0]
@@ -376,7 +376,7 @@ class StateMachines:
         if side in self._tools:
             motion = replace(motion, tool=tooldata(self._tools[side]))
         current = self._client.value(side.task, EGM, "settings")
-        desired = merge_egm_settings(current, motion, is_allowed=is_allowed)
+        desired = _merge_egm_settings(current, motion, is_allowed=is_allowed)
         self._note_tcp(side, desired)
         if _equal(current, desired):
             return

@@ -172,7 +172,7 @@ def make_parts(
         manager.monitor.keeps_apart = True
         manager.monitor.on_joints = lambda side, states: control.buffers[side].read_joints.write(states)
     signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
-    grippers = build_grippers(client, clock, settings, signals)
+    grippers = _build_grippers(client, clock, settings, signals)
     manager.grippers = tuple(grippers.values())
     return DriverParts(client, bringup, plan, control, manager, signals, grippers)
 
@@ -215,7 +215,7 @@ def brings_up(settings: Settings, *, is_real: bool) -> bool:
     return not is_real if settings.ros.bringup is None else settings.ros.bringup
 
 
-def build_grippers(
+def _build_grippers(
     client: RwsClient, clock: Clock, settings: Settings, signals: GripperSignals | None = None
 ) -> dict[Side, RwsGripper]:
     """Both grippers of a connected robot; without ``signals`` they read everything by request."""
@@ -333,7 +333,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
         stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
         manager = _manager_of(side, own, halves, plan.limits, plan.period, speed, plan.tool_limits)
-        start_controllers(manager, plan.controllers[side])
+        _start_controllers(manager, plan.controllers[side])
         apart = collisions.arm(side) if collisions else None
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, apart, plan.bandwidth)
         arm = EgmArm(socket, Session(plan.silence), limiter, stages, own.datagram.write)
@@ -376,7 +376,7 @@ def check_controllers(controllers: Controllers) -> Controllers:
     """
     halves: Halves = {}
     return {
-        side: start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
+        side: _start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
         for side, entries in controllers.items()
     }
 
@@ -402,7 +402,7 @@ def _manager_of(
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic, counted)
 
 
-def start_controllers(
+def _start_controllers(
     manager: ControllerManager, controllers: Sequence[ControllerSettings]
 ) -> tuple[ControllerSettings, ...]:
     """Lead ``controllers`` to their initial states; their settings, each with its own parameters only.

@@ -54,7 +54,7 @@ _VALUES: Mapping[Any, Callable[[Any], Any]] = {
 """An argument of a command from a field of a request, by its type; others are what they are."""
 
 
-def command_of(kind: type[Command[Any]], request: Any) -> Command[Any]:
+def _command_of(kind: type[Command[Any]], request: Any) -> Command[Any]:
     """The command with the arguments of a request; those that it has no field for keep their defaults.
 
     Raises:
@@ -84,7 +84,7 @@ class CommandServices:
     def _serve(self, kind: type[Command[Any]], name: str) -> None:
         def answer(request: Any, response: Any) -> Any:
             try:
-                result = str(carry_out(command_of(kind, request), self._robot))
+                result = str(carry_out(_command_of(kind, request), self._robot))
                 setattr(response, "value" if hasattr(response, "value") else "message", result)
                 response.success = True
             except YumiError as error:
@@ -191,7 +191,7 @@ class CommandActions:
 
 
 _POLL_PERIOD = 0.05  # [s]
-NAME = "speed_scale"
+_NAME = "speed_scale"
 
 
 class SpeedScaleInterface:
@@ -209,7 +209,7 @@ class SpeedScaleInterface:
             floating_point_range=[FloatingPointRange(from_value=LOWEST_SPEED_SCALE, to_value=FULL)],
         )
         node.add_on_set_parameters_callback(self._on_set_parameters)
-        node.declare_parameter(NAME, speed.value, described)  # the callback takes a value of the command line
+        node.declare_parameter(_NAME, speed.value, described)  # the callback takes a value of the command line
         self._publisher = node.create_publisher(SpeedScalingFactor, "~/speed_scale", LATCHED)
         self._published = 0.0
         timers.every(_POLL_PERIOD, "speed_scale", self._publish)
@@ -228,7 +228,7 @@ class SpeedScaleInterface:
 
     def _on_set_parameters(self, parameters: list[Any]) -> SetParametersResult:
         for parameter in parameters:
-            if parameter.name == NAME and parameter.value != self._speed.value:
+            if parameter.name == _NAME and parameter.value != self._speed.value:
                 try:
                     self._log.info(self._speed.set(parameter.value))
                 except CommandRefused as error:
@@ -239,7 +239,7 @@ class SpeedScaleInterface:
         try:
             response.message = self._speed.set(request.speed_scale)
             response.success = True
-            self._node.set_parameters([Parameter(NAME, value=self._speed.value)])
+            self._node.set_parameters([Parameter(_NAME, value=self._speed.value)])
             self._log.info(response.message)
         except CommandRefused as error:
             say_why(response, error)

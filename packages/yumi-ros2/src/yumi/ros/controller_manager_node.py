@@ -109,7 +109,7 @@ _ADVICE: Mapping[str, str] = {
 }
 """What to do about types of other robots' files."""
 
-Explain = Callable[[Callable[[Cause], None]], None]
+_Explain = Callable[[Callable[[Cause], None]], None]
 """Calls back with what stopped the robot, once that is known."""
 
 
@@ -169,7 +169,7 @@ class ControllerManagerNode:
         self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         timers.every(_DIAGNOSTICS_PERIOD, f"/diagnostics of {self._name}", self._publish_diagnostics)
 
-    def on_event(self, event: Event, explain: Explain | None = None) -> None:
+    def on_event(self, event: Event, explain: _Explain | None = None) -> None:
         """Log an event of the control process and update the activity; from any thread.
 
         Args:

@@ -552,11 +552,11 @@ def robot_state(state: RobotState, time_ns: int, frame: str = "") -> RobotStateM
         speed_ratio=min(max(state.speed_ratio or 0, 0), _PERCENT),
         allowed_collisions=state.allowed_collisions,
         limited_by=state.limited_by,
-        last_event=controller_event(state.last_event),
+        last_event=_controller_event(state.last_event),
     )
 
 
-def controller_event(event: RwsEvent | None) -> ControllerEvent:
+def _controller_event(event: RwsEvent | None) -> ControllerEvent:
     """A message of the event log with our words; the number 0 where there is none."""
     if event is None:
         return ControllerEvent()
@@ -579,7 +579,7 @@ def controller_event(event: RwsEvent | None) -> ControllerEvent:
 
 def robot_status(state: RobotState) -> DiagnosticStatus:
     """The state for ``/diagnostics``: an error without a connection, a warning while it is not ready."""
-    event, level = controller_event(state.last_event), DiagnosticStatus.OK
+    event, level = _controller_event(state.last_event), DiagnosticStatus.OK
     if state.reasons:
         level = DiagnosticStatus.WARN if state.is_connected else DiagnosticStatus.ERROR
     values: Mapping[str, str] = {

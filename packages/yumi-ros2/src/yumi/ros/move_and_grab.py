@@ -31,7 +31,7 @@ from abb_protocols.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.gripper_actions import FAILURE, FAILURES
 from yumi.ros.messages import LATCHED
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (42.1, -118.4, -92.1, 46.5, -143.6, 42.5, 36.1)]),
@@ -437,7 +437,7 @@ class MoveAndGrab:
 
     # After a stop
 
-    def _despite_stops(self, step: Callable[[], T]) -> T:
+    def _despite_stops(self, step: Callable[[], _T]) -> _T:
         """The result of ``step``; where the robot has been stopped meanwhile, it recovers and ``step`` is repeated."""
         attempt = 0
         while True:
