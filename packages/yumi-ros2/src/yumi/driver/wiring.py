@@ -27,7 +27,7 @@ from functools import partial
 from ipaddress import ip_address
 from itertools import pairwise
 from math import radians
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import CommandRefused, ControllerRefused, SettingsError, SwitchFailed
@@ -78,6 +78,8 @@ from yumi.egm.egm_session import Session
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 """What runs on each arm."""
+
+_Halves = dict[str, dict[Side, object]]  # active ones, of controllers that move both arms, by their name and arm
 
 
 class DriverParts(NamedTuple):
@@ -320,7 +322,7 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
 def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
     """Both arms of the control process, with the controllers that only watch already active."""
     set_prefix(plan.prefix)
-    halves: Halves = {}
+    halves: _Halves = {}
     arms: dict[Side, ConnectedArm] = {}
     answered: list[tuple[Limiter, EgmArm]] = []
     collisions = None
@@ -360,10 +362,6 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     return {side: arm._replace(fallback=fallback) for side, arm in arms.items()}
 
 
-Halves = dict[str, dict[Side, Any]]
-"""The active halves of controllers that move both arms, by the controllers' name and arm."""
-
-
 CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {each.kind: each.make for each in find_controllers()}
 """How a controller of each type is made."""
 
@@ -374,7 +372,7 @@ def check_controllers(controllers: Controllers) -> Controllers:
     Raises:
         SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
     """
-    halves: Halves = {}
+    halves: _Halves = {}
     return {
         side: _start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
         for side, entries in controllers.items()
@@ -384,7 +382,7 @@ def check_controllers(controllers: Controllers) -> Controllers:
 def _manager_of(
     side: Side,
     buffers: ArmBuffers,
-    halves: Halves,
+    halves: _Halves,
     limits: JointLimits = YUMI_LIMITS,
     period: float = CYCLE,
     speed: SpeedScale | None = None,
