@@ -21,7 +21,7 @@ from yumi.api.connection import Connection
 from yumi.driver import wiring
 from yumi.driver.gripper_setup import GripperSetup
 from yumi.driver.state_machine import START_JOINT, WATCHDOG
-from yumi.driver.wiring import brings_up, check_kind, is_on_this_machine
+from yumi.driver.wiring import check_kind
 
 STEPS = ("switch the motors on", "move the program pointers to main", "start the RAPID program")
 CREEP = 1e-4  # [rad] of the virtual robot under loads
@@ -70,8 +70,8 @@ def robot() -> RealRobot:
 )
 def test_real_robot_is_brought_up_only_where_that_is_named(address: str, given: bool | None, expected: bool) -> None:
     settings = settings_for(address, bringup=given)
-    assert is_on_this_machine(settings) is (address == "127.0.0.1")
-    assert brings_up(settings, is_real=not is_on_this_machine(settings)) is expected
+    assert settings.robot.is_on_this_machine is (address == "127.0.0.1")
+    assert settings.ros.brings_up(is_real=not settings.robot.is_on_this_machine) is expected
 
 
 def test_robot_that_is_not_ready_is_left_as_it_is_where_bringup_is_not_named(robot: RealRobot) -> None:

@@ -25,7 +25,6 @@ from yumi.cli.up import DEFAULT_WAIT, run_driver, wait_for_controller
 from yumi.control.loop_events import SessionLost
 from yumi.driver.settings import RobotSettings, Settings, override, read_settings
 from yumi.driver.speed_setting import SpeedSetting
-from yumi.driver.wiring import first_speed_scale
 
 
 def run(*arguments: str) -> Result:
@@ -162,7 +161,7 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
 
     def make_parts(settings: Settings, *_: Any, **__: Any) -> Mock:
         parts = Mock()
-        parts.manager.speed = SpeedSetting(first_speed_scale(settings))
+        parts.manager.speed = SpeedSetting(settings.robot.first_speed_scale)
         parts.bringup.check_controller.return_value = None
         parts.control.started_as = "the control process has started"
         return parts

@@ -33,8 +33,8 @@ from yumi.control.collisions import BODY_MARGIN
 from yumi.core.collision import Distance
 from yumi.driver.commissioning.controller_checks import examine_controller
 from yumi.driver.commissioning.machine_checks import examine_machine
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.settings import CalibrateWhen, Settings
-from yumi.driver.wiring import Controllers
 
 LARGEST = radians(2.0)
 """No joint leaves the place where the measurement began by more [rad]."""

@@ -27,6 +27,7 @@ from yumi.api.motion_registry import Motion
 from yumi.api.poses import PoseLike
 from yumi.api.robot import Robot
 from yumi.api.robot_arm import Arm
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.settings import (
     ControllerSettings,
     Settings,
@@ -35,7 +36,6 @@ from yumi.driver.settings import (
     read_controllers,
     read_settings,
 )
-from yumi.driver.wiring import Controllers
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")

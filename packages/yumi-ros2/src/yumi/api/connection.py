@@ -33,6 +33,7 @@ from yumi.driver.gripper import RwsGripper
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.gripper_setup import close_as_test
 from yumi.driver.gripper_signals import GripperSignals
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.robot_state import Report, arms_in_words
 from yumi.driver.settings import Settings
@@ -40,15 +41,7 @@ from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
 from yumi.driver.teleoperation import Elsewhere
-from yumi.driver.wiring import (
-    Controllers,
-    DriverParts,
-    brings_up,
-    check_kind,
-    make_parts,
-    only_at_robot,
-    set_up_grippers,
-)
+from yumi.driver.wiring import DriverParts, check_kind, make_parts, only_at_robot, set_up_grippers
 from yumi.recording.message_types import STATE
 from yumi.recording.recorder import FullRecorder, Source, Sources
 
@@ -158,7 +151,7 @@ class Connection:
             atexit.register(self.close)  # a notebook that is shut down ends its motions too
             stack.callback(atexit.unregister, self.close)
             # As a warning, which a script without logging shows, too.
-            is_named = is_named or bool(confirm) or brings_up(self._settings, is_real=self.manager.is_real)
+            is_named = is_named or bool(confirm) or self._settings.ros.brings_up(is_real=self.manager.is_real)
             is_tested = is_named and self._settings.gripper.test_at_start and not self._were_tested
             with self.manager.starting(brings_up=is_named):
                 if not is_named:

@@ -27,9 +27,9 @@ from yumi.control.goals import Tracking, stream_delay
 from yumi.control.hand_over import Commander
 from yumi.driver import gripper as driver
 from yumi.driver.gripper_follower import closed_of
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import Settings
-from yumi.driver.wiring import Controllers
 from yumi.planning.tool_path import SPEED, TURNING, ZONE, ToolMotion
 
 if TYPE_CHECKING:

@@ -340,17 +340,14 @@ def demo(
     if speed_scale is not None:
         options = (*options, "--speed-scale", str(speed_scale))
     can_draw = _can_draw(is_asked=picture is not None)
-    from yumi.driver.wiring import first_speed_scale  # noqa: PLC0415 - a quick --help
-    from yumi.recording.tables import draw_joint_paths  # noqa: PLC0415
+    from yumi.recording.tables import draw_joint_paths  # noqa: PLC0415 - a quick --help
 
     if robot:
         given = {"robot": robot, "password": password, "speed_scale": speed_scale, **where}
         settings = settings_of(None, given)
         top_speed = radians(settings.egm_motion.max_speed_deviation)
-        ahead, is_quiet = (
-            motions_ahead(read_positions(settings.robot), top_speed, first_speed_scale(settings)),
-            json_output.is_printed,
-        )
+        is_quiet = json_output.is_printed
+        ahead = motions_ahead(read_positions(settings.robot), top_speed, settings.robot.first_speed_scale)
         click.echo(ahead, err=is_quiet)
         if not yes:
             click.confirm(f"This moves the robot at {robot}. Is its workspace free?", abort=True, err=is_quiet)

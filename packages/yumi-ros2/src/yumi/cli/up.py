@@ -54,18 +54,11 @@ from yumi.control.speed_scale import FULL
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.endpoint_server import EndpointServer
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.robot_connection import RobotConnection
 from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import RobotSettings, Settings, read_controllers
-from yumi.driver.wiring import (
-    Controllers,
-    DriverParts,
-    brings_up,
-    check_kind,
-    make_parts,
-    only_at_robot,
-    set_up_grippers,
-)
+from yumi.driver.wiring import DriverParts, check_kind, make_parts, only_at_robot, set_up_grippers
 from yumi.recording.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -281,7 +274,7 @@ def run_driver(
             log(logging.INFO, sentence)
         log(logging.DEBUG, control.started_as)
         log(*_speed_line(manager, with_ros=with_ros))
-        reason = front.bring_up(is_reading_only=not brings_up(settings, is_real=manager.is_real))
+        reason = front.bring_up(is_reading_only=not settings.ros.brings_up(is_real=manager.is_real))
         settle_memory()
         on_ready(reason)
         is_over.wait()

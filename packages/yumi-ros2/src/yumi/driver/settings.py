@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from functools import partial
+from ipaddress import ip_address
 from math import hypot, inf
 from pathlib import Path
 from types import NoneType
@@ -32,7 +33,7 @@ from abb_runtime.parameters import (
 )
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
-from abb_runtime.udp import address_towards, is_loopback
+from abb_runtime.udp import address_towards, is_loopback, resolve
 from yumi.control.collisions import MARGIN
 from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
@@ -41,7 +42,7 @@ from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.recovery import RecoverySettings
-from yumi.driver.speed_setting import LOWEST_SPEED_SCALE
+from yumi.driver.speed_setting import FIRST_SPEED_SCALE, LOWEST_SPEED_SCALE
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.driver.watchdog import WatchdogSettings
 
@@ -79,6 +80,18 @@ class RobotSettings:
     def host_and_port(self) -> str:
         """Where Robot Web Services are, as commands and messages say it."""
         return f"{self.address}:{self.rws_port}"
+
+    @property
+    def is_on_this_machine(self) -> bool:
+        """Whether it has an address of this machine, and is no real one unless a tunnel begins there."""
+        return ip_address(resolve(self.address)).is_loopback
+
+    @property
+    def first_speed_scale(self) -> float:
+        """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
+        if self.speed_scale is not None:
+            return self.speed_scale
+        return FULL if self.is_on_this_machine else FIRST_SPEED_SCALE
 
     def client(self) -> RwsClient:
         """A client of the controller, not connected yet."""
@@ -339,6 +352,10 @@ class RosSettings:
             raise SettingsError(message("namespace_not_of_ros", setting="ros: namespace", value=self.namespace))
         if not _PREFIX.fullmatch(self.prefix):
             raise SettingsError(message("prefix_not_of_ros", setting="ros: prefix", value=self.prefix))
+
+    def brings_up(self, *, is_real: bool) -> bool:
+        """Whether the driver brings the robot to ready when it starts: a real one only where that is named."""
+        return not is_real if self.bringup is None else self.bringup
 
     @property
     def root(self) -> str:
