@@ -28,7 +28,7 @@ from yumi.control.shared_state import Limited
 from yumi.control.stream_monitor import StreamReport
 from yumi.control.tool_limits import ToolLimited
 from yumi.control.trajectory_commands import TrajectoryEnded, TrajectoryOutcome
-from yumi.driver.stops import Cause, explained
+from yumi.driver.stops import Cause, Explain, explained
 
 log = logging.getLogger(__name__)
 
@@ -100,10 +100,6 @@ class Motion:
             raise GoalNotReached(message("goal_not_reached_yet", arm=self.side.word, timeout=timeout)) from None
 
 
-_Explain = Callable[[Callable[[Cause], None]], None]
-"""Calls back with what stopped the robot, once that is known."""
-
-
 class MotionRegistry:
     """All motions under way, and what has gone wrong since the last recovery; safe from any thread.
 
@@ -117,7 +113,7 @@ class MotionRegistry:
     """
 
     def __init__(self, *, is_script: bool = True) -> None:
-        self.explain: _Explain = lambda then: then(Cause())
+        self.explain: Explain = lambda then: then(Cause())
         self.limited_by: Callable[[Side], Limited | None] = lambda side: None
         self._is_script = is_script
         self._log = log.log if is_script else _no_log

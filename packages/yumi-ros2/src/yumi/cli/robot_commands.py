@@ -33,11 +33,10 @@ from abb_runtime.options import (
 from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.cli.from_table import command_from, of_driver
-from yumi.driver.command import Arm
+from yumi.driver.command import ArmName
 from yumi.driver.commands import (
     GetControllers,
     GetState,
-    ModeName,
     Recover,
     SetMode,
     SetSpeedScale,
@@ -46,6 +45,7 @@ from yumi.driver.commands import (
 )
 from yumi.driver.motion_commands import Move
 from yumi.driver.reports import MotionReport
+from yumi.driver.robot_state import ModeName
 
 
 @click.command()
@@ -317,7 +317,7 @@ def _complete_controller(context: click.Context, parameter: click.Parameter, inc
 @click.argument("activate", nargs=-1, shell_complete=_complete_controller)
 @click.option("--deactivate", multiple=True, shell_complete=_complete_controller, help="Deactivate this one, too.")
 @of_driver
-def switch(driver: RunningDriver, arm: Arm, activate: tuple[str, ...], deactivate: tuple[str, ...]) -> object:
+def switch(driver: RunningDriver, arm: ArmName, activate: tuple[str, ...], deactivate: tuple[str, ...]) -> object:
     """Activate controllers of an arm in place of the others.
 
     It is one step; what commands its joints until then is deactivated.

@@ -14,7 +14,7 @@ from yumi.driver.gripper import RwsGripper
 _CLOSED = go_to(0.0)
 _FAILURES = (RobotNotReady, ControllerRefused, ProtocolError, GoalNotReached)
 
-Report = Callable[[Message], None]
+MessageReport = Callable[[Message], None]
 """Takes what was done, or what is not as it should be."""
 
 
@@ -38,7 +38,7 @@ class GripperSetup:
         self,
         grippers: Mapping[Side, RwsGripper],
         report: Callable[[str], None],
-        warn: Report,
+        warn: MessageReport,
         *,
         is_allowed: bool = True,
         is_named: Callable[[], bool] = lambda: True,
@@ -112,7 +112,7 @@ def _unusable(side: Side, error: Exception) -> Message:
     return message("gripper_unusable", gripper=side.word, reason=said_by(error))
 
 
-def close_as_test(grippers: Mapping[Side, RwsGripper], report: Report, warn: Report) -> None:
+def close_as_test(grippers: Mapping[Side, RwsGripper], report: MessageReport, warn: MessageReport) -> None:
     """Close each gripper to see that it does; one that holds something, or is not calibrated, is left as it is.
 
     Args:

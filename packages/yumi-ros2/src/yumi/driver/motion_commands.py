@@ -21,12 +21,12 @@ from yumi.control.goals import Tracking, stream_delay
 from yumi.control.hand_over import MOTION_BEGINS, Commander
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
-    Arm,
+    ArmName,
     Caller,
     Command,
     CommandedRobot,
     Lane,
-    Position,
+    SentPosition,
     RunningMotion,
     Scale,
     TimedPoint,
@@ -59,8 +59,8 @@ class Move(Command[str], frozen=True):
 
     front_ends = frozenset({FrontEnd.SCRIPT, FrontEnd.SHELL, FrontEnd.PAGE})
 
-    right: Position | None = None
-    left: Position | None = None
+    right: SentPosition | None = None
+    left: SentPosition | None = None
     speed_scale: Scale | None = None
     acceleration: Scale | None = None
     timeout: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
@@ -69,7 +69,7 @@ class Move(Command[str], frozen=True):
     speed: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
 
     @property
-    def goals(self) -> Mapping[Side, Position]:
+    def goals(self) -> Mapping[Side, SentPosition]:
         """The positions of the arms that have one."""
         return by_side(self.right, self.left)
 
@@ -111,7 +111,7 @@ class Follow(Command[str], frozen=True):
 
     front_ends = _SCRIPT
 
-    start: dict[Arm, Joints]
+    start: dict[ArmName, Joints]
     right: tuple[TimedPoint, ...] | None = None
     left: tuple[TimedPoint, ...] | None = None
 
@@ -142,7 +142,7 @@ class Jog(Command[str], frozen=True):
     lane = Lane.JOG
     front_ends = _SCRIPT
 
-    arm: Arm
+    arm: ArmName
     speeds: Joints
 
     def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
@@ -163,7 +163,7 @@ class JogTool(Command[str], frozen=True):
     lane = Lane.JOG
     front_ends = _SCRIPT
 
-    arm: Arm
+    arm: ArmName
     linear: tuple[float, float, float] = (0.0, 0.0, 0.0)
     angular: tuple[float, float, float] = (0.0, 0.0, 0.0)
     elbow: float = 0.0
@@ -196,17 +196,17 @@ class Stream(Command[str], frozen=True):
     lane = Lane.JOG
     front_ends = _SCRIPT
 
-    right: Position | None = None
-    left: Position | None = None
-    velocities: dict[Arm, Joints] | None = None
-    grippers: dict[Arm, float] | None = None
+    right: SentPosition | None = None
+    left: SentPosition | None = None
+    velocities: dict[ArmName, Joints] | None = None
+    grippers: dict[ArmName, float] | None = None
     time: float | None = None
     tracking: Tracking = "feed_forward"
     delay: float | None = None
     blend: float | None = None
 
     @property
-    def goals(self) -> Mapping[Side, Position]:
+    def goals(self) -> Mapping[Side, SentPosition]:
         """The positions of the arms that have one."""
         return by_side(self.right, self.left)
 

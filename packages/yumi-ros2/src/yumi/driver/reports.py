@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import time
+from collections import deque
 from contextlib import suppress
 from enum import Enum
 from html import escape
 from math import degrees
+from threading import Lock
 from typing import Any
 
 import msgspec
@@ -22,6 +25,14 @@ from yumi.control.hand_over import Commander, Commanding
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import PROBLEMS, Limited, Problem, Snapshot
 from yumi.driver.robot_state import robot_lines
+
+_KEPT_EVENTS = 100
+"""So many lines of the driver's log are kept."""
+
+RECENT_EVENTS = 20
+"""So many of them are in a state that is asked for once."""
+
+_LEVELS = {logging.INFO: "info", logging.WARNING: "warning", logging.ERROR: "error"}
 
 
 class ArmMode(Enum):
@@ -245,6 +256,32 @@ class EventReport(msgspec.Struct, frozen=True):
     time: float
     level: str
     said: Said
+
+
+class EventLog:
+    """The newest lines of the driver's log, for its clients; safe from any thread.
+
+    Attributes:
+        count: the number of the newest line.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._events: deque[EventReport] = deque(maxlen=_KEPT_EVENTS)
+        self._lock = Lock()
+
+    def note(self, level: int, said: Message | str) -> None:
+        """Keep a line, with a level of :mod:`logging`; none for debugging."""
+        if level < logging.INFO:
+            return
+        with self._lock:
+            self.count += 1
+            self._events.append(EventReport(self.count, time.time(), _LEVELS.get(level, "info"), Said.of(said)))
+
+    def since(self, number: int) -> tuple[EventReport, ...]:
+        """The lines after ``number`` that are still there."""
+        with self._lock:
+            return tuple(event for event in self._events if event.number > number)
 
 
 class DriverState(msgspec.Struct, frozen=True, kw_only=True):

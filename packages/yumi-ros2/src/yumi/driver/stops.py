@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import secrets
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from math import inf
@@ -189,6 +189,10 @@ class Cause:
 
     causes: tuple[Message, ...] = ()
     stop: str = ""
+
+
+Explain = Callable[[Callable[[Cause], None]], None]
+"""Calls back with what stopped the robot, once that is known."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,7 +50,7 @@ from yumi.driver.bringup import Bringup
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.gripper import GripperRoutines, RwsGripper
-from yumi.driver.gripper_setup import GripperSetup, Report
+from yumi.driver.gripper_setup import GripperSetup, MessageReport
 from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.initial_controllers import Controllers, Halves, check_controllers, manager_of, start_controllers
 from yumi.driver.launch_checks import EgmAddress
@@ -192,7 +192,7 @@ def _build_grippers(
 
 
 def set_up_grippers(
-    manager: RobotManager, grippers: Mapping[Side, RwsGripper], settings: GripperSettings, warn: Report
+    manager: RobotManager, grippers: Mapping[Side, RwsGripper], settings: GripperSettings, warn: MessageReport
 ) -> GripperSetup:
     """The set-up of the grippers, which takes place each time the robot has become ready."""
     setup = GripperSetup(

@@ -28,7 +28,7 @@ from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose
 from yumi.control.speed_scale import FULL
-from yumi.driver.command import Arm, Caller, Command, CommandedRobot, Lane
+from yumi.driver.command import ArmName, Caller, Command, CommandedRobot, Lane
 from yumi.driver.commands import Recover, SetMode, SetSpeedScale, carry_out, offered_to
 from yumi.driver.speed_setting import LOWEST_SPEED_SCALE, SpeedSetting
 from yumi.ros.messages import (
@@ -47,7 +47,7 @@ _OF_THEIR_OWN = (SetSpeedScale, SetMode, Recover)
 """The commands that are no plain services: a parameter is set with it, or they are actions."""
 
 _VALUES: Mapping[Any, Callable[[Any], Any]] = {
-    Arm: lambda word: side_of_ros_message(word).word,
+    ArmName: lambda word: side_of_ros_message(word).word,
     Pose: pose_of_ros_message,
     Mass: mass_of,
 }

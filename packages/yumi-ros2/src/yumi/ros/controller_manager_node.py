@@ -58,7 +58,7 @@ from yumi.control.loop_events import (
 )
 from yumi.control.manager.controller_switch import Strictness
 from yumi.driver.settings import ControllerSettings
-from yumi.driver.stops import Cause, explained
+from yumi.driver.stops import Explain, explained
 from yumi.ros.manager_diagnostics import ERROR, WARN, Status, controllers_status, hardware_status, manager_status
 from yumi.ros.messages import (
     ACTIVITY,
@@ -108,10 +108,6 @@ _ADVICE: Mapping[str, str] = {
     ),
 }
 """What to do about types of other robots' files."""
-
-_Explain = Callable[[Callable[[Cause], None]], None]
-"""Calls back with what stopped the robot, once that is known."""
-
 
 class ControllerInterface(Protocol):
     """Topics or actions of one controller."""
@@ -169,7 +165,7 @@ class ControllerManagerNode:
         self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         timers.every(_DIAGNOSTICS_PERIOD, f"/diagnostics of {self._name}", self._publish_diagnostics)
 
-    def on_event(self, event: Event, explain: _Explain | None = None) -> None:
+    def on_event(self, event: Event, explain: Explain | None = None) -> None:
         """Log an event of the control process and update the activity; from any thread.
 
         Args:
