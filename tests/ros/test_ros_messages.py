@@ -43,7 +43,7 @@ def test_page_says_how_many_requests_a_service_of_ours_keeps() -> None:
 
 def test_message_of_an_older_installation_is_filled_as_far_as_it_goes() -> None:
     older = SimpleNamespace(ok=False)
-    assert messages.filled(older, ok=True, message="done") == SimpleNamespace(ok=True)
+    assert messages.filled_message(older, ok=True, message="done") == SimpleNamespace(ok=True)
 
 
 @pytest.mark.parametrize(("state", "number"), [(state, number) for number, state in enumerate(State, start=1)])

@@ -11,7 +11,7 @@ in three steps:
 2. the average of it over the time in which a jerk builds an acceleration up, twice: accelerations change gradually.
 3. more time where a jerk is still too high, and only there.
 
-What a motion asks of the joints is judged for both by :func:`demand`, by the differences from cycle to cycle, as the
+What a motion asks of the joints is judged for both by :func:`time_demand`, by the differences from cycle to cycle, as the
 limiter sees them.
 """
 
@@ -84,7 +84,7 @@ def timed_along(way: JointPath, limits: JointLimits, rates: tuple[float, float],
         ticks, clock = _start_and_end(float(times[-1]), strongest * slowing, hardest * slowing * slowing, cycle)
         along = _hermite(clock, times, fine[:, None], speed[:, None], 0)[:, 0]
         values = _hermite(along, way.length, way.values, way.slopes, 0)
-        asked_for = demand(values, most)
+        asked_for = time_demand(values, most)
         # Each of them belongs to a place on the way.
         places = np.clip(np.searchsorted(fine, np.concatenate([[0.0], along, [total] * 2])[: len(asked_for)]), 0, count)
         if float(np.max(asked_for)) <= 1.0:
@@ -157,7 +157,7 @@ def fastest_along(path: RoundedPath, limits: MotionLimits, ceiling: Array = _UNL
         law = _averaged(_averaged(accelerating_law(path, limits, share, ceiling), width), width)
         gaps = np.ones(len(law) - 1)
         for _ in range(_ROUNDS):
-            asked = demand(path.at(_stretched(law, gaps))[0], limits)
+            asked = time_demand(path.at(_stretched(law, gaps))[0], limits)
             slower = max(float(np.max(asked)), 1.0)
             if float(gaps.sum()) * slower < best:
                 best, law_of_best, gaps_of_best = float(gaps.sum()) * slower, law, gaps * slower
@@ -174,7 +174,7 @@ def fastest_along(path: RoundedPath, limits: MotionLimits, ceiling: Array = _UNL
     for _ in range(_ROUNDS):
         law = _stretched(law_of_best, gaps_of_best)
         positions = path.at(law)[0]
-        slower = float(np.max(demand(positions, limits)))
+        slower = float(np.max(time_demand(positions, limits)))
         if slower <= 1.0:
             return law, positions
         gaps_of_best = gaps_of_best * (slower + 0.001)
@@ -263,7 +263,7 @@ def _speeds_to_stop(room: Array, acceleration: Array, jerk: Array) -> Array:
     return np.asarray(0.5 * acceleration * (np.sqrt(slow * slow + 8.0 * np.maximum(room, 0.0) / acceleration) - slow))
 
 
-def demand(positions: Array, limits: MotionLimits) -> Array:
+def time_demand(positions: Array, limits: MotionLimits) -> Array:
     """How much more time each step would have to take for the limits to be kept: above 1, they are not.
 
     Args:

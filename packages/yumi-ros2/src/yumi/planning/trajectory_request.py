@@ -99,7 +99,7 @@ def plan_trajectory(
     return plans
 
 
-def timed(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
+def timed_trajectory(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
     """A trajectory whose points all bear no time gets them: ``1 / frequency`` [s] apart, the first one, too."""
     if any(each.time for each in trajectory.points):
         return trajectory

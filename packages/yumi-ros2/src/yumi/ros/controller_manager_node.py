@@ -66,7 +66,7 @@ from yumi.ros.messages import (
     SERVICES,
     activity,
     controller_state,
-    filled,
+    filled_message,
     hardware_interfaces,
     hardware_state,
     lifecycle_of_ros_message,
@@ -80,8 +80,8 @@ from yumi.ros.nodes import (
     Presets,
     TimerThread,
     declare_parameters,
-    pass_on_changes,
-    remarks_on,
+    pass_on_parameter_changes,
+    parameter_remarks,
 )
 
 try:
@@ -429,11 +429,11 @@ class ControllerNodes:
             files = [Path(word) for option, word in pairwise(arguments) if option == "--params-file"]
             every = (*COMMON_PARAMETERS, *infos)
             changed = declare_parameters(node, every, presets or {})
-            for remark in remarks_on(node, every, presets or {}, files):
+            for remark in parameter_remarks(node, every, presets or {}, files):
                 node.get_logger().warning(remark)
             if changed:
                 change(changed)
-            pass_on_changes(node, (each.parameter.name for each in infos if not each.parameter.fixed), change)
+            pass_on_parameter_changes(node, (each.parameter.name for each in infos if not each.parameter.fixed), change)
             make = self._make_interface.get(info.kind)
             self._nodes[name] = (node, make(node, self._side, name) if make else None)
         except Exception:
@@ -624,7 +624,7 @@ class ControllerManagerServices:
     def _listing(self, name: str, fields: Callable[[], Mapping[str, object]]) -> Callable[[Any, Any], Any]:
         def answer(_: Any, response: Any) -> Any:
             try:
-                filled(response, **fields())
+                filled_message(response, **fields())
             except Exception as error:
                 self._log.error(f"{name}: {error}")
             return response
@@ -651,7 +651,7 @@ class ControllerManagerServices:
             done.append(self._controllers.switch(activate, deactivate, request.strictness, timeout))
 
         reason = self._why_failed("switch_controller", call)
-        return filled(response, ok=bool(done), message=done[0] if done else reason)
+        return filled_message(response, ok=bool(done), message=done[0] if done else reason)
 
     def _set_hardware(self, request: Any, response: Any) -> Any:
         def call() -> None:

@@ -297,7 +297,7 @@ _IDS = {
 }
 
 
-def filled(message: Any, /, **values: object) -> Any:
+def filled_message(message: Any, /, **values: object) -> Any:
     """``message`` with ``values`` in the fields that the installed type has; some came within one ROS distribution."""
     for name, value in values.items():
         if hasattr(message, name):
@@ -345,7 +345,7 @@ def how_to_activate(namespace: str, side: Side, name: str, instead_of: Sequence[
 def controller_state(info: ControllerInfo) -> ControllerState:
     """One controller in ``list_controllers``; required interfaces only from configuring on, as upstream."""
     is_configured = info.state in {State.INACTIVE, State.ACTIVE}
-    return filled(
+    return filled_message(
         ControllerState(),
         name=info.name,
         state=info.state.value,
@@ -362,7 +362,7 @@ def controller_state(info: ControllerInfo) -> ControllerState:
 
 def hardware_state(info: HardwareInfo) -> HardwareComponentState:
     """An arm in ``list_hardware_components``."""
-    return filled(
+    return filled_message(
         HardwareComponentState(),
         name=info.name,
         type="system",
@@ -378,7 +378,7 @@ def hardware_state(info: HardwareInfo) -> HardwareComponentState:
 def hardware_interfaces(infos: Iterable[InterfaceInfo]) -> list[HardwareInterface]:
     """Command or state interfaces; all are doubles."""
     return [
-        filled(
+        filled_message(
             HardwareInterface(),
             name=info.name,
             data_type="double",

@@ -363,7 +363,7 @@ def declare_parameters(node: Any, infos: Iterable[ParameterInfo], presets: Prese
     return changed
 
 
-def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, files: Iterable[Path]) -> tuple[str, ...]:
+def parameter_remarks(node: Any, infos: Iterable[ParameterInfo], presets: Presets, files: Iterable[Path]) -> tuple[str, ...]:
     """A sentence for each parameter that is set on a controller's node and changes nothing.
 
     Args:
@@ -422,7 +422,7 @@ def _value_of(parameter: Any) -> Any:
     return tuple(parameter.value) if is_list else parameter.value
 
 
-def pass_on_changes(node: Any, names: Iterable[str], change: Callable[[Values], None]) -> None:
+def pass_on_parameter_changes(node: Any, names: Iterable[str], change: Callable[[Values], None]) -> None:
     """Call ``change`` with what is set on ``node`` among ``names``; what it refuses is refused to the client."""
     known = frozenset(names)
 

@@ -50,7 +50,7 @@ from yumi.driver.control_process import ENDED
 from yumi.driver.monitor import RobotMonitor
 from yumi.driver.stops import because
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
-from yumi.planning.trajectory_request import plan_trajectory, timed
+from yumi.planning.trajectory_request import plan_trajectory, timed_trajectory
 from yumi.ros.chunk_topic import ChunkTopic
 from yumi.ros.controller_manager_node import MakeInterface
 from yumi.ros.messages import (
@@ -307,7 +307,7 @@ class TrajectoryAction:
             newest = buffer.read()
             is_known = newest is not None and newest[1].goal and now - newest[1].time < FRESH
             starts[side] = Setpoint(positions[side], newest[1].output_velocity if newest and is_known else ZERO)
-        return timed(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
+        return timed_trajectory(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
 
     def _command(
         self,

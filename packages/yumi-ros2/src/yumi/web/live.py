@@ -78,7 +78,7 @@ class _StatePart(msgspec.Struct, frozen=True):
     stop: str
 
 
-class Jogged(NamedTuple):
+class JoggedArm(NamedTuple):
     """An arm that pages have jogged: the controllers that commanded it before, and those that pages jogged it with."""
 
     before: tuple[str, ...]
@@ -115,7 +115,7 @@ class LiveRobot:
         self.address, self.is_virtual = "", False
         self.events: deque[EventReport] = deque(maxlen=_EVENTS)
         self.surroundings = Surroundings()
-        self.jogged: dict[ArmName, Jogged] = {}
+        self.jogged: dict[ArmName, JoggedArm] = {}
         self._on_state, self._on_events, self._on_change = on_state, on_events, on_change
         self._state: tuple[float, msgspec.Raw] | None = None
         self._watched = asyncio.Event()

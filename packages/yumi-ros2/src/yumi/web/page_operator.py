@@ -28,7 +28,7 @@ from yumi.driver.motion_commands import Follow
 from yumi.driver.reports import MotionReport
 from yumi.driver.surroundings import limits_of, shapes_of
 from yumi.web.driver_link import DriverLink
-from yumi.web.live import Jogged, LiveRobot
+from yumi.web.live import JoggedArm, LiveRobot
 from yumi.web.page_device import PageDevice
 from yumi.web.page_messages import (
     MAX_JOINT_SPEED,
@@ -264,7 +264,7 @@ class Operator:
                 leading = tuple(each.name for each in state.controllers[jog.arm] if each.commands)
                 known = self._live.jogged.get(jog.arm)
                 if known is None or not leading or not known.by.issuperset(leading):  # jogged anew
-                    known = Jogged(leading, frozenset())
+                    known = JoggedArm(leading, frozenset())
                 own = JOG_CONTROLLER if isinstance(jog, JointsJog) else CARTESIAN_CONTROLLER
                 self._live.jogged[jog.arm] = known._replace(by=known.by | {own})
                 if isinstance(jog, ToolJog) and (position := state.arms[jog.arm].position) is not None:
