@@ -23,7 +23,7 @@ from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.trajectory_commands import refused
 from yumi.driver.gripper_follower import GripperFollower
-from yumi.planning.chunk_plan import LONGEST_PERIOD, SHORTEST_PERIOD, check_time, plan_chunk
+from yumi.planning.chunk_plan import LONGEST_PERIOD, SHORTEST_PERIOD, check_chunk_time, plan_chunk
 
 _FARTHEST = 60.0  # [s] a start that lies further away was hardly read from time.monotonic()
 
@@ -148,8 +148,8 @@ class ChunkFollower:
             raise refused(message("chunks_ended"))
         now = self._access.clock.now()
         start = now if chunk.start is None else float(chunk.start)
-        check_time("period", float(chunk.period), SHORTEST_PERIOD, LONGEST_PERIOD)
-        check_time("start, from now on,", start - now, -_FARTHEST, _FARTHEST)
+        check_chunk_time("period", float(chunk.period), SHORTEST_PERIOD, LONGEST_PERIOD)
+        check_chunk_time("start, from now on,", start - now, -_FARTHEST, _FARTHEST)
         points, values, count = self._checked(chunk)
         times = [number * float(chunk.period) for number in range(count)]
         number = self._state.sent + 1

@@ -34,7 +34,7 @@ from yumi.control.shared_state import SharedDeadline
 from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.teleoperated_arm import LINK_LOST, Follower, JointsGoal, MotionGoal, PoseGoal
+from yumi.driver.teleoperated_arm import LINK_LOST, TeleoperationFollower, JointsGoal, MotionGoal, PoseGoal
 
 _LONGEST_BLEND = 10.0
 """So long may it take until a stream that begins elsewhere is followed as it is [s]."""
@@ -334,7 +334,7 @@ class ArmStreams(ArmAccess):
 
     # ---- devices of people
 
-    def begin_following(self, side: Side, follower: Follower) -> None:
+    def begin_following(self, side: Side, follower: TeleoperationFollower) -> None:
         """Have an arm follow the goals of a device, from standstill, which may last seconds.
 
         Args:
@@ -346,7 +346,7 @@ class ArmStreams(ArmAccess):
             RobotNotReady: the arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        controller = CARTESIAN_CONTROLLER if follower is Follower.TOOL else STREAM_CONTROLLER
+        controller = CARTESIAN_CONTROLLER if follower is TeleoperationFollower.TOOL else STREAM_CONTROLLER
         self._begin_stream(side, controller, kind=Commander.DEVICE)
         self._followed[side] = _number(self._stream_of(side)[1])
 

@@ -109,7 +109,7 @@ class ArmBuffers(ControllerBuffers):
         self.cycle_done = new_cycle_event()
 
 
-class ConnectedArm(NamedTuple):
+class ControlProcessArm(NamedTuple):
     """An arm of the control process, built there.
 
     Attributes:
@@ -123,7 +123,7 @@ class ConnectedArm(NamedTuple):
     fallback: FallbackThread | None = None
 
 
-_Build = Callable[[Mapping[Side, ArmBuffers]], Mapping[Side, ConnectedArm]]
+_Build = Callable[[Mapping[Side, ArmBuffers]], Mapping[Side, ControlProcessArm]]
 """Builds both arms inside the process; must be picklable."""
 
 
@@ -198,7 +198,7 @@ class ControlServer:
     def __init__(
         self,
         pipe: PipeEnd,
-        arms: Mapping[Side, ConnectedArm],
+        arms: Mapping[Side, ControlProcessArm],
         cycle_done: Mapping[Side, CycleEvent],
         now: Callable[[], float],
         processors: AwakeProcessors | None = None,

@@ -59,7 +59,7 @@ class Clutch(Enum):
     INERT = auto()
 
 
-class Follower(Enum):
+class TeleoperationFollower(Enum):
     """What of an arm follows."""
 
     TOOL = auto()
@@ -104,7 +104,7 @@ class ClutchStep(NamedTuple):
     """
 
     goal: MotionGoal | None = None
-    take_over: Follower | None = None
+    take_over: TeleoperationFollower | None = None
     brakes: bool = False
     gripper: float | None = None
 
@@ -142,7 +142,7 @@ class TeleoperatedArm:
         self._side, self._tool = side, tool
         self._sent: Joints = ZERO
         self._stands_since = 0.0
-        self._follower = Follower.TOOL
+        self._follower = TeleoperationFollower.TOOL
         self._motion: _PoseFollowing | _JointFollowing | None = None  # of this hold; a twist needs none
         self._gripper: float | None = None  # the value of the gripper when it counted last, or when the clutch engaged
 
@@ -162,7 +162,7 @@ class TeleoperatedArm:
             return self._release()
         if self.clutch is Clutch.RELEASED:
             self.clutch, self._stands_since, self._sent = Clutch.ENGAGING, now, arm.sent
-            self._follower = Follower.TOOL if hand.joints is None else Follower.JOINTS
+            self._follower = TeleoperationFollower.TOOL if hand.joints is None else TeleoperationFollower.JOINTS
             return ClutchStep(take_over=self._follower)
         if self.clutch is Clutch.ENGAGING and arm.is_taken and now - self._stands_since >= _STANDS:
             return self._engage(hand, settings, time, arm.sent)
@@ -188,7 +188,7 @@ class TeleoperatedArm:
 
     def _engage(self, hand: DeviceHand, settings: DeviceSettings, time: float, sent: Joints) -> ClutchStep:
         """Take the reference; the first goal is where the arm is."""
-        if (hand.joints is not None) != (self._follower is Follower.JOINTS):
+        if (hand.joints is not None) != (self._follower is TeleoperationFollower.JOINTS):
             return self._inert("device_motion_changed")
         goal: MotionGoal
         if hand.pose is not None:

@@ -47,7 +47,7 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.stage_times import StageClock
 from yumi.control.tool_limits import ToolLimits
 from yumi.driver.bringup import Bringup
-from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
+from yumi.driver.control_process import ArmBuffers, ControlProcessArm, ControlProcess
 from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.gripper import GripperRoutines, RwsGripper
 from yumi.driver.gripper_setup import GripperSetup, MessageReport
@@ -282,11 +282,11 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
     )
 
 
-def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
+def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ControlProcessArm]:
     """Both arms of the control process, with the controllers that only watch already active."""
     set_prefix(plan.prefix)
     halves: Halves = {}
-    arms: dict[Side, ConnectedArm] = {}
+    arms: dict[Side, ControlProcessArm] = {}
     answered: list[tuple[Limiter, EgmArm]] = []
     collisions = None
     if plan.collision.enabled:
@@ -317,7 +317,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
             own.read_joints,
             own.deadline,
         )
-        arms[side] = ConnectedArm(loop, socket)
+        arms[side] = ControlProcessArm(loop, socket)
         answered.append((limiter, arm))
     for (limiter, _), (other, _) in pairwise(answered):
         limiter.pair(other)

@@ -11,8 +11,8 @@ in three steps:
 2. the average of it over the time in which a jerk builds an acceleration up, twice: accelerations change gradually.
 3. more time where a jerk is still too high, and only there.
 
-What a motion asks of the joints is judged for both by :func:`time_demand`, by the differences from cycle to cycle, as the
-limiter sees them.
+A motion is judged for both by :func:`time_demand`: what it asks of the joints, by the differences between cycles, as
+the limiter sees them.
 """
 
 from __future__ import annotations

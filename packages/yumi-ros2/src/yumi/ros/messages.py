@@ -45,7 +45,7 @@ from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, ref
 from yumi.driver.robot_state import RobotMode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import explain
-from yumi.planning.trajectory_request import JointTrajectory, check_count
+from yumi.planning.trajectory_request import JointTrajectory, check_trajectory_length
 from yumi.texts.events import KNOWN_NUMBERS
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -407,7 +407,7 @@ def trajectory_of(given: Any) -> JointTrajectory:
         TrajectoryRefused: it has too many points, or one has efforts.
         CommandRefused: the time of a point has more nanoseconds than a second.
     """
-    check_count(len(given.points))
+    check_trajectory_length(len(given.points))
     points: list[TrajectoryPoint] = []
     for point in given.points:
         if point.effort:
