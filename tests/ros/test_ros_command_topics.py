@@ -30,7 +30,7 @@ from yumi.ros.command_topics import (
     JointStreamTopic,
     JointVelocityTopic,
 )
-from yumi.ros.messages import RefusalLog
+from yumi.ros.topic_refusals import RefusalLog
 
 pytestmark = pytest.mark.ros
 NAMES = joint_names(Side.RIGHT)

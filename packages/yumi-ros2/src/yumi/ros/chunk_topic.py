@@ -26,7 +26,8 @@ from yumi.control.trajectory_commands import ResultCode, refused
 from yumi.planning.chunk_plan import plan_chunk
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
 from yumi.planning.trajectory_request import check_trajectory_joints
-from yumi.ros.messages import RefusalLog, check_wait, stamp_of, trajectory_of, waited_for
+from yumi.ros.topic_refusals import RefusalLog, check_wait, waited_for
+from yumi.ros.trajectory_messages import stamp_of, trajectory_of
 
 
 class ChunkTopic:

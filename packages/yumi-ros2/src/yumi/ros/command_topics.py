@@ -40,9 +40,6 @@ from yumi.driver.gripper_follower import closed_of
 from yumi.driver.stops import Cause, because
 from yumi.ros.controller_manager_node import MakeInterface
 from yumi.ros.messages import (
-    RefusalLog,
-    check_wait,
-    command_refused,
     goal_of_ros_message,
     goal_speeds_of,
     how_to_activate,
@@ -50,8 +47,8 @@ from yumi.ros.messages import (
     positions_of,
     speeds_of,
     velocities_of,
-    waited_for,
 )
+from yumi.ros.topic_refusals import RefusalLog, check_wait, command_refused, waited_for
 
 _OLDEST_STAMP = 0.1
 """A goal whose stamp is older comes from a clock that is not ours [s]."""

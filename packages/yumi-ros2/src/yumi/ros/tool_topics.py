@@ -43,7 +43,8 @@ from yumi.driver.control_process import ControlProcess
 from yumi.planning.tool_path import ZONE, Waypoint, checked_pose, plan_path
 from yumi.ros.command_topics import CommandTopic
 from yumi.ros.frames import RobotFrames
-from yumi.ros.messages import command_refused, nanoseconds, pose_of_ros_message
+from yumi.ros.messages import nanoseconds, pose_of_ros_message
+from yumi.ros.topic_refusals import command_refused
 
 line_numbers = count(2**41)  # of these motions, beside those of trajectories and scripts
 

@@ -53,19 +53,10 @@ from yumi.planning.trajectory_request import JointTrajectory as Trajectory
 from yumi.planning.trajectory_request import plan_trajectory, timed_trajectory
 from yumi.ros.chunk_topic import ChunkTopic
 from yumi.ros.controller_manager_node import MakeInterface
-from yumi.ros.messages import (
-    LATCHED,
-    Stamps,
-    check_wait,
-    feedback_message,
-    how_to_activate,
-    stamp_of,
-    state_message,
-    tolerances_of,
-    trajectory_of,
-    waited_for,
-)
+from yumi.ros.messages import LATCHED, Stamps, how_to_activate
 from yumi.ros.nodes import TimerThread, is_cancelled
+from yumi.ros.topic_refusals import check_wait, waited_for
+from yumi.ros.trajectory_messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
 from yumi.ros.trajectory_query import FRESH, TrajectoryQuery
 
 _FIRST_NUMBER = 2**40  # of these goals, beside the motions of scripts and commands, which count from 1
