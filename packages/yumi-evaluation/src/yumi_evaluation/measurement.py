@@ -25,7 +25,6 @@ from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, YUMI_LIMITS, Joi
 from abb_runtime.parameters import ParameterFileEntry
 from abb_runtime.udp import is_loopback, resolve
 from yumi import __version__
-from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.api.connect import controllers_for
 from yumi.api.joint_positions import TimedPosition
 from yumi.api.robot import Robot
@@ -33,6 +32,7 @@ from yumi.control.collisions import BODY_MARGIN
 from yumi.core.collision import Distance
 from yumi.driver.commissioning.controller_checks import examine_controller
 from yumi.driver.commissioning.machine_checks import examine_machine
+from yumi.driver.controller_names import TRAJECTORY_CONTROLLER
 from yumi.driver.initial_controllers import Controllers
 from yumi.driver.settings import CalibrateWhen, Settings
 
@@ -310,7 +310,7 @@ def examine(settings: Settings) -> Examined:
     kind = "virtual" if is_virtual else "real"
     document = {
         "controller": kind,
-        "robotware": ".".join(map(str, system.robotware)),
+        "robotware": system.version,
         "options": list(system.options),
         "versions": own,
     }

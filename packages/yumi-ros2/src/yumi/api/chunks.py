@@ -17,11 +17,12 @@ from abb_protocols.catalogue import message, quoted, said_by
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.joints import JOINT_COUNT, JointLimits, Side
 from abb_runtime.clock import Clock
-from yumi.api.arm_access import TRAJECTORY_CONTROLLER, ArmAccess
+from yumi.api.arm_access import ArmAccess
 from yumi.control.chunk_commands import MOST_JUMP, ChunkTaken, FollowChunk
 from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.trajectory_commands import refused
+from yumi.driver.controller_names import TRAJECTORY_CONTROLLER
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.planning.chunk_plan import LONGEST_PERIOD, SHORTEST_PERIOD, check_chunk_time, plan_chunk
 

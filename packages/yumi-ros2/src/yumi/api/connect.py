@@ -20,13 +20,14 @@ from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side
 from abb_runtime.parameters import ParameterFileEntry
 from abb_runtime.rws.login import password_of_environment
-from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
+from yumi.api.arm_access import check_ended, halt
 from yumi.api.gripper import Gripper
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion
 from yumi.api.poses import PoseLike
 from yumi.api.robot import Robot
 from yumi.api.robot_arm import Arm
+from yumi.driver.controller_names import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.driver.initial_controllers import Controllers
 from yumi.driver.settings import (
     ControllerSettings,

@@ -21,13 +21,13 @@ from abb_protocols.errors import RobotNotReady, SettingsError, YumiError
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import SystemClock
 from abb_runtime.process.supervision import Failures
-from yumi.api.arm_access import GOAL_CONTROLLER
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
 from yumi.control.loop_events import Event
 from yumi.control.speed_scale import FULL
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.command import CommandedRobot
+from yumi.driver.controller_names import GOAL_CONTROLLER
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import RwsGripper
 from yumi.driver.gripper_follower import GripperFollower

@@ -12,7 +12,6 @@ from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
 from abb_protocols.robot.kinematics import compose, inverse, tool0_to_body
 from abb_runtime.clock import Clock
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.joint_positions import Position, TimedPosition, checked_goal, checked_scale, timed_points
 from yumi.api.motion_registry import Motion, MotionRegistry, MotionWay
 from yumi.api.poses import pose_from
@@ -28,6 +27,7 @@ from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import ToolLimits
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Tolerances
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.planning.common_time import started_together
 from yumi.planning.tool_path import SPEED, TURNING, ToolMotion, Waypoint, plan_tool_motions
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory

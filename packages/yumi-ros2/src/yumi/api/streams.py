@@ -13,7 +13,7 @@ from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, joints
 from abb_runtime.clock import Clock
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, ArmAccess
+from yumi.api.arm_access import ArmAccess
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
 from yumi.control.controller import IDLE
@@ -34,6 +34,7 @@ from yumi.control.shared_state import SharedDeadline
 from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER
 from yumi.driver.teleoperated_arm import LINK_LOST, TeleoperationFollower, JointsGoal, MotionGoal, PoseGoal
 
 _LONGEST_BLEND = 10.0

@@ -236,8 +236,9 @@ def _session(
         record = InstallationRecord.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
         installation = Installation(client, record, _Progress(json_output.is_printed))
         session = _Session(client, system, remote, addresses, installation, json_output, not yes, dry_run)
-        version = ".".join(map(str, system.robotware))
-        session.json_output.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {version}")
+        session.json_output.say(
+            f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {system.version}"
+        )
         yield session
     finally:
         client.close()

@@ -20,6 +20,7 @@ from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 from abb_protocols.robot.urdf import robot_description
 from abb_runtime.options import gripper_options
+from yumi.driver.controller_names import DUAL_ARM_CONTROLLER
 
 
 @click.command("moveit-config")
@@ -149,7 +150,7 @@ def moveit_files(grippers: Mapping[Side, GripperModules] | None = None) -> Mappi
         for side in Side
     }
     both = {
-        "dual_arm_trajectory_controller": {
+        DUAL_ARM_CONTROLLER: {
             "type": "FollowJointTrajectory",
             "action_ns": "follow_joint_trajectory",
             "default": True,

@@ -220,7 +220,3 @@ class Bringup:
         if self.panel.is_running:
             self.step("stop EGM")
             self.machines.stop_egm()
-
-    def state(self, side: Side) -> MachineState:
-        """The state machine of one arm."""
-        return self.machines.state(side)

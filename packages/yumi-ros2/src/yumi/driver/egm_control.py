@@ -26,9 +26,6 @@ from yumi.driver.robot_state import arms_in_words
 from yumi.driver.state_machine import MachineState
 from yumi.driver.watchdog import Watchdog
 
-POSITION_CONTROLLER = "joint_position_controller"
-"""What commands an arm after EGM has started, unless another controller is named."""
-
 _FIRST_DATAGRAM = 5.0
 """How long the arms may take from the start signal until they follow [s]."""
 
@@ -134,7 +131,7 @@ class EgmControl:
     def stop_if_running(self) -> None:
         """The same, if the robot is in EGM; where it has ended by itself, the watchdog still has to be disarmed."""
         self.desired = ()
-        if any(self._bringup.state(side) is MachineState.RUN_EGM_ROUTINE for side in Side):
+        if any(self._bringup.machines.state(side) is MachineState.RUN_EGM_ROUTINE for side in Side):
             self.stop()
         else:
             self._watchdog.disarm()
@@ -147,7 +144,7 @@ class EgmControl:
 
     def _start_motion(self, arms: tuple[Side, ...]) -> None:
         # Where EGM runs on one arm and only the other one has to start, that one goes on.
-        machines = {side: self._bringup.state(side) for side in Side}
+        machines = {side: self._bringup.machines.state(side) for side in Side}
         missing = [side for side in arms if not self._control.snapshot(side).is_running]
         if len(missing) == len(arms) or any(machines[side] is not MachineState.IDLE for side in missing):
             self.hold()

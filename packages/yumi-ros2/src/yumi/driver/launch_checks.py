@@ -81,8 +81,7 @@ class LaunchChecks:
         system = self._client.system()
         self.check_robot(system)
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-            version = ".".join(map(str, system.robotware))
-            raise RobotNotReady(message("robotware_too_old", version=version, oldest="6.09"))
+            raise RobotNotReady(message("robotware_too_old", version=system.version, oldest="6.09"))
         for option, loss in REQUIRED_OPTIONS.items():
             if option not in system.options:
                 raise RobotNotReady(message("option_missing", option=option, loss=loss))

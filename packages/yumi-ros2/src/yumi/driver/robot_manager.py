@@ -25,7 +25,8 @@ from yumi.control.loop_events import (
     SessionLost,
 )
 from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
-from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl
+from yumi.driver.controller_names import STREAM_CONTROLLER
+from yumi.driver.egm_control import ArmControl, EgmControl
 from yumi.driver.gripper import RwsGripper
 from yumi.driver.gripper_setup import GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
@@ -79,7 +80,7 @@ class RobotManager:
         bringup: Bringup,
         control: ArmControl,
         clock: Clock,
-        default: str = POSITION_CONTROLLER,
+        default: str = STREAM_CONTROLLER,
         arms: tuple[Side, ...] = tuple(Side),
         watchdog: WatchdogSettings = WatchdogSettings(),  # noqa: B008 - it is frozen
         stops: StopLog | None = None,

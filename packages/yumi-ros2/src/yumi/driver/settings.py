@@ -39,7 +39,7 @@ from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
 from yumi.core.collision import TOOL_FRAME, CollisionModel, CollisionPart, Obstacle, check_declared
 from yumi.driver.control_process import WakeMode
-from yumi.driver.egm_control import POSITION_CONTROLLER
+from yumi.driver.controller_names import STREAM_CONTROLLER
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.recovery import RecoverySettings
 from yumi.driver.speed_setting import FIRST_SPEED_SCALE, LOWEST_SPEED_SCALE
@@ -340,7 +340,7 @@ class RosSettings:
 
     merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
     bringup: bool | None = None
-    initial_joint_controller: str = POSITION_CONTROLLER
+    initial_joint_controller: str = STREAM_CONTROLLER
     namespace: str = ""
     prefix: str = ""
     publish_tf: bool = True

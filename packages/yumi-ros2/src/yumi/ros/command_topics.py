@@ -36,6 +36,7 @@ from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.controller_names import STREAM_CONTROLLER
 from yumi.driver.gripper_follower import closed_of
 from yumi.driver.stops import Cause, because
 from yumi.ros.controller_manager_node import MakeInterface
@@ -170,7 +171,7 @@ class JointCommandTopic(CommandTopic):
     """Positions by name; joints that are not named keep their goal."""
 
     name, type, noun = "joint_commands", JointState, "Goal"
-    kind, taker, controller = GoalKind.POSITION, "position controller", "joint_position_controller"
+    kind, taker, controller = GoalKind.POSITION, "position controller", STREAM_CONTROLLER
 
     _goal: Joints = ZERO
     _given_in = (0, 0)  # the session and activation of the goal

@@ -519,6 +519,12 @@ def pose_of_ros_message(message: Any) -> Pose:
     return Pose((place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z))
 
 
+def fill_pose(position: Any, rotation: Any, pose: Pose) -> None:
+    """Write a pose into the two fields of a message that have it."""
+    position.x, position.y, position.z = pose.position
+    rotation.w, rotation.x, rotation.y, rotation.z = pose.orientation
+
+
 def side_of_ros_message(arm: str) -> Side:
     """The arm that a request names.
 

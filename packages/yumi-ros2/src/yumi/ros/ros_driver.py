@@ -48,6 +48,7 @@ from yumi.control.controller import State
 from yumi.control.loop_events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.controller_names import DUAL_ARM_CONTROLLER
 from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import ControllerSettings, Settings, config_folder
 from yumi.driver.wiring import set_up_grippers
@@ -72,7 +73,7 @@ from yumi.ros.state_topics import (
     SignalsTopic,
     newest_state,
 )
-from yumi.ros.trajectory_action import DUAL_ARM, TrajectoryControllers
+from yumi.ros.trajectory_action import TrajectoryControllers
 
 
 class RosDriver:
@@ -112,7 +113,7 @@ class RosDriver:
             self._streams = {side: _topics_node(namespaces[side]) for side in Side}
             self._stream = _topics_node(root)
             self._node: Any = rclpy.create_node("yumi_robot_manager", namespace=root)
-            dual = rclpy.create_node(DUAL_ARM, namespace=root)
+            dual = rclpy.create_node(DUAL_ARM_CONTROLLER, namespace=root)
             gripper_nodes = {side: rclpy.create_node("gripper", namespace=namespaces[side]) for side in Side}
             description_node = rclpy.create_node(ROBOT_STATE_PUBLISHER, namespace=root)
         except RCLError as error:

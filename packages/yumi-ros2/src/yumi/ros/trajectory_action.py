@@ -47,6 +47,7 @@ from yumi.control.trajectory_commands import (
     TrajectoryOutcome,
 )
 from yumi.driver.control_process import ENDED
+from yumi.driver.controller_names import DUAL_ARM_CONTROLLER
 from yumi.driver.monitor import RobotMonitor
 from yumi.driver.stops import because
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
@@ -412,10 +413,6 @@ class TrajectoryAction:
             goal.handle.publish_feedback(feedback_message(feedbacks, time_ns, self._frame))
 
 
-DUAL_ARM = "dual_arm_trajectory_controller"
-"""Name of the controllers that follow one trajectory together, and of the node with their action."""
-
-
 class TrajectoryControllers:
     """Makes the actions of each arm's trajectory controllers and of both.
 
@@ -437,7 +434,7 @@ class TrajectoryControllers:
         on_switch: Callable[[], None] = lambda: None,
     ) -> None:
         shared = (control, clock, limits, timers, monitor, frame, on_switch)
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, *shared)
+        both = TrajectoryAction(dual_node, DUAL_ARM_CONTROLLER, dual, *shared)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
             return TrajectoryAction(node, name, {side: single[side]}, *shared)
