@@ -19,9 +19,6 @@ LONG = 700
 """A file with more lines needs a reason."""
 
 REASONS = {
-    "yumi/cli/up.py": "not split yet: up, view and record",
-    "yumi/driver/gripper.py": "not split yet: the gripper and its two interfaces",
-    "yumi/ros/messages.py": "one function a message",
     "virtual_irc5/controller/irc5.py": "not split yet: modes, execution and arms",
 }
 """Why a file is above 700 lines."""

@@ -16,12 +16,12 @@ from yumi.driver.command import CommandedRobot
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import RwsGripper
 from yumi.driver.robot_state import RobotMode, RobotState
-from yumi.driver.state_machine import SpeedSetting
-from yumi.driver.surroundings import BoxReport, Surroundings
+from yumi.driver.speed_setting import SpeedSetting
+from yumi.driver.surroundings import SurroundingsBox, Surroundings
 
 ROBOT = "192.168.125.1:80"
 WAIT = 10.0
-BOX = BoxReport("table", Pose((0.4, 0.0, -0.05), (1.0, 0.0, 0.0, 0.0)), (0.6, 1.2, 0.1))
+BOX = SurroundingsBox("table", Pose((0.4, 0.0, -0.05), (1.0, 0.0, 0.0, 0.0)), (0.6, 1.2, 0.1))
 
 
 class FakeManager:

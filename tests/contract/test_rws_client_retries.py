@@ -105,7 +105,7 @@ def test_no_attempt_begins_after_the_deadline() -> None:
 
 
 @pytest.fixture
-def paced() -> tuple[RwsSession, ManualClock]:
+def limited() -> tuple[RwsSession, ManualClock]:
     """A session of a controller that answers at once, once it has let the user in."""
     clock = ManualClock()
     transport = ScriptedTransport(clock)
@@ -113,16 +113,16 @@ def paced() -> tuple[RwsSession, ManualClock]:
     return RwsSession(transport, user="u", password="p", timeout=TIMEOUT, clock=clock), clock
 
 
-def test_every_request_on_the_wire_counts_for_the_pace(paced: tuple[RwsSession, ManualClock]) -> None:
-    session, clock = paced
+def test_every_request_on_the_wire_counts_for_the_rate_limit(limited: tuple[RwsSession, ManualClock]) -> None:
+    session, clock = limited
     for _ in range(40):
         session.exchange(READ)
     assert clock.now() == pytest.approx((40 + 1 - BURST) * INTERVAL)
 
 
-def test_no_request_waits_once_the_pace_is_lifted(paced: tuple[RwsSession, ManualClock]) -> None:
-    session, clock = paced
-    session.lift_pace()
+def test_no_request_waits_once_the_rate_limit_is_lifted(limited: tuple[RwsSession, ManualClock]) -> None:
+    session, clock = limited
+    session.lift_rate_limit()
     for _ in range(40):
         session.exchange(READ)
     assert clock.now() == 0.0
@@ -131,7 +131,7 @@ def test_no_request_waits_once_the_pace_is_lifted(paced: tuple[RwsSession, Manua
 def test_pace_is_kept_again_once_another_controller_may_answer(paced: tuple[RwsSession, ManualClock]) -> None:
     session, clock = paced
     session.exchange(READ)
-    session.lift_pace()
+    session.lift_rate_limit()
     session.close()  # as a controller that does not know the session
     for _ in range(41):
         session.exchange(READ)

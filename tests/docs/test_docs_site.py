@@ -24,7 +24,7 @@ from yumi.control.controllers.trajectory_parameters import trajectory_parameters
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.launch_checks import REQUIRED_OPTIONS
 from yumi.driver.settings import Settings
-from yumi.driver.state_machine import FIRST_SPEED_SCALE
+from yumi.driver.speed_setting import FIRST_SPEED_SCALE
 
 DOCS = ROOT / "docs"
 REAL_ROBOT = "docs/how-to/real-robot.md"

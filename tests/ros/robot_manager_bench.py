@@ -20,7 +20,8 @@ from abb_runtime.clock import SystemClock, wait_until
 from yumi.control.hand_over import HandOver
 from yumi.driver.command import CommandedRobot
 from yumi.driver.robot_state import Report, RobotMode, RobotState
-from yumi.driver.state_machine import MachineState, SpeedSetting
+from yumi.driver.speed_setting import SpeedSetting
+from yumi.driver.state_machine import MachineState
 from yumi.ros.command_services import CommandActions, CommandServices, SpeedScaleInterface
 from yumi.ros.nodes import TimerThread
 from yumi.ros.state_topics import RobotStateTopic, SignalsTopic

@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 # A ROS domain of its own, so that nothing else on the machine hears or disturbs the tests.
@@ -22,7 +21,6 @@ from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.udp import free_port
 from free_ports import free_tcp_port
 
-ASKED_AGAIN = 2.0
 TIMEOUT = 30.0
 
 
@@ -108,24 +106,6 @@ class Client:
         self.until(future.done, timeout)
         return future.result()
 
-    def ask(self, kind: Any, name: str) -> Any:
-        """Call a service that changes nothing, and again while no answer comes.
-
-        DDS drops the answer to a client that the server has not discovered yet, although the client has the server.
-        """
-        caller, futures = self.find(kind, name), list[Any]()
-
-        def is_answered() -> bool:
-            now = monotonic()
-            if not futures or now - asked[-1] > ASKED_AGAIN:
-                futures.append(caller.call_async(kind.Request()))
-                asked.append(now)
-            return any(future.done() for future in futures)
-
-        asked = list[float]()
-        self.until(is_answered)
-        return next(future.result() for future in futures if future.done())
-
     def find(self, kind: Any, name: str) -> Any:
         """Of a service that is there; kept, since finding a service again may take DDS seconds."""
         if name not in self._callers:
@@ -159,6 +139,6 @@ class Client:
 def begin_egm(client: Client) -> None:
     """Start EGM on both arms unless it runs, which is known sooner."""
     client.find(Trigger, "yumi_robot_manager/start_egm")  # so that the driver has long found who calls when it matters
-    if client.ask(Trigger, "yumi_robot_manager/robot_is_ready").message != "ready, EGM runs":
+    if client.call(Trigger, "yumi_robot_manager/robot_is_ready").message != "ready, EGM runs":
         answer = client.call(Trigger, "yumi_robot_manager/start_egm")
         assert answer.success, answer.message

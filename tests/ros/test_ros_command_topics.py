@@ -30,7 +30,7 @@ from yumi.ros.command_topics import (
     JointStreamTopic,
     JointVelocityTopic,
 )
-from yumi.ros.messages import RefusalLog
+from yumi.ros.topic_refusals import RefusalLog
 
 pytestmark = pytest.mark.ros
 NAMES = joint_names(Side.RIGHT)
@@ -296,6 +296,17 @@ def test_velocity_topic_stops_joints_that_are_not_named(node: Node, buffers: Box
     _, taken = read_goal(buffers.goals, 3)
     assert taken is not None
     assert taken.velocity == (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3)
+
+
+def test_command_that_is_refused_takes_no_arm(node: Node, buffers: Boxes, middle: Joints) -> None:
+    hand_over = HandOver(lambda: 1.0)
+    buffers.snapshots.write(commanded(middle, goal_kind=GoalKind.VELOCITY))
+    topic = JointVelocityTopic(
+        node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots), lambda: 1.0, hand_over
+    )
+    for speed, commander in ((nan, Commander.NONE), (0.1, Commander.STREAM)):
+        topic.take(JointState(name=[NAMES[0]], velocity=[speed]))
+        assert hand_over.of(Side.RIGHT).who is commander
 
 
 def forwarding(node: Node, buffers: Boxes, kind: GoalKind, active: set[str]) -> ForwardTopic:

@@ -174,3 +174,17 @@ def test_answer_that_fails_otherwise_is_reported_as_before(family: Family) -> No
     answers.send = lambda answer, header: {}["no answer"]  # type: ignore[method-assign]
     with pytest.raises(KeyError):
         served(family, answers).send_response("done", 7)
+
+
+def test_late_answer_that_fails_otherwise_is_reported(family: Family) -> None:
+    answers = Answers(1)
+    send = answers.send
+
+    def fail_once_discovered(answer: str, header: int) -> None:
+        if not answers.dropped:
+            raise ValueError("no answer")
+        send(answer, header)
+
+    answers.send = fail_once_discovered  # type: ignore[method-assign]
+    served(family, answers).send_response("done", 7)
+    assert "could not be sent, ValueError: no answer" in family.complaints.get(timeout=LONG)

@@ -22,7 +22,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from abb_protocols.catalogue import Message, message
-from abb_protocols.errors import CommandRefused, GoalNotReached
+from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
 from abb_protocols.robot.gripper_values import (
     LOWEST_SPEED,
     MAX_FORCE,
@@ -145,7 +145,12 @@ def hands(ros: None) -> Iterator[Hand]:
     streams = {side: rclpy.create_node("yumi_topics", namespace=side.value) for side in Side}
     parts = GripperParts(robot.grippers, robot, SETTINGS)
     timers = TimerThread(SystemClock(), print)
-    hands = Grippers(parts, nodes, streams, lambda _: None, timers, lambda side: refusals[0] if refusals else None)
+
+    def check() -> None:
+        if refusals:
+            raise RobotNotReady(refusals[0])
+
+    hands = Grippers(parts, nodes, streams, lambda _: None, timers, check)
     client = Client(executor)
     for node in (*nodes.values(), *streams.values()):
         executor.add_node(node)

@@ -31,7 +31,7 @@ from yumi.control.trajectory_commands import Tolerances
 from yumi.driver.commands import offered_to
 from yumi.planning.trajectory_request import MOST_POINTS, plan_trajectory
 from yumi.ros import messages
-from yumi.ros.messages import tolerances_of, trajectory_of
+from yumi.ros.trajectory_messages import stamp_of, tolerances_of, trajectory_of
 
 pytestmark = pytest.mark.ros
 
@@ -43,7 +43,7 @@ def test_page_says_how_many_requests_a_service_of_ours_keeps() -> None:
 
 def test_message_of_an_older_installation_is_filled_as_far_as_it_goes() -> None:
     older = SimpleNamespace(ok=False)
-    assert messages.filled(older, ok=True, message="done") == SimpleNamespace(ok=True)
+    assert messages.filled_message(older, ok=True, message="done") == SimpleNamespace(ok=True)
 
 
 @pytest.mark.parametrize(("state", "number"), [(state, number) for number, state in enumerate(State, start=1)])
@@ -176,7 +176,7 @@ def test_time_with_more_nanoseconds_than_a_second_is_refused(nanosec: int) -> No
     message = JointTrajectory()
     message.header.stamp.nanosec = nanosec
     with refuses("header.stamp"):
-        messages.stamp_of(message)
+        stamp_of(message)
 
 
 def test_time_is_a_duration_of_seconds_and_nanoseconds() -> None:

@@ -25,9 +25,10 @@ from yumi.control.goals import MemoryBuffer
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_commands import Commands, serve
 from yumi.control.manager.controller_manager import ControllerManager
+from yumi.control.place import Place
 from yumi.control.speed_scale import SpeedScale
 from yumi.driver.control_process import ArmBuffers
-from yumi.driver.wiring import CONTROLLER_KINDS, Place
+from yumi.driver.initial_controllers import CONTROLLER_KINDS
 from yumi.ros.controller_manager_node import ControllerManagerNode
 from yumi.ros.nodes import TimerThread
 

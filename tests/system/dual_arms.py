@@ -31,7 +31,7 @@ class DualArms:
 
     def __init__(self) -> None:
         self.scales = {side: MemoryBuffer() for side in Side}
-        self._halves: dict[Side, DualArmTrajectoryController] = {}
+        self._halves: dict[Side, object] = {}
         self._feedback = {side: MemoryBuffer() for side in Side}
         self.arms: Mapping[Side, VirtualArmRig] = {side: self._arm(side) for side in Side}
         self.ended: dict[Side, list[TrajectoryEnded]] = {side: [] for side in Side}

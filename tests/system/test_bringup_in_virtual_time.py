@@ -30,7 +30,7 @@ def test_bringup_switches_on_starts_and_waits_for_idle(system: System) -> None:
     assert system.steps == ["switch the motors on", "move the program pointers to main", "start the RAPID program"]
     assert system.client.controller_state() is ControllerState.MOTORS_ON
     assert system.client.execution() is ExecutionState.RUNNING
-    assert [system.bringup.state(side) for side in Side] == [MachineState.IDLE, MachineState.IDLE]
+    assert [system.bringup.machines.state(side) for side in Side] == [MachineState.IDLE, MachineState.IDLE]
 
 
 def test_what_bringup_will_do_is_known_before_it_is_done(system: System) -> None:
@@ -134,7 +134,7 @@ def test_bringup_says_that_the_program_is_missing(system: System, monkeypatch: p
 
 def test_egm_starts_on_both_arms_with_the_settings_of_the_thesis(system: System) -> None:
     system.start_egm()
-    assert [system.bringup.state(side) for side in Side] == [MachineState.RUN_EGM_ROUTINE] * 2
+    assert [system.bringup.machines.state(side) for side in Side] == [MachineState.RUN_EGM_ROUTINE] * 2
     settings = rapid_values.decode(system.client.symbol("T_ROB_R", EGM, "settings"))
     assert isinstance(settings, tuple)
     assert settings[2] == (False, 60.0)
@@ -159,7 +159,7 @@ def test_egm_ends_when_it_is_stopped(system: System) -> None:
     system.start_egm()
     system.bringup.stop_egm()
     system.wait(0.1)
-    assert [system.bringup.state(side) for side in Side] == [MachineState.IDLE, MachineState.IDLE]
+    assert [system.bringup.machines.state(side) for side in Side] == [MachineState.IDLE, MachineState.IDLE]
     assert not any(arm.snapshot.is_streaming for arm in system.arms.values())
 
 

@@ -78,7 +78,7 @@ def fault(address: str, *arguments: str) -> str:
 
 
 def state_as_soon_as_it_is_back(client: RwsClient) -> ControllerState | None:
-    """The motors once the controller answers; the client's pace makes the attempts last some seconds."""
+    """The motors once the controller answers; the client's rate limit makes the attempts last some seconds."""
     for _ in range(200):
         with suppress(NoConnection):
             return client.controller_state()
@@ -158,7 +158,7 @@ BENT = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
 
 
 def asked_until(condition: Callable[[], bool]) -> None:
-    """Ask again and again; the client's pace makes the attempts last some seconds."""
+    """Ask again and again; the client's rate limit makes the attempts last some seconds."""
     assert any(condition() for _ in range(200))
 
 

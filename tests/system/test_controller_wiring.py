@@ -11,11 +11,12 @@ from abb_runtime.rws.client import RwsClient
 from controller_states import moved
 from refusals import refused
 from yumi.control.goals import GoalKind, write_goal
+from yumi.control.place import Place
 from yumi.control.speed_scale import SpeedScale
-from yumi.driver import wiring
 from yumi.driver.control_process import ArmBuffers
+from yumi.driver.initial_controllers import CONTROLLER_KINDS
 from yumi.driver.settings import override, read_controllers, read_settings
-from yumi.driver.wiring import CONTROLLER_KINDS, Place, make_parts
+from yumi.driver.wiring import make_parts
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 SIDE = Side.LEFT
@@ -33,7 +34,7 @@ SIDE = Side.LEFT
 def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str, kind: GoalKind) -> None:
     kinds = {entry.name: entry.kind for entry in read_controllers(SIDE)}
     buffers = ArmBuffers()
-    place = Place(name, SIDE, buffers, ArmBuffers(), YUMI_LIMITS, CYCLE, SpeedScale(buffers.speed_scale))
+    place = Place(name, SIDE, buffers, {}, YUMI_LIMITS, CYCLE, SpeedScale(buffers.speed_scale))
     arm = VirtualArmRig({name: CONTROLLER_KINDS[kinds[name]](place)}, side=SIDE)
     arm.start()
     arm.switch_to(name)
@@ -71,7 +72,7 @@ def test_exchanges_of_the_driver_end_after_two_seconds_unless_the_settings_say_o
         timeouts.append(timeout)
         return RwsClient(address, timeout=timeout, **login)
 
-    monkeypatch.setattr(wiring, "RwsClient", make_client)
+    monkeypatch.setattr("yumi.driver.settings.RwsClient", make_client)
     settings = override(read_settings(), {"robot": {"address": "127.0.0.1", **chosen}}, "x")
     make_parts(settings, {side: read_controllers(side) for side in Side}, ignore, ignore).client.close()
     assert timeouts == [timeout]

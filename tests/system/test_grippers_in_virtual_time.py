@@ -33,7 +33,8 @@ from system.virtual_time_bench import DriverArm, System
 from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
 from yumi.api.connection import Connection
 from yumi.api.motion_executor import MotionExecutor
-from yumi.driver.gripper import GripperSetup, RwsGripper, close_as_test
+from yumi.driver.gripper import RwsGripper
+from yumi.driver.gripper_setup import GripperSetup, close_as_test
 from yumi.driver.robot_state import RobotMode
 from yumi.driver.settings import read_settings
 
@@ -258,7 +259,6 @@ def test_grippers_of_a_robot_that_becomes_ready_late_are_calibrated_before_egm_s
     [
         ({"is_allowed": False}, message("calibration_not_allowed_by_settings")),
         ({"is_confirmed": lambda: False}, message("gripper_may_hold_something_after_stop")),
-        ({"why_not": lambda side: message("text", text=side.word)}, message("text", text="right")),
     ],
 )
 def test_gripper_that_may_not_be_calibrated_is_reported_once_with_the_command(

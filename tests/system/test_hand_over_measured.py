@@ -22,7 +22,7 @@ from soak import long, short, tell
 from system.test_teleoperation_measured import RATE, recorded_driver
 from yumi.api.attach import RunningDriver
 from yumi.control.flight_recorder import RecordedCycle
-from yumi.driver.command import Arm
+from yumi.driver.command import ArmName
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperationReport
 from yumi.driver.motion_commands import Jog, Teleoperate
 from yumi.driver.reports import CommandingReport
@@ -30,7 +30,7 @@ from yumi.recording.message_types import EVENTS
 from yumi.recording.reader import recorded_messages
 from yumi.web.driver_link import DriverLink
 
-ARMS: tuple[Arm, ...] = ("right", "left")
+ARMS: tuple[ArmName, ...] = ("right", "left")
 WITHIN = 1.0 + 1e-4  # of the limits: a recording has rounded times
 
 

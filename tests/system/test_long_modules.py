@@ -17,7 +17,7 @@ from abb_runtime.clock import SystemClock, wait_until
 from abb_runtime.rws.client import RwsClient
 from soak import tell
 from virtual_irc5.testing.controller_process import ControllerProcess
-from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
+from yumi.driver.state_machine import MachineState, read_machine_state
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 _CFG = """SYS:CFG_1.0:6:0::
@@ -56,7 +56,7 @@ def test_egm_goes_on_while_long_modules_are_loaded_and_their_texts_are_set(tmp_p
             wait_until(
                 SystemClock(),
                 lambda state=state: all(  # type: ignore[misc]
-                    read_machine_state(client.symbol(side.task, MAIN, "current_state")) is state for side in Side
+                    read_machine_state(client, side) is state for side in Side
                 ),
                 10.0,
                 f"The state machine does not reach {state}.",

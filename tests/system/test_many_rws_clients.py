@@ -23,7 +23,7 @@ from abb_runtime.clock import SystemClock, wait_until
 from abb_runtime.rws.client import RwsClient
 from soak import tell
 from virtual_irc5.testing.controller_process import ControllerProcess
-from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
+from yumi.driver.state_machine import MachineState, read_machine_state
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 SCRIPT = Path(__file__).with_name("rws_load.py")
@@ -79,7 +79,7 @@ def load(clients: int, seconds: float, tmp_path: Path) -> Beside:
             wait_until(
                 SystemClock(),
                 lambda state=state: all(  # type: ignore[misc]
-                    read_machine_state(client.symbol(side.task, MAIN, "current_state")) is state for side in Side
+                    read_machine_state(client, side) is state for side in Side
                 ),
                 10.0,
                 f"The state machine does not reach {state}.",

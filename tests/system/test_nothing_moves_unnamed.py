@@ -21,9 +21,9 @@ from yumi.api.attach import attach
 from yumi.api.connect import controllers_for, settings_for
 from yumi.api.connection import Connection
 from yumi.driver import wiring
-from yumi.driver.gripper import GripperSetup
+from yumi.driver.gripper_setup import GripperSetup
 from yumi.driver.state_machine import RUN_RAPID, START_JOINT, WATCHDOG
-from yumi.driver.wiring import brings_up, is_on_this_machine, is_real
+from yumi.driver.wiring import is_real
 
 STEPS = ("switch the motors on", "move the program pointers to main", "start the RAPID program")
 CREEP = 1e-4  # [rad] of the virtual robot under loads
@@ -72,8 +72,8 @@ def robot() -> RealRobot:
 )
 def test_real_robot_is_brought_up_only_where_that_is_named(address: str, given: bool | None, expected: bool) -> None:
     settings = settings_for(address, bringup=given)
-    assert is_on_this_machine(settings) is (address == "127.0.0.1")
-    assert brings_up(settings, is_real=not is_on_this_machine(settings)) is expected
+    assert settings.robot.is_on_this_machine is (address == "127.0.0.1")
+    assert settings.ros.brings_up(is_real=not settings.robot.is_on_this_machine) is expected
 
 
 def test_robot_that_is_not_ready_is_left_as_it_is_where_bringup_is_not_named(robot: RealRobot) -> None:
@@ -111,7 +111,7 @@ def test_robot_is_real_unless_it_is_known_to_be_virtual_and_on_this_machine(
     system.client.connect()
     system.http.is_there = answers
     monkeypatch.setattr(wiring, "takes_faults", lambda address: takes_faults)
-    monkeypatch.setattr(system.client, "lift_pace", lambda: lifted.append(True))
+    monkeypatch.setattr(system.client, "lift_rate_limit", lambda: lifted.append(True))
     assert is_real(system.client, is_here=is_here) is expected
     assert lifted == [True] * (not expected)
 

@@ -153,7 +153,7 @@ def test_program_of_a_real_robot_is_started_from_main_and_not_in_the_middle_of_a
     system.client.set_symbol(RIGHT.task, "TRobRAPID", "routine_name_input", '"lingers"')
     system.client.pulse_signal("RUN_RAPID_ROUTINE")
     system.wait(0.5)
-    assert system.bringup.state(RIGHT) is MachineState.RUN_RAPID_ROUTINE
+    assert system.bringup.machines.state(RIGHT) is MachineState.RUN_RAPID_ROUTINE
     system.client.stop_rapid()
     system.wait(0.5)
     with refused(RobotNotReady, "rapid_start_in_routine", task=RIGHT.task):
@@ -168,7 +168,7 @@ def test_signal_that_runs_a_routine_is_not_written_past_the_check(system: System
     for name in ("RUN_RAPID_ROUTINE", "run_rapid_routine", "EtherNetIP/device/RUN_RAPID_ROUTINE"):
         with refused(CommandRefused, "rapid_signal_not_written"):
             manager.write_signal(name, 1)
-    assert system.bringup.state(RIGHT) is MachineState.IDLE
+    assert system.bringup.machines.state(RIGHT) is MachineState.IDLE
 
 
 @pytest.mark.parametrize(("module", "name"), [("TRobMain", "current_state"), ("trobrapid", "ROUTINE_NAME_INPUT")])
@@ -178,7 +178,7 @@ def test_variable_that_starts_a_routine_is_not_written_past_the_check(
     with refused(CommandRefused, "rapid_variable_not_written", module=module, variable=name):
         manager.write_variable(RIGHT.task, module, name, "2")
     manager.write_variable(RIGHT.task, "TRobRAPID", "move_speed_input", "[100,50,500,50]")
-    assert system.bringup.state(RIGHT) is MachineState.IDLE
+    assert system.bringup.machines.state(RIGHT) is MachineState.IDLE
 
 
 def test_routine_does_not_start_where_a_stop_was_requested_while_it_was_checked(
@@ -191,7 +191,7 @@ def test_routine_does_not_start_where_a_stop_was_requested_while_it_was_checked(
     with refused(RobotNotReady, "stop_requested_meanwhile"):
         manager.run_routine(RIGHT, "wave", is_unchecked=True)
     system.wait(0.5)
-    assert system.bringup.state(RIGHT) is MachineState.IDLE
+    assert system.bringup.machines.state(RIGHT) is MachineState.IDLE
     assert system.client.symbol(RIGHT.task, "TRobRAPID", "routine_name_input") == '""'
     assert system.client.speed_ratio() == 100
 

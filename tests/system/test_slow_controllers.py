@@ -23,7 +23,7 @@ from yumi.control.controller import Controller
 from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import ControllersLate, Event
-from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
+from yumi.driver.control_process import ArmBuffers, ControlProcessArm, ControlProcess
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 
@@ -90,7 +90,7 @@ Moved = tuple[str, dict[Side, tuple[int, Sent]], list[Event], dict[Side, tuple[R
 """What a controller did; of each arm how many datagrams it sent, and what it was sent; the reports; the records."""
 
 
-def build(plan: EgmPlan, trouble: str, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
+def build(plan: EgmPlan, trouble: str, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ControlProcessArm]:
     arms = build_arms(plan, buffers)
     for arm in arms.values():
         arm.loop.manager.load(NAME, BusyController(trouble))

@@ -28,9 +28,11 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.stage_times import StageClock
 from yumi.driver.bringup import Bringup
 from yumi.driver.egm_arm import EgmArm
-from yumi.driver.gripper import GripperRoutines, GripperSignals, RwsGripper
+from yumi.driver.gripper import GripperRoutines, RwsGripper
+from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
+from yumi.driver.speed_setting import SpeedSetting
+from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.egm_session import Session
 
 CONTROLLER = "joint_position_controller"

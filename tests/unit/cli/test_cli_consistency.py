@@ -137,8 +137,7 @@ def test_every_command_is_under_a_heading() -> None:
 def said(json_output: JsonOutput, words: tuple[str, ...]) -> None:
     for word in words:
         json_output.write(json.dumps(word))
-        if not json_output.is_printed:
-            click.echo(f"text {word}")
+        json_output.say(f"text {word}")
 
 
 def run(*arguments: str) -> str:

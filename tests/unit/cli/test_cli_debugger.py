@@ -327,7 +327,7 @@ def test_all_tasks_that_start_are_named(session: Session) -> None:
 def test_commands_from_a_pipe_start_with_yes_only(
     session: Session, monkeypatch: pytest.MonkeyPatch, options: list[str], line: str
 ) -> None:
-    monkeypatch.setattr("yumi.cli.rws_command.RwsClient", lambda *_, **__: nullcontext(session.client))
+    monkeypatch.setattr("yumi.driver.settings.RwsClient", lambda *_, **__: nullcontext(session.client))
     monkeypatch.setattr("virtual_irc5.commands.debugger.SystemClock", lambda: session)
     result = CliRunner().invoke(main, ["rapid", "debug", "T_ROB_R", *options], input="main\nstep\nwhere\n")
     assert result.output.splitlines()[-1] == f"#0 Program/{line}"

@@ -24,8 +24,7 @@ from yumi.cli.main import main
 from yumi.cli.up import DEFAULT_WAIT, run_driver, wait_for_controller
 from yumi.control.loop_events import SessionLost
 from yumi.driver.settings import RobotSettings, Settings, override, read_settings
-from yumi.driver.state_machine import SpeedSetting
-from yumi.driver.wiring import first_speed_scale
+from yumi.driver.speed_setting import SpeedSetting
 
 
 def run(*arguments: str) -> Result:
@@ -162,7 +161,7 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
 
     def make_parts(settings: Settings, *_: Any, **__: Any) -> Mock:
         parts = Mock()
-        parts.manager.speed = SpeedSetting(first_speed_scale(settings))
+        parts.manager.speed = SpeedSetting(settings.robot.first_speed_scale)
         parts.bringup.check_controller.return_value = None
         parts.control.started_as = "the control process has started"
         return parts
@@ -172,7 +171,7 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
 
     over = Event()
     over.set()
-    parts_of_driver = ("Recorder", "RobotConnection", "_commanded_robot", "EndpointServer", "GripperSetup")
+    parts_of_driver = ("Recorder", "RobotConnection", "_commanded_robot", "EndpointServer", "set_up_grippers")
     for name in (*parts_of_driver, "SupervisedThread", "settle_memory"):
         monkeypatch.setattr(f"yumi.cli.up.{name}", Mock())
     monkeypatch.setattr("yumi.cli.up.make_parts", make_parts)
@@ -195,7 +194,7 @@ def test_event_reaches_all_who_take_it_although_the_first_one_fails(
     parts.manager.speed = SpeedSetting()
     parts.control.started_as = "the control process has started"
     over.set()
-    for name in ("RobotConnection", "GripperSetup", "SupervisedThread", "settle_memory"):
+    for name in ("RobotConnection", "set_up_grippers", "SupervisedThread", "settle_memory"):
         monkeypatch.setattr(f"yumi.cli.up.{name}", Mock())
     records, motions, endpoint = Mock(), Mock(), Mock()
     records.on_event.side_effect = ValueError("a fault of ours")
@@ -258,7 +257,7 @@ NOBODY = NoConnection("no controller listens there")
 
 
 def wait(controllers: Controllers, monkeypatch: pytest.MonkeyPatch, timeout: float, is_over: Event) -> bool:
-    monkeypatch.setattr("yumi.cli.up.RwsClient", controllers.client)
+    monkeypatch.setattr("yumi.driver.settings.RwsClient", controllers.client)
     monkeypatch.setattr("yumi.cli.up._WAIT_PERIOD", 0.0)
     return wait_for_controller(RobotSettings(address="127.0.0.1", rws_port=8080), timeout, is_over)
 

@@ -14,7 +14,7 @@ from yumi.control.controllers import find_controllers
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.place import ControllerBuffers, Place
 from yumi.control.speed_scale import SpeedScale
-from yumi.driver.wiring import CONTROLLER_KINDS
+from yumi.driver.initial_controllers import CONTROLLER_KINDS
 
 PLACE = Place("waiting", Side.RIGHT, ControllerBuffers(), {}, YUMI_LIMITS, CYCLE, SpeedScale())
 WAITING = """

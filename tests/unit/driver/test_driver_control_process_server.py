@@ -22,7 +22,7 @@ from yumi.control.shared_memory import shared_numbers
 from yumi.driver import control_process
 from yumi.driver.control_process import (
     NO_NUMBER,
-    ConnectedArm,
+    ControlProcessArm,
     ControlProcessAnswer,
     ControlProcessCall,
     ControlProcessRefusal,
@@ -148,7 +148,7 @@ def run(
 
     for each in sockets.values():
         each.make_readable()
-    connected: Any = {side: ConnectedArm(arm, sockets[side]) for side, arm in arms.items()}  # type: ignore[arg-type]
+    connected: Any = {side: ControlProcessArm(arm, sockets[side]) for side, arm in arms.items()}  # type: ignore[arg-type]
     events: Any = {side: SimpleNamespace(release=lambda side=side: release(side)) for side in arms}
     ControlServer(parent, connected, events, clock.now, processors, given_up).run()  # type: ignore[arg-type]
     for each in sockets.values():
@@ -261,7 +261,7 @@ def test_datagram_of_the_other_arm_that_comes_during_a_reply_is_answered_before_
     log = arms[Side.LEFT].log = arms[Side.RIGHT].log
     sockets[Side.RIGHT].make_readable()
     fallback: Any = Waits(sockets) if is_in_core else None
-    connected: Any = {side: ConnectedArm(arm, sockets[side], fallback) for side, arm in arms.items()}  # type: ignore[arg-type]
+    connected: Any = {side: ControlProcessArm(arm, sockets[side], fallback) for side, arm in arms.items()}  # type: ignore[arg-type]
     events: Any = {side: SimpleNamespace(release=lambda: None) for side in sockets}
     ControlServer(parent, connected, events, clock.now).run()  # type: ignore[arg-type]
     for each in sockets.values():
@@ -283,7 +283,7 @@ def test_arm_whose_formula_cannot_be_prepared_fails_alone(parent: Parent, clock:
     arms[Side.RIGHT].prepare = prepare  # type: ignore[method-assign]
     sockets[Side.RIGHT].make_readable()
     fallback: Any = Waits(sockets)
-    connected: Any = {side: ConnectedArm(arm, sockets[side], fallback) for side, arm in arms.items()}  # type: ignore[arg-type]
+    connected: Any = {side: ControlProcessArm(arm, sockets[side], fallback) for side, arm in arms.items()}  # type: ignore[arg-type]
     events: Any = {side: SimpleNamespace(release=lambda: None) for side in sockets}
     ControlServer(parent, connected, events, clock.now).run()  # type: ignore[arg-type]
     for each in sockets.values():

@@ -22,10 +22,12 @@ from abb_protocols.robot.gripper_values import (
 )
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.documents import RwsSignal
-from abb_protocols.rws.values import SignalType
+from abb_protocols.rws.values import RapidValue, SignalType, decode, encode
 from abb_runtime.clock import ManualClock
 from refusals import refused
-from yumi.driver.gripper import GripperRoutines, GripperSetup, GripperSignals, RwsGripper
+from yumi.driver.gripper import GripperRoutines, RwsGripper
+from yumi.driver.gripper_setup import GripperSetup
+from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.state_machine import SgCommand
 
 
@@ -38,19 +40,20 @@ class Robot:
         self.commands = dict.fromkeys((side.task for side in Side), "0")
         self.signals: dict[str, float] = {}
 
-    def set_symbol(self, task: str, module: str, name: str, literal: str) -> None:
+    def set_value(self, task: str, module: str, name: str, value: RapidValue) -> None:
+        literal = encode(value)
         self.log.append(f"{task} {name}={literal}")
         if name == "command_input":
             self.commands[task] = literal
 
-    def symbol(self, task: str, module: str, name: str) -> str:
+    def value(self, task: str, module: str, name: str) -> RapidValue:
         if name == "settings":
-            return "[25,10,25]"
+            return decode("[25,10,25]")
         self.looks -= 1
         if self.looks < 0:
             self.commands[task] = "0"
             self.log.append(f"{task} takes it")
-        return self.commands[task]
+        return decode(self.commands[task])
 
     def pulse_signal(self, name: str) -> None:
         self.log.append(name)

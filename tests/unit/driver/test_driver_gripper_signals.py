@@ -13,7 +13,7 @@ from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import Priority, Resource
 from abb_runtime.rws.client import Change
 from refusals import refused
-from yumi.driver.gripper import GripperSignals
+from yumi.driver.gripper_signals import GripperSignals
 
 MODULES = {Side.RIGHT: GripperModules.SERVO, Side.LEFT: GripperModules.VISION_VACUUM}
 

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from math import inf, nan
 from typing import Any
@@ -13,9 +12,8 @@ from abb_protocols.robot.joints import CYCLE, Side
 from refusals import assert_says, refused
 from yumi.control.goals import MemoryBuffer
 from yumi.control.speed_scale import SpeedFactor, SpeedScale
-from yumi.driver.settings import RobotSettings, Settings
-from yumi.driver.state_machine import SpeedSetting
-from yumi.driver.wiring import first_speed_scale
+from yumi.driver.settings import RobotSettings
+from yumi.driver.speed_setting import SpeedSetting
 
 
 class Arms:
@@ -89,8 +87,7 @@ def test_lower_value_holds_at_once_while_egm_runs() -> None:
     ],
 )
 def test_first_contact_with_a_robot_at_another_address_is_slow(address: str, given: float | None, scale: float) -> None:
-    settings = replace(Settings(), robot=RobotSettings(address=address, speed_scale=given))
-    assert first_speed_scale(settings) == scale
+    assert RobotSettings(address=address, speed_scale=given).first_speed_scale == scale
 
 
 def test_scale_of_an_arm_begins_with_what_was_put_and_then_changes_gradually() -> None:

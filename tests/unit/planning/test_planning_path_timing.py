@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS
 from soak import long, short, tell
-from yumi.planning.path_timing import UNLIMITED, MotionLimits, accelerating_law, demand, fastest_along
+from yumi.planning.path_timing import UNLIMITED, MotionLimits, accelerating_law, time_demand, fastest_along
 from yumi.planning.rounded_path import RoundedPath
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def test_path_is_passed_below_its_ceiling_and_not_slower_elsewhere() -> None:
     places, most = np.linspace(0.0, path.length, 200), float(np.max(np.diff(free))) / CYCLE
     ceiling = np.where(np.abs(places / path.length - 0.5) < 0.2, 0.3 * most, UNLIMITED)
     law, positions = fastest_along(path, BOTH, ceiling)
-    assert float(np.max(demand(positions, BOTH))) <= 1.0
+    assert float(np.max(time_demand(positions, BOTH))) <= 1.0
     speeds, at = np.diff(law) / CYCLE, law[1:] / path.length
     assert np.max(speeds[np.abs(at - 0.5) < 0.1]) <= 0.301 * most
     assert np.max(speeds[at < 0.3]) > 0.5 * most
@@ -99,7 +99,7 @@ def test_corner_without_room_is_sharpened_until_it_has_none() -> None:
         pass
     assert np.max(np.abs(path.at(at_corner)[0] - given[1])) < 1e-4
     _, positions = fastest_along(path, BOTH)  # nearly stops there
-    assert float(np.max(demand(positions, BOTH))) <= 1.0
+    assert float(np.max(time_demand(positions, BOTH))) <= 1.0
 
 
 def test_joint_comes_to_the_end_of_its_range_only_as_fast_as_it_can_stop() -> None:
@@ -108,4 +108,4 @@ def test_joint_comes_to_the_end_of_its_range_only_as_fast_as_it_can_stop() -> No
     _, positions = fastest_along(RoundedPath(given, BOTH.velocity, 0.15), BOTH)
     free = MotionLimits(BOTH.velocity, BOTH.acceleration, BOTH.jerk, BOTH.lower - 9.0, BOTH.upper + 9.0)
     _, faster = fastest_along(RoundedPath(given, BOTH.velocity, 0.15), free)
-    assert float(np.max(demand(positions, BOTH))) <= 1.0 < float(np.max(demand(faster, BOTH)))
+    assert float(np.max(time_demand(positions, BOTH))) <= 1.0 < float(np.max(time_demand(faster, BOTH)))

@@ -7,11 +7,11 @@ import pytest
 
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
 from yumi.core.collision import CollisionModel
-from yumi.driver.surroundings import BoxReport, Surroundings, shapes_of
+from yumi.driver.surroundings import SurroundingsBox, Surroundings, shapes_of
 from yumi.web.distances import NEAR, Distances
 
 TURNED = Pose((0.35, 0.05, 0.1), (0.9238795, 0.0, 0.0, 0.3826834))  # by 45 degrees about z
-SURROUNDINGS = Surroundings(boxes=(BoxReport("box", TURNED, (0.2, 0.1, 0.2)),))
+SURROUNDINGS = Surroundings(boxes=(SurroundingsBox("box", TURNED, (0.2, 0.1, 0.2)),))
 
 
 def test_nearest_pair_is_that_of_the_exact_shapes_and_its_points_are_as_far_from_each_other() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side, home
 from abb_protocols.robot.kinematics import IDENTITY
-from yumi.driver.surroundings import BoxReport, Surroundings, ToolReport, limits_of, shapes_of
+from yumi.driver.surroundings import SurroundingsBox, Surroundings, SurroundingsTool, limits_of, shapes_of
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
 
@@ -24,8 +24,8 @@ def test_process_plans_for_what_the_driver_has_told() -> None:
     pytest.importorskip("roboplan", reason="needs yumi-ros2[planning]")
     told = msgspec.json.encode(
         Surroundings(
-            tools={"right": (ToolReport(name="pen", start=(0.0, 0.0, 0.1), end=(0.0, 0.0, 0.15), radius=0.005),)},
-            boxes=(BoxReport(name="far", pose=Pose((1.5, 0.0, 0.0), IDENTITY), size=(0.1, 0.1, 0.1)),),
+            tools={"right": (SurroundingsTool(name="pen", start=(0.0, 0.0, 0.1), end=(0.0, 0.0, 0.15), radius=0.005),)},
+            boxes=(SurroundingsBox(name="far", pose=Pose((1.5, 0.0, 0.0), IDENTITY), size=(0.1, 0.1, 0.1)),),
         )
     )
     start = {side: home(side) for side in Side}

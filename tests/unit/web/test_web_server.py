@@ -585,7 +585,7 @@ def test_plan_needs_to_know_where_both_arms_are(driver: FakeDriver) -> None:
         async with site.page() as page:
             await page.take_control()
             await page.send(type="plan", id=2, right="home")
-            unknown = on_page("position_unknown_for_plan", arm="left")
+            unknown = on_page("plan_without_position", arm="left")
             assert (await page.until("failed"))["error"]["sentence"] == unknown
 
     run(story, may_operate=True)

@@ -77,8 +77,7 @@ def fault(
     """
     if name is None:
         json_output.write(json.dumps({kind.name: kind.meaning for kind in (fault.value for fault in Fault)}, indent=2))
-        if not json_output.is_printed:
-            click.echo(_FAULTS)
+        json_output.say(_FAULTS)
         return
     numbers = {"duration": duration, "by": by}
     chosen = {"side": arm, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
@@ -89,5 +88,4 @@ def fault(
     check_address(address)
     inject_fault(address, name, given)
     json_output.write(json.dumps({"fault": name, **given}))
-    if not json_output.is_printed:
-        click.echo(f"{name}: done")
+    json_output.say(f"{name}: done")

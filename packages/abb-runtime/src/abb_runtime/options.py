@@ -216,6 +216,11 @@ class JsonOutput:
         """Whether it is all that may be printed."""
         return self._target == "-"
 
+    def say(self, text: object) -> None:
+        """Print a text for people, where the document is not all that may be printed."""
+        if not self.is_printed:
+            click.echo(text)
+
     def write(self, text: str) -> None:
         """Write a document, or the next one, each in lines of its own.
 

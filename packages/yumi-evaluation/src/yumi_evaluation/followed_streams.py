@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from abb_protocols.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, Joints, Side, joints
-from yumi.api.arm_access import STREAM_CONTROLLER
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
 from yumi.control.controllers.joint_position import JointPositionController
@@ -26,6 +25,7 @@ from yumi.control.hand_over import HandOver
 from yumi.control.loop_commands import Commands, serve
 from yumi.control.shared_state import Snapshot
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.controller_names import STREAM_CONTROLLER
 from yumi.driver.settings import read_controllers
 from yumi_evaluation.metrics import minimum
 from yumi_evaluation.virtual_time import VirtualArmRig

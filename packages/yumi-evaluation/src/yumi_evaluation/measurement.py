@@ -23,10 +23,8 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, YUMI_LIMITS, Joints, Side, joints
 from abb_runtime.parameters import ParameterFileEntry
-from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import address_towards, is_loopback, resolve
+from abb_runtime.udp import is_loopback, resolve
 from yumi import __version__
-from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.api.connect import controllers_for
 from yumi.api.joint_positions import TimedPosition
 from yumi.api.robot import Robot
@@ -34,9 +32,9 @@ from yumi.control.collisions import BODY_MARGIN
 from yumi.core.collision import Distance
 from yumi.driver.commissioning.controller_checks import examine_controller
 from yumi.driver.commissioning.machine_checks import examine_machine
-from yumi.driver.launch_checks import EgmAddress
+from yumi.driver.controller_names import TRAJECTORY_CONTROLLER
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.settings import CalibrateWhen, Settings
-from yumi.driver.wiring import Controllers
 
 LARGEST = radians(2.0)
 """No joint leaves the place where the measurement began by more [rad]."""
@@ -289,10 +287,8 @@ def examine(settings: Settings) -> Examined:
     """
     where = settings.robot
     remote = resolve(where.address)
-    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
-    addresses = {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
-    address = f"{where.address}:{where.rws_port}"
-    with RwsClient(address, user=where.user, password=where.password, timeout=where.timeout) as client:
+    listen, addresses = settings.egm.listen_for(remote), settings.egm.addresses(remote)
+    with where.client() as client:
         findings = [*examine_controller(client, addresses), *examine_machine(remote, addresses)]
         identity, system = client.identity(), client.system()
     # The virtual controller of this project calls itself real, since programs expect that.
@@ -310,7 +306,7 @@ def examine(settings: Settings) -> Examined:
     kind = "virtual" if is_virtual else "real"
     document = {
         "controller": kind,
-        "robotware": ".".join(map(str, system.robotware)),
+        "robotware": system.version,
         "options": list(system.options),
         "versions": own,
     }

@@ -373,7 +373,7 @@ def start_robot(plan: NetworkedPlan, stack: ExitStack, check: Callable[[], None]
     """The driver's options to find the robot; a virtual one is started on free ports."""
     if plan.robot:
         where = override(read_settings(), {"robot": address_values(plan.robot)}, "evaluate").robot
-        return ("--robot", f"{where.address}:{where.rws_port}")
+        return ("--robot", where.host_and_port)
     ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
     arguments = ("controller", "--rws-port", "0", *ports)
     command = CommandProcess("virtual controller", "yumi", arguments, plan.folder / "controller.log", plan.secrets)

@@ -15,10 +15,12 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from math import degrees, inf, isfinite, radians
 from operator import le
-from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsFloat
+from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsFloat, TypeVar
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
+
+T = TypeVar("T")
 
 CHAIN_AXES = (1, 2, 7, 3, 4, 5, 6)
 JOINT_COUNT = len(CHAIN_AXES)
@@ -57,6 +59,11 @@ class Side(Enum):
     def unit(self) -> str:
         """Name of the arm's mechanical unit, EGM device and EGM configuration."""
         return f"ROB_{self.name[0]}"
+
+
+def by_side(right: T | None, left: T | None) -> dict[Side, T]:
+    """What there is for each arm; one that has None is left out."""
+    return {side: each for side, each in ((Side.RIGHT, right), (Side.LEFT, left)) if each is not None}
 
 
 _prefix = ""

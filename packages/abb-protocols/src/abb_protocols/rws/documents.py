@@ -343,6 +343,11 @@ class SystemInfo:
     id: str = ""
 
     @property
+    def version(self) -> str:
+        """Of RobotWare, as ABB writes it: ``6.13.0.0``."""
+        return ".".join(map(str, self.robotware))
+
+    @property
     def robot(self) -> str:
         """ABB's name of the robot without its variant, such as ``IRB 120``; empty where no option names one."""
         names = (match[0] for option in self.options if (match := _ROBOT.match(option)))

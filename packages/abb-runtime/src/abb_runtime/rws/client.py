@@ -138,9 +138,9 @@ class RwsClient(
         """How often the controller has let us in; after another login it may have restarted, or be another one."""
         return self._session.login_count
 
-    def lift_pace(self) -> None:
+    def lift_rate_limit(self) -> None:
         """Send requests as fast as they come until the next login: a virtual controller takes any number a second."""
-        self._session.lift_pace()
+        self._session.lift_rate_limit()
 
     def close(self) -> None:
         """Log out, if there is a session, and close the connections, those of subscriptions too."""

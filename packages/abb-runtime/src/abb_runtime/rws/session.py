@@ -55,8 +55,8 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
-class RequestPace:
-    """Limits the rate of requests, in the order in which they come; safe from any thread.
+class RateLimit:
+    """The rate limit of requests, in the order in which they come; safe from any thread.
 
     Args:
         clock: by which the time passes.
@@ -126,7 +126,7 @@ class RwsSession:
         self._running: list[object] = []  # exchanges under way, the oldest first
         self._slow: object = None  # the one that has delayed another one for too long
         self._is_abandoned = False
-        self._pace = self._own_pace = RequestPace(clock, transport.request_interval)
+        self._rate_limit = self._own_limit = RateLimit(clock, transport.request_interval)
 
     @property
     def is_open(self) -> bool:
@@ -144,7 +144,7 @@ class RwsSession:
             ProtocolError: what answers is not a controller.
         """
         self._check_not_abandoned()
-        self._pace.wait()
+        self._rate_limit.wait()
         with self._turn():
             deadline = ExchangeDeadline(self._clock.now() + self._timeout)
             if request.is_transfer:
@@ -159,11 +159,11 @@ class RwsSession:
                     if not repeats:
                         raise
                 repeats -= 1
-                self._pace.count()
+                self._rate_limit.count()
 
-    def lift_pace(self) -> None:
+    def lift_rate_limit(self) -> None:
         """No request waits because many came before it, until the next login: another controller may answer then."""
-        self._pace = RequestPace(self._clock, 0.0)
+        self._rate_limit = RateLimit(self._clock, 0.0)
 
     def open_socket(self, target: str, listener: Listener) -> OpenWebSocket:
         """A WebSocket that belongs to this session, on a connection of its own.
@@ -173,7 +173,7 @@ class RwsSession:
             ControllerRefused: what answers does not open a WebSocket.
         """
         self._check_not_abandoned()
-        self._pace.wait()
+        self._rate_limit.wait()
         return self._transport.open_socket(target, _cookie_header(self._cookies), listener, self._timeout)
 
     def close(self) -> None:
@@ -244,12 +244,12 @@ class RwsSession:
         if response.status_code != _UNAUTHORIZED:
             return response
         self._cookies = {}  # the old session is gone
-        self._pace.count()
+        self._rate_limit.count()
         response = self._once(self._with_credentials(outgoing, response), {}, deadline)
         if response.status_code == _UNAUTHORIZED:
             raise LoginRefused(message("login_refused", address=self.address, user=self._user))
         if self.login_count:
-            self._pace = self._own_pace
+            self._rate_limit = self._own_limit
         self.login_count += 1
         return response
 

@@ -18,24 +18,10 @@ from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
 from yumi.driver.control_process import FRESH, ControlProcess
+from yumi.driver.controller_names import GOAL_CONTROLLER
 from yumi.driver.readiness import why_arm_does_not_follow
 
-GOAL_CONTROLLER = "joint_goal_controller"
-"""Takes an arm to single points."""
-
-STREAM_CONTROLLER = "joint_position_controller"
-"""Follows a stream of points."""
-
-JOG_CONTROLLER = "joint_velocity_controller"
-"""Follows speeds, and stops where none come."""
-
-TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
-"""Follows points with times."""
-
-CARTESIAN_CONTROLLER = "cartesian_controller"
-"""Moves the tool on straight lines and after streams."""
-
-LAST_STOP = 5.0
+_LAST_STOP = 5.0
 """An arm must have come to rest within this time [s]; it takes a tenth of it."""
 
 
@@ -121,7 +107,7 @@ class ArmAccess:
     def bring_to_rest(self, sides: Iterable[Side]) -> None:
         """Stop arms and wait until they stand; raises GoalNotReached when one did not come to rest."""
         for motion in self.stop(sides):
-            motion.wait(LAST_STOP)
+            motion.wait(_LAST_STOP)
 
     def check_has(self, side: Side, name: str) -> None:
         """Raises CommandRefused where an arm has no controller of that name."""

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import msgspec
 
 from abb_protocols.catalogue import message, quoted
-from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
-from abb_protocols.robot.joints import JOINT_COUNT, Pose, Side, joints
+from abb_protocols.errors import CommandRefused, YumiError
+from abb_protocols.robot.joints import JOINT_COUNT, Pose, by_side, joints
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.control.goals import Tracking
-from yumi.driver.command import Arm, Command, Lane
-from yumi.driver.command import Position as SentPosition
+from yumi.driver.command import ArmName, Command, Lane, SentPosition
 from yumi.driver.commands import (
     AllowCollision,
     Calibrate,
@@ -29,7 +28,6 @@ from yumi.driver.commands import (
     GetSurroundings,
     GiveBack,
     Grip,
-    ModeName,
     Recover,
     SetMode,
     SetSpeedScale,
@@ -40,13 +38,14 @@ from yumi.driver.commands import (
 from yumi.driver.endpoint import ANSWER, EndpointClient, find_driver
 from yumi.driver.motion_commands import Follow, Jog, JogTool, Move, Stream
 from yumi.driver.reports import ControllerStatus, DriverState, GripReport, MotionReport
+from yumi.driver.robot_state import ModeName
 from yumi.driver.surroundings import Surroundings, limits_of, shapes_of
 
 if TYPE_CHECKING:
     from yumi.planning.planner import Plan, Planner
 
-R = TypeVar("R")
-Arms = Arm | Sequence[Arm]
+_R = TypeVar("_R")
+Arms = ArmName | Sequence[ArmName]
 
 
 def attach(robot: str = "", *, on_step: Callable[[str], None] = lambda step: None) -> RunningDriver:
@@ -100,8 +99,8 @@ class RunningDriver:
         self._client.close()
 
     def call(
-        self, command: Command[R], on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None
-    ) -> R:
+        self, command: Command[_R], on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None
+    ) -> _R:
         """Have the driver carry out a command, such as ``driver.call(yumi.driver.commands.StopEgm())``; its result.
 
         Args:
@@ -165,15 +164,15 @@ class RunningDriver:
         """Close the fingers of grippers and call that zero."""
         return self.call(Calibrate(arms=_arms(arms)))
 
-    def open_gripper(self, arm: Arm, width: float | None = None) -> GripReport:
+    def open_gripper(self, arm: ArmName, width: float | None = None) -> GripReport:
         """Open a gripper to ``width`` [m], or as far as it goes."""
         return self.call(Grip(arm=arm, action="open", width=width))
 
-    def close_gripper(self, arm: Arm, force: float | None = None) -> GripReport:
+    def close_gripper(self, arm: ArmName, force: float | None = None) -> GripReport:
         """Close a gripper and hold what is there with ``force`` [N]."""
         return self.call(Grip(arm=arm, action="close", force=force))
 
-    def switch(self, arm: Arm, activate: Sequence[str] = (), deactivate: Sequence[str] = ()) -> str:
+    def switch(self, arm: ArmName, activate: Sequence[str] = (), deactivate: Sequence[str] = ()) -> str:
         """Activate and deactivate controllers of one arm in one step."""
         return self.call(SwitchControllers(arm=arm, activate=tuple(activate), deactivate=tuple(deactivate)))
 
@@ -213,14 +212,9 @@ class RunningDriver:
             RobotNotReady: EGM does not run on the arm.
             GoalNotReached: a motion ended elsewhere.
         """
-        goals = {
-            side: _as_sent(position)
-            for side, position in ((Side.RIGHT, right), (Side.LEFT, left))
-            if position is not None
-        }
         request = Move(
-            right=goals.get(Side.RIGHT),
-            left=goals.get(Side.LEFT),
+            right=None if right is None else _as_sent(right),
+            left=None if left is None else _as_sent(left),
             speed_scale=speed_scale,
             acceleration=acceleration,
             timeout=timeout,
@@ -245,12 +239,7 @@ class RunningDriver:
         """
         from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
 
-        arms, start = self.state.arms, {}
-        for side in Side:
-            position = arms[side.word].position
-            if position is None:
-                raise RobotNotReady(message("plan_without_position", arm=side.word))
-            start[side] = position
+        start = self.state.planning_start()
         surroundings = self.call(GetSurroundings())
         if self._planner is None or self._planner[0] != surroundings:
             grippers, tools, obstacles = shapes_of(surroundings)
@@ -258,8 +247,7 @@ class RunningDriver:
             self._planner = surroundings, planner
         goals = {
             side: goal if isinstance(goal, Pose) else checked_goal(side, goal, start[side])
-            for side, goal in ((Side.RIGHT, right), (Side.LEFT, left))
-            if goal is not None
+            for side, goal in by_side(right, left).items()
         }
         return self._planner[1].plan(start, goals, timeout=timeout, speed_scale=speed_scale, seed=seed)
 
@@ -297,7 +285,7 @@ class RunningDriver:
         end.callback(lambda: self.call(AllowCollision(part=part, other=other, seconds=0.0)))
         return end
 
-    def jog(self, arm: Arm, speeds: Sequence[float]) -> None:
+    def jog(self, arm: ArmName, speeds: Sequence[float]) -> None:
         """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.06 s; call it again while it is to move.
 
         Raises:
@@ -311,7 +299,7 @@ class RunningDriver:
 
     def jog_tool(
         self,
-        arm: Arm,
+        arm: ArmName,
         *,
         linear: Sequence[float] = (0.0, 0.0, 0.0),
         angular: Sequence[float] = (0.0, 0.0, 0.0),
@@ -339,8 +327,8 @@ class RunningDriver:
         *,
         right: Position | None = None,
         left: Position | None = None,
-        velocities: Mapping[Arm, Sequence[float]] | None = None,
-        grippers: Mapping[Arm, float] | None = None,
+        velocities: Mapping[ArmName, Sequence[float]] | None = None,
+        grippers: Mapping[ArmName, float] | None = None,
         time: float | None = None,
         tracking: Tracking = "feed_forward",
         delay: float | None = None,
@@ -370,7 +358,7 @@ class RunningDriver:
         self.call(request)
 
 
-def _arms(arms: Arms) -> tuple[Arm, ...]:
+def _arms(arms: Arms) -> tuple[ArmName, ...]:
     return (arms,) if isinstance(arms, str) else tuple(arms)
 
 

@@ -17,13 +17,14 @@ from abb_protocols.catalogue import message, quoted, said_by
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.joints import JOINT_COUNT, JointLimits, Side
 from abb_runtime.clock import Clock
-from yumi.api.arm_access import TRAJECTORY_CONTROLLER, ArmAccess
+from yumi.api.arm_access import ArmAccess
 from yumi.control.chunk_commands import MOST_JUMP, ChunkTaken, FollowChunk
 from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.trajectory_commands import trajectory_refused
+from yumi.driver.controller_names import TRAJECTORY_CONTROLLER
 from yumi.driver.gripper_follower import GripperFollower
-from yumi.planning.chunk_plan import LONGEST_PERIOD, SHORTEST_PERIOD, check_time, plan_chunk
+from yumi.planning.chunk_plan import LONGEST_PERIOD, SHORTEST_PERIOD, check_chunk_time, plan_chunk
 
 _FARTHEST = 60.0  # [s] a start that lies further away was hardly read from time.monotonic()
 
@@ -149,8 +150,8 @@ class ChunkFollower:
             raise trajectory_refused(message("chunks_ended"))
         now = self._access.clock.now()
         start = now if chunk.start is None else float(chunk.start)
-        check_time("period", float(chunk.period), SHORTEST_PERIOD, LONGEST_PERIOD)
-        check_time("start, from now on,", start - now, -_FARTHEST, _FARTHEST)
+        check_chunk_time("period", float(chunk.period), SHORTEST_PERIOD, LONGEST_PERIOD)
+        check_chunk_time("start, from now on,", start - now, -_FARTHEST, _FARTHEST)
         points, values, count = self._checked(chunk)
         times = [number * float(chunk.period) for number in range(count)]
         number = self._state.sent + 1

@@ -20,13 +20,15 @@ from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side
 from abb_runtime.parameters import ParameterFileEntry
 from abb_runtime.rws.login import password_of_environment
-from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, check_ended, halt
+from yumi.api.arm_access import check_ended, halt
 from yumi.api.gripper import Gripper
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion
 from yumi.api.poses import PoseLike
 from yumi.api.robot import Robot
 from yumi.api.robot_arm import Arm
+from yumi.driver.controller_names import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.settings import (
     ControllerSettings,
     Settings,
@@ -35,13 +37,12 @@ from yumi.driver.settings import (
     read_controllers,
     read_settings,
 )
-from yumi.driver.wiring import Controllers
 
-P = ParamSpec("P")
-T = TypeVar("T")
-T_co = TypeVar("T_co", covariant=True)
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+_T_co = TypeVar("_T_co", covariant=True)
 
-Given = Mapping[str, Any]
+_Given = Mapping[str, Any]
 """Settings of one group by name; None where nothing was given."""
 
 
@@ -116,8 +117,8 @@ def print_step(step: str) -> None:
         sys.stderr.write(f"yumi: {step}\n")
 
 
-def _asynchronous(build: Callable[P, Robot]) -> Callable[P, AsyncRobot]:
-    def connect_async(*args: P.args, **options: P.kwargs) -> AsyncRobot:
+def _asynchronous(build: Callable[_P, Robot]) -> Callable[_P, AsyncRobot]:
+    def connect_async(*args: _P.args, **options: _P.kwargs) -> AsyncRobot:
         """The same robot for asyncio: ``async with yumi.connect_async(address) as robot``; see :func:`connect`."""
         return AsyncRobot(build(*args, **options))
 
@@ -131,8 +132,8 @@ connect_async = _asynchronous(connect)
 def settings_for(
     address: str | None,
     rws_port: int | None = None,
-    login: Given | None = None,
-    egm: Given | None = None,
+    login: _Given | None = None,
+    egm: _Given | None = None,
     config: Path | str | None = None,
     bringup: bool | None = None,
 ) -> Settings:
@@ -141,7 +142,7 @@ def settings_for(
     Raises:
         SettingsError: a value is wrong.
     """
-    values: dict[str, Given] = {"robot": {**_address(address, rws_port), **(login or {})}, "egm": egm or {}}
+    values: dict[str, _Given] = {"robot": {**_address(address, rws_port), **(login or {})}, "egm": egm or {}}
     values["ros"] = {"bringup": bringup}
     given = {
         group: {key: value for key, value in entries.items() if value is not None} for group, entries in values.items()
@@ -185,7 +186,7 @@ def controllers_for(
     return chosen
 
 
-def _address(address: str | None, rws_port: int | None) -> Given:
+def _address(address: str | None, rws_port: int | None) -> _Given:
     if address is None:
         return {"rws_port": rws_port}
     if ":" in address and rws_port is not None:
@@ -210,7 +211,7 @@ def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:
 # ---- the same for asyncio
 
 
-async def _in_thread(call: Callable[[], T]) -> T:
+async def _in_thread(call: Callable[[], _T]) -> _T:
     """The result of ``call``; a task that is cancelled meanwhile waits for its end: a request cannot be half done."""
     task = asyncio.ensure_future(asyncio.to_thread(call))
     try:
@@ -220,7 +221,7 @@ async def _in_thread(call: Callable[[], T]) -> T:
         raise
 
 
-def awaited(method: Callable[Concatenate[Any, P], T]) -> Callable[Concatenate[Any, P], Coroutine[Any, Any, T]]:
+def _awaited(method: Callable[Concatenate[Any, _P], _T]) -> Callable[Concatenate[Any, _P], Coroutine[Any, Any, _T]]:
     """The asyncio twin of ``method``: the same arguments and errors, run in a thread on the twin's ``sync`` object.
 
     A method with an argument ``wait`` begins motions. They are awaited without a thread; a task that is cancelled, or
@@ -249,28 +250,28 @@ def awaited(method: Callable[Concatenate[Any, P], T]) -> Callable[Concatenate[An
     return wraps(method)(moving if "wait" in signature(method).parameters else in_thread)
 
 
-def at_once(method: Callable[Concatenate[Any, P], T]) -> Callable[Concatenate[Any, P], T]:
+def _at_once(method: Callable[Concatenate[Any, _P], _T]) -> Callable[Concatenate[Any, _P], _T]:
     """The twin of a ``method`` that returns at once: the same on the twin's ``sync`` object, not awaited."""
 
     @wraps(method)
-    def forwarded(twin: Any, *args: P.args, **options: P.kwargs) -> T:
-        return cast("T", getattr(twin.sync, method.__name__)(*args, **options))
+    def forwarded(twin: Any, *args: _P.args, **options: _P.kwargs) -> _T:
+        return cast("_T", getattr(twin.sync, method.__name__)(*args, **options))
 
-    return cast("Callable[Concatenate[Any, P], T]", forwarded)
+    return cast("Callable[Concatenate[Any, _P], _T]", forwarded)
 
 
-class Twin(Protocol[T_co]):
+class _Twin(Protocol[_T_co]):
     """A property of the twin's ``sync`` object."""
 
-    def __get__(self, twin: Any, owner: Any = None) -> T_co: ...
+    def __get__(self, twin: Any, owner: Any = None) -> _T_co: ...
 
     def __set__(self, twin: Any, value: NoReturn) -> None: ...
 
 
-def same(attribute: Callable[[Any], T]) -> Twin[T]:
+def _same(attribute: Callable[[Any], _T]) -> _Twin[_T]:
     """The twin of a property that is only read: the same of the twin's ``sync`` object, at once."""
     own = cast("property", attribute)
-    return cast("Twin[T]", property(lambda twin: own.__get__(twin.sync), doc=own.__doc__))
+    return cast("_Twin[_T]", property(lambda twin: own.__get__(twin.sync), doc=own.__doc__))
 
 
 def _motions(begun: Sequence[Motion | Sequence[Motion]]) -> Sequence[Motion]:
@@ -319,10 +320,10 @@ class AsyncRobot:
             raise
         return self
 
-    is_connected = same(Robot.is_connected)
-    stop_to_confirm = same(Robot.stop_to_confirm)
-    state = same(Robot.state)
-    controller = same(Robot.controller)
+    is_connected = _same(Robot.is_connected)
+    stop_to_confirm = _same(Robot.stop_to_confirm)
+    state = _same(Robot.state)
+    controller = _same(Robot.controller)
 
     @property
     def speed_scale(self) -> float:
@@ -333,26 +334,26 @@ class AsyncRobot:
     def speed_scale(self, value: float) -> None:
         self.sync.speed_scale = value
 
-    close = awaited(Robot.close)
+    close = _awaited(Robot.close)
 
-    tools = same(Robot.tools)
-    work_objects = same(Robot.work_objects)
+    tools = _same(Robot.tools)
+    work_objects = _same(Robot.work_objects)
 
-    stream = at_once(Robot.stream)
-    move_to = awaited(Robot.move_to)
-    move_to_pose = awaited(Robot.move_to_pose)
-    move_linear = awaited(Robot.move_linear)
-    follow = awaited(Robot.follow)
-    follow_chunks = at_once(Robot.follow_chunks)
-    plan_to = awaited(Robot.plan_to)
-    execute = awaited(Robot.execute)
-    retreat = awaited(Robot.retreat)
-    stop = awaited(Robot.stop)
-    allow_collision = awaited(Robot.allow_collision)
-    record = awaited(Robot.record)
-    recover = awaited(Robot.recover)
-    give_back = awaited(Robot.give_back)
-    describe = awaited(Robot.describe)
+    stream = _at_once(Robot.stream)
+    move_to = _awaited(Robot.move_to)
+    move_to_pose = _awaited(Robot.move_to_pose)
+    move_linear = _awaited(Robot.move_linear)
+    follow = _awaited(Robot.follow)
+    follow_chunks = _at_once(Robot.follow_chunks)
+    plan_to = _awaited(Robot.plan_to)
+    execute = _awaited(Robot.execute)
+    retreat = _awaited(Robot.retreat)
+    stop = _awaited(Robot.stop)
+    allow_collision = _awaited(Robot.allow_collision)
+    record = _awaited(Robot.record)
+    recover = _awaited(Robot.recover)
+    give_back = _awaited(Robot.give_back)
+    describe = _awaited(Robot.describe)
 
 
 class AsyncArm:
@@ -366,11 +367,11 @@ class AsyncArm:
     def __repr__(self) -> str:
         return repr(self.sync).replace("yumi.Arm", "yumi.AsyncArm")
 
-    joint_names = same(Arm.joint_names)
-    position = same(Arm.position)
-    velocity = same(Arm.velocity)
-    pose = same(Arm.pose)
-    arm_angle = same(Arm.arm_angle)
+    joint_names = _same(Arm.joint_names)
+    position = _same(Arm.position)
+    velocity = _same(Arm.velocity)
+    pose = _same(Arm.pose)
+    arm_angle = _same(Arm.arm_angle)
 
     @property
     def tool(self) -> PoseLike | str | None:
@@ -381,22 +382,22 @@ class AsyncArm:
     def tool(self, value: PoseLike | str | None) -> None:
         self.sync.tool = value
 
-    poses = same(Arm.poses)
-    degrees = same(Arm.degrees)
-    mode = same(Arm.mode)
-    state = same(Arm.state)
+    poses = _same(Arm.poses)
+    degrees = _same(Arm.degrees)
+    mode = _same(Arm.mode)
+    state = _same(Arm.state)
 
-    stream = at_once(Arm.stream)
-    servo_pose = at_once(Arm.servo_pose)
-    servo_twist = at_once(Arm.servo_twist)
-    jacobian = at_once(Arm.jacobian)
-    inverse_kinematics = awaited(Arm.inverse_kinematics)
-    move_to = awaited(Arm.move_to)
-    move_to_pose = awaited(Arm.move_to_pose)
-    move_linear = awaited(Arm.move_linear)
-    move_through = awaited(Arm.move_through)
-    follow = awaited(Arm.follow)
-    stop = awaited(Arm.stop)
+    stream = _at_once(Arm.stream)
+    servo_pose = _at_once(Arm.servo_pose)
+    servo_twist = _at_once(Arm.servo_twist)
+    jacobian = _at_once(Arm.jacobian)
+    inverse_kinematics = _awaited(Arm.inverse_kinematics)
+    move_to = _awaited(Arm.move_to)
+    move_to_pose = _awaited(Arm.move_to_pose)
+    move_linear = _awaited(Arm.move_linear)
+    move_through = _awaited(Arm.move_through)
+    follow = _awaited(Arm.follow)
+    stop = _awaited(Arm.stop)
 
 
 class AsyncGripper:
@@ -421,13 +422,13 @@ class AsyncGripper:
         """Whether the gripper holds something now."""
         return await _in_thread(lambda: self.sync.is_holding)
 
-    open = awaited(Gripper.open)
-    close = awaited(Gripper.close)
-    grasp = awaited(Gripper.grasp)
-    release = awaited(Gripper.release)
-    calibrate = awaited(Gripper.calibrate)
-    clear_error = awaited(Gripper.clear_error)
-    pressure = awaited(Gripper.pressure)
-    has_picked = awaited(Gripper.has_picked)
-    pick = awaited(Gripper.pick)
-    drop = awaited(Gripper.drop)
+    open = _awaited(Gripper.open)
+    close = _awaited(Gripper.close)
+    grasp = _awaited(Gripper.grasp)
+    release = _awaited(Gripper.release)
+    calibrate = _awaited(Gripper.calibrate)
+    clear_error = _awaited(Gripper.clear_error)
+    pressure = _awaited(Gripper.pressure)
+    has_picked = _awaited(Gripper.has_picked)
+    pick = _awaited(Gripper.pick)
+    drop = _awaited(Gripper.drop)

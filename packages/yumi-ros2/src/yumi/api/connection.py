@@ -13,7 +13,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -22,29 +21,29 @@ from abb_protocols.errors import RobotNotReady, SettingsError, YumiError
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import SystemClock
 from abb_runtime.process.supervision import Failures
-from yumi.api.arm_access import GOAL_CONTROLLER
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
 from yumi.control.loop_events import Event
 from yumi.control.speed_scale import FULL
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.command import CommandedRobot
+from yumi.driver.controller_names import GOAL_CONTROLLER
 from yumi.driver.endpoint_server import EndpointServer
-from yumi.driver.gripper import GripperSetup, GripperSignals, RwsGripper, close_as_test
+from yumi.driver.gripper import RwsGripper
 from yumi.driver.gripper_follower import GripperFollower
+from yumi.driver.gripper_setup import close_as_test
+from yumi.driver.gripper_signals import GripperSignals
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.robot_state import Report, arms_in_words
-from yumi.driver.settings import CalibrateWhen, Settings
-from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.settings import Settings
+from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
 from yumi.driver.teleoperation import Elsewhere
-from yumi.driver.wiring import Controllers, DriverParts, brings_up, make_parts, only_at_robot
+from yumi.driver.wiring import DriverParts, make_parts, only_at_robot, set_up_grippers
 from yumi.recording.message_types import STATE
 from yumi.recording.recorder import FullRecorder, Source, Sources
-
-if TYPE_CHECKING:
-    pass
 
 log = logging.getLogger(__name__)
 
@@ -77,7 +76,7 @@ def commanded_robot(parts: DriverParts, settings: Settings, executor: MotionExec
     """The robot of a driver as commands reach it, moved by ``executor``."""
     manager, buffers = parts.manager, parts.control.buffers
     return CommandedRobot(
-        address=f"{settings.robot.address}:{settings.robot.rws_port}",
+        address=settings.robot.host_and_port,
         manager=manager,
         control=parts.control,
         datagram=lambda side: buffers[side].datagram.read(),
@@ -152,7 +151,7 @@ class Connection:
             atexit.register(self.close)  # a notebook that is shut down ends its motions too
             stack.callback(atexit.unregister, self.close)
             # As a warning, which a script without logging shows, too.
-            is_named = is_named or bool(confirm) or brings_up(self._settings, is_real=self.manager.is_real())
+            is_named = is_named or bool(confirm) or self._settings.ros.brings_up(is_real=self.manager.is_real())
             is_tested = is_named and self._settings.gripper.test_at_start and not self._were_tested
             with self.manager.starting(brings_up=is_named):
                 if not is_named:
@@ -223,15 +222,7 @@ class Connection:
         )
         self.manager = manager = parts.manager
         self.grippers, self._control, self._gripper_signals = parts.grippers, parts.control, parts.signals
-        self._gripper_setup = GripperSetup(
-            parts.grippers,
-            manager.step,
-            log.warning,
-            is_allowed=settings.gripper.calibrate is CalibrateWhen.AT_START,
-            is_named=lambda: manager.may_calibrate,
-            is_confirmed=lambda: not manager.is_unattended,
-        )
-        manager.when_ready(self._gripper_setup.run)
+        self._gripper_setup = set_up_grippers(manager, parts.grippers, settings.gripper, log.warning)
         if self._speed is not None:  # what was set before the connection was opened anew
             manager.speed.set(self._speed.value)
         self._speed = manager.speed

@@ -15,10 +15,10 @@ if TYPE_CHECKING:  # yumi.pose takes no more than poses need
     from yumi.driver import gripper as driver
 
 
-PICKED_PRESSURE = 70_000.0
+_PICKED_PRESSURE = 70_000.0
 """The usual pressure below which a cup holds something [Pa]."""
 
-WIDTH_TOLERANCE = 0.003
+_WIDTH_TOLERANCE = 0.003
 """By how much what is grasped may be wider or narrower than expected [m]."""
 
 
@@ -55,7 +55,7 @@ class Gripper:
         side: Side,
         gripper: Callable[[], driver.RwsGripper],
         force: float,
-        picked_pressure: float = PICKED_PRESSURE,
+        picked_pressure: float = _PICKED_PRESSURE,
         check_not_stopped: Callable[[], None] = lambda: None,
         calibrate: Callable[[], None] | None = None,
     ) -> None:
@@ -132,7 +132,7 @@ class Gripper:
         result = self._command(grip(self._direction, self._force if force is None else force))
         if result.outcome is not GripOutcome.HOLDING:
             raise GoalNotReached(message("gripper_holds_nothing", gripper=self.side.word, outcome=result.outcome.value))
-        if width is not None and abs(result.width - width) > WIDTH_TOLERANCE:
+        if width is not None and abs(result.width - width) > _WIDTH_TOLERANCE:
             raise GoalNotReached(
                 message("gripper_holds_other_width", gripper=self.side.word, width=result.width, wanted=width)
             )

@@ -21,7 +21,7 @@ from abb_protocols.robot.joints import (
 )
 from yumi.control.goals import check_position
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.planning.trajectory_request import check_count
+from yumi.planning.trajectory_request import check_trajectory_length
 
 Position = Sequence[SupportsFloat] | Mapping[str, SupportsFloat] | str
 """Joint positions [rad]: a list, a tuple or an array of all seven in chain order (axes 1, 2, 7, 3, 4, 5, 6); a mapping
@@ -126,7 +126,7 @@ def _index(side: Side, name: object) -> int:
 
 def timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
     try:
-        check_count(len(points))
+        check_trajectory_length(len(points))
         return tuple(
             TrajectoryPoint(float(time), *(tuple(map(float, _in_chain_order(side, each))) for each in values))
             for time, *values in points

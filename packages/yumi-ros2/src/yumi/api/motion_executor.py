@@ -12,7 +12,6 @@ from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
 from abb_protocols.robot.kinematics import compose, inverse, tool0_to_body
 from abb_runtime.clock import Clock
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.joint_positions import Position, TimedPosition, checked_goal, checked_scale, timed_points
 from yumi.api.motion_registry import Motion, MotionRegistry, MotionWay
 from yumi.api.poses import pose_from
@@ -28,17 +27,18 @@ from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import ToolLimits
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Tolerances
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.planning.common_time import started_together
 from yumi.planning.tool_path import SPEED, TURNING, ToolMotion, Waypoint, plan_tool_motions
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 
-PLAN_TOLERANCE = 0.02
+_PLAN_TOLERANCE = 0.02
 """So far may a joint have moved since a plan was made that is executed [rad]."""
 
 RETREAT_SPEED_SCALE = 0.1
 """Of the joints' speeds, with which arms are led out of each other's way."""
 
-ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
+_ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
 """When a trajectory's last point is reached: the same as for single points."""
 
 _PLACE = 3  # numbers of a pose without an orientation
@@ -181,7 +181,7 @@ class MotionExecutor(ArmStreams):
             if not snapshot.is_streaming:  # it may have been led away since its last datagram
                 raise RobotNotReady(message("plan_without_position", arm=side.word))
             away = max(abs(b - a) for a, b in zip(then, snapshot.position, strict=True))
-            if not away <= PLAN_TOLERANCE:
+            if not away <= _PLAN_TOLERANCE:
                 raise CommandRefused(message("arm_moved_since_plan", arm=side.word, distance=away))
         plans = {
             side: plan_trajectory(JointTrajectory(joint_names(side), timed_points(side, points)), (side,), self.limits)[
@@ -249,7 +249,7 @@ class MotionExecutor(ArmStreams):
                 raise CommandRefused(message("goal_refused", reason=reason))
         motions = {side: self.motions.begin(side) for side in plans}
         commands = [
-            ControllerCommand(side, name, FollowTrajectory(each, motions[side].identity, ARRIVAL), before[side][1])
+            ControllerCommand(side, name, FollowTrajectory(each, motions[side].identity, _ARRIVAL), before[side][1])
             for side, each in started_together(plans, self.clock.now()).items()
         ]
         for side, each in plans.items():

@@ -28,7 +28,7 @@ from yumi.control.shared_state import Limited
 from yumi.control.stream_monitor import StreamReport
 from yumi.control.tool_limits import ToolLimited
 from yumi.control.trajectory_commands import TrajectoryEnded, TrajectoryOutcome
-from yumi.driver.stops import Cause, explained
+from yumi.driver.stops import Cause, Explain, explained
 
 log = logging.getLogger(__name__)
 
@@ -98,10 +98,6 @@ class Motion:
             self.future.result(timeout)
         except NotInTime:
             raise GoalNotReached(message("goal_not_reached_yet", arm=self.side.word, timeout=timeout)) from None
-
-
-Explain = Callable[[Callable[[Cause], None]], None]
-"""Calls back with what stopped the robot, once that is known."""
 
 
 class MotionRegistry:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, SupportsFloat, TypeVar
 
 from abb_protocols.catalogue import message, quoted
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
-from abb_protocols.robot.joints import Pose, Side
+from abb_protocols.robot.joints import Pose, Side, by_side
 from abb_runtime.rws.client import RwsClient
 from yumi.api.chunks import ChunkFollower
 from yumi.api.connection import Connection
@@ -27,9 +27,9 @@ from yumi.control.goals import Tracking, stream_delay
 from yumi.control.hand_over import Commander
 from yumi.driver import gripper as driver
 from yumi.driver.gripper_follower import closed_of
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import Settings
-from yumi.driver.wiring import Controllers
 from yumi.planning.tool_path import SPEED, TURNING, ZONE, ToolMotion
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 
 class Robot:
@@ -62,7 +62,7 @@ class Robot:
         on_step: Callable[[str], None] = lambda step: None,
     ) -> None:
         self._connection = Connection(settings, controllers, arms, on_step)
-        self._address = f"{settings.robot.address}:{settings.robot.rws_port}"
+        self._address = settings.robot.host_and_port
         self._is_connected = False
         self._modules = {side: settings.gripper.modules(side) for side in Side}
         self._collision = settings.collision
@@ -243,7 +243,7 @@ class Robot:
             delay: see ``time``.
             blend: see ``time``.
         """
-        goals: dict[Side, Position] = {} if right is left is None else _named(right, left)
+        goals: dict[Side, Position] = by_side(right, left)
         closed = {_side(arm): closed_of(arm, width) for arm, width in (grippers or {}).items()}
         if not goals and not closed:
             raise CommandRefused(message("stream_empty"))
@@ -282,7 +282,7 @@ class Robot:
         """
         from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
 
-        start = {side: arm.position for side, arm in ((Side.RIGHT, self.right), (Side.LEFT, self.left))}
+        start = {side: arm.position for side, arm in by_side(self.right, self.left).items()}
         goals: dict[Side, Position | Pose] = _named(right, left)
         obstacles = (*self._collision.obstacles(), *boxes_from(boxes or {}))
         limits = self.executor.limits  # what EGM leaves of the joints' speeds
@@ -348,7 +348,7 @@ class Robot:
 
         Arguments and errors are those of :meth:`Arm.move_to_pose`, with each arm's own tool.
         """
-        arms = {Side.RIGHT: self.right, Side.LEFT: self.left}
+        arms = by_side(self.right, self.left)
         given: dict[Side, PoseLike] = _named(right, left)
         goals = {side: arms[side]._posture(pose) for side, pose in given.items()}
         return self.move_to(
@@ -379,7 +379,7 @@ class Robot:
         :meth:`Arm.move_linear`, with each arm's own tool; an arm that is stopped on its way stops the other while the
         call waits for them.
         """
-        arms, executor = {Side.RIGHT: self.right, Side.LEFT: self.left}, self.executor
+        arms, executor = by_side(self.right, self.left), self.executor
         poses: dict[Side, PoseLike | Sequence[PoseLike]] = _named(right, left)
         paths = {
             side: ToolMotion(
@@ -599,9 +599,9 @@ def _side(arm: str) -> Side:
     raise CommandRefused(message("arm_name_unknown", given=quoted(arm)))
 
 
-def _named(right: T | None, left: T | None) -> dict[Side, T]:
+def _named(right: _T | None, left: _T | None) -> dict[Side, _T]:
     """What was given for each arm."""
-    given = {side: value for side, value in ((Side.RIGHT, right), (Side.LEFT, left)) if value is not None}
+    given = by_side(right, left)
     if not given:
         raise CommandRefused(message("no_arm_has_goal"))
     return given

@@ -13,7 +13,7 @@ from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, joints
 from abb_runtime.clock import Clock
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, ArmAccess
+from yumi.api.arm_access import ArmAccess
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
 from yumi.control.controller import IDLE
@@ -34,9 +34,10 @@ from yumi.control.shared_state import SharedDeadline
 from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.teleoperated_arm import LINK_LOST, Follower, JointsGoal, MotionGoal, PoseGoal
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER
+from yumi.driver.teleoperated_arm import LINK_LOST, TeleoperationFollower, JointsGoal, MotionGoal, PoseGoal
 
-LONGEST_BLEND = 10.0
+_LONGEST_BLEND = 10.0
 """So long may it take until a stream that begins elsewhere is followed as it is [s]."""
 
 OLDEST_JOG = 0.1
@@ -364,7 +365,7 @@ class ArmStreams(ArmAccess):
 
     # ---- devices of people
 
-    def begin_following(self, side: Side, follower: Follower) -> None:
+    def begin_following(self, side: Side, follower: TeleoperationFollower) -> None:
         """Have an arm follow the goals of a device, from standstill, which may last seconds.
 
         Args:
@@ -376,7 +377,7 @@ class ArmStreams(ArmAccess):
             RobotNotReady: the arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        controller = CARTESIAN_CONTROLLER if follower is Follower.TOOL else STREAM_CONTROLLER
+        controller = CARTESIAN_CONTROLLER if follower is TeleoperationFollower.TOOL else STREAM_CONTROLLER
         self._begin_stream(side, controller, kind=Commander.DEVICE)
         self._followed[side] = _number(self._stream_of(side)[1])
 
@@ -431,8 +432,8 @@ def _checked_blend(blend: SupportsFloat | None) -> float | None:
         duration = None if blend is None else float(blend)
     except (TypeError, ValueError):
         duration = nan
-    if duration is not None and not 0.0 < duration <= LONGEST_BLEND:
-        raise CommandRefused(message("blend_out_of_range", given=quoted(blend), longest=LONGEST_BLEND))
+    if duration is not None and not 0.0 < duration <= _LONGEST_BLEND:
+        raise CommandRefused(message("blend_out_of_range", given=quoted(blend), longest=_LONGEST_BLEND))
     return duration
 
 

@@ -135,7 +135,7 @@ class Gamepad:
                 self._grippers[side] = 1.0 if "BTN_SOUTH" in pressed else 0.0
             reports[side] = DeviceHand(
                 clutch=is_held,
-                twist=twist_of(translation, turn, self._settings),
+                twist=_twist_of(translation, turn, self._settings),
                 elbow=-axis("ABS_HAT0Y") * self._settings.turning,
                 gripper=self._grippers.get(side),
                 is_in_tool=self._is_in_tool,
@@ -176,14 +176,14 @@ class SpaceMouse:
         self._was_pressed = is_pressed
         hand = DeviceHand(
             clutch=is_held,
-            twist=twist_of(moved("X", "Y", "Z"), moved("RX", "RY", "RZ"), self._settings),
+            twist=_twist_of(moved("X", "Y", "Z"), moved("RX", "RY", "RZ"), self._settings),
             gripper=self._gripper,
             is_in_tool=self._is_in_tool,
         )
         return dict.fromkeys(self._sides, hand)
 
 
-def twist_of(translation: Sequence[float], turn: Sequence[float], settings: DeviceSettings) -> Six:
+def _twist_of(translation: Sequence[float], turn: Sequence[float], settings: DeviceSettings) -> Six:
     """The velocity of deflections from -1 to 1: x away from the person, y to the left, z up; and turns about them."""
     (x, y, z), (a, b, c) = translation, turn
     speed, turning = settings.speed, settings.turning

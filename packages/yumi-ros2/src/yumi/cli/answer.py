@@ -9,7 +9,6 @@ import click
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused
 from abb_runtime.options import JsonOutput, json_option, password_options, robot_option, user_option
-from abb_runtime.rws.client import RwsClient
 from yumi.cli.driver_options import settings_of
 
 
@@ -30,9 +29,8 @@ def answer(value: str | None, robot: str, user: str, password: str | None, json_
       yumi answer
       yumi answer Yes
     """
-    own = settings_of(None, {"robot": robot}).robot
-    address, login = f"{own.address}:{own.rws_port}", password or own.password
-    with RwsClient(address, user=user, password=login, timeout=own.timeout) as client:
+    own = settings_of(None, {"robot": robot, "user": user, "password": password or None}).robot
+    with own.client() as client:
         dialog = client.dialog()
         if dialog is None:
             raise CommandRefused(message("program_asks_nothing"))
@@ -40,8 +38,7 @@ def answer(value: str | None, robot: str, user: str, password: str | None, json_
         if value is None:
             task = dialog.stack.split("/")[1]
             json_output.write(json.dumps({"instruction": dialog.instruction, "task": task, "asked": asked}))
-            if not json_output.is_printed:
-                click.echo("\n".join([f"{dialog.instruction} of {task}", *asked]))
+            json_output.say("\n".join([f"{dialog.instruction} of {task}", *asked]))
             return
         try:
             client.answer_dialog(dialog.stack, value)

@@ -38,7 +38,6 @@ from abb_runtime.options import (
     yes_option,
 )
 from abb_runtime.process.command_process import CommandProcess
-from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import PASSWORD_VARIABLE
 from abb_runtime.udp import free_port
 from yumi.cli.driver_options import demand_ros, limit_discovery, robot_options, settings_of
@@ -50,7 +49,7 @@ if TYPE_CHECKING:
 
 _INTERRUPTED = 130
 _PICTURE = Path("demo_joint_paths.png")
-OBJECT_WIDTH = 0.020
+_OBJECT_WIDTH = 0.020
 """What lies between the left fingers of the virtual robot [m]."""
 
 _READY_TIMEOUT = 60.0
@@ -136,7 +135,7 @@ def run_demo(
         if not plan.robot:
             progress.step("start the virtual controller")
             ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
-            arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
+            arguments = ("controller", "--rws-port", "0", "--left-object", str(_OBJECT_WIDTH), *ports)
             controller = CommandProcess(
                 "virtual controller", "yumi", arguments, plan.logs / "controller.log", plan.secrets
             )
@@ -192,8 +191,7 @@ def read_positions(robot: RobotSettings) -> Mapping[Side, Joints]:
     Raises:
         YumiError: its controller cannot be reached or asked.
     """
-    address = f"{robot.address}:{robot.rws_port}"
-    with RwsClient(address, user=robot.user, password=robot.password, timeout=robot.timeout) as client:
+    with robot.client() as client:
         return {side: client.joint_target(side.unit) for side in Side}
 
 
@@ -342,17 +340,14 @@ def demo(
     if speed_scale is not None:
         options = (*options, "--speed-scale", str(speed_scale))
     can_draw = _can_draw(is_asked=picture is not None)
-    from yumi.driver.wiring import first_speed_scale  # noqa: PLC0415 - a quick --help
-    from yumi.recording.tables import draw_joint_paths  # noqa: PLC0415
+    from yumi.recording.tables import draw_joint_paths  # noqa: PLC0415 - a quick --help
 
     if robot:
         given = {"robot": robot, "password": password, "speed_scale": speed_scale, **where}
         settings = settings_of(None, given)
         top_speed = radians(settings.egm_motion.max_speed_deviation)
-        ahead, is_quiet = (
-            motions_ahead(read_positions(settings.robot), top_speed, first_speed_scale(settings)),
-            json_output.is_printed,
-        )
+        is_quiet = json_output.is_printed
+        ahead = motions_ahead(read_positions(settings.robot), top_speed, settings.robot.first_speed_scale)
         click.echo(ahead, err=is_quiet)
         if not yes:
             click.confirm(f"This moves the robot at {robot}. Is its workspace free?", abort=True, err=is_quiet)

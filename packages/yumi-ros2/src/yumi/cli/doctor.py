@@ -26,7 +26,7 @@ from abb_runtime.options import (
     yes_option,
 )
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import UdpServer, address_towards, is_loopback, resolve
+from abb_runtime.udp import UdpServer, is_loopback, resolve
 from yumi.cli.driver_options import config_option, robot_options, settings_of
 from yumi.driver.launch_checks import EgmAddress
 
@@ -154,15 +154,10 @@ def controller_for_doctor(
 ) -> tuple[RwsClient, str, dict[Side, EgmAddress]]:
     """A client, not connected yet; the controller's IP address; and where each arm's datagrams are awaited."""
     settings = settings_of(config, options)
-    where = settings.robot
-    remote = resolve(where.address)
-    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
-    client = RwsClient(
-        f"{where.address}:{where.rws_port}", user=where.user, password=where.password, timeout=where.timeout
-    )
+    remote, client = resolve(settings.robot.address), settings.robot.client()
     if is_loopback(remote) and takes_faults(client.address):
-        client.lift_pace()
-    return client, remote, {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
+        client.lift_rate_limit()
+    return client, remote, settings.egm.addresses(remote)
 
 
 def streams_for_doctor(

@@ -14,7 +14,7 @@ import msgspec
 from abb_protocols.errors import CommandRefused, SettingsError
 from abb_runtime.options import ARM, ARMS, JsonOutput, OptionNumber, json_option, robot_option
 from yumi.api.attach import RunningDriver, attach
-from yumi.driver.command import Arm, ArmNames, Command
+from yumi.driver.command import ArmName, ArmNames, Command
 
 
 def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -30,8 +30,7 @@ def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
         with attach(robot or "", on_step=report) as driver:
             result = command(driver, *args, **options)
         json_output.write(msgspec.json.encode(result).decode())
-        if not json_output.is_printed:
-            click.echo(str(result))
+        json_output.say(str(result))
 
     return with_driver
 
@@ -59,7 +58,7 @@ def command_from(kind: type[Command[Any]]) -> click.Command:
 
 def arms_of(word: str | None) -> ArmNames:
     """The arms that an argument names; none where it is left out."""
-    return () if word is None else ("right", "left") if word == "both" else (cast("Arm", word),)
+    return () if word is None else ("right", "left") if word == "both" else (cast("ArmName", word),)
 
 
 def _parameter(field: msgspec.structs.FieldInfo) -> click.Parameter:
@@ -72,7 +71,7 @@ def _parameter(field: msgspec.structs.FieldInfo) -> click.Parameter:
     if get_origin(kind) is Annotated:
         kind, meta = get_args(kind)
     shown: Any = kind
-    if kind == Arm:
+    if kind == ArmName:
         shown = ARM
     elif get_origin(kind) is Literal:
         shown = click.Choice(get_args(kind))

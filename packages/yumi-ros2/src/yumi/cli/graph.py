@@ -55,8 +55,7 @@ def topics(json_output: JsonOutput) -> None:
 
         _spin_until(node, is_settled, _DISCOVERY)
     json_output.write(json.dumps(found))
-    if not json_output.is_printed:
-        click.echo("\n".join(f"{name:<60} {', '.join(found[name])}" for name in found))
+    json_output.say("\n".join(f"{name:<60} {', '.join(found[name])}" for name in found))
 
 
 @click.command()
@@ -93,8 +92,7 @@ def echo(topic: str, count: int, timeout: float, json_output: JsonOutput) -> Non
                 raise RobotNotReady(message("no_message_on_topic", topic=topic, timeout=timeout))
             values = message_values(received.pop(0))
             json_output.write(json.dumps(values))
-            if not json_output.is_printed:
-                click.echo(yaml.safe_dump(values, sort_keys=False) + "---")
+            json_output.say(yaml.safe_dump(values, sort_keys=False) + "---")
 
 
 @click.command()
@@ -122,8 +120,7 @@ def call(service: str, request: str, timeout: float, json_output: JsonOutput) ->
         answer = _call_service(node, kind, f"/{service.lstrip('/')}", asked, timeout)
     shown = message_values(answer)
     json_output.write(json.dumps(shown))
-    if not json_output.is_printed:
-        click.echo(yaml.safe_dump(shown, sort_keys=False).rstrip())
+    json_output.say(yaml.safe_dump(shown, sort_keys=False).rstrip())
     if getattr(answer, "success", True) is False or getattr(answer, "ok", True) is False:
         raise click.exceptions.Exit(1)
 
@@ -175,9 +172,8 @@ def param(words: Sequence[str], json_output: JsonOutput) -> None:
         asked = DescribeParameters.Request(names=names)
         described = _call_service(node, DescribeParameters, f"{base}/describe_parameters", asked).descriptors
     json_output.write(json.dumps(shown))
-    if not json_output.is_printed:
-        for each, descriptor in zip(shown, described, strict=False):
-            click.echo(parameter_line(each, shown[each], descriptor))
+    for each, descriptor in zip(shown, described, strict=False):
+        json_output.say(parameter_line(each, shown[each], descriptor))
 
 
 def _set_parameter(node: Any, base: str, name: str, value: str) -> None:

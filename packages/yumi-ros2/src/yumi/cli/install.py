@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,46 +73,30 @@ def install(
       yumi install --robot 192.168.125.1 --roll-back
       yumi install --robot 127.0.0.1 --yes      with `yumi controller --factory`
     """
-    if json_output.is_printed and not (yes or dry_run):
-        raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
-    with _session(config, json_output, options) as session:
+    with _session(config, json_output, options, yes=yes, dry_run=dry_run) as session:
         if roll_back:
             plan = session.installation.plan_roll_back()
-            session.show(plan)
-            _stop_at_refusals(session, plan)
-            if dry_run:
-                session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
-                return
-            if not yes:
-                click.confirm("Make everything as it was before the first installation? It restarts", abort=True)
-            session.installation.undo(plan)
-            session.finish("Everything is as it was before.", plan)
+            if session.is_confirmed(plan, "Make everything as it was before the first installation? It restarts"):
+                session.installation.undo(plan)
+                session.finish("Everything is as it was before.", plan)
             return
         session.show_route()
         plan = session.installation.plan(
             session.system, session.addresses, replaces_main=replace_main, makes_backup=backup
         )
-        session.show(plan)
-        _stop_at_refusals(session, plan)
-        if dry_run:
-            session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+        if not session.is_confirmed(plan):
             return
-        if not plan.is_empty and not yes:
-            click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
         with _rolling_back_is_possible(session.installation):
             session.installation.install(plan, makes_backup=backup)
         if plan.changes:
             outcome = f"{len(plan.changes)} changes made and verified."
         else:
             outcome = "Restarted; everything is there." if plan.needs_restart else "Everything is there already."
-        if not stream:
-            session.finish(outcome, plan)
-            return
         question = "Receive the arms' positions now? The motors go on and the program starts; nothing moves"
-        if not yes and not click.confirm(question):
+        if stream and (yes or click.confirm(question)):
+            session.finish(outcome, plan, stream=_check_stream(session))
+        else:
             session.finish(outcome, plan)
-            return
-        session.finish(outcome, plan, stream=_check_stream(session))
 
 
 @click.command()
@@ -132,29 +117,15 @@ def uninstall(config: Path | None, yes: bool, dry_run: bool, json_output: JsonOu
       yumi uninstall --robot 192.168.125.1 --dry-run
       yumi uninstall --robot 192.168.125.1
     """
-    if json_output.is_printed and not (yes or dry_run):
-        raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
-    with _session(config, json_output, options) as session:
+    with _session(config, json_output, options, yes=yes, dry_run=dry_run) as session:
         plan = session.installation.plan_removal(session.system, session.addresses)
-        session.show(plan)
-        _stop_at_refusals(session, plan)
-        if dry_run:
-            session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+        if not session.is_confirmed(plan):
             return
-        if not plan.is_empty and not yes:
-            click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
         session.installation.undo(plan)
         session.finish(
             f"{len(plan.changes)} changes made and verified." if plan.changes else "Nothing of this package is there.",
             plan,
         )
-
-
-def _stop_at_refusals(session: _Session, plan: InstallationPlan) -> None:
-    """End with code 1 where the plan cannot be carried out now."""
-    if plan.refusals:
-        session.finish("Nothing was changed.", plan)
-        sys.exit(1)
 
 
 @contextmanager
@@ -172,6 +143,7 @@ def _rolling_back_is_possible(installation: Installation) -> Iterator[None]:
         raise
 
 
+@dataclass(frozen=True, slots=True)
 class _Session:
     """What `install` and `uninstall` work with: the client, the installation on it, and how they report.
 
@@ -182,27 +154,37 @@ class _Session:
         addresses: where each arm's datagrams are awaited.
         installation: on it.
         json_output: where the result goes as JSON.
+        is_asked: whether a person is asked before a plan is carried out.
+        is_dry: whether no plan is carried out.
     """
 
-    def __init__(
-        self,
-        client: RwsClient,
-        system: SystemInfo,
-        remote: str,
-        addresses: dict[Side, EgmAddress],
-        installation: Installation,
-        json_output: JsonOutput,
-    ) -> None:
-        self.client = client
-        self.system = system
-        self.remote = remote
-        self.addresses = addresses
-        self.installation = installation
-        self.json_output = json_output
+    client: RwsClient
+    system: SystemInfo
+    remote: str
+    addresses: dict[Side, EgmAddress]
+    installation: Installation
+    json_output: JsonOutput
+    is_asked: bool
+    is_dry: bool
 
-    def say(self, text: str) -> None:
-        if not self.json_output.is_printed:
-            click.echo(text)
+    def is_confirmed(self, plan: InstallationPlan, question: str = "") -> bool:
+        """Show a plan; whether it is to be carried out. Ends with code 1 where it cannot be carried out now.
+
+        Args:
+            plan: what would be done.
+            question: for the person; unless given, what the plan changes, if it does.
+        """
+        self.show(plan)
+        if plan.refusals:
+            self.finish("Nothing was changed.", plan)
+            sys.exit(1)
+        if self.is_dry:
+            self.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+            return False
+        if self.is_asked and (question or not plan.is_empty):
+            restarts = "; it restarts" * plan.needs_restart
+            click.confirm(question or f"Make these {len(plan.changes)} changes{restarts}", abort=True)
+        return True
 
     def finish(self, outcome: str, plan: InstallationPlan | None = None, **more: object) -> None:
         """Print the result."""
@@ -215,7 +197,7 @@ class _Session:
                 "needs_restart": plan.needs_restart,
             }
         self.json_output.write(json.dumps(value | more, indent=2))
-        self.say(outcome)
+        self.json_output.say(outcome)
 
     def show_route(self) -> None:
         """What is wrong with the way to the robot: its datagrams will go to this machine's address there."""
@@ -224,21 +206,25 @@ class _Session:
 
         for finding in examine_route(self.remote, self.addresses, network_cards()):
             if finding.verdict is not Verdict.OK:
-                self.say(f"Note: {finding.found}; {finding.remedy}.")
+                self.json_output.say(f"Note: {finding.found}; {finding.remedy}.")
 
     def show(self, plan: InstallationPlan) -> None:
         """The plan, like a diff."""
         colours = {"+": "green", "-": "red", "~": "yellow"}
         for note in plan.notes:
-            self.say(f"Note: {clause(note)}.")
+            self.json_output.say(f"Note: {clause(note)}.")
         for change in plan.changes:
-            self.say(click.style(str(change), colours[change.sign]))
+            self.json_output.say(click.style(str(change), colours[change.sign]))
         for refusal in plan.refusals:
-            self.say(click.style(str(message("not_possible_now", reason=refusal)), "red"))
+            self.json_output.say(click.style(str(message("not_possible_now", reason=refusal)), "red"))
 
 
 @contextmanager
-def _session(config: Path | None, json_output: JsonOutput, options: dict[str, Any]) -> Iterator[_Session]:
+def _session(
+    config: Path | None, json_output: JsonOutput, options: dict[str, Any], *, yes: bool, dry_run: bool
+) -> Iterator[_Session]:
+    if json_output.is_printed and not (yes or dry_run):
+        raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
     from yumi.driver.commissioning.installation import Installation  # noqa: PLC0415 - a quick --help
     from yumi.driver.commissioning.installation_record import InstallationRecord  # noqa: PLC0415 - a quick --help
 
@@ -249,9 +235,10 @@ def _session(config: Path | None, json_output: JsonOutput, options: dict[str, An
         identity = client.identity()
         record = InstallationRecord.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
         installation = Installation(client, record, _Progress(json_output.is_printed))
-        session = _Session(client, system, remote, addresses, installation, json_output)
-        version = ".".join(map(str, system.robotware))
-        session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {version}")
+        session = _Session(client, system, remote, addresses, installation, json_output, not yes, dry_run)
+        session.json_output.say(
+            f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {system.version}"
+        )
         yield session
     finally:
         client.close()
@@ -287,7 +274,7 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
         NoConnection: an arm's datagrams do not arrive.
         RobotNotReady: they are those of the other arm, or many are lost.
     """
-    streams, stands = streams_for_doctor(session.client, session.addresses, _INSTALLED_TIME, session.say)
+    streams, stands = streams_for_doctor(session.client, session.addresses, _INSTALLED_TIME, session.json_output.say)
     for side, stream in streams.items():
         address = session.addresses[side]
         if stream.position is None:
@@ -296,7 +283,7 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
             raise RobotNotReady(message("datagrams_of_other_arm", port=address.port, arm=side.word))
         if stream.loss > _WORST_LOSS:
             raise RobotNotReady(message("datagrams_lost", share=stream.loss, arm=side.word))
-        session.say(
+        session.json_output.say(
             f"{side.word} arm: {stream.counters.received} datagrams, "
             f"one every {stream.arrivals.cycle_time * 1e3:.2f} ms, {stream.counters.lost} lost"
         )

@@ -28,11 +28,13 @@ from yumi.cli.driver_options import ROS_ARGUMENTS
 from yumi.cli.graph import GRAPH_COMMANDS
 from yumi.cli.install import install, uninstall
 from yumi.cli.moveit import moveit_config
+from yumi.cli.record import record
 from yumi.cli.robot_commands import DRIVER_COMMANDS
 from yumi.cli.rws_command import rws
 from yumi.cli.shell import completion, shell
 from yumi.cli.teleop import teleop
-from yumi.cli.up import record, up, view
+from yumi.cli.up import up
+from yumi.cli.view import view
 
 _NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
 """A rule of rcl's remapping that gives nodes another namespace or name."""

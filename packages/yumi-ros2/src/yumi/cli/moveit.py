@@ -20,6 +20,7 @@ from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 from abb_protocols.robot.urdf import robot_description
 from abb_runtime.options import gripper_options
+from yumi.driver.controller_names import DUAL_ARM_CONTROLLER
 
 
 @click.command("moveit-config")
@@ -33,16 +34,16 @@ def moveit_config(folder: Path, right_gripper: str, left_gripper: str) -> None:
       yumi moveit-config ~/ros2_ws/src/yumi_moveit_config
       yumi moveit-config yumi_moveit_config --right-gripper servo+vacuum
     """
-    write_moveit_config(folder, {Side.RIGHT: GripperModules(right_gripper), Side.LEFT: GripperModules(left_gripper)})
+    _write_moveit_config(folder, {Side.RIGHT: GripperModules(right_gripper), Side.LEFT: GripperModules(left_gripper)})
     click.echo(f"Written: {folder}. Copy it into a workspace with MoveIt, build it there, start yumi up, then")
     click.echo("ros2 launch yumi_moveit_config move_group.launch.py")
 
 
-PACKAGE = "yumi_moveit_config"
+_PACKAGE = "yumi_moveit_config"
 
 _PACKAGE_XML = f"""<?xml version="1.0"?>
 <package format="3">
-  <name>{PACKAGE}</name>
+  <name>{_PACKAGE}</name>
   <version>0.1.0</version>
   <description>MoveIt for an ABB YuMi driven by yumi-ros2; written by yumi moveit-config</description>
   <maintainer email="you@example.com">you</maintainer>
@@ -59,7 +60,7 @@ _PACKAGE_XML = f"""<?xml version="1.0"?>
 """
 
 _CMAKE = f"""cmake_minimum_required(VERSION 3.22)
-project({PACKAGE})
+project({_PACKAGE})
 find_package(ament_cmake REQUIRED)
 install(DIRECTORY config launch DESTINATION share/${{PROJECT_NAME}})
 install(FILES .setup_assistant DESTINATION share/${{PROJECT_NAME}})
@@ -77,7 +78,7 @@ from moveit_configs_utils import MoveItConfigsBuilder
 
 
 def generate_launch_description():
-    config = MoveItConfigsBuilder("yumi", package_name="{PACKAGE}").to_moveit_configs()
+    config = MoveItConfigsBuilder("yumi", package_name="{_PACKAGE}").to_moveit_configs()
     group = Node(package="moveit_ros_move_group", executable="move_group", parameters=[config.to_dict()])
     rviz = Node(
         package="rviz2",
@@ -97,7 +98,7 @@ _SETUP_ASSISTANT = """moveit_setup_assistant_config:
 """
 
 
-def write_moveit_config(folder: Path, grippers: Mapping[Side, GripperModules] | None = None) -> None:
+def _write_moveit_config(folder: Path, grippers: Mapping[Side, GripperModules] | None = None) -> None:
     """Write the package into ``folder``, which must be new or empty.
 
     Raises:
@@ -149,7 +150,7 @@ def moveit_files(grippers: Mapping[Side, GripperModules] | None = None) -> Mappi
         for side in Side
     }
     both = {
-        "dual_arm_trajectory_controller": {
+        DUAL_ARM_CONTROLLER: {
             "type": "FollowJointTrajectory",
             "action_ns": "follow_joint_trajectory",
             "default": True,

@@ -33,11 +33,10 @@ from abb_runtime.options import (
 from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.cli.from_table import command_from, of_driver
-from yumi.driver.command import Arm
+from yumi.driver.command import ArmName
 from yumi.driver.commands import (
     GetControllers,
     GetState,
-    ModeName,
     Recover,
     SetMode,
     SetSpeedScale,
@@ -46,6 +45,7 @@ from yumi.driver.commands import (
 )
 from yumi.driver.motion_commands import Move
 from yumi.driver.reports import MotionReport
+from yumi.driver.robot_state import ModeName
 
 
 @click.command()
@@ -202,7 +202,7 @@ def move(
     """
     if (linear or speed is not None) and not pose:
         raise SettingsError(message("line_options_need_pose"))
-    position = pose_of(goal) if pose else goal_of(goal, in_degrees=in_degrees, abb=abb)
+    position = _pose_of(goal) if pose else _goal_of(goal, in_degrees=in_degrees, abb=abb)
     if arm == "both" and not isinstance(position, str):
         raise SettingsError(message("both_arms_take_a_pose"))
     with _progress() as on_motion:
@@ -257,7 +257,7 @@ def retreat(driver: RunningDriver, speed_scale: float | None) -> object:
         return driver.retreat(speed_scale=speed_scale or RETREAT_SPEED_SCALE, on_motion=on_motion)
 
 
-def pose_of(words: Sequence[str]) -> Sequence[float]:
+def _pose_of(words: Sequence[str]) -> Sequence[float]:
     """The pose that words of the command line give: a place, with or without an orientation.
 
     Raises:
@@ -272,7 +272,7 @@ def pose_of(words: Sequence[str]) -> Sequence[float]:
     return numbers
 
 
-def goal_of(words: Sequence[str], *, in_degrees: bool, abb: bool) -> str | Mapping[str, float] | Sequence[float]:
+def _goal_of(words: Sequence[str], *, in_degrees: bool, abb: bool) -> str | Mapping[str, float] | Sequence[float]:
     """The position that words of the command line name: a pose, joints by name, or seven angles.
 
     Raises:
@@ -317,7 +317,7 @@ def _complete_controller(context: click.Context, parameter: click.Parameter, inc
 @click.argument("activate", nargs=-1, shell_complete=_complete_controller)
 @click.option("--deactivate", multiple=True, shell_complete=_complete_controller, help="Deactivate this one, too.")
 @of_driver
-def switch(driver: RunningDriver, arm: Arm, activate: tuple[str, ...], deactivate: tuple[str, ...]) -> object:
+def switch(driver: RunningDriver, arm: ArmName, activate: tuple[str, ...], deactivate: tuple[str, ...]) -> object:
     """Activate controllers of an arm in place of the others.
 
     It is one step; what commands its joints until then is deactivated.

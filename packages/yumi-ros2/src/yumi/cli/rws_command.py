@@ -31,9 +31,7 @@ def of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(command)
     def with_client(config: Path | None, **options: Any) -> Any:
         names = ("robot", "user", "password")
-        where = settings_of(config, {name: options.pop(name) for name in names}).robot
-        address = f"{where.address}:{where.rws_port}"
-        with RwsClient(address, user=where.user, password=where.password, timeout=where.timeout) as client:
+        with settings_of(config, {name: options.pop(name) for name in names}).robot.client() as client:
             return command(client, **options)
 
     return with_client
@@ -79,8 +77,7 @@ def rws_get(client: RwsClient, target: str, file: Path | None, json_output: Json
     elif target.startswith("signal:"):
         found = client.signal(target.removeprefix("signal:"))
         json_output.write(json.dumps(found.value))
-        if not json_output.is_printed:
-            click.echo(f"{found.value:g}")
+        json_output.say(f"{found.value:g}")
     elif colon and device.isalnum():
         content = client.read_file(target)
         if file is None:
@@ -90,8 +87,7 @@ def rws_get(client: RwsClient, target: str, file: Path | None, json_output: Json
             click.echo(f"{len(content)} bytes written")
     elif symbol := _symbol_of(target):
         json_output.write(json.dumps(client.value(*symbol), ensure_ascii=False))
-        if not json_output.is_printed:
-            click.echo(client.symbol(*symbol))
+        json_output.say(client.symbol(*symbol))
     else:
         raise _unknown_target(target)
 
@@ -138,15 +134,13 @@ def rws_ls(client: RwsClient, path: str, json_output: JsonOutput) -> None:
     if path.startswith("/"):
         states = client.entries(path)
         json_output.write(_states_text(states))
-        if not json_output.is_printed:
-            for state in states:
-                click.echo(state.title)
+        for state in states:
+            json_output.say(state.title)
         return
     entries = client.files(path)
     json_output.write(json.dumps([{"name": each.name, "size": each.size} for each in entries], indent=2))
-    if not json_output.is_printed:
-        for entry in entries:
-            click.echo(f"{entry.name}/" if entry.size is None else f"{entry.name:<40}{entry.size:>12}")
+    for entry in entries:
+        json_output.say(f"{entry.name}/" if entry.size is None else f"{entry.name:<40}{entry.size:>12}")
 
 
 @rws.command("put")
@@ -252,8 +246,7 @@ def _print(page: Page | None, json_output: JsonOutput) -> None:
         return
     text = _states_text(page.states)
     json_output.write(text)
-    if not json_output.is_printed:
-        click.echo(text)
+    json_output.say(text)
 
 
 def _states_text(states: Sequence[RwsState]) -> str:

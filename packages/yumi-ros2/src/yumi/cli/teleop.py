@@ -32,7 +32,7 @@ def _of_settings(name: str, lowest: float, highest: float, default: float, text:
     return click.option(f"--{name}", type=kind, default=default, show_default=True, help=text)
 
 
-def numbers(text: str) -> tuple[float, ...]:
+def _numbers(text: str) -> tuple[float, ...]:
     """Numbers with commas between them."""
     try:
         return tuple(map(float, text.split(",")))
@@ -55,8 +55,8 @@ def numbers(text: str) -> tuple[float, ...]:
 @click.option("--tool", "is_in_tool", is_flag=True, help="Directions are those of the tool.")
 @click.option("--leader", metavar="FILE.py:NAME", default="", help="What makes the leader arm: a class or function.")
 @click.option("--absolute", is_flag=True, help="A follower goes to where its leader is, from 0.2 rad away at most.")
-@click.option("--signs", type=numbers, help="1 or -1 for each joint of the leader, in chain order.")
-@click.option("--offsets", type=numbers, help="Added to each joint of the leader after its sign, in rad.")
+@click.option("--signs", type=_numbers, help="1 or -1 for each joint of the leader, in chain order.")
+@click.option("--offsets", type=_numbers, help="Added to each joint of the leader after its sign, in rad.")
 @robot_option()
 @json_option
 def teleop(
@@ -95,8 +95,7 @@ def teleop(
     if is_list:
         found = find_devices()
         json_output.write(msgspec.json.encode([each._asdict() for each in found]).decode())
-        if not json_output.is_printed:
-            click.echo("\n".join(map(str, found)) or str(message("no_input_device", kind="gamepad or spacemouse")))
+        json_output.say("\n".join(map(str, found)) or str(message("no_input_device", kind="gamepad or spacemouse")))
         return
     settings = DeviceSettings(
         scale=scale,
@@ -113,8 +112,7 @@ def teleop(
         try:
             teleoperate(driver, held, settings, show.take)
         except KeyboardInterrupt:
-            if not json_output.is_printed:
-                click.echo("Ended; the arms hold.")
+            json_output.say("Ended; the arms hold.")
 
 
 def _input_device(
@@ -172,14 +170,12 @@ class _Changes:
         if report == last:
             return
         self._json.write(msgspec.json.encode(report).decode())
-        if self._json.is_printed:
-            return
         for side, arm in report.arms.items():
             before = TeleoperatedArmReport() if last is None else last.arms[side]
             if (arm.clutch, arm.why, arm.gripper) != (before.clutch, before.why, before.gripper):
-                click.echo(_line(side.word, arm))
+                self._json.say(_line(side.word, arm))
             elif arm.limited is not None and before.limited is None:
-                click.echo(f"{side.word:<6}kept apart: {arm.limited}")
+                self._json.say(f"{side.word:<6}kept apart: {arm.limited}")
 
 
 def _line(arm: str, report: TeleoperatedArmReport) -> str:

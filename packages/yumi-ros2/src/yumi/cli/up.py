@@ -1,17 +1,9 @@
-"""The driver as a program, and what shows its robot: ``yumi up``, ``yumi view`` and ``yumi record``.
-
-``up`` connects, brings the robot to ready, and serves ROS until it must end. ``view`` shows a running driver's robot in
-the browser, or a recording. ``record`` shows and exports the recordings and flight records that a driver writes.
-"""
+"""``yumi up``, the driver as a program: it connects, brings the robot to ready, and serves ROS until it must end."""
 
 from __future__ import annotations
 
-import json
 import logging
 import os
-import platform
-import secrets
-import ssl
 import sys
 import threading
 import time
@@ -28,33 +20,23 @@ import click
 
 from abb_protocols.catalogue import Message, message, speak_as
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_protocols.errors import NoConnection, ProtocolError, RobotNotReady, SettingsError, YumiError
+from abb_protocols.errors import NoConnection, YumiError
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import SystemClock
 from abb_runtime.options import (
-    FILE,
-    FOLDER,
     NEW_FILE,
     TIME,
-    JsonOutput,
-    arm_option,
     egm_port_options,
     end_flag,
-    json_option,
-    listen_option,
-    logs_option,
-    picture_option,
-    robot_option,
     speed_scale_option,
     until_stdin_closes_option,
 )
-from abb_runtime.process.command_process import DRIVER_READY, DRIVER_RUNNING, CommandProcess
+from abb_runtime.process.command_process import DRIVER_READY, DRIVER_RUNNING
 from abb_runtime.process.realtime import release_process, settle_memory, short_switch_interval
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.process.supervision import Failures, SupervisedThread, start_thread
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.rws.login import MAX_PORT, password_of_environment
-from abb_runtime.udp import free_port, is_loopback, resolve
+from abb_runtime.udp import resolve
 from yumi.api.connection import commanded_robot, motion_executor, recorded_sources
 from yumi.api.motion_registry import MotionRegistry
 from yumi.cli.driver_options import (
@@ -71,23 +53,20 @@ from yumi.control.loop_events import Event, is_logged, is_warning
 from yumi.control.speed_scale import FULL
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import EndpointServer
-from yumi.driver.gripper import GripperSetup
+from yumi.driver.initial_controllers import Controllers
 from yumi.driver.robot_connection import RobotConnection
 from yumi.driver.robot_manager import RobotManager, bring_up
-from yumi.driver.settings import CalibrateWhen, RobotSettings, Settings, read_controllers, read_settings
-from yumi.driver.wiring import Controllers, DriverParts, brings_up, make_parts, only_at_robot
-from yumi.recording.reader import read_recording
+from yumi.driver.settings import RobotSettings, Settings, read_controllers
+from yumi.driver.wiring import DriverParts, make_parts, only_at_robot, set_up_grippers
 from yumi.recording.recorder import Recorder
 
 if TYPE_CHECKING:
-    from yumi.recording.tables import TableName
     from yumi.ros.ros_driver import RosDriver
 
 _log = logging.getLogger("yumi")
 
-END_REQUESTS = 3.0
+_END_REQUESTS = 3.0
 """A driver that must end abandons its requests to the controller after this time [s]: the network may be dead."""
 
 END = 4.5
@@ -163,7 +142,6 @@ def up(
         click.echo(limit_discovery(is_open=network))
     settings = settings_of(config, options)
     chosen = {side: read_controllers(side, controllers) for side in Side}
-    address = f"{settings.robot.address}:{settings.robot.rws_port}"
     is_over = end_flag(until_stdin_closes)
     end_by_force(is_over)
 
@@ -171,7 +149,7 @@ def up(
         if reason is not None:
             click.echo(f"{DRIVER_RUNNING}{message('not_ready_yet', reason=reason)}")
         else:
-            click.echo(f"{DRIVER_READY}serving the robot at {address}")
+            click.echo(f"{DRIVER_READY}serving the robot at {settings.robot.host_and_port}")
 
     ros_arguments = ["--ros-args", *click.get_current_context().meta[ROS_ARGUMENTS]]
     if with_ros:
@@ -194,9 +172,9 @@ def wait_for_controller(robot: RobotSettings, timeout: float, is_over: Flag) -> 
         YumiError: what answers refuses the user, or is not a controller.
     """
     resolve(robot.address)  # an unknown name does not become known
-    address, end, is_reported = f"{robot.address}:{robot.rws_port}", time.monotonic() + timeout, False
+    end, is_reported = time.monotonic() + timeout, False
     while not is_over.is_set():
-        client = RwsClient(address, user=robot.user, password=robot.password, timeout=robot.timeout)
+        client = robot.client()
         try:
             client.connect()
             return True
@@ -206,7 +184,7 @@ def wait_for_controller(robot: RobotSettings, timeout: float, is_over: Flag) -> 
         finally:
             client.close()
         if not is_reported:
-            click.echo(f"Waiting up to {timeout:g} s for a controller at {address}.")
+            click.echo(f"Waiting up to {timeout:g} s for a controller at {robot.host_and_port}.")
             is_reported = True
         is_over.wait(_WAIT_PERIOD)
     return False
@@ -296,7 +274,7 @@ def run_driver(
             log(logging.INFO, sentence)
         log(logging.DEBUG, control.started_as)
         log(*_speed_line(manager, with_ros=with_ros))
-        reason = front.bring_up(is_reading_only=not brings_up(settings, is_real=manager.is_real()))
+        reason = front.bring_up(is_reading_only=not settings.ros.brings_up(is_real=manager.is_real()))
         settle_memory()
         on_ready(reason)
         is_over.wait()
@@ -350,20 +328,10 @@ class DriverWithoutRos:
     """
 
     def __init__(self, parts: DriverParts, settings: Settings) -> None:
-        manager, own = parts.manager, settings.gripper
-        self._parts = parts
-        self._is_tested = own.test_at_start
-        self._setup = GripperSetup(
-            parts.grippers,
-            manager.step,
-            lambda said: self.log(logging.ERROR, str(said)),
-            is_allowed=own.calibrate is CalibrateWhen.AT_START,
-            is_named=lambda: manager.may_calibrate,
-            is_confirmed=lambda: not manager.is_unattended,
-        )
+        self._parts, self._is_tested = parts, settings.gripper.test_at_start
+        self._setup = set_up_grippers(parts.manager, parts.grippers, settings.gripper, _log.error)
         self._is_over = Flag()
         self._signals = SupervisedThread("grippers", self._keep_signals, self._is_over)
-        manager.when_ready(self._setup.run)
 
     def start(self) -> None:
         """Subscribe to the grippers' signals, again and again should the subscription be lost."""
@@ -394,7 +362,6 @@ class DriverWithoutRos:
         return bring_up(
             self._parts.manager,
             self._setup,
-            self._parts.grippers,
             self.log,
             is_tested=self._is_tested,
             is_reading_only=is_reading_only,
@@ -416,7 +383,7 @@ def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> 
             if has_ended.is_set():
                 return
         manager.interrupt()
-        if not has_ended.wait(END_REQUESTS):
+        if not has_ended.wait(_END_REQUESTS):
             client.abandon()
 
     thread = Thread(target=watch, name="end-in-time", daemon=True)
@@ -459,276 +426,3 @@ def end_by_force(is_over: Flag) -> None:
         os._exit(1)
 
     start_thread(Thread(target=end, name="forced-end", daemon=True))
-
-
-# ---- yumi view
-
-_READY_TIMEOUT = 60.0  # [s] for a driver or a virtual robot that `yumi view` starts
-
-
-@click.command()
-@click.argument("recording", required=False, type=FILE)
-@robot_option()
-@click.option("--virtual", is_flag=True, help="Start a virtual robot with a driver, and show that one.")
-@click.option("--operate", is_flag=True, help="Let a page operate a real robot; a virtual one it may.")
-@click.option("--https", is_flag=True, help="Serve over HTTPS, with a certificate that this installation makes.")
-@click.option("--port", type=click.IntRange(0, MAX_PORT), default=8090, show_default=True, help="0 takes a free one.")
-@listen_option
-@logs_option("build/view")
-@config_option
-@until_stdin_closes_option
-def view(
-    recording: Path | None,
-    robot: str | None,
-    virtual: bool,
-    operate: bool,
-    https: bool,
-    port: int,
-    listen: str,
-    logs: Path,
-    config: Path | None,
-    until_stdin_closes: bool,
-) -> None:
-    """Show the robot, or a recording, in the browser.
-
-    Open the address that is printed. Where no driver of the robot that --robot names runs, one is started, with
-    --config if it is given. A page only looks until a person takes control there. A real robot is operated with
-    --operate, by a page with the token: on this machine, or with --https and --listen on another one, once a person
-    has typed there the code that is printed here.
-    A controller without the state machine of this package, or of another robot, is shown by what it reports: joints,
-    RAPID tasks with their program pointers, and its log.
-
-    \b
-    Examples:
-      yumi view                          the robot of the running driver
-      yumi view --virtual                a virtual robot to try
-      yumi view --robot 192.168.125.1    a driver that only reads is started
-      yumi view --robot 127.0.0.1:8080   any program of `yumi controller`
-      yumi view session.mcap             a recording or flight record
-      yumi view --operate --https --listen 192.168.1.20   for a headset
-    """
-    from abb_view.controller_server import ControllerServer  # noqa: PLC0415 - a quick --help
-    from abb_view.page_build import CONTROLLER_PAGE, page_folder  # noqa: PLC0415
-    from abb_view.page_server import PageSettings, serve  # noqa: PLC0415
-    from yumi.web.page_build import ROBOT_PAGE  # noqa: PLC0415
-    from yumi.web.page_recording import page_recording  # noqa: PLC0415
-    from yumi.web.page_words import PROGRAM  # noqa: PLC0415
-    from yumi.web.view_only import open_controller, reopen_controller  # noqa: PLC0415
-    from yumi.web.view_server import ViewServer, ViewSettings  # noqa: PLC0415
-
-    robot = robot or ""
-    if recording is not None and (robot or virtual or operate):
-        raise SettingsError(message("recording_shown_alone"))
-    if virtual and robot:
-        raise SettingsError(message("virtual_starts_a_robot"))
-    if config is not None and not (virtual or robot):
-        raise SettingsError(message("config_without_driver"))
-    is_over = end_flag(until_stdin_closes)
-    page_folder(ROBOT_PAGE, click.echo)  # before a robot is started for a page that cannot be built
-    own = () if config is None else ("--config", str(config))
-    with ExitStack() as stack:
-        if virtual:
-            robot = stack.enter_context(_started_virtual_robot(logs, is_over, own))
-        elif robot and _has_driver(robot):
-            if config is not None:
-                raise SettingsError(message("driver_of_robot_runs", robot=robot))
-        elif robot and not operate and (controller := open_controller(_robot_at(robot, config))) is not None:
-            stack.callback(controller.close)
-            click.echo("View only, since no driver can run for this controller:")
-            for sentence in controller.message().missing:
-                click.echo(f"  {sentence}")
-            page_folder(CONTROLLER_PAGE, click.echo)
-            shown = PageSettings(
-                host=listen,
-                port=port,
-                tls=_tls_of(listen) if https else None,
-                token="" if is_loopback(listen) else secrets.token_urlsafe(18),
-            )
-            reopen = partial(reopen_controller, _robot_at(robot, config))
-            serve(ControllerServer(shown, PROGRAM, controller, reopen), is_over, click.echo)
-            return
-        elif robot:
-            click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
-            stack.enter_context(_started_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
-        may_operate = operate and not virtual  # a virtual robot is operated anyway
-        settings = ViewSettings(
-            robot=robot,
-            host=listen,
-            port=port,
-            may_operate=may_operate,
-            tls=_tls_of(listen) if https else None,
-            show_code=lambda code: click.echo(f"Code for a page on another machine, for one page: {code}"),
-            token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
-            recording=None if recording is None else page_recording(recording),
-        )
-        serve(ViewServer(settings), is_over, click.echo)
-
-
-def _tls_of(listen: str) -> ssl.SSLContext:
-    """With the certificate of this installation, for the names and addresses under which a page is opened."""
-    from abb_runtime.process.certificate import installation_certificate  # noqa: PLC0415 - a quick --help
-    from abb_view.page_server import ALL_ADDRESSES  # noqa: PLC0415
-
-    node = platform.node()
-    own = node.partition(".")[0]
-    hosts = ["127.0.0.1", "::1", node, own, f"{own}.local", *(() if listen in ALL_ADDRESSES else (listen,))]
-    certificate = installation_certificate([host for host in hosts if host])
-    click.echo(f"Certificate of this installation, SHA-256 {certificate.fingerprint}")
-    if certificate.is_new:
-        click.echo("It was made now, for a year: a device that has accepted an older one is asked again.")
-    click.echo("A browser warns of it until it is trusted: compare the fingerprint there.")
-    return certificate.context
-
-
-def _has_driver(robot: str) -> bool:
-    try:
-        find_driver(robot)
-    except RobotNotReady:
-        return False
-    return True
-
-
-def _robot_at(robot: str, config: Path | None) -> RobotSettings:
-    """Where the controller at host or host:port is, and who logs in."""
-    return settings_of(config, {"robot": robot, "password": password_of_environment()}).robot
-
-
-@contextmanager
-def _started_driver(robot: str, logs: Path, is_over: Flag, options: tuple[str, ...]) -> Iterator[None]:
-    """A driver without ROS in a process of its own: the page must not disturb the control loop."""
-    with _started("driver", ("up", "--robot", robot, "--no-ros", *options), logs, is_over):
-        yield
-
-
-@contextmanager
-def _started_virtual_robot(logs: Path, is_over: Flag, options: tuple[str, ...]) -> Iterator[str]:
-    """A virtual controller and its driver; the address of the robot."""
-    ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
-    arguments = ("controller", "--rws-port", "0", *ports)
-    with _started("virtual controller", arguments, logs, is_over) as address:
-        robot = address.rpartition("/")[2]
-        with _started_driver(robot, logs, is_over, (*ports, *options)):
-            yield robot
-
-
-@contextmanager
-def _started(name: str, arguments: tuple[str, ...], logs: Path, is_over: Flag) -> Iterator[str]:
-    """A command of yumi in a process of its own, once it serves; what it says of where it serves."""
-
-    def check() -> None:
-        if is_over.is_set():
-            raise RobotNotReady(message("ended_before_ready", program=name))
-
-    def show(line: str) -> None:
-        click.echo(line, err=True)
-
-    logs.mkdir(parents=True, exist_ok=True)
-    command: Any = CommandProcess(name, "yumi", arguments, logs / f"{name.replace(' ', '_')}.log")
-    with command:
-        yield command.wait_until_ready(_READY_TIMEOUT, check, show)
-
-
-# ---- yumi record
-
-
-@click.group()
-def record() -> None:
-    """Look at flight records and recordings.
-
-    They can be exported, too.
-
-    \b
-    Examples:
-      yumi record list
-      yumi record show FILE
-      yumi up --record session.mcap     records every cycle of both arms
-      yumi record export session.mcap session.csv
-    """
-
-
-@record.command("show")
-@click.argument("file", type=FILE)
-@click.option("--cycles", type=click.IntRange(1), default=20, show_default=True, help="Number of cycles.")
-@arm_option("the one that stopped")
-@picture_option("none is drawn")
-@json_option
-def show_record(file: Path, cycles: int, arm: str | None, picture: Path | None, json_output: JsonOutput) -> None:
-    """Show what led to the event that stopped the motion.
-
-    --cycles is how many the table has.
-
-    \b
-    Examples:
-      yumi record show FILE --cycles 50
-      yumi record show FILE --arm left --picture stop.png
-    """
-    from rich.console import Console  # noqa: PLC0415 - a quick --help
-
-    from yumi.recording.tables import draw_recording, recording_document, recording_table  # noqa: PLC0415
-
-    recording = read_recording(file)
-    side = next((side for side in Side if side.word == arm), recording.arm)
-    json_output.write(json.dumps(recording_document(recording, side, cycles)))
-    if not json_output.is_printed:
-        console = Console(soft_wrap=False)
-        console.print(recording_table(recording, side, cycles, console.width))
-    if picture:
-        draw_recording(recording, side, picture)
-        click.echo(f"Picture: {picture}", err=json_output.is_printed)
-
-
-@record.command("export")
-@click.argument("file", type=FILE)
-@click.argument("output", type=click.Path(dir_okay=False, path_type=Path))
-@click.option(
-    "--table",
-    type=click.Choice(["cycles", "events", "grippers", "state"]),
-    default="cycles",
-    show_default=True,
-    help="Which table of the recording.",
-)
-def export_record(file: Path, output: Path, table: TableName) -> None:
-    """Write a table of a recording as CSV or Parquet.
-
-    The ending of OUTPUT says which.
-
-    \b
-    Examples:
-      yumi record export FILE session.csv
-      yumi record export FILE events.csv --table events
-      yumi record export FILE session.parquet     with yumi-ros2[data]
-    """
-    from yumi.recording.tables import export  # noqa: PLC0415 - a quick --help
-
-    click.echo(f"{export(file, output, table)} rows: {output}")
-
-
-@record.command("list")
-@click.option("--folder", type=FOLDER, show_default="as in the settings", help="Where they are.")
-@json_option
-def list_records(folder: Path | None, json_output: JsonOutput) -> None:
-    """List flight records with what stopped the motion.
-
-    \b
-    Example:
-      yumi record list --folder build/flight_records
-    """
-    folder = folder or Path(read_settings().recorder.folder)
-    files = sorted(folder.glob("*.mcap"))
-    if not files and not json_output.is_printed:
-        click.echo(f"There are no records in {folder}.")
-    damaged = 0
-    stops: list[dict[str, str | None]] = []
-    for file in files:
-        try:
-            stop = read_recording(file, before=0.0).stop
-        except ProtocolError as error:  # one that was cut off must not hide the others
-            damaged += 1
-            click.echo(f"{error}", err=True)
-            continue
-        stops.append({"file": str(file), "stop": stop.sentence if stop else None})
-        if not json_output.is_printed:
-            click.echo(f"{file}  {stop.sentence if stop else 'nothing stopped a motion'}")
-    json_output.write(json.dumps(stops))
-    if damaged:
-        raise ProtocolError(message("records_unreadable", damaged=damaged, count=len(files), folder=str(folder)))

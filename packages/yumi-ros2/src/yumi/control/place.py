@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from abb_protocols.robot.joints import JointLimits, Side
 from yumi.control.goals import SessionGoal
@@ -63,7 +62,7 @@ class Place:
     name: str
     side: Side
     buffers: ControllerBuffers
-    halves: dict[Side, Any]
+    halves: dict[Side, object]
     limits: JointLimits
     period: float
     speed: SpeedScale

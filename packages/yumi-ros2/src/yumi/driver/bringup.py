@@ -22,7 +22,8 @@ from yumi.driver.controller_panel import OBEY_TIMEOUT, ControllerPanel
 from yumi.driver.launch_checks import EgmAddress, LaunchChecks
 from yumi.driver.readiness import NO_STOP, ConditionalRequest, check_request, unmet
 from yumi.driver.robot_state import Report, RobotState, arms_in_words
-from yumi.driver.state_machine import EgmMotionSettings, MachineState, SpeedSetting, StateMachines
+from yumi.driver.speed_setting import SpeedSetting
+from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines
 
 ANNOUNCEMENT = "Bring-up will: "
 """How the line begins that says what will be done to the robot, before the first of it is done."""
@@ -219,7 +220,3 @@ class Bringup:
         if self.panel.is_running:
             self.step("stop EGM")
             self.machines.stop_egm()
-
-    def state(self, side: Side) -> MachineState:
-        """The state machine of one arm."""
-        return self.machines.state(side)

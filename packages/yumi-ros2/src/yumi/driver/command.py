@@ -10,7 +10,6 @@ import logging
 import os
 import re
 import time
-from collections import deque
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
@@ -36,7 +35,7 @@ from yumi.driver.reports import (
     ArmReport,
     ControllerStatus,
     DriverState,
-    EventReport,
+    EventLog,
     GripperReport,
     MotionReport,
     Said,
@@ -50,22 +49,15 @@ from yumi.driver.teleoperation import Elsewhere, TeleoperatedArms, Teleoperation
 log = logging.getLogger(__name__)
 
 R = TypeVar("R")
-Arm = Literal["right", "left"]
-ArmNames = tuple[Arm, ...]
-Position = tuple[float, ...] | dict[str, float] | str
+ArmName = Literal["right", "left"]
+ArmNames = tuple[ArmName, ...]
+SentPosition = tuple[float, ...] | dict[str, float] | str
 """Joint positions [rad]: all seven in chain order, some by name (the others stay), or the name of a pose."""
 
 TimedPoint = tuple[float, Joints, Joints, Joints]
 Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 
 EVERYWHERE = frozenset({FrontEnd.SCRIPT, FrontEnd.SHELL, FrontEnd.ROS, FrontEnd.PAGE})
-EVENTS = 100
-"""So many lines of the driver's log are kept."""
-
-RECENT = 20
-"""So many of them are in a state that is asked for once."""
-
-_LEVELS = {logging.INFO: "info", logging.WARNING: "warning", logging.ERROR: "error"}
 
 
 class Lane(Enum):
@@ -166,12 +158,12 @@ class Command(EndpointRequest, Generic[R], frozen=True):
         raise NotImplementedError
 
 
-def sides_of(arms: Sequence[Arm]) -> tuple[Side, ...]:
+def sides_of(arms: Sequence[ArmName]) -> tuple[Side, ...]:
     """The arms, in our order."""
     return tuple(side for side in Side if side.word in arms)
 
 
-def side_of(arm: Arm) -> Side:
+def side_of(arm: ArmName) -> Side:
     """The arm."""
     return Side[arm.upper()]
 
@@ -235,7 +227,7 @@ class Mover(TeleoperatedArms, Protocol):
 
     def move(
         self,
-        goals: Mapping[Side, Position],
+        goals: Mapping[Side, SentPosition],
         speed_scale: float | None,
         acceleration: float | None,
         *,
@@ -244,7 +236,7 @@ class Mover(TeleoperatedArms, Protocol):
 
     def move_tools(
         self,
-        goals: Mapping[Side, Position],
+        goals: Mapping[Side, SentPosition],
         tools: Mapping[Side, Pose],
         speed_scale: float | None,
         acceleration: float | None,
@@ -265,7 +257,7 @@ class Mover(TeleoperatedArms, Protocol):
 
     def stream(
         self,
-        goals: Mapping[Side, Position],
+        goals: Mapping[Side, SentPosition],
         velocities: Mapping[Side, Sequence[SupportsFloat]] | None = None,
         time: SupportsFloat | None = None,
         delay: float = CONFIGURED_DELAY,
@@ -300,32 +292,6 @@ class Control(CommandPort, Snapshots, Protocol):
     """What is needed of the control process."""
 
     hand_over: HandOver
-
-
-class EventLog:
-    """The newest lines of the driver's log, for its clients; safe from any thread.
-
-    Attributes:
-        count: the number of the newest line.
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._events: deque[EventReport] = deque(maxlen=EVENTS)
-        self._lock = Lock()
-
-    def note(self, level: int, said: Message | str) -> None:
-        """Keep a line, with a level of :mod:`logging`; none for debugging."""
-        if level < logging.INFO:
-            return
-        with self._lock:
-            self.count += 1
-            self._events.append(EventReport(self.count, time.time(), _LEVELS.get(level, "info"), Said.of(said)))
-
-    def since(self, number: int) -> tuple[EventReport, ...]:
-        """The lines after ``number`` that are still there."""
-        with self._lock:
-            return tuple(event for event in self._events if event.number > number)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,8 +23,7 @@ from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
     EVERYWHERE,
-    RECENT,
-    Arm,
+    ArmName,
     ArmNames,
     Caller,
     Command,
@@ -35,8 +34,8 @@ from yumi.driver.command import (
     sides_of,
 )
 from yumi.driver.motion_commands import Follow, Jog, JogTool, Move, Stream, Teleoperate
-from yumi.driver.reports import ControllerStatus, DriverState, GripReport
-from yumi.driver.robot_state import RobotMode, arms_in_words
+from yumi.driver.reports import RECENT_EVENTS, ControllerStatus, DriverState, GripReport
+from yumi.driver.robot_state import ModeName, RobotMode, arms_in_words
 from yumi.driver.surroundings import Surroundings
 
 _SCRIPT = frozenset({FrontEnd.SCRIPT})
@@ -44,9 +43,8 @@ _SCRIPT_AND_SHELL = _SCRIPT | {FrontEnd.SHELL}
 _ROS = frozenset({FrontEnd.ROS})
 _NOT_ROS = EVERYWHERE - _ROS
 
-Width = Annotated[float, msgspec.Meta(description="Open so far [m]; else all the way.", extra={"to": 2.0 * TRAVEL})]
-Force = Annotated[float, msgspec.Meta(description="Hold with this force [N].", extra={"to": MAX_FORCE})]
-ModeName = Literal["motors_off", "ready", "egm_left", "egm_right", "egm_both"]
+_Width = Annotated[float, msgspec.Meta(description="Open so far [m]; else all the way.", extra={"to": 2.0 * TRAVEL})]
+_Force = Annotated[float, msgspec.Meta(description="Hold with this force [N].", extra={"to": MAX_FORCE})]
 
 
 # ---- what only looks
@@ -60,7 +58,7 @@ class GetState(Command[DriverState], frozen=True):
     shell_name = "state"
 
     def run(self, robot: CommandedRobot, caller: Caller) -> DriverState:
-        events = robot.events.since(robot.events.count - RECENT)
+        events = robot.events.since(robot.events.count - RECENT_EVENTS)
         return msgspec.structs.replace(robot.state(), events=events)
 
 
@@ -254,10 +252,10 @@ class Grip(Command[GripReport], frozen=True):
     front_ends = _NOT_ROS
     examples = ("yumi grip right open --width 0.03", "yumi grip right close --force 8")
 
-    arm: Arm
+    arm: ArmName
     action: Literal["open", "close"]
-    width: Width | None = None
-    force: Force | None = None
+    width: _Width | None = None
+    force: _Force | None = None
 
     def check(self) -> None:
         if self.action == "open" and self.force is not None:
@@ -289,7 +287,7 @@ class SwitchControllers(Command[str], frozen=True):
     front_ends = _NOT_ROS
     shell_name = "switch"
 
-    arm: Arm
+    arm: ArmName
     activate: tuple[str, ...] = ()
     deactivate: tuple[str, ...] = ()
 
@@ -382,7 +380,7 @@ class PpToMain(PanelCommand, frozen=True):
 class RunRoutine(PanelCommand, frozen=True):
     """Run a RAPID routine in an arm's task and wait for its end; the limiter does not act on its motions."""
 
-    arm: Arm
+    arm: ArmName
     routine: str
     unchecked: bool = False
 
@@ -395,7 +393,7 @@ class RunRoutine(PanelCommand, frozen=True):
 class LoadModule(PanelCommand, frozen=True):
     """Write a RAPID module onto the controller and load it into an arm's task."""
 
-    arm: Arm
+    arm: ArmName
     file_name: str
     text: str
 
@@ -406,7 +404,7 @@ class LoadModule(PanelCommand, frozen=True):
 class RunModule(PanelCommand, frozen=True):
     """Load a module and run one of its routines; the limiter does not act on its motions."""
 
-    arm: Arm
+    arm: ArmName
     file_name: str
     text: str
     routine: str
@@ -421,7 +419,7 @@ class RunModule(PanelCommand, frozen=True):
 class SetTool(PanelCommand, frozen=True):
     """Have the next EGM motion of an arm use a tool: its centre point in tool0, and its load."""
 
-    arm: Arm
+    arm: ArmName
     tcp: Pose
     load: Mass
 
@@ -432,7 +430,7 @@ class SetTool(PanelCommand, frozen=True):
 class SetPayload(PanelCommand, frozen=True):
     """Have the next EGM motion of an arm carry a payload beside its tool."""
 
-    arm: Arm
+    arm: ArmName
     payload: Mass
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:

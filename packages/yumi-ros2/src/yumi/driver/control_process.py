@@ -48,7 +48,7 @@ from yumi.driver.egm_arm import FallbackThread
 POLL_PERIOD = 0.010
 """How often the robot's timeout is checked when nothing arrives [s]."""
 
-LAST_HOLD = 2.0
+_LAST_HOLD = 2.0
 """How long an arm without a driver is held while it still moves [s]."""
 
 STALE = 0.5
@@ -110,7 +110,7 @@ class ArmBuffers(ControllerBuffers):
         self.cycle_done = new_cycle_event()
 
 
-class ConnectedArm(NamedTuple):
+class ControlProcessArm(NamedTuple):
     """An arm of the control process, built there.
 
     Attributes:
@@ -124,7 +124,7 @@ class ConnectedArm(NamedTuple):
     fallback: FallbackThread | None = None
 
 
-Build = Callable[[Mapping[Side, ArmBuffers]], Mapping[Side, ConnectedArm]]
+_Build = Callable[[Mapping[Side, ArmBuffers]], Mapping[Side, ControlProcessArm]]
 """Builds both arms inside the process; must be picklable."""
 
 
@@ -161,7 +161,7 @@ class ControlProcessRefusal:
 
 def run_control_process(
     pipe: PipeEnd,
-    build: Build,
+    build: _Build,
     buffers: Mapping[Side, ArmBuffers],
     wake: WakeMode = WakeMode.BLOCKING,
     given_up: SharedNumbers | None = None,
@@ -199,7 +199,7 @@ class ControlServer:
     def __init__(
         self,
         pipe: PipeEnd,
-        arms: Mapping[Side, ConnectedArm],
+        arms: Mapping[Side, ControlProcessArm],
         cycle_done: Mapping[Side, CycleEvent],
         now: Callable[[], float],
         processors: AwakeProcessors | None = None,
@@ -364,7 +364,7 @@ class ControlServer:
             return ControlProcessRefusal(refusal.said)
 
     def _begin_to_end(self) -> None:
-        self._stop_at = self._now() + LAST_HOLD
+        self._stop_at = self._now() + _LAST_HOLD
         for arm in self._arms.values():
             arm.manager.deactivate_commanding()
 
@@ -402,7 +402,7 @@ class ControlProcess:
         started_as: what the operating system permitted it, in a sentence.
     """
 
-    def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
+    def __init__(self, build: _Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
         self.buffers = {side: ArmBuffers() for side in Side}
         self.recorders = {side: FlightRecorder(each.flight) for side, each in self.buffers.items()}
         self.started_as = ""
@@ -546,7 +546,7 @@ class ControlProcess:
         """Wait for the end of the process, which comes by force when it takes too long."""
         if not self._child.is_started:
             return
-        if not self._child.join(LAST_HOLD + _ANSWER_TIMEOUT):
+        if not self._child.join(_LAST_HOLD + _ANSWER_TIMEOUT):
             self._child.kill()
         self._reader.join()
 

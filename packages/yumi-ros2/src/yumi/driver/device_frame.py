@@ -14,13 +14,13 @@ import msgspec
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import Joints, Side
+from abb_protocols.robot.joints import Joints, Side, by_side
 from yumi.control.shared_state import Limited
 from yumi.control.tool_goal import check_twist
 from yumi.driver.reports import Said
 
 Six: TypeAlias = tuple[float, float, float, float, float, float]
-Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+_Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 _FARTHEST = 100.0  # [m], [rad] a device that reports more is not in a room
 _NO_QUATERNION = 0.5  # of length 1 it should be
@@ -46,7 +46,7 @@ class DeviceHand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     pose: Joints | None = None
     twist: Six | None = None
     joints: Joints | None = None
-    gripper: Fraction | None = None
+    gripper: _Fraction | None = None
     elbow: float | None = None
     is_in_tool: bool = False
 
@@ -130,7 +130,7 @@ class DeviceFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     @property
     def by_arm(self) -> Mapping[Side, DeviceHand]:
         """What it reports for each arm."""
-        return {Side.RIGHT: self.right, Side.LEFT: self.left}
+        return by_side(self.right, self.left)
 
     def check(self) -> None:
         """See that the values go together; raises CommandRefused."""
@@ -178,4 +178,4 @@ class TeleoperationReport(msgspec.Struct, frozen=True):
     @property
     def arms(self) -> Mapping[Side, TeleoperatedArmReport]:
         """Of each arm."""
-        return {Side.RIGHT: self.right, Side.LEFT: self.left}
+        return by_side(self.right, self.left)

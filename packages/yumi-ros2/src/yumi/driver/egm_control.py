@@ -26,13 +26,10 @@ from yumi.driver.robot_state import arms_in_words
 from yumi.driver.state_machine import MachineState
 from yumi.driver.watchdog import Watchdog
 
-POSITION_CONTROLLER = "joint_position_controller"
-"""What commands an arm after EGM has started, unless another controller is named."""
-
-FIRST_DATAGRAM = 5.0
+_FIRST_DATAGRAM = 5.0
 """How long the arms may take from the start signal until they follow [s]."""
 
-EGM_END_TIMEOUT = 1.0
+_EGM_END_TIMEOUT = 1.0
 """How long after its program has stopped an arm may still report that EGM runs [s]; the arm is silent 0.1 s later."""
 
 
@@ -134,7 +131,7 @@ class EgmControl:
     def stop_if_running(self) -> None:
         """The same, if the robot is in EGM; where it has ended by itself, the watchdog still has to be disarmed."""
         self.desired = ()
-        if any(self._bringup.state(side) is MachineState.RUN_EGM_ROUTINE for side in Side):
+        if any(self._bringup.machines.state(side) is MachineState.RUN_EGM_ROUTINE for side in Side):
             self.stop()
         else:
             self._watchdog.disarm()
@@ -147,7 +144,7 @@ class EgmControl:
 
     def _start_motion(self, arms: tuple[Side, ...]) -> None:
         # Where EGM runs on one arm and only the other one has to start, that one goes on.
-        machines = {side: self._bringup.state(side) for side in Side}
+        machines = {side: self._bringup.machines.state(side) for side in Side}
         missing = [side for side in arms if not self._control.snapshot(side).is_running]
         if len(missing) == len(arms) or any(machines[side] is not MachineState.IDLE for side in missing):
             self.hold()
@@ -157,7 +154,7 @@ class EgmControl:
         if remark:
             self._bringup.step(remark)
         self._bringup.start_egm(arms)
-        wait_until(self._clock, lambda: self.is_running(arms), FIRST_DATAGRAM, lambda: self._why_not_running(arms))
+        wait_until(self._clock, lambda: self.is_running(arms), _FIRST_DATAGRAM, lambda: self._why_not_running(arms))
 
     def _wait_for_egm_end(self) -> None:
         """Wait until both arms report that EGM has ended; the last datagrams before a stop still say that EGM runs."""
@@ -165,7 +162,7 @@ class EgmControl:
         def has_ended() -> bool:
             return not any(self._control.snapshot(side).is_running for side in Side)
 
-        wait_until(self._clock, has_ended, EGM_END_TIMEOUT, message("egm_does_not_end"))
+        wait_until(self._clock, has_ended, _EGM_END_TIMEOUT, message("egm_does_not_end"))
 
     def _activate(self, side: Side) -> None:
         """Activate what commanded the arm before it was deactivated unasked, if it still can, or the default."""

@@ -28,7 +28,7 @@ from yumi.control.counters import WireCounters
 from yumi.core.library import load
 from yumi.egm.egm_session import SILENCE, SensorSession, Session
 
-POLL_PERIOD = 0.050
+_POLL_PERIOD = 0.050
 """How often a wait checks whether it is to end [s]."""
 
 MOST_UNREADABLE = 25
@@ -79,7 +79,7 @@ class EgmState:
     @property
     def is_running(self) -> bool:
         """Whether the robot follows what it is sent; a position stream alone does not."""
-        return is_running(self.message)
+        return _is_running(self.message)
 
 
 class EgmServer:
@@ -193,10 +193,10 @@ class EgmServer:
         self._arrived = None
         end = None if timeout is None else self._clock.now() + timeout
         while self._arrived is None and not self._is_stopped:
-            left = POLL_PERIOD if end is None else end - self._clock.now()
+            left = _POLL_PERIOD if end is None else end - self._clock.now()
             if left < 0.0:
                 return None
-            self._poller.wait(min(left, POLL_PERIOD))
+            self._poller.wait(min(left, _POLL_PERIOD))
         return self._arrived
 
     def send(
@@ -228,19 +228,33 @@ class EgmServer:
             CommandRefused: a value is not finite, or there are not as many as the robot has; nothing was sent.
             RobotNotReady: no robot has spoken yet.
         """
-        wanted = reference(
-            self._answered(),
-            joints=joints,
-            pose=pose,
-            speed=speed,
-            twist=twist,
-            external=external,
-            external_speed=external_speed,
-            data=data,
+        state = self._answered()
+        axes, beside = len(state.joints), len(state.external)
+        orientation: Quaternion | None = None
+        if pose is not None:
+            w, x, y, z = _finite("orientation of pose", pose.orientation, 4)
+            norm = hypot(w, x, y, z)
+            if abs(norm - 1.0) > _NORM_TOLERANCE:
+                raise CommandRefused(message("reference_not_unit_quaternion", norm=norm))
+            orientation = (w / norm, x / norm, y / norm, z / norm)
+        if data is not None:
+            if len(data.numbers) > MOST_NUMBERS:
+                raise CommandRefused(message("rapid_data_too_long", count=len(data.numbers), limit=MOST_NUMBERS))
+            data = RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
+        wanted = SensorMessage(
+            seqno=0,
+            position=None if joints is None else _finite("joints", joints, axes),
+            velocity=None if speed is None else _finite("speed", speed, axes),
+            tool_position=None if pose is None else _vector("position of pose", pose.position),
+            tool_orientation=orientation,
+            twist=None if twist is None else cast("Twist", _finite("twist", twist, 6)),
+            external=() if external is None else _finite("external", external, beside),
+            external_velocity=() if external_speed is None else _finite("external_speed", external_speed, beside),
+            rapid_data=data,
         )
-        if not moves(wanted):
+        if not _moves(wanted):
             wanted = replace(self._held, rapid_data=wanted.rapid_data)
-        elif is_placed(wanted):
+        elif _is_placed(wanted):
             self._held = replace(wanted, velocity=None, twist=None, external_velocity=(), rapid_data=None)
         self._link.send(self._codec.encode(replace(wanted, seqno=self._session.next_seqno())))
 
@@ -256,8 +270,11 @@ class EgmServer:
             RobotNotReady: no robot has spoken yet.
         """
         self._answered()
-        wanted = correction(offset, age)
-        self._link.send(self._codec.encode_correction(replace(wanted, seqno=self._session.next_seqno())))
+        if not 0.0 <= age <= _OLDEST_MEASUREMENT:
+            raise CommandRefused(message("correction_of_other_age", age=age, limit=_OLDEST_MEASUREMENT))
+        place = _vector("offset", offset)
+        correction = PathCorrection(self._session.next_seqno(), place, round(age * 1000.0))
+        self._link.send(self._codec.encode_correction(correction))
 
     def _answered(self) -> EgmState:
         if self._state is None:
@@ -268,16 +285,16 @@ class EgmServer:
         now, session = self._clock.now(), self._session
         if session.silence(now) > self._silence:
             self._link.release()  # the robot may come back from another port
-        received = accept_from(self._link, session.accept, self._link.receive(), now)
+        received = _accept_from(self._link, session.accept, self._link.receive(), now)
         if received is not None:
             self._arrived = self._state = EgmState(now, session.period, session.number, session.is_first, received)
             if session.is_first:
-                self._held = standstill(received)
+                self._held = _standstill(received)
         elif not session.number and session.counters.malformed >= MOST_UNREADABLE:
             raise ProtocolError(message("sender_cannot_be_guided", port=self.port, reason=session.last_error))
 
 
-def standstill(message: RobotMessage) -> SensorMessage:
+def _standstill(message: RobotMessage) -> SensorMessage:
     """Stay where ``message`` was measured, whether the robot heeds its joints or its tool."""
     pose = message.measured_pose
     return SensorMessage(
@@ -289,67 +306,15 @@ def standstill(message: RobotMessage) -> SensorMessage:
     )
 
 
-def reference(
-    state: EgmState,
-    *,
-    joints: Sequence[float] | None = None,
-    pose: Pose | None = None,
-    speed: Sequence[float] | None = None,
-    twist: Sequence[float] | None = None,
-    external: Sequence[float] | None = None,
-    external_speed: Sequence[float] | None = None,
-    data: RapidData | None = None,
-) -> SensorMessage:
-    """The message with these references, see :meth:`EgmServer.send`.
-
-    Raises:
-        CommandRefused: a value is not finite, or there are not as many as the robot has.
-    """
-    axes, beside = len(state.joints), len(state.external)
-    orientation: Quaternion | None = None
-    if pose is not None:
-        w, x, y, z = _finite("orientation of pose", pose.orientation, 4)
-        norm = hypot(w, x, y, z)
-        if abs(norm - 1.0) > _NORM_TOLERANCE:
-            raise CommandRefused(message("reference_not_unit_quaternion", norm=norm))
-        orientation = (w / norm, x / norm, y / norm, z / norm)
-    if data is not None:
-        if len(data.numbers) > MOST_NUMBERS:
-            raise CommandRefused(message("rapid_data_too_long", count=len(data.numbers), limit=MOST_NUMBERS))
-        data = RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
-    return SensorMessage(
-        seqno=0,
-        position=None if joints is None else _finite("joints", joints, axes),
-        velocity=None if speed is None else _finite("speed", speed, axes),
-        tool_position=None if pose is None else _vector("position of pose", pose.position),
-        tool_orientation=orientation,
-        twist=None if twist is None else cast("Twist", _finite("twist", twist, 6)),
-        external=() if external is None else _finite("external", external, beside),
-        external_velocity=() if external_speed is None else _finite("external_speed", external_speed, beside),
-        rapid_data=data,
-    )
-
-
-def correction(offset: Sequence[float], age: float) -> PathCorrection:
-    """The path correction by ``offset`` [m], measured ``age`` [s] ago.
-
-    Raises:
-        CommandRefused: a value is not finite, or the age is negative.
-    """
-    if not 0.0 <= age <= _OLDEST_MEASUREMENT:
-        raise CommandRefused(message("correction_of_other_age", age=age, limit=_OLDEST_MEASUREMENT))
-    return PathCorrection(0, _vector("offset", offset), round(age * 1000.0))
-
-
-def is_placed(message: SensorMessage) -> bool:
+def _is_placed(message: SensorMessage) -> bool:
     """Whether it says where the robot is to be."""
     return message.position is not None or message.tool_position is not None or bool(message.external)
 
 
-def moves(message: SensorMessage) -> bool:
+def _moves(message: SensorMessage) -> bool:
     """Whether it has any reference, be it zero."""
     return (
-        is_placed(message)
+        _is_placed(message)
         or message.velocity is not None
         or message.twist is not None
         or bool(message.external_velocity)
@@ -401,7 +366,7 @@ class DatagramLink(Protocol):
 _Accepted = TypeVar("_Accepted")
 
 
-def accept_from(
+def _accept_from(
     link: DatagramLink,
     accept: Callable[[Sequence[bytes], float], _Accepted | None],
     datagrams: Sequence[bytes],
@@ -419,7 +384,7 @@ def accept_from(
     return None
 
 
-def is_running(message: RobotMessage) -> bool:
+def _is_running(message: RobotMessage) -> bool:
     """Whether the robot follows, as the core judges it of the arms of the control loop."""
     return bool(load().codec_is_running(message.motors, message.mci, message.rapid))
 

@@ -30,7 +30,7 @@ from abb_protocols.errors import RobotNotReady, YumiError
 from abb_protocols.robot.joints import Side
 from abb_runtime.process.supervision import SupervisedThread
 from yumi.control.loop_events import Event, is_logged, is_warning
-from yumi.driver.command import RECENT, Caller, Command, CommandedRobot, EndpointRequest, Lane
+from yumi.driver.command import Caller, Command, CommandedRobot, EndpointRequest, Lane
 from yumi.driver.commands import carry_out, offered_to
 from yumi.driver.endpoint import (
     FIRST_REQUEST,
@@ -42,7 +42,7 @@ from yumi.driver.endpoint import (
     endpoint_path,
     failure_of,
 )
-from yumi.driver.reports import Said
+from yumi.driver.reports import RECENT_EVENTS, Said
 
 MAX_CLIENTS = 16
 """So many clients are served at once; one more is served when it asks for a stop."""
@@ -364,7 +364,7 @@ class EndpointServer:
 
     async def _publish(self, client: _Client, request: Subscribe) -> None:
         self._robot.on_subscription()
-        loop, known = asyncio.get_running_loop(), max(0, self._robot.events.count - RECENT)
+        loop, known = asyncio.get_running_loop(), max(0, self._robot.events.count - RECENT_EVENTS)
         due = loop.time()
         while not client.is_gone:
             try:

@@ -1,28 +1,18 @@
-"""The Smart Gripper over Robot Web Services: commands through the state machine, and subscriptions to its signals.
+"""The Smart Gripper over Robot Web Services: its fingers and vacuum modules, by commands to the state machine.
 
 Whatever is reported here was measured by the gripper; elapsed time decides only that a command has failed. One
 :class:`RwsGripper` an arm; both share :class:`GripperRoutines`, which has the state machine run their commands, and
-:class:`GripperSignals`, which knows their signals by subscription.
+:class:`.GripperSignals`, which knows their signals by subscription.
 """
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from threading import Lock
-from typing import Protocol
 
-from abb_protocols.catalogue import Message, message, said_by
-from abb_protocols.errors import (
-    CommandRefused,
-    ControllerRefused,
-    GoalNotReached,
-    ProtocolError,
-    RobotNotReady,
-    YumiError,
-)
+from abb_protocols.catalogue import Message, message
+from abb_protocols.errors import CommandRefused, ControllerRefused, GoalNotReached, RobotNotReady
 from abb_protocols.robot.gripper_values import (
     ALLOWANCE,
     ATMOSPHERE,
@@ -36,32 +26,25 @@ from abb_protocols.robot.gripper_values import (
     ServoCommand,
     ServoState,
     VacuumState,
-    go_to,
     outcome_of,
     position_of,
     read_gripper,
     read_vacuum,
     servo_state,
-    signal_names,
     speed_count,
 )
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
-from abb_protocols.rws.values import Resource
 from abb_runtime.clock import POLL_PERIOD, Clock, comes_true, wait_until
-from abb_runtime.rws.client import Change, RwsClient, signal_state
+from abb_runtime.rws.client import RwsClient
+from yumi.driver.gripper_signals import GripperSignals, full_signal_name
 from yumi.driver.readiness import ConditionalRequest, check_request
 from yumi.driver.robot_state import RobotState
-from yumi.driver.state_machine import GRIPPER, MAIN, RUN_GRIPPER, SgCommand, read_machine_state
-
-log = logging.getLogger(__name__)
+from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, SgCommand, read_machine_state
 
 CHANNELS = (1, 2)
 """Numbers of the vacuum modules."""
 
-CLOSED = go_to(0.0)
-
-STALL_TIME = 1.0
+_STALL_TIME = 1.0
 """Fingers that have stood still for so long on their way to a position are stopped by something [s]."""
 
 _JAMMED = 0.15  # [s]; fingers seen standing for so long before the gripper gave up were stopped by something, too
@@ -75,23 +58,13 @@ _UNKNOWN = 404
 _AT_REST = {ServoState.ACTION_COMPLETED, ServoState.KEEP_OBJECT}
 _STANDING = _AT_REST | {ServoState.READY, ServoState.ERROR}
 _JOGGING = {ServoState.JOG_OPEN, ServoState.JOG_CLOSE, ServoState.CALIBRATION}
-_FAILURES = (RobotNotReady, ControllerRefused, ProtocolError, GoalNotReached)
 
 Check = Callable[[], None]
 """Raises when a gripper may not move."""
 
 
-Report = Callable[[Message], None]
-"""Takes what was done, or what is not as it should be."""
-
-
 def forbid_nothing() -> None:
     """The check where nothing forbids a motion."""
-
-
-def _full_name(side: Side, name: str) -> str:
-    """A gripper's signal as the controller names it."""
-    return f"{name}_{side.name[0]}"
 
 
 class RwsGripper:
@@ -329,7 +302,7 @@ class RwsGripper:
         """A gripper gives up by itself, too; an error of fingers that moved has another cause."""
         if state is ServoState.ERROR:
             return self._stood >= _JAMMED and abs(self.last_position - goal.position) > ALLOWANCE
-        if self._stood < STALL_TIME:
+        if self._stood < _STALL_TIME:
             return False
         before = self.last_position  # what was reported may have been held up on its way: ask
         return self._ask_position() == before and self._ask("hand_ActualSpeed") == 0
@@ -489,7 +462,7 @@ class RwsGripper:
 
     def _ask(self, name: str) -> float:
         """A signal as it is now; raises RobotNotReady when the controller has no such signal."""
-        full = _full_name(self.side, name)
+        full = full_signal_name(self.side, name)
         try:
             return self._client.signal(full).value
         except ControllerRefused as error:
@@ -508,125 +481,7 @@ class RwsGripper:
         return self.last_position
 
     def _write(self, name: str, value: float) -> None:
-        self._client.set_signal(_full_name(self.side, name), value)
-
-
-class GripperSetup:
-    """Calibrates grippers that need it, both at once, each time the robot has become ready and before EGM starts.
-
-    A gripper loses its calibration with its 24 V supply. One that cannot be used is reported and left, since the arms
-    move without it.
-
-    Args:
-        grippers: the robot's.
-        report: gets what is done, before it is done.
-        warn: gets which gripper cannot be used, why, and what to do; once, until that changes.
-        is_allowed: whether they may be calibrated without being asked for (``gripper.calibrate``).
-        why_not: why a gripper may not move now; None when it may.
-        is_named: whether what makes the robot ready names the calibration, as a call that only resumes does not.
-        is_confirmed: whether nothing that stopped the robot waits for a person: an uncalibrated gripper does not know
-            what is between its fingers.
-    """
-
-    def __init__(
-        self,
-        grippers: Mapping[Side, RwsGripper],
-        report: Callable[[str], None],
-        warn: Report,
-        *,
-        is_allowed: bool = True,
-        why_not: Callable[[Side], Message | None] = lambda side: None,
-        is_named: Callable[[], bool] = lambda: True,
-        is_confirmed: Callable[[], bool] = lambda: True,
-    ) -> None:
-        self._grippers = grippers
-        self._report = report
-        self._warn = warn
-        self._is_allowed = is_allowed
-        self._why_not = why_not
-        self._is_named = is_named
-        self._is_confirmed = is_confirmed
-        self._warnings: dict[Side, Message] = {}
-
-    def steps(self, *, is_tested: bool = False) -> list[str]:
-        """What :meth:`run` and :func:`close_as_test` will do to the grippers as they are now, in words."""
-        steps = []
-        for side, gripper in self._grippers.items():
-            with suppress(*_FAILURES):  # what cannot be used is not moved, and run() reports why
-                if not gripper.is_calibrated() and self._why_not_now(gripper) is None:
-                    steps.append(f"calibrate the {side.word} gripper (its fingers close)")
-                if is_tested and not gripper.is_holding():
-                    steps.append(f"close the {side.word} gripper as a test")
-        return steps
-
-    def run(self) -> None:
-        """Calibrate what needs it and may be calibrated; what cannot is left uncalibrated."""
-        chosen = [gripper for gripper in self._grippers.values() if self._is_to_calibrate(gripper)]
-        if not chosen:
-            return
-        words = " and ".join(gripper.side.word for gripper in chosen)
-        self._report(f"calibrate the {words} gripper{'s' if len(chosen) > 1 else ''}: the fingers close")
-        try:
-            chosen[0].calibrate(*chosen[1:])
-        except _FAILURES as error:
-            for gripper in chosen:
-                self._warn_if_new(gripper.side, _unusable(gripper.side, error))
-            return
-        for gripper in chosen:
-            self._warnings.pop(gripper.side, None)
-
-    def _is_to_calibrate(self, gripper: RwsGripper) -> bool:
-        side = gripper.side
-        try:
-            if gripper.is_calibrated():
-                self._warnings.pop(side, None)
-                return False
-            reason = self._why_not_now(gripper)
-        except _FAILURES as error:
-            self._warn_if_new(side, _unusable(side, error))
-            return False
-        if reason is not None:
-            self._warn_if_new(side, message("gripper_left_uncalibrated", gripper=side.word, reason=reason))
-        return reason is None
-
-    def _why_not_now(self, gripper: RwsGripper) -> Message | None:
-        if not self._is_allowed:
-            return message("calibration_not_allowed_by_settings")
-        if not self._is_named():
-            return message("calibration_not_named")
-        if not self._is_confirmed():
-            return message("gripper_may_hold_something_after_stop")
-        return self._why_not(gripper.side) or gripper.why_not_calibrate()
-
-    def _warn_if_new(self, side: Side, said: Message) -> None:
-        if self._warnings.get(side) != said:
-            self._warnings[side] = said
-            self._warn(said)
-
-
-def _unusable(side: Side, error: Exception) -> Message:
-    return message("gripper_unusable", gripper=side.word, reason=said_by(error))
-
-
-def close_as_test(grippers: Mapping[Side, RwsGripper], report: Report, warn: Report) -> None:
-    """Close each gripper to see that it does; one that holds something, or is not calibrated, is left as it is.
-
-    Args:
-        grippers: the robot's.
-        report: gets what was done.
-        warn: gets which gripper cannot be used, and why.
-    """
-    for side, gripper in grippers.items():
-        try:
-            if gripper.is_holding():
-                report(message("gripper_holds_and_was_not_tested", gripper=side.word))
-                continue
-            gripper.begin(CLOSED)
-            if gripper.wait(CLOSED) is not GripOutcome.CLOSED:
-                raise RobotNotReady(message("gripper_test_failed", position=gripper.last_position))
-            report(message("gripper_tested", gripper=side.word))
-        except _FAILURES as error:
-            warn(_unusable(side, error))
+        self._client.set_signal(full_signal_name(self.side, name), value)
 
 
 class GripperRoutines:
@@ -699,7 +554,7 @@ class GripperRoutines:
         with self._lock:
             for side in sides:
                 # The task calibrates in a trap, which would hold back every stop of an arm that moves.
-                machine = read_machine_state(self._client.symbol(side.task, MAIN, "current_state"))
+                machine = read_machine_state(self._client, side)
                 state = RobotState(True, machines={side: machine})
                 check_request(ConditionalRequest.CALIBRATE, state, (side,))
             for each in Side:
@@ -714,173 +569,19 @@ class GripperRoutines:
 
     def _wait_until_taken(self, side: Side, timeout: float, check_may_move: Check = forbid_nothing) -> None:
         def is_taken() -> bool:
-            return rapid_values.decode(self._client.symbol(side.task, GRIPPER, "command_input")) == SgCommand.NONE
+            return self._client.value(side.task, GRIPPER, "command_input") == SgCommand.NONE
 
         refusal = message("gripper_command_not_taken", arm=side.word, timeout=timeout)
         wait_until(self._clock, is_taken, timeout, refusal, check=check_may_move, period=_ROUTINE_POLL)
 
     def _write(self, side: Side, symbol: str, value: float) -> None:
-        self._client.set_symbol(side.task, GRIPPER, symbol, rapid_values.encode(value))
+        self._client.set_value(side.task, GRIPPER, symbol, value)
 
     def _write_force(self, side: Side, force: float) -> None:
-        current = rapid_values.decode(self._client.symbol(side.task, GRIPPER, "settings"))
+        current = self._client.value(side.task, GRIPPER, "settings")
         if not isinstance(current, tuple) or len(current) != 3:
             symbol = f"{side.task}/{GRIPPER}/settings"
             raise RobotNotReady(message("rapid_record_of_unknown_layout", symbol=symbol, value=str(current)))
         max_speed, set_force, limit = current
         if set_force != force:
-            self._client.set_symbol(side.task, GRIPPER, "settings", rapid_values.encode((max_speed, force, limit)))
-
-
-SignalName = tuple[Side, str]
-"""A gripper, and one of its signals without the arm's suffix."""
-
-
-class Closable(Protocol):
-    """A subscription."""
-
-    def close(self) -> None: ...
-
-
-class Subscriber(Protocol):
-    """The part of a client that is needed."""
-
-    def subscribe(
-        self, resources: Sequence[Resource], on_change: Callable[[Change], None], on_lost: Callable[[str], None]
-    ) -> Closable: ...
-
-    def signals(self) -> Mapping[str, float]: ...
-
-
-class GripperSignals:
-    """The signals of both grippers by subscription, 20 times a second while something changes; safe from any thread.
-
-    A value is known from the subscription's start to its end: what does not change is not reported again. Everything is
-    read once after its start, for it is unknown whether a controller reports what changes while the WebSocket opens.
-
-    Args:
-        client: a connected client.
-        modules: what each gripper is made of; one that the controller does not have stays unknown.
-    """
-
-    def __init__(self, client: Subscriber, modules: Mapping[Side, GripperModules]) -> None:
-        self._client = client
-        self._modules = modules
-        self._lock = Lock()
-        self._values: dict[SignalName, float] = {}
-        self._reported: set[SignalName] = set()  # since the subscription started
-        self._subscription: Closable | None = None
-        self._lost: Closable | None = None  # its group still counts at the controller, which allows two
-        self._number = 0  # of the subscription that counts: one that has ended may still report something
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the controller reports changes."""
-        return self._subscription is not None
-
-    def keep_open(self) -> None:
-        """Subscribe unless that has been done.
-
-        Raises:
-            YumiError: the controller cannot be reached, or refuses; the message says which.
-        """
-        if self._subscription is not None:
-            return
-        self._close_lost()
-        subscription, number = self._subscribed()
-        try:
-            # What is reported meanwhile may be newer than what is read, and counts.
-            with self._lock:
-                self._reported.clear()
-                known = tuple(self._values)
-            values = self._client.signals()
-            read = {(side, name): values.get(_full_name(side, name)) for side, name in known}
-            with self._lock:
-                if number == self._number:
-                    self._values |= {
-                        name: value for name, value in read.items() if value is not None and name not in self._reported
-                    }
-        except YumiError:
-            self._end(number)
-            subscription.close()
-            raise
-        with self._lock:
-            if number == self._number:
-                self._subscription = subscription
-            else:  # lost meanwhile
-                self._lost = subscription
-
-    def close(self) -> None:
-        """End the subscription; nothing is known any more."""
-        self._close_lost()
-        subscription = self._end(self._number)
-        if subscription is not None:
-            subscription.close()
-
-    def value(self, side: Side, name: str) -> float | None:
-        """A signal of a gripper by its name without the arm's suffix, or None while it is unknown."""
-        with self._lock:
-            return self._values.get((side, name))
-
-    def state(self, side: Side) -> GripperState | None:
-        """A gripper as it is now, or None while that is unknown.
-
-        Raises:
-            ProtocolError: the gripper reports a state that no Smart Gripper has.
-        """
-        modules = self._modules[side]
-        with self._lock:
-            known = {name: self._values.get((side, name)) for name in signal_names(modules)}
-        values = {name: value for name, value in known.items() if value is not None}
-        return read_gripper(values.__getitem__, modules) if len(values) == len(known) else None
-
-    def _subscribed(self) -> tuple[Closable, int]:
-        """Both grippers, or the one that the controller has."""
-        refusal: YumiError | None = None
-        for sides in (tuple(self._modules), *((side,) for side in self._modules)):
-            with self._lock:
-                self._number += 1
-                self._values = {}
-                number = self._number
-            names = {
-                signal_state(_full_name(side, name)): (side, name)
-                for side in sides
-                for name in signal_names(self._modules[side])
-            }
-            paths = {resource.path: name for resource, name in names.items()}
-            try:
-                on_change, on_lost = partial(self._on_change, number, paths), partial(self._on_lost, number)
-                return self._client.subscribe(tuple(names), on_change, on_lost), number
-            except ControllerRefused as error:
-                refusal = refusal or error
-        assert refusal is not None, "there are grippers"
-        raise refusal
-
-    def _on_change(self, number: int, paths: Mapping[str, SignalName], change: Change) -> None:
-        try:
-            name, value = paths[change.path], float(change.fields["lvalue"])
-        except (KeyError, ValueError):
-            log.warning("a signal's change makes no sense: %s %s", change.path, dict(change.fields))
-            return
-        with self._lock:
-            if number == self._number:
-                self._values[name] = value
-                self._reported.add(name)
-
-    def _on_lost(self, number: int, sentence: str) -> None:
-        self._lost = self._end(number) or self._lost
-
-    def _close_lost(self) -> None:
-        with self._lock:
-            lost, self._lost = self._lost, None
-        if lost is not None:
-            lost.close()
-
-    def _end(self, number: int) -> Closable | None:
-        with self._lock:
-            if number != self._number:
-                return None
-            self._number += 1
-            self._values = {}
-            subscription, self._subscription = self._subscription, None
-            return subscription
+            self._client.set_value(side.task, GRIPPER, "settings", (max_speed, force, limit))

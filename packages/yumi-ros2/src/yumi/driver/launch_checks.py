@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ControllerRefused, RobotNotReady
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
 from abb_protocols.rws.documents import SystemInfo
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.state_machine import MAIN
@@ -16,7 +15,7 @@ from yumi.driver.state_machine import MAIN
 OLDEST_ROBOTWARE = (6, 9)
 """EGM for seven axes came with RobotWare 6.09 (reference/statemachine.md §3.5)."""
 
-SINGLE_ARM_YUMI = "IRB 14050"
+_SINGLE_ARM_YUMI = "IRB 14050"
 
 REQUIRED_OPTIONS: Mapping[str, str] = {"689-1 Externally Guided Motion (EGM)": "EGM can move no arm"}
 """What the controller must have, and what does not work without.
@@ -31,7 +30,7 @@ GRIPPER_PRODUCT = "SmartGripper"
 PROGRAM_VERSION = 1.1
 """Of the state machine's interface; see ``controller_files/TRobMain.mod``."""
 
-ANY_ADDRESS = "0.0.0.0"
+_ANY_ADDRESS = "0.0.0.0"
 """A socket at this address receives what comes to any of this machine's."""
 
 
@@ -52,7 +51,7 @@ def other_robot(robot: str, units: Sequence[str]) -> str:
     """
     name = f"an {robot}" if robot else "another robot"
     listed = f"mechanical unit{'s' * (len(units) > 1)} {', '.join(units)}" if units else "no mechanical unit"
-    return f"{name} ({listed}), not a YuMi{' with two arms' * (robot == SINGLE_ARM_YUMI)}"
+    return f"{name} ({listed}), not a YuMi{' with two arms' * (robot == _SINGLE_ARM_YUMI)}"
 
 
 class LaunchChecks:
@@ -82,8 +81,7 @@ class LaunchChecks:
         system = self._client.system()
         self.check_robot(system)
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-            version = ".".join(map(str, system.robotware))
-            raise RobotNotReady(message("robotware_too_old", version=version, oldest="6.09"))
+            raise RobotNotReady(message("robotware_too_old", version=system.version, oldest="6.09"))
         for option, loss in REQUIRED_OPTIONS.items():
             if option not in system.options:
                 raise RobotNotReady(message("option_missing", option=option, loss=loss))
@@ -131,7 +129,7 @@ class LaunchChecks:
         if kind != "num":
             raise RobotNotReady(message("state_has_wrong_type", task=task, module=MAIN, kind=kind))
         try:
-            version = rapid_values.decode(self._client.symbol(task, MAIN, "VERSION"))
+            version = self._client.value(task, MAIN, "VERSION")
         except ControllerRefused:
             version = "unknown"
         if version != PROGRAM_VERSION:
@@ -149,7 +147,7 @@ class LaunchChecks:
             if device.get("Type") != "UDPUC":
                 raise RobotNotReady(message("udpuc_device_missing", device=side.unit))
             host, port = device.get("RemoteAdress", ""), device.get("RemotePortNumber", "")
-            if address.host not in (host, ANY_ADDRESS) or port != str(address.port):
+            if address.host not in (host, _ANY_ADDRESS) or port != str(address.port):
                 self.misdirected[side] = message(
                     "datagrams_go_elsewhere",
                     arm=side.word,

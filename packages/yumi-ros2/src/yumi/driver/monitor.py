@@ -43,13 +43,14 @@ from yumi.control.loop_events import RobotStoppedFollowing, SessionLost, Session
 from yumi.control.shared_state import JointStates, Snapshots
 from yumi.driver.readiness import why_not_ready
 from yumi.driver.robot_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState
-from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
+from yumi.driver.speed_setting import SpeedSetting
+from yumi.driver.state_machine import RUN_RAPID, START_JOINT, STOP, MachineState, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, explain, explained, has_ended_egm
 
-GROUP = 0.25
+_GROUP = 0.25
 """Changes that come within this time are one line of the log [s]."""
 
-UNEXPLAINED = 0.75
+_UNEXPLAINED = 0.75
 """A stop that no event has explained after this time is logged without one [s]."""
 
 NOTICED = 0.5
@@ -120,12 +121,12 @@ class StateLog:
         if self._events or (after.stop and after.stop != self._logged_stop):
             self._since = min(self._since, now)
         waited = now - self._since
-        if waited >= UNEXPLAINED or (waited >= GROUP and (self._stops.is_certain or not self._stopped)):
+        if waited >= _UNEXPLAINED or (waited >= _GROUP and (self._stops.is_certain or not self._stopped)):
             self._log(after)
 
     def next_due(self, delay: float) -> float:
         """``delay`` [s], or less where something has to be logged before."""
-        return min(delay, max(self._since + GROUP - self._clock.now(), GROUP / 5)) if self._since < inf else delay
+        return min(delay, max(self._since + _GROUP - self._clock.now(), _GROUP / 5)) if self._since < inf else delay
 
     def _log(self, state: RobotState) -> None:
         parts, events, cause = self._stopped, self._events, self._stops.cause
@@ -191,18 +192,18 @@ _MOTORS = {
 }
 
 
-EVENT_LOG = event_log()
-SIGNALS = tuple(map(signal_state, (START_JOINT, STOP, RUN_RAPID)))
-RESOURCES = (OPERATING_MODE, CONTROLLER_STATE, EXECUTION, SPEED_RATIO, EVENT_LOG, *SIGNALS)
+_EVENT_LOG = event_log()
+_SIGNALS = tuple(map(signal_state, (START_JOINT, STOP, RUN_RAPID)))
+_RESOURCES = (OPERATING_MODE, CONTROLLER_STATE, EXECUTION, SPEED_RATIO, _EVENT_LOG, *_SIGNALS)
 """What is subscribed to."""
 
-POLL = 0.15
+_POLL = 0.15
 """Time between two polls of the event log of a controller that grants no subscription [s]."""
 
-BUSY_POLL = 0.2
+_BUSY_POLL = 0.2
 """Time between two polls of state machines that are about to change [s]."""
 
-OWN_POLL = 1.0
+_OWN_POLL = 1.0
 """The same while a request of ours is carried out, which reads itself what it waits for [s].
 
 Together they would have less of the 20 requests a second that ABB permits, and the request would take longer.
@@ -214,22 +215,22 @@ WHOLE_POLL = 5.0
 STALE = 2.0 * WHOLE_POLL
 """What was read longer ago than this is unknown [s]."""
 
-RECONNECT = 1.0
+_RECONNECT = 1.0
 """Time between two attempts to reach a controller that does not answer [s]."""
 
-EXPLAINED = 0.5
+_EXPLAINED = 0.5
 """The event log explains a stop within this time [s]: EGM's end arrives before the event that says why."""
 
-EXPLAIN_POLL = 0.1
+_EXPLAIN_POLL = 0.1
 """Time between two polls while an explanation is awaited [s]."""
 
 JOINTS_POLL = 0.4
 """Time between two readings of the joints of arms without EGM [s]: 5 of the 20 requests a second that ABB permits."""
 
-JOINTS_SPEED = 1.0
+_JOINTS_SPEED = 1.0
 """The speed of the joints is what they moved between two readings, if those are not further apart than this [s]."""
 
-_STOPPING = {EVENT_LOG.path, CONTROLLER_STATE.path, EXECUTION.path, OPERATING_MODE.path}
+_STOPPING = {_EVENT_LOG.path, CONTROLLER_STATE.path, EXECUTION.path, OPERATING_MODE.path}
 _STARTING = 503
 _JOURNAL = 256  # changes that are remembered while something is read
 _FIXED = {MachineState.IDLE, MachineState.RUN_EGM_ROUTINE}
@@ -280,7 +281,7 @@ class RobotMonitor:
         self._is_following = self._is_lost = self._is_poll_requested = False
         self._journal: deque[Change] = deque(maxlen=_JOURNAL)
         self._reported_count = self._handled_count = 0  # changes that the controller reported, that the thread handled
-        self._polled_at = self._machines_polled_at = self._joints_polled_at = -RECONNECT
+        self._polled_at = self._machines_polled_at = self._joints_polled_at = -_RECONNECT
         self._read_at = -inf  # when all of it was read last
         self._wake, self._is_over = Flag(), Flag()
         self._thread: SupervisedThread | None = None
@@ -333,13 +334,13 @@ class RobotMonitor:
     def explain(self, then: Callable[[Cause], None]) -> None:
         """Have ``then`` called, on the monitor's thread, once it is known what stopped the robot.
 
-        That is after :data:`EXPLAINED` at the latest, and one reply of the controller; at once where no thread runs.
+        That is after :data:`_EXPLAINED` at the latest, and one reply of the controller; at once where no thread runs.
         """
         if not self.is_running:
             then(self.cause())
             return
         with self._lock:
-            self._unexplained.append((self._clock.now() + EXPLAINED, then))
+            self._unexplained.append((self._clock.now() + _EXPLAINED, then))
         self._wake.set()
 
     def describe(self, event: ArmEvent, then: Callable[[Message], None]) -> None:
@@ -356,7 +357,7 @@ class RobotMonitor:
         answer: Future[Cause] = Future()
         self.explain(answer.set_result)
         try:
-            return answer.result(2.0 * EXPLAINED)
+            return answer.result(2.0 * _EXPLAINED)
         except NotInTime:  # the controller does not answer either
             return self.cause()
 
@@ -400,14 +401,14 @@ class RobotMonitor:
         try:
             delay = self._follow(now) if self._is_following else self._connect(now)
         except YumiError:  # a controller that is starting refuses everything
-            delay = RECONNECT
+            delay = _RECONNECT
             self._lose(since=now)
         self._report()
         self._answer_unexplained()
         stop, self._seen_stop = self._seen_stop, self._stops.stop
         if self._seen_stop is not None and self._seen_stop != stop:
             self.on_stop()
-        return self.log.next_due(min(delay, EXPLAIN_POLL) if self._unexplained else delay)
+        return self.log.next_due(min(delay, _EXPLAIN_POLL) if self._unexplained else delay)
 
     def take_wake(self) -> bool:
         """Whether the next step is due at once; what comes from now on is for the step after it."""
@@ -428,7 +429,7 @@ class RobotMonitor:
     def _connect(self, now: float) -> float:
         self._is_lost = False
         try:
-            self._subscription = self._client.subscribe(RESOURCES, self._on_change, self._on_lost)
+            self._subscription = self._client.subscribe(_RESOURCES, self._on_change, self._on_lost)
         except (ControllerRefused, ProtocolError):  # it is polled
             self._client.system()  # raises unless it answers
             self._subscription = None
@@ -463,9 +464,9 @@ class RobotMonitor:
 
     def _next_poll(self) -> float:
         if self._subscription is None:
-            return POLL
+            return _POLL
         due = max(0.01, self._whole_due - self._clock.now())
-        return min(BUSY_POLL, due) if self._is_busy else due  # a request of ours may end before its next poll is due
+        return min(_BUSY_POLL, due) if self._is_busy else due  # a request of ours may end before its next poll is due
 
     @property
     def _whole_due(self) -> float:
@@ -474,12 +475,12 @@ class RobotMonitor:
 
     @property
     def _busy_poll(self) -> float:
-        return OWN_POLL if self.log.is_requesting else BUSY_POLL
+        return _OWN_POLL if self.log.is_requesting else _BUSY_POLL
 
     @property
     def _is_busy(self) -> bool:
         """Whether a state machine is about to change, or its arm's datagrams show another state."""
-        egm = egm_states(self._loop)
+        egm = _egm_states(self._loop)
         return any(
             machine not in _FIXED or (machine is MachineState.RUN_EGM_ROUTINE) != (egm[side] == EGM_RUNNING)
             for side, machine in self._state.machines.items()
@@ -506,7 +507,7 @@ class RobotMonitor:
             self._journal.append(change)
             self._reported_count += 1
             if self._state.is_connected:
-                self._state = changed(self._state, change)
+                self._state = _changed(self._state, change)
         self._wake.set()
 
     def _on_lost(self, sentence: str) -> None:
@@ -523,7 +524,7 @@ class RobotMonitor:
         machines: dict[Side, MachineState | None] = dict.fromkeys(Side)
         for side in Side:
             try:
-                machines[side] = read_machine_state(self._client.symbol(side.task, MAIN, "current_state"))
+                machines[side] = read_machine_state(self._client, side)
             except ProtocolError:
                 continue
             except ControllerRefused as error:
@@ -552,7 +553,7 @@ class RobotMonitor:
                 time, last = 0.5 * (asked + self._clock.now()), self._joints.get(side)
                 dt = time - last.time if last is not None else inf
                 velocity = ZERO
-                if last is not None and 0.0 < dt <= JOINTS_SPEED:
+                if last is not None and 0.0 < dt <= _JOINTS_SPEED:
                     velocity = joints([(b - a) / dt for a, b in zip(last.position, position, strict=True)])
                 self._joints[side] = JointStates(time, position, velocity)
                 self.on_joints(side, self._joints[side])
@@ -570,7 +571,7 @@ class RobotMonitor:
         )
         with self._lock:
             for change in self._changes_since(begin):
-                state = changed(state, change)
+                state = _changed(state, change)
             self._state, self._read_at = state, self._clock.now()
             if self._reported_count > begin:  # changes do not contain events and state machines: read those again
                 self._handled_count = min(self._handled_count, begin)
@@ -586,7 +587,7 @@ class RobotMonitor:
         arms = [self._loop.snapshot(side) for side in Side]
         live = replace(
             state,
-            egm=egm_states(self._loop),
+            egm=_egm_states(self._loop),
             speed_scale=min([self._speed.in_force, *(arm.speed_cap for arm in arms if arm.is_streaming)]),
             allowed_collisions=self.allowed_collisions,
             limited_by=tuple(arm.limited_by for arm in arms if arm.limited_by),
@@ -624,7 +625,7 @@ class RobotMonitor:
             self._failures.attempt("Reporting what stopped the robot", then, cause)
 
 
-def changed(state: RobotState, change: Change) -> RobotState:
+def _changed(state: RobotState, change: Change) -> RobotState:
     """``state`` after a reported change; an unknown word changes nothing."""
     for name, text in change.fields.items():
         try:
@@ -641,7 +642,7 @@ def changed(state: RobotState, change: Change) -> RobotState:
     return state
 
 
-def egm_states(loop: Snapshots) -> Mapping[Side, str]:
+def _egm_states(loop: Snapshots) -> Mapping[Side, str]:
     """EGM of each arm in a word."""
     snapshots = {side: loop.snapshot(side) for side in Side}
     return {

@@ -16,17 +16,17 @@ from abb_protocols.catalogue import headline, message
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.joints import Joints, Side
+from abb_protocols.robot.joints import Joints, Side, by_side
 from yumi.control.goals import Tracking, stream_delay
 from yumi.control.hand_over import MOTION_BEGINS, Commander
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
-    Arm,
+    ArmName,
     Caller,
     Command,
     CommandedRobot,
     Lane,
-    Position,
+    SentPosition,
     RunningMotion,
     Scale,
     TimedPoint,
@@ -39,7 +39,7 @@ from yumi.driver.reports import MotionReport
 JOG_HOLDS = 0.06
 """A jog moves an arm for so long, unless the next one comes [s]: braking from the page's highest speed takes 0.12 s."""
 
-LAST_STOP = 5.0
+_LAST_STOP = 5.0
 """The move of a program from which a person takes an arm has ended within this time [s]."""
 
 _SCRIPT = frozenset({FrontEnd.SCRIPT})
@@ -59,8 +59,8 @@ class Move(Command[str], frozen=True):
 
     front_ends = frozenset({FrontEnd.SCRIPT, FrontEnd.SHELL, FrontEnd.PAGE})
 
-    right: Position | None = None
-    left: Position | None = None
+    right: SentPosition | None = None
+    left: SentPosition | None = None
     speed_scale: Scale | None = None
     acceleration: Scale | None = None
     timeout: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
@@ -69,10 +69,9 @@ class Move(Command[str], frozen=True):
     speed: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
 
     @property
-    def goals(self) -> Mapping[Side, Position]:
+    def goals(self) -> Mapping[Side, SentPosition]:
         """The positions of the arms that have one."""
-        both = ((Side.RIGHT, self.right), (Side.LEFT, self.left))
-        return {side: goal for side, goal in both if goal is not None}
+        return by_side(self.right, self.left)
 
     def check(self) -> None:
         if self.is_pose and self.speed is not None and not self.is_linear:
@@ -112,15 +111,14 @@ class Follow(Command[str], frozen=True):
 
     front_ends = _SCRIPT
 
-    start: dict[Arm, Joints]
+    start: dict[ArmName, Joints]
     right: tuple[TimedPoint, ...] | None = None
     left: tuple[TimedPoint, ...] | None = None
 
     @property
     def trajectories(self) -> Mapping[Side, tuple[TimedPoint, ...]]:
         """The points of the arms that have some."""
-        both = ((Side.RIGHT, self.right), (Side.LEFT, self.left))
-        return {side: points for side, points in both if points is not None}
+        return by_side(self.right, self.left)
 
     def needed_arms(self, robot: CommandedRobot) -> Sequence[Side]:
         return tuple(self.trajectories)
@@ -147,7 +145,7 @@ class Jog(Command[str], frozen=True):
     lane = Lane.JOG
     front_ends = _SCRIPT
 
-    arm: Arm
+    arm: ArmName
     speeds: Joints
     time: float | None = None
 
@@ -169,7 +167,7 @@ class JogTool(Command[str], frozen=True):
     lane = Lane.JOG
     front_ends = _SCRIPT
 
-    arm: Arm
+    arm: ArmName
     linear: tuple[float, float, float] = (0.0, 0.0, 0.0)
     angular: tuple[float, float, float] = (0.0, 0.0, 0.0)
     elbow: float = 0.0
@@ -203,20 +201,19 @@ class Stream(Command[str], frozen=True):
     lane = Lane.JOG
     front_ends = _SCRIPT
 
-    right: Position | None = None
-    left: Position | None = None
-    velocities: dict[Arm, Joints] | None = None
-    grippers: dict[Arm, float] | None = None
+    right: SentPosition | None = None
+    left: SentPosition | None = None
+    velocities: dict[ArmName, Joints] | None = None
+    grippers: dict[ArmName, float] | None = None
     time: float | None = None
     tracking: Tracking = "feed_forward"
     delay: float | None = None
     blend: float | None = None
 
     @property
-    def goals(self) -> Mapping[Side, Position]:
+    def goals(self) -> Mapping[Side, SentPosition]:
         """The positions of the arms that have one."""
-        both = ((Side.RIGHT, self.right), (Side.LEFT, self.left))
-        return {side: goal for side, goal in both if goal is not None}
+        return by_side(self.right, self.left)
 
     def check(self) -> None:
         if not self.goals and not self.grippers:
@@ -307,8 +304,8 @@ def _acquire_from_program(robot: CommandedRobot, caller: Caller, side: Side) -> 
     if commander is Commander.NONE:
         return robot.moving.acquire(timeout=MOTION_BEGINS)
     hand_over.take(side, caller.commander)
-    wait_for_futures([motion.future for motion in robot.mover.stop((side,))], LAST_STOP)
-    return robot.moving.acquire(timeout=LAST_STOP)
+    wait_for_futures([motion.future for motion in robot.mover.stop((side,))], _LAST_STOP)
+    return robot.moving.acquire(timeout=_LAST_STOP)
 
 
 def _move(

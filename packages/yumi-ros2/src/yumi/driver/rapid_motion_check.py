@@ -17,7 +17,6 @@ import numpy as np
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, chain_from_abb, joint_names
-from abb_protocols.rws import values as rapid_values
 from abb_runtime.rws.client import RwsClient
 from yumi.control.collisions import declared_margins
 from yumi.core.collision import CollisionModel
@@ -141,19 +140,16 @@ class RapidMotionCheck:
     def _goal(self, side: Side, routine: str) -> Joints | None:
         """Where a routine goes on a straight way in joints [rad]; None where its way is not known."""
         if routine == "runmoveabsj":
-            robax, external = cast("tuple[Any, Any]", self._decoded(side, RAPID, "move_jointtarget_input"))
+            robax, external = cast("tuple[Any, Any]", self._client.value(side.task, RAPID, "move_jointtarget_input"))
             return None if external[0] >= _UNUSED else _in_chain((*robax, external[0]))
         if routine == "runmovetocalibrationposition":
-            values = cast("tuple[Any, ...]", self._decoded(side, _UTILITY, "calibration_values"))
+            values = cast("tuple[Any, ...]", self._client.value(side.task, _UTILITY, "calibration_values"))
             here = chain_from_abb((0, 1, 2, 3, 4, 5), 6)  # ABB's index of each joint in chain order
             now = self._client.joint_target(side.unit)
             rows = zip(here, now, strict=True)
             first, *rest = (values[2 * int(axis) + 1] if values[2 * int(axis)] else at for axis, at in rows)
             return (first, *rest)
         return None
-
-    def _decoded(self, side: Side, module: str, name: str) -> object:
-        return rapid_values.decode(self._client.symbol(side.task, module, name))
 
     def _check_path(self, side: Side, routine: str, starts: Mapping[Side, Joints], goal: Joints) -> None:
         for name, angle, lower, upper in zip(

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, ControllerRefused, RobotNotReady
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
 from abb_runtime.clock import Clock, wait_until
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.controller_panel import RAPID_NAME, ControllerPanel
@@ -88,8 +87,8 @@ class RapidRoutines:
         try:
             step(f"run {name}")
             self._has_begun = True
-            self._write(side, ROUTINE_NAME, name)
-            self._write(side.other, ROUTINE_NAME, "")
+            self._client.set_value(side.task, RAPID, ROUTINE_NAME, name)
+            self._client.set_value(side.other.task, RAPID, ROUTINE_NAME, "")
             self._client.pulse_signal(RUN_RAPID)
             wait_until(
                 self._clock,
@@ -134,7 +133,7 @@ class RapidRoutines:
             raise CommandRefused(message("module_not_loaded", task=side.task, path=path))
 
     def _run_with_file(self, side: Side, routine: str, path: str) -> None:
-        self._write(side, "module_file_path_input", path)
+        self._client.set_value(side.task, RAPID, "module_file_path_input", path)
         self.run(side, routine)
 
     def _has_module(self, side: Side, name: str) -> bool:
@@ -153,9 +152,6 @@ class RapidRoutines:
         if self._client.symbol(side.task, RAPID, ROUTINE_NAME) != '""':
             return False
         return self._machines.state(side) is MachineState.IDLE
-
-    def _write(self, side: Side, symbol: str, value: rapid_values.RapidValue) -> None:
-        self._client.set_symbol(side.task, RAPID, symbol, rapid_values.encode(value))
 
 
 def _module_in(file_name: str, text: str) -> str:

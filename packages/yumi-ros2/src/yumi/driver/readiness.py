@@ -22,7 +22,7 @@ from yumi.driver.robot_state import EGM_RUNNING, RobotState, machine_name
 from yumi.driver.state_machine import MachineState
 
 _BOTH_ARMS = tuple(Side)
-Arms = tuple[Side, ...]
+_Arms = tuple[Side, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,63 +36,63 @@ class Condition:
     """
 
     name: str
-    is_met: Callable[[RobotState, Arms], bool]
-    reason: Callable[[RobotState, Arms], Message]
+    is_met: Callable[[RobotState, _Arms], bool]
+    reason: Callable[[RobotState, _Arms], Message]
 
 
-def _controller_is_not(stop: ControllerState) -> Callable[[RobotState, Arms], bool]:
+def _controller_is_not(stop: ControllerState) -> Callable[[RobotState, _Arms], bool]:
     return lambda state, _: state.controller_state is not stop
 
 
-def _says(reason: Message) -> Callable[[RobotState, Arms], Message]:
+def _says(reason: Message) -> Callable[[RobotState, _Arms], Message]:
     return lambda state, arms: reason
 
 
-def _mode(state: RobotState, arms: Arms) -> Message:
+def _mode(state: RobotState, arms: _Arms) -> Message:
     if state.operating_mode is None:
         return message("mode_unknown")
     return message("not_in_auto", mode=state.operating_mode.value)
 
 
-def _motors_off(state: RobotState, arms: Arms) -> Message:
+def _motors_off(state: RobotState, arms: _Arms) -> Message:
     if state.controller_state is ControllerState.EMERGENCY_STOP_RESET:
         return message("motors_off_after_emergency_stop")
     return message("motors_off")
 
 
-def _machines(state: RobotState, arms: Arms) -> tuple[Message, ...]:
+def _machines(state: RobotState, arms: _Arms) -> tuple[Message, ...]:
     return tuple(message("machine", arm=side.word, machine=machine_name(state, side)) for side in arms)
 
 
-def _is_idle(state: RobotState, arms: Arms) -> bool:
+def _is_idle(state: RobotState, arms: _Arms) -> bool:
     return all(state.machines[side] is MachineState.IDLE for side in arms)
 
 
-def _is_idle_or_in_egm(state: RobotState, arms: Arms) -> bool:
+def _is_idle_or_in_egm(state: RobotState, arms: _Arms) -> bool:
     return all(state.machines[side] is MachineState.IDLE or state.egm[side] == EGM_RUNNING for side in arms)
 
 
-CONNECTED = Condition(
+_CONNECTED = Condition(
     "the controller answers",
     lambda state, _: state.is_connected,
     _says(message("controller_does_not_answer")),
 )
-AUTOMATIC = Condition(
+_AUTOMATIC = Condition(
     "the controller is in AUTO",
     lambda state, _: state.operating_mode is OperatingMode.AUTO,
     _mode,
 )
-NO_EMERGENCY_STOP = Condition(
+_NO_EMERGENCY_STOP = Condition(
     "no emergency stop is pressed",
     _controller_is_not(ControllerState.EMERGENCY_STOP),
     _says(message("emergency_stop_pressed")),
 )
-NO_GUARD_STOP = Condition(
+_NO_GUARD_STOP = Condition(
     "no guard stop is active",
     _controller_is_not(ControllerState.GUARD_STOP),
     _says(message("guard_stop_active")),
 )
-NO_SYSTEM_FAILURE = Condition(
+_NO_SYSTEM_FAILURE = Condition(
     "the controller is not in system failure",
     _controller_is_not(ControllerState.SYSTEM_FAILURE),
     _says(message("system_failure")),
@@ -102,12 +102,12 @@ MOTORS_ON = Condition(
     lambda state, _: state.controller_state is ControllerState.MOTORS_ON,
     _motors_off,
 )
-PROGRAM_RUNS = Condition(
+_PROGRAM_RUNS = Condition(
     "the RAPID program runs",
     lambda state, _: state.execution is ExecutionState.RUNNING,
     _says(message("program_stopped")),
 )
-PROGRAM_STANDS = Condition(
+_PROGRAM_STANDS = Condition(
     "the RAPID program is stopped",
     lambda state, _: state.execution is ExecutionState.STOPPED,
     _says(message("program_runs")),
@@ -119,7 +119,7 @@ IDLE = Condition(
         "not_idle", machines=_machines(state, tuple(side for side in arms if not _is_idle(state, (side,))))
     ),
 )
-IDLE_OR_IN_EGM = Condition(
+_IDLE_OR_IN_EGM = Condition(
     "the state machines are idle, or EGM runs",
     _is_idle_or_in_egm,
     lambda state, arms: message(
@@ -127,13 +127,13 @@ IDLE_OR_IN_EGM = Condition(
         machines=_machines(state, tuple(side for side in arms if not _is_idle_or_in_egm(state, (side,)))),
     ),
 )
-CONFIRMED = Condition(
+_CONFIRMED = Condition(
     "no stop waits for a person",
     lambda state, _: not state.stop,
     lambda state, _: message("stop_open", stop=state.stop),
 )
 
-NO_STOP = (NO_EMERGENCY_STOP, NO_GUARD_STOP, NO_SYSTEM_FAILURE)
+NO_STOP = (_NO_EMERGENCY_STOP, _NO_GUARD_STOP, _NO_SYSTEM_FAILURE)
 """Stops that no request ends."""
 
 
@@ -164,26 +164,26 @@ _REFUSALS: Mapping[ConditionalRequest, str] = {
 }
 
 NEEDED: Mapping[ConditionalRequest, tuple[Condition, ...]] = {
-    ConditionalRequest.BRING_UP: (AUTOMATIC, *NO_STOP, CONFIRMED),
-    ConditionalRequest.START_RAPID: (AUTOMATIC, MOTORS_ON, CONFIRMED),
-    ConditionalRequest.RUN_ROUTINE: (AUTOMATIC, PROGRAM_RUNS, IDLE, CONFIRMED),
-    ConditionalRequest.LOAD_MODULE: (AUTOMATIC, PROGRAM_RUNS, IDLE),
-    ConditionalRequest.MOVE_PP: (AUTOMATIC, PROGRAM_STANDS),
-    ConditionalRequest.WRITE: (AUTOMATIC,),
-    ConditionalRequest.MOVE_GRIPPER: (CONFIRMED,),
-    ConditionalRequest.CALIBRATE: (IDLE, CONFIRMED),
-    ConditionalRequest.READY: (CONNECTED, AUTOMATIC, *NO_STOP, MOTORS_ON, PROGRAM_RUNS, IDLE_OR_IN_EGM, CONFIRMED),
+    ConditionalRequest.BRING_UP: (_AUTOMATIC, *NO_STOP, _CONFIRMED),
+    ConditionalRequest.START_RAPID: (_AUTOMATIC, MOTORS_ON, _CONFIRMED),
+    ConditionalRequest.RUN_ROUTINE: (_AUTOMATIC, _PROGRAM_RUNS, IDLE, _CONFIRMED),
+    ConditionalRequest.LOAD_MODULE: (_AUTOMATIC, _PROGRAM_RUNS, IDLE),
+    ConditionalRequest.MOVE_PP: (_AUTOMATIC, _PROGRAM_STANDS),
+    ConditionalRequest.WRITE: (_AUTOMATIC,),
+    ConditionalRequest.MOVE_GRIPPER: (_CONFIRMED,),
+    ConditionalRequest.CALIBRATE: (IDLE, _CONFIRMED),
+    ConditionalRequest.READY: (_CONNECTED, _AUTOMATIC, *NO_STOP, MOTORS_ON, _PROGRAM_RUNS, _IDLE_OR_IN_EGM, _CONFIRMED),
 }
 """What each request needs, in the order in which it is checked. A request that can bring a condition about itself does
 not need it. That a stop is confirmed is checked by :class:`StopLog`, which reads the event log."""
 
 
-def unmet(conditions: Iterable[Condition], state: RobotState, arms: Arms = _BOTH_ARMS) -> Condition | None:
+def unmet(conditions: Iterable[Condition], state: RobotState, arms: _Arms = _BOTH_ARMS) -> Condition | None:
     """The first condition that is not met."""
     return next((condition for condition in conditions if not condition.is_met(state, arms)), None)
 
 
-def check_request(request: ConditionalRequest, state: RobotState, arms: Arms = _BOTH_ARMS) -> None:
+def check_request(request: ConditionalRequest, state: RobotState, arms: _Arms = _BOTH_ARMS) -> None:
     """Refuse a request that a condition forbids; that a stop is confirmed is left to the log of stops.
 
     Args:
@@ -194,13 +194,13 @@ def check_request(request: ConditionalRequest, state: RobotState, arms: Arms = _
     Raises:
         RobotNotReady: a condition is not met; the message says which and what to do.
     """
-    needed = [condition for condition in NEEDED[request] if condition is not CONFIRMED]
+    needed = [condition for condition in NEEDED[request] if condition is not _CONFIRMED]
     missing = unmet(needed, state, arms)
     if missing is not None:
         raise RobotNotReady(Message(_REFUSALS[request], {"reason": missing.reason(state, arms)}))
 
 
-_DONE_BY_RECOVER = (MOTORS_ON, PROGRAM_RUNS, IDLE_OR_IN_EGM)
+_DONE_BY_RECOVER = (MOTORS_ON, _PROGRAM_RUNS, _IDLE_OR_IN_EGM)
 
 
 def why_not_ready(state: RobotState) -> tuple[Message, ...]:

@@ -37,7 +37,7 @@ _LONGEST_RESTART = 120.0
 _LONGEST_HANG = 5.0
 """Longest wait for one that takes connections but ends no reply [s]: one that is starting takes none."""
 
-WAITING = "wait for the controller, which does not answer"
+_WAITING = "wait for the controller, which does not answer"
 
 ATTEMPTS = 10
 """So often it is tried to recover automatically, for one loss of EGM."""
@@ -104,8 +104,8 @@ class Recovery:
                 return True
             next_attempt = self._clock.now() + _ATTEMPT_PERIOD
             if not is_reported:
-                self._bringup.note(WAITING)
-                report(WAITING)
+                self._bringup.note(_WAITING)
+                report(_WAITING)
                 is_reported = True
             return False
 

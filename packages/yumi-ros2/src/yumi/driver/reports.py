@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import time
+from collections import deque
 from contextlib import suppress
 from enum import Enum
 from html import escape
 from math import degrees
+from threading import Lock
 from typing import Any
 
 import msgspec
@@ -14,7 +17,7 @@ import msgspec
 from abb_protocols.catalogue import Message, from_wire, in_words, is_known, message, sentence, to_wire
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.egm.codec import SensorCodec
-from abb_protocols.errors import ProtocolError
+from abb_protocols.errors import ProtocolError, RobotNotReady
 from abb_protocols.robot.gripper_values import GripOutcome
 from abb_protocols.robot.joints import Joints, Pose, Side, abb_from_chain
 from abb_protocols.robot.kinematics import tool0_to_body
@@ -22,6 +25,14 @@ from yumi.control.hand_over import Commander, Commanding
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import PROBLEMS, Limited, Problem, Snapshot
 from yumi.driver.robot_state import robot_lines
+
+_KEPT_EVENTS = 100
+"""So many lines of the driver's log are kept."""
+
+RECENT_EVENTS = 20
+"""So many of them are in a state that is asked for once."""
+
+_LEVELS = {logging.INFO: "info", logging.WARNING: "warning", logging.ERROR: "error"}
 
 
 class ArmMode(Enum):
@@ -247,6 +258,32 @@ class EventReport(msgspec.Struct, frozen=True):
     said: Said
 
 
+class EventLog:
+    """The newest lines of the driver's log, for its clients; safe from any thread.
+
+    Attributes:
+        count: the number of the newest line.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._events: deque[EventReport] = deque(maxlen=_KEPT_EVENTS)
+        self._lock = Lock()
+
+    def note(self, level: int, said: Message | str) -> None:
+        """Keep a line, with a level of :mod:`logging`; none for debugging."""
+        if level < logging.INFO:
+            return
+        with self._lock:
+            self.count += 1
+            self._events.append(EventReport(self.count, time.time(), _LEVELS.get(level, "info"), Said.of(said)))
+
+    def since(self, number: int) -> tuple[EventReport, ...]:
+        """The lines after ``number`` that are still there."""
+        with self._lock:
+            return tuple(event for event in self._events if event.number > number)
+
+
 class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     """A driver with its robot, now. What is unknown is None.
 
@@ -303,6 +340,20 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     def cause(self) -> str:
         """The causes with what to do, in this program's words."""
         return in_words(each.message for each in self.causes)
+
+    def planning_start(self) -> dict[Side, Joints]:
+        """Where both arms are, for a motion that is planned from there [rad], (7,) each.
+
+        Raises:
+            RobotNotReady: EGM does not report where an arm is.
+        """
+        start = {}
+        for side in Side:
+            position = self.arms[side.word].position
+            if position is None:
+                raise RobotNotReady(message("plan_without_position", arm=side.word))
+            start[side] = position
+        return start
 
     def __repr__(self) -> str:
         """In lines, as ``yumi state`` prints it."""

@@ -62,8 +62,7 @@ class RobotConnection:
             if not self.is_open:
                 self._manager.start()
                 self.is_open = True
-        version = ".".join(map(str, system.robotware))
-        return f"Connected to {self._client.address}: {system.name}, RobotWare {version}."
+        return f"Connected to {self._client.address}: {system.name}, RobotWare {system.version}."
 
     def disconnect(self) -> str:
         """End the monitoring and log out; nothing where that has been done."""

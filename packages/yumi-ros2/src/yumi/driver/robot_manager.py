@@ -25,8 +25,10 @@ from yumi.control.loop_events import (
     SessionLost,
 )
 from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
-from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl
-from yumi.driver.gripper import GripperSetup, RwsGripper, close_as_test
+from yumi.driver.controller_names import STREAM_CONTROLLER
+from yumi.driver.egm_control import ArmControl, EgmControl
+from yumi.driver.gripper import RwsGripper
+from yumi.driver.gripper_setup import GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
 from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.rapid_routines import RapidRoutines
@@ -78,7 +80,7 @@ class RobotManager:
         bringup: Bringup,
         control: ArmControl,
         clock: Clock,
-        default: str = POSITION_CONTROLLER,
+        default: str = STREAM_CONTROLLER,
         arms: tuple[Side, ...] = tuple(Side),
         watchdog: WatchdogSettings = WatchdogSettings(),  # noqa: B008 - it is frozen
         stops: StopLog | None = None,
@@ -631,7 +633,6 @@ class RobotManager:
 def bring_up(
     manager: RobotManager,
     setup: GripperSetup,
-    grippers: Mapping[Side, RwsGripper],
     log: Callable[[int, Message | str], None],
     *,
     is_tested: bool = False,
@@ -642,7 +643,6 @@ def bring_up(
     Args:
         manager: of the robot.
         setup: of the grippers.
-        grippers: both.
         log: takes a level of :mod:`logging` and what is to be logged.
         is_tested: whether the grippers are closed once as a test.
         is_reading_only: whether the robot is left as it is.
@@ -662,7 +662,7 @@ def bring_up(
             manager.make_ready()
         if is_tested:
             close_as_test(
-                grippers,
+                setup.grippers,
                 lambda said: log(logging.INFO, str(said)),
                 lambda said: log(logging.ERROR, str(said)),
             )

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from html import escape
+from typing import Literal
 
 from abb_protocols.catalogue import Message, clause, in_words, message
 from abb_protocols.robot.joints import Side
@@ -31,6 +32,9 @@ class RobotMode(Enum):
         """The arms on which EGM runs in this mode."""
         return _ARMS.get(self, ())
 
+
+ModeName = Literal["motors_off", "ready", "egm_left", "egm_right", "egm_both"]
+"""The value of a mode, as commands name it."""
 
 _ARMS: Mapping[RobotMode, tuple[Side, ...]] = {
     RobotMode.EGM_LEFT: (Side.LEFT,),

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from functools import partial
+from ipaddress import ip_address
 from math import hypot, inf
 from pathlib import Path
 from types import NoneType
@@ -18,7 +19,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from abb_protocols.catalogue import Message, message, quoted, said_by
 from abb_protocols.errors import CommandRefused, SettingsError
 from abb_protocols.robot.gripper_values import GripperModules
-from abb_protocols.robot.joints import Pose, Side, Vector
+from abb_protocols.robot.joints import Pose, Side, Vector, by_side
 from abb_protocols.robot.kinematics import quaternion_from_euler_zyx
 from abb_runtime.parameters import (
     Parameter,
@@ -30,16 +31,19 @@ from abb_runtime.parameters import (
     read_mapping,
     read_parameter_file,
 )
+from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
-from abb_runtime.udp import is_loopback
+from abb_runtime.udp import address_towards, is_loopback, resolve
 from yumi.control.collisions import MARGIN
 from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
 from yumi.core.collision import TOOL_FRAME, CollisionModel, CollisionPart, Obstacle, check_declared
 from yumi.driver.control_process import WakeMode
-from yumi.driver.egm_control import POSITION_CONTROLLER
+from yumi.driver.controller_names import STREAM_CONTROLLER
+from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.recovery import RecoverySettings
-from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings
+from yumi.driver.speed_setting import FIRST_SPEED_SCALE, LOWEST_SPEED_SCALE
+from yumi.driver.state_machine import EgmMotionSettings
 from yumi.driver.watchdog import WatchdogSettings
 
 _AUTO = "auto"
@@ -72,6 +76,27 @@ class RobotSettings:
     timeout: float = bounded(2.0, 0.1, 4.0, "s")
     speed_scale: float | None = bounded(None, LOWEST_SPEED_SCALE, FULL)
 
+    @property
+    def host_and_port(self) -> str:
+        """Where Robot Web Services are, as commands and messages say it."""
+        return f"{self.address}:{self.rws_port}"
+
+    @property
+    def is_on_this_machine(self) -> bool:
+        """Whether it has an address of this machine, and is no real one unless a tunnel begins there."""
+        return ip_address(resolve(self.address)).is_loopback
+
+    @property
+    def first_speed_scale(self) -> float:
+        """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
+        if self.speed_scale is not None:
+            return self.speed_scale
+        return FULL if self.is_on_this_machine else FIRST_SPEED_SCALE
+
+    def client(self) -> RwsClient:
+        """A client of the controller, not connected yet."""
+        return RwsClient(self.host_and_port, user=self.user, password=self.password, timeout=self.timeout)
+
 
 @dataclass(frozen=True, slots=True)
 class EgmSettings:
@@ -85,7 +110,7 @@ class EgmSettings:
         wake: how the control process waits: ``auto`` or ``blocking``.
     """
 
-    listen: str = "auto"
+    listen: str = _AUTO
     left_port: int = bounded(6511, 1, MAX_PORT)
     right_port: int = bounded(6512, 1, MAX_PORT)
     silence: float = bounded(0.08, 0.02, 0.09, "s")
@@ -94,6 +119,15 @@ class EgmSettings:
     def port(self, side: Side) -> int:
         """The UDP port of one arm."""
         return self.left_port if side is Side.LEFT else self.right_port
+
+    def listen_for(self, robot: str) -> str:
+        """The local address for the datagrams of the robot at an IP address."""
+        return address_towards(robot) if self.listen == _AUTO else self.listen
+
+    def addresses(self, robot: str) -> dict[Side, EgmAddress]:
+        """Where each arm's datagrams are awaited of the robot at an IP address."""
+        host = self.listen_for(robot)
+        return {side: EgmAddress(host, self.port(side)) for side in Side}
 
 
 class CalibrateWhen(Enum):
@@ -219,7 +253,7 @@ class CollisionSettings:
                 CollisionPart(name, TOOL_FRAME, _vector(it.start), _vector(it.end), it.radius)
                 for name, it in own.items()
             )
-            for side, own in {Side.RIGHT: self.right_tools, Side.LEFT: self.left_tools}.items()
+            for side, own in by_side(self.right_tools, self.left_tools).items()
         }
 
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -306,7 +340,7 @@ class RosSettings:
 
     merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
     bringup: bool | None = None
-    initial_joint_controller: str = POSITION_CONTROLLER
+    initial_joint_controller: str = STREAM_CONTROLLER
     namespace: str = ""
     prefix: str = ""
     publish_tf: bool = True
@@ -318,6 +352,10 @@ class RosSettings:
             raise SettingsError(message("namespace_not_of_ros", setting="ros: namespace", value=self.namespace))
         if not _PREFIX.fullmatch(self.prefix):
             raise SettingsError(message("prefix_not_of_ros", setting="ros: prefix", value=self.prefix))
+
+    def brings_up(self, *, is_real: bool) -> bool:
+        """Whether the driver brings the robot to ready when it starts: a real one only where that is named."""
+        return not is_real if self.bringup is None else self.bringup
 
     @property
     def root(self) -> str:

@@ -2,22 +2,18 @@
 
 The interface is that of ABB's StateMachine Add-In 1.1 (reference/statemachine.md); the RAPID modules in
 ``controller_files`` have the same.
-
-:class:`SpeedSetting` is the setting ``speed_scale``: what was asked for, and what each arm's control loop gets of it
-within the robot's own limit, with which EGM was started there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from math import hypot, isclose, isfinite
-from threading import Lock
 from typing import Any, cast
 
-from abb_protocols.catalogue import Message, message, quoted, said_by
+from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import (
     CommandRefused,
     ControllerRefused,
@@ -34,102 +30,9 @@ from abb_protocols.rws.values import RapidValue, RwsCode
 from abb_runtime.clock import Clock, wait_until
 from abb_runtime.parameters import bounded
 from abb_runtime.rws.client import RwsClient
-from yumi.control.goals import Buffer
-from yumi.control.speed_scale import FULL, SpeedFactor
+from yumi.driver.speed_setting import SpeedSetting
 
 _NO_SYMBOL = {(400, RwsCode.FAIL), (404, RwsCode.FAIL)}  # of a symbol, and of a module, that is not there
-
-LOWEST_SPEED_SCALE = 0.01
-"""Slower than this, joints creep: a full turn would take hours."""
-
-FIRST_SPEED_SCALE = 0.1
-"""What holds at a robot that is not on this machine, until it is raised."""
-
-
-class SpeedSetting:
-    """The factor on the speed of every controller of both arms; safe from any thread.
-
-    The robot's own limit, EGM's MaxSpeedDeviation, is lowered with it when EGM starts, and cannot be changed before the
-    next start; until then an arm gets no more than it was started with.
-
-    Args:
-        value: to begin with.
-        buffers: from which each arm's control loop reads it.
-        is_in_egm: whether EGM runs on an arm.
-
-    Raises:
-        CommandRefused: the value is out of range.
-    """
-
-    def __init__(
-        self,
-        value: float = FULL,
-        buffers: Mapping[Side, Buffer[SpeedFactor]] | None = None,
-        is_in_egm: Callable[[Side], bool] = lambda side: False,
-    ) -> None:
-        self._lock = Lock()
-        self._buffers = buffers or {}
-        self.is_in_egm = is_in_egm
-        self._started_with = dict.fromkeys(Side, FULL)
-        self._value = checked_speed_scale(value)
-        self._write()
-
-    @property
-    def value(self) -> float:
-        """What was asked for."""
-        return self._value
-
-    @property
-    def in_force(self) -> float:
-        """What holds now, on the slower arm."""
-        return min(map(self._of_arm, Side))
-
-    def set(self, value: float) -> str:
-        """Change it, for motions under way, too; returns a sentence.
-
-        Raises:
-            CommandRefused: the value is out of range; nothing was changed.
-        """
-        with self._lock:
-            self._value = checked_speed_scale(value)
-            self._write()
-        return str(self)
-
-    def note_start(self, arms: Iterable[Side], value: float) -> None:
-        """EGM has started on ``arms`` with the robot's own limit lowered to ``value``."""
-        with self._lock:
-            self._started_with.update(dict.fromkeys(arms, value))
-            self._write()
-
-    @property
-    def said(self) -> Message:
-        """What was asked for, and what holds."""
-        if self.in_force < self._value:
-            return message("speed_scale_waits_for_egm", value=self._value, in_force=self.in_force)
-        return message("speed_scale_in_force", value=self._value)
-
-    def __str__(self) -> str:
-        return str(self.said)
-
-    def _of_arm(self, side: Side) -> float:
-        return min(self._value, self._started_with[side]) if self.is_in_egm(side) else self._value
-
-    def _write(self) -> None:
-        for side, buffer in self._buffers.items():
-            buffer.write(SpeedFactor(self._of_arm(side)))
-
-
-def checked_speed_scale(value: float) -> float:
-    """``value`` as a plain number; raises CommandRefused when it is none, or out of range."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError) as error:
-        no_number = message("speed_scale_no_number", value=quoted(value), lowest=LOWEST_SPEED_SCALE, highest=FULL)
-        raise CommandRefused(no_number) from error
-    if not LOWEST_SPEED_SCALE <= number <= FULL:
-        raise CommandRefused(message("speed_scale_out_of_range", value=number, lowest=LOWEST_SPEED_SCALE, highest=FULL))
-    return number
-
 
 MAIN = "TRobMain"
 EGM = "TRobEGM"
@@ -287,7 +190,7 @@ def _has_layout(value: RapidValue, layout: RapidValue) -> bool:
     return type(value) is type(layout) and (not isinstance(value, float) or isfinite(value))
 
 
-def merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_allowed: bool) -> RapidValue:
+def _merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_allowed: bool) -> RapidValue:
     """The RAPID record ``EGMSettings`` of the robot with the values of ``motion``; what it leaves open is kept.
 
     Raises:
@@ -353,17 +256,13 @@ class StateMachines:
             RobotNotReady: the robot reports an unknown state, or another program is loaded.
         """
         try:
-            literal = self._client.symbol(side.task, MAIN, "current_state")
+            return read_machine_state(self._client, side)
         except ControllerRefused as error:
             if (error.status, error.code) not in _NO_SYMBOL:
                 raise
             raise RobotNotReady(message("state_machine_missing", task=side.task, module=MAIN)) from error
-        try:
-            return read_machine_state(literal)
         except ProtocolError as error:
-            raise RobotNotReady(
-                message("machine_state_unknown", symbol=f"{side.task}/{MAIN}/current_state", value=literal)
-            ) from error
+            raise RobotNotReady(error.said) from error
 
     def states(self) -> Mapping[Side, MachineState]:
         return {side: self.state(side) for side in Side}
@@ -387,8 +286,8 @@ class StateMachines:
         """
         for side in Side:
             with suppress(ControllerRefused, ProtocolError):
-                record = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
-                self._note_tcp(side, merge_egm_settings(record, self._motion, is_allowed=False))
+                record = self._client.value(side.task, EGM, "settings")
+                self._note_tcp(side, _merge_egm_settings(record, self._motion, is_allowed=False))
 
     def _note_tcp(self, side: Side, record: RapidValue) -> None:
         _, (place, turn), _ = cast("tuple[Any, ...]", record)[3][0]
@@ -476,13 +375,13 @@ class StateMachines:
         motion = replace(self._motion, max_speed_deviation=scale * self._motion.max_speed_deviation)
         if side in self._tools:
             motion = replace(motion, tool=tooldata(self._tools[side]))
-        current = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
-        desired = merge_egm_settings(current, motion, is_allowed=is_allowed)
+        current = self._client.value(side.task, EGM, "settings")
+        desired = _merge_egm_settings(current, motion, is_allowed=is_allowed)
         self._note_tcp(side, desired)
         if _equal(current, desired):
             return
-        self._client.set_symbol(side.task, EGM, "settings", rapid_values.encode(desired))
-        written = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
+        self._client.set_value(side.task, EGM, "settings", desired)
+        written = self._client.value(side.task, EGM, "settings")
         if not _equal(written, desired):
             raise RobotNotReady(
                 message("egm_settings_not_taken", task=side.task, written=str(desired), read=str(written))
@@ -497,11 +396,12 @@ def tooldata(tool: Tool) -> str:
     return rapid_values.encode((True, (place, tool.tcp.orientation), (total.mass, centre, axes, *moments)))
 
 
-def read_machine_state(literal: str) -> MachineState:
-    """The state of ``TRobMain/current_state``; raises ProtocolError when there is no such state."""
-    value = rapid_values.decode(literal)
+def read_machine_state(client: RwsClient, side: Side) -> MachineState:
+    """The state of an arm's machine, read once; raises ProtocolError when there is no such state."""
+    value = client.value(side.task, MAIN, "current_state")
     if not isinstance(value, float) or value not in set(MachineState):
-        raise ProtocolError(message("machine_state_unknown", symbol=f"{MAIN}/current_state", value=literal))
+        symbol = f"{side.task}/{MAIN}/current_state"
+        raise ProtocolError(message("machine_state_unknown", symbol=symbol, value=rapid_values.encode(value)))
     return MachineState(int(value))
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import secrets
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from math import inf
@@ -135,7 +135,7 @@ def _since_start(events: Iterable[RwsEvent]) -> list[RwsEvent]:
     return list(takewhile(lambda event: event.code not in _PROGRAM_STARTED, events))
 
 
-class EventSource(Protocol):
+class _EventSource(Protocol):
     """What is needed of a client: state of the motors, and the event log, newest first."""
 
     def controller_state(self) -> ControllerState: ...
@@ -189,6 +189,10 @@ class Cause:
 
     causes: tuple[Message, ...] = ()
     stop: str = ""
+
+
+Explain = Callable[[Callable[[Cause], None]], None]
+"""Calls back with what stopped the robot, once that is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,7 +259,7 @@ class StopLog:
                 return False
             return known.cause is None or is_without_person(known.cause)
 
-    def read(self, client: EventSource) -> tuple[ControllerState, RwsEvent | None]:
+    def read(self, client: _EventSource) -> tuple[ControllerState, RwsEvent | None]:
         """Read state and event log; returns the state and the newest event.
 
         Raises:
@@ -273,7 +277,7 @@ class StopLog:
                 self._awaits_event_until = self._clock.now() + HISTORY
             return state, events[0] if events else None
 
-    def check_confirmed(self, client: EventSource, confirmed: str) -> None:
+    def check_confirmed(self, client: _EventSource, confirmed: str) -> None:
         """See that nothing keeps the robot from being started again.
 
         Args:
@@ -301,7 +305,7 @@ class StopLog:
                     message("still_stopped", stop=stop.id, reason=active, causes=stop.causes), stop.id
                 )
 
-    def check_unchanged(self, client: EventSource, confirmed: str) -> None:
+    def check_unchanged(self, client: _EventSource, confirmed: str) -> None:
         """The same between two steps: only the newest event is read while there is nothing new."""
         with self._lock:
             newest, stop = client.events(count=1), self.stop
@@ -332,7 +336,7 @@ class StopLog:
             self.is_complete = True
             self._known = replace(self._known, cause=cause_among(event for event, _ in self._recent))
 
-    def settle_egm(self, client: EventSource) -> None:
+    def settle_egm(self, client: _EventSource) -> None:
         """EGM runs again: what ended it before has not stopped the robot. Where a person was involved, it may yet have.
 
         Raises:

@@ -12,7 +12,7 @@ from yumi.core.collision import TOOL_FRAME, CollisionPart, Obstacle
 from yumi.driver.settings import Settings
 
 
-class BoxReport(msgspec.Struct, frozen=True):
+class SurroundingsBox(msgspec.Struct, frozen=True):
     """A box that stands around the robot: its name, the pose of its middle in the body's frame, its edges [m]."""
 
     name: str
@@ -20,7 +20,7 @@ class BoxReport(msgspec.Struct, frozen=True):
     size: Vector
 
 
-class ToolReport(msgspec.Struct, frozen=True):
+class SurroundingsTool(msgspec.Struct, frozen=True):
     """A capsule that an arm carries beside its gripper: its name, both ends of its axis in tool0 and its radius [m]."""
 
     name: str
@@ -42,8 +42,8 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     grippers: dict[str, str] = {}
-    tools: dict[str, tuple[ToolReport, ...]] = {}
-    boxes: tuple[BoxReport, ...] = ()
+    tools: dict[str, tuple[SurroundingsTool, ...]] = {}
+    boxes: tuple[SurroundingsBox, ...] = ()
     is_limited: bool = False
     margin: float = 0.0
     velocity: Joints | None = None
@@ -55,10 +55,10 @@ def surroundings_of(settings: Settings) -> Surroundings:
     return Surroundings(
         grippers={side.word: settings.gripper.modules(side).value for side in Side},
         tools={
-            side.word: tuple(ToolReport(part.name, part.start, part.end, part.radius) for part in parts)
+            side.word: tuple(SurroundingsTool(part.name, part.start, part.end, part.radius) for part in parts)
             for side, parts in own.tools().items()
         },
-        boxes=tuple(BoxReport(each.name, each.centre, each.size) for each in own.obstacles()),
+        boxes=tuple(SurroundingsBox(each.name, each.centre, each.size) for each in own.obstacles()),
         is_limited=own.enabled,
         margin=own.margin,
     )

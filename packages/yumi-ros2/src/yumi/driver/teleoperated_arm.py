@@ -29,7 +29,7 @@ from yumi.driver.device_frame import DeviceHand, DeviceSettings
 LINK_LOST = 0.2
 """Without a frame for so long the link is lost [s]: the arm brakes, and the clutch must be pressed again."""
 
-CLOSE_ENOUGH = 0.2
+_CLOSE_ENOUGH = 0.2
 """A follower goes to where its leader arm is only where no joint is further away at first [rad]."""
 
 BLENDING = 2.0
@@ -59,7 +59,7 @@ class Clutch(Enum):
     INERT = auto()
 
 
-class Follower(Enum):
+class TeleoperationFollower(Enum):
     """What of an arm follows."""
 
     TOOL = auto()
@@ -104,7 +104,7 @@ class ClutchStep(NamedTuple):
     """
 
     goal: MotionGoal | None = None
-    take_over: Follower | None = None
+    take_over: TeleoperationFollower | None = None
     brakes: bool = False
     gripper: float | None = None
 
@@ -142,7 +142,7 @@ class TeleoperatedArm:
         self._side, self._tool = side, tool
         self._sent: Joints = ZERO
         self._stands_since = 0.0
-        self._follower = Follower.TOOL
+        self._follower = TeleoperationFollower.TOOL
         self._motion: _PoseFollowing | _JointFollowing | None = None  # of this hold; a twist needs none
         self._gripper: float | None = None  # the value of the gripper when it counted last, or when the clutch engaged
 
@@ -162,7 +162,7 @@ class TeleoperatedArm:
             return self._release()
         if self.clutch is Clutch.RELEASED:
             self.clutch, self._stands_since, self._sent = Clutch.ENGAGING, now, arm.sent
-            self._follower = Follower.TOOL if hand.joints is None else Follower.JOINTS
+            self._follower = TeleoperationFollower.TOOL if hand.joints is None else TeleoperationFollower.JOINTS
             return ClutchStep(take_over=self._follower)
         if self.clutch is Clutch.ENGAGING and arm.is_taken and now - self._stands_since >= _STANDS:
             return self._engage(hand, settings, time, arm.sent)
@@ -188,7 +188,7 @@ class TeleoperatedArm:
 
     def _engage(self, hand: DeviceHand, settings: DeviceSettings, time: float, sent: Joints) -> ClutchStep:
         """Take the reference; the first goal is where the arm is."""
-        if (hand.joints is not None) != (self._follower is Follower.JOINTS):
+        if (hand.joints is not None) != (self._follower is TeleoperationFollower.JOINTS):
             return self._inert("device_motion_changed")
         goal: MotionGoal
         if hand.pose is not None:
@@ -196,8 +196,8 @@ class TeleoperatedArm:
             goal = self._motion.reference
         elif hand.joints is not None:
             far = max(abs(a - b) for a, b in zip(hand.joints, sent, strict=True))
-            if settings.is_absolute and far > CLOSE_ENOUGH:
-                return self._inert("leader_too_far", distance=far, most=CLOSE_ENOUGH)
+            if settings.is_absolute and far > _CLOSE_ENOUGH:
+                return self._inert("leader_too_far", distance=far, most=_CLOSE_ENOUGH)
             self._motion = _JointFollowing(hand.joints, settings, time, sent)
             goal = JointsGoal(sent)
         else:

@@ -28,7 +28,7 @@ from yumi.driver.teleoperated_arm import (
     ArmNow,
     Clutch,
     ClutchStep,
-    Follower,
+    TeleoperationFollower,
     MotionGoal,
     TeleoperatedArm,
 )
@@ -91,7 +91,7 @@ class TeleoperatedArms(Protocol):
 
     clock: Clock
 
-    def begin_following(self, side: Side, follower: Follower) -> None: ...
+    def begin_following(self, side: Side, follower: TeleoperationFollower) -> None: ...
 
     def follow_device(self, side: Side, goal: MotionGoal, time: float, until: float) -> None: ...
 
@@ -256,7 +256,7 @@ class Teleoperation:
         with suppress(YumiError):  # an arm that does not answer follows no stream either: it ends with the frames
             self._robot.end_following(side)
 
-    def _take_over(self, side: Side, follower: Follower, press: int) -> None:
+    def _take_over(self, side: Side, follower: TeleoperationFollower, press: int) -> None:
         arm = self._arms[side]
         with self._lock:  # an arm whose clutch was released meanwhile is left to whatever commands it
             if arm.press != press or arm.teleoperated.clutch is not Clutch.ENGAGING:

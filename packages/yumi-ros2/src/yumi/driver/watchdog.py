@@ -13,13 +13,13 @@ from threading import Event as Flag
 
 from abb_protocols.errors import ControllerRefused, YumiError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws.values import RapidValue
 from abb_runtime.parameters import bounded
 from abb_runtime.process.supervision import SupervisedThread
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.state_machine import EXTERNAL_STATUS, WATCHDOG
 
-BEATS_PER_TIMEOUT = 5
+_BEATS_PER_TIMEOUT = 5
 """So many heartbeats come within the time after which the robot stops."""
 
 
@@ -113,9 +113,9 @@ class Watchdog:
             return
 
     def _run(self) -> None:
-        while not self._is_over.wait(self._settings.timeout / BEATS_PER_TIMEOUT):
+        while not self._is_over.wait(self._settings.timeout / _BEATS_PER_TIMEOUT):
             if self.is_armed:
                 self.beat()
 
-    def _write(self, side: Side, name: str, value: rapid_values.RapidValue) -> None:
-        self._client.set_symbol(side.task, WATCHDOG, name, rapid_values.encode(value))
+    def _write(self, side: Side, name: str, value: RapidValue) -> None:
+        self._client.set_value(side.task, WATCHDOG, name, value)

@@ -14,60 +14,52 @@
                                             full-recorder (--record; a broken file is not begun again),
                                             end-in-time, forced-end
                      process 2     the control process: the cycles of both arms, one thread
-
-Also the controllers that an arm starts with, and how each is led to its initial state.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
-from ipaddress import ip_address
 from itertools import pairwise
 from math import radians
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from abb_protocols.catalogue import message, said_by
-from abb_protocols.errors import CommandRefused, SettingsError, SwitchFailed, YumiError
+from abb_protocols.catalogue import message
+from abb_protocols.errors import SettingsError, YumiError
 from abb_protocols.robot.description import SERVO_GRIPPERS
 from abb_protocols.robot.gripper_values import GripperModules
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Side, joint_names, set_prefix
+from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Side, set_prefix
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import takes_faults
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import UdpServer, address_towards, resolve
+from abb_runtime.udp import UdpServer, resolve
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import Controller, find_controller_parameter
-from yumi.control.controllers import find_controllers
 from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_events import Event
-from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.robot_response import EGM_GAIN
-from yumi.control.place import Place
-from yumi.control.shared_state import read_snapshot
-from yumi.control.speed_scale import FULL, SpeedScale
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.stage_times import StageClock
 from yumi.control.tool_limits import ToolLimits
 from yumi.driver.bringup import Bringup
-from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
+from yumi.driver.control_process import ArmBuffers, ControlProcessArm, ControlProcess
 from yumi.driver.egm_arm import EgmArm, FallbackThread
-from yumi.driver.gripper import GripperRoutines, GripperSignals, RwsGripper
+from yumi.driver.gripper import GripperRoutines, RwsGripper
+from yumi.driver.gripper_setup import GripperSetup, MessageReport
+from yumi.driver.gripper_signals import GripperSignals
+from yumi.driver.initial_controllers import Controllers, Halves, check_controllers, manager_of, start_controllers
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
-from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
+from yumi.driver.settings import CalibrateWhen, CollisionSettings, GripperSettings, InitialState, Settings
+from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.egm.egm_session import Session
-
-Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
-"""What runs on each arm."""
 
 
 class DriverParts(NamedTuple):
@@ -119,7 +111,7 @@ def make_parts(
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
     set_prefix(settings.ros.prefix)
-    clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
+    clock, plan = SystemClock(), plan_egm(settings, controllers)
     first = leading or settings.ros.initial_joint_controller
     for side, entries in plan.controllers.items():
         ready = {each.name: each for each in entries if each.state in {None, InitialState.INACTIVE}}
@@ -134,13 +126,11 @@ def make_parts(
                     choices=choices,
                 )
             )
-    client = RwsClient(
-        f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
-    )
-    asks_whether_real = partial(is_real, client, is_here=is_on_this_machine(settings))
+    client = settings.robot.client()
+    asks_whether_real = partial(is_real, client, is_here=settings.robot.is_on_this_machine)
     control = ControlProcess(partial(build_arms, plan), on_event, settings.egm.wake)
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
-    speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
+    speed = SpeedSetting(settings.robot.first_speed_scale, scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
     manager = RobotManager(
         bringup,
@@ -165,21 +155,9 @@ def make_parts(
         manager.monitor.keeps_apart = True
         manager.monitor.on_joints = lambda side, states: control.buffers[side].read_joints.write(states)
     signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
-    grippers = build_grippers(client, clock, settings, signals)
+    grippers = _build_grippers(client, clock, settings, signals)
     manager.grippers = tuple(grippers.values())
     return DriverParts(client, bringup, plan, control, manager, signals, grippers)
-
-
-def first_speed_scale(settings: Settings) -> float:
-    """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
-    if settings.robot.speed_scale is not None:
-        return settings.robot.speed_scale
-    return FULL if is_on_this_machine(settings) else FIRST_SPEED_SCALE
-
-
-def is_on_this_machine(settings: Settings) -> bool:
-    """Whether the robot is on this machine, and so no real one."""
-    return ip_address(resolve(settings.robot.address)).is_loopback
 
 
 def is_real(client: RwsClient, *, is_here: bool) -> bool:
@@ -191,7 +169,7 @@ def is_real(client: RwsClient, *, is_here: bool) -> bool:
     if not is_here:
         return True
     if takes_faults(client.address):
-        client.lift_pace()
+        client.lift_rate_limit()
         return False
     try:
         return not client.identity().is_virtual
@@ -199,12 +177,7 @@ def is_real(client: RwsClient, *, is_here: bool) -> bool:
         return True
 
 
-def brings_up(settings: Settings, *, is_real: bool) -> bool:
-    """Whether a driver brings the robot to ready when it starts: a real one only where that is named."""
-    return not is_real if settings.ros.bringup is None else settings.ros.bringup
-
-
-def build_grippers(
+def _build_grippers(
     client: RwsClient, clock: Clock, settings: Settings, signals: GripperSignals | None = None
 ) -> dict[Side, RwsGripper]:
     """Both grippers of a connected robot; without ``signals`` they read everything by request."""
@@ -213,6 +186,22 @@ def build_grippers(
         side: RwsGripper(side, client, routines, clock, own.timeout, own.speed, own.modules(side), signals)
         for side in Side
     }
+
+
+def set_up_grippers(
+    manager: RobotManager, grippers: Mapping[Side, RwsGripper], settings: GripperSettings, warn: MessageReport
+) -> GripperSetup:
+    """The set-up of the grippers, which takes place each time the robot has become ready."""
+    setup = GripperSetup(
+        grippers,
+        manager.step,
+        warn,
+        is_allowed=settings.calibrate is CalibrateWhen.AT_START,
+        is_named=lambda: manager.may_calibrate,
+        is_confirmed=lambda: not manager.is_unattended,
+    )
+    manager.when_ready(setup.run)
+    return setup
 
 
 def only_at_robot(settings: Settings) -> SingleInstance:
@@ -271,11 +260,10 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
     remote = resolve(settings.robot.address)
-    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
     motion = settings.egm_motion
     return EgmPlan(
-        listen,
+        settings.egm.listen_for(remote),
         remote,
         ports,
         settings.egm.silence,
@@ -291,11 +279,11 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
     )
 
 
-def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
+def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ControlProcessArm]:
     """Both arms of the control process, with the controllers that only watch already active."""
     set_prefix(plan.prefix)
     halves: Halves = {}
-    arms: dict[Side, ConnectedArm] = {}
+    arms: dict[Side, ControlProcessArm] = {}
     answered: list[tuple[Limiter, EgmArm]] = []
     collisions = None
     if plan.collision.enabled:
@@ -306,7 +294,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     for side, own in buffers.items():
         socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
         stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
-        manager = _manager_of(side, own, halves, plan.limits, plan.period, speed, plan.tool_limits)
+        manager = manager_of(side, own, halves, plan.limits, plan.period, speed, plan.tool_limits)
         start_controllers(manager, plan.controllers[side])
         apart = collisions.arm(side) if collisions else None
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, apart, plan.bandwidth)
@@ -326,106 +314,9 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
             own.read_joints,
             own.deadline,
         )
-        arms[side] = ConnectedArm(loop, socket)
+        arms[side] = ControlProcessArm(loop, socket)
         answered.append((limiter, arm))
     for (limiter, _), (other, _) in pairwise(answered):
         limiter.pair(other)
     fallback = FallbackThread(arm for _, arm in answered)
     return {side: arm._replace(fallback=fallback) for side, arm in arms.items()}
-
-
-Halves = dict[str, dict[Side, Any]]
-"""The active halves of controllers that move both arms, by the controllers' name and arm."""
-
-
-CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {each.kind: each.make for each in find_controllers()}
-"""How a controller of each type is made."""
-
-
-def check_controllers(controllers: Controllers) -> Controllers:
-    """``controllers`` as the control process can start them: tried, and without what a wildcard says for others.
-
-    Raises:
-        SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
-    """
-    halves: Halves = {}
-    return {
-        side: start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
-        for side, entries in controllers.items()
-    }
-
-
-def _manager_of(
-    side: Side,
-    buffers: ArmBuffers,
-    halves: Halves,
-    limits: JointLimits = YUMI_LIMITS,
-    period: float = CYCLE,
-    speed: SpeedScale | None = None,
-    tool_limits: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
-) -> ControllerManager:
-    speed = speed or SpeedScale()
-
-    def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(
-            Place(name, side, buffers, halves.setdefault(name, {}), limits, period, speed, tool_limits)
-        )
-
-    kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
-    counted = read_snapshot(buffers.snapshots).activity
-    return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic, counted)
-
-
-def start_controllers(
-    manager: ControllerManager, controllers: Sequence[ControllerSettings]
-) -> tuple[ControllerSettings, ...]:
-    """Lead ``controllers`` to their initial states; their settings, each with its own parameters only.
-
-    Raises:
-        SettingsError: a type is unknown, a parameter not allowed or not known, or a state cannot be reached.
-    """
-    started = tuple(_start_controller(manager, settings) for settings in controllers)
-    # What stands under a wildcard must be for a controller: a mistyped word would pass unseen.
-    taken = {entry.place for settings in started for entry in settings.entries.values()}
-    for settings in controllers:
-        for key, entry in settings.entries.items():
-            if entry.place not in taken and not key.endswith(MANAGER_SETTINGS):
-                raise SettingsError(message("parameter_of_no_controller", place=entry.place, parameter=key))
-    return started
-
-
-def _start_controller(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
-    name, state = settings.name, settings.state
-    if settings.kind not in manager.kinds:
-        raise SettingsError(
-            message(
-                "controller_of_unknown_type",
-                place=settings.place,
-                controller=name,
-                type=settings.kind,
-                known=tuple(manager.kinds),
-            )
-        )
-    if state is InitialState.UNLOADED:
-        return settings
-    place = settings.place  # of what may be refused
-    try:
-        manager.load_kind(name, settings.kind)
-        has = [info.parameter for info in manager.parameters(name)]
-        own = {
-            key: entry
-            for key, entry in settings.entries.items()
-            if find_controller_parameter(has, key) or not entry.is_general
-        }
-        for key, entry in own.items():
-            place = entry.place
-            manager.set_parameters(name, {key: entry.value})
-        place = settings.place
-        if state is not InitialState.UNCONFIGURED:
-            manager.configure(name)
-            commands = any(info.required for info in manager.controllers() if info.name == name)
-            if state is InitialState.ACTIVE or (state is None and not commands):
-                manager.switch((name,), (), None)
-    except (CommandRefused, SwitchFailed) as refusal:
-        raise SettingsError(message("setting_refused", place=place, reason=said_by(refusal))) from refusal
-    return replace(settings, entries=own)

@@ -50,7 +50,7 @@ def plan_chunk(side: Side, times: Sequence[float], positions: Array, limits: Joi
     if not FEWEST_POINTS <= len(at) <= MOST_POINTS:
         raise trajectory_refused(message("chunk_point_count", points=len(at), least=FEWEST_POINTS, most=MOST_POINTS))
     for step in np.diff(at):
-        check_time("the time between two points", float(step), SHORTEST_PERIOD, LONGEST_PERIOD)
+        check_chunk_time("the time between two points", float(step), SHORTEST_PERIOD, LONGEST_PERIOD)
     for index, name in enumerate(names):
         for value in (positions[:, index].min(), positions[:, index].max()):  # a NaN is both
             check_position(name, index, float(value))
@@ -70,7 +70,7 @@ def plan_chunk(side: Side, times: Sequence[float], positions: Array, limits: Joi
     return found
 
 
-def check_time(name: str, value: float, lowest: float, highest: float) -> None:
+def check_chunk_time(name: str, value: float, lowest: float, highest: float) -> None:
     """Refuse a time that is out of range [s]; raises TrajectoryRefused."""
     if not lowest * (1.0 - 1e-9) <= value <= highest * (1.0 + 1e-9):  # NaN too
         raise trajectory_refused(

@@ -11,8 +11,8 @@ in three steps:
 2. the average of it over the time in which a jerk builds an acceleration up, twice: accelerations change gradually.
 3. more time where a jerk is still too high, and only there.
 
-What a motion asks of the joints is judged for both by :func:`demand`, by the differences from cycle to cycle, as the
-limiter sees them.
+A motion is judged for both by :func:`time_demand`: what it asks of the joints, by the differences between cycles, as
+the limiter sees them.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ def timed_along(way: JointPath, limits: JointLimits, rates: tuple[float, float],
     lower, upper = np.array([*limits.lower, -inf]), np.array([*limits.upper, inf])
     most = MotionLimits(tops, strengths, jerks, lower, upper, braking, _SHARE_OF_LIMITS)
 
-    slope = hermite(fine, way.length, way.values, way.slopes, 1)
-    curvature = hermite(fine, way.length, way.values, way.slopes, 2)
+    slope = _hermite(fine, way.length, way.values, way.slopes, 1)
+    curvature = _hermite(fine, way.length, way.values, way.slopes, 2)
     highest = np.min(tops / np.maximum(np.abs(slope), 1e-9), 1)
     highest = np.minimum(highest, np.sqrt(np.min(0.5 * strengths / np.maximum(np.abs(curvature), 1e-9), 1)))
     width = max(int(_SMOOTHING / gap / 2.0), 1)
@@ -82,9 +82,9 @@ def timed_along(way: JointPath, limits: JointLimits, rates: tuple[float, float],
         strongest = float(np.min(0.45 * strengths / np.maximum(np.max(pace, 0), 1e-9)))
         hardest = float(np.min(0.45 * jerks / np.maximum(np.max(pace, 0), 1e-9)))
         ticks, clock = _start_and_end(float(times[-1]), strongest * slowing, hardest * slowing * slowing, cycle)
-        along = hermite(clock, times, fine[:, None], speed[:, None], 0)[:, 0]
-        values = hermite(along, way.length, way.values, way.slopes, 0)
-        asked_for = demand(values, most)
+        along = _hermite(clock, times, fine[:, None], speed[:, None], 0)[:, 0]
+        values = _hermite(along, way.length, way.values, way.slopes, 0)
+        asked_for = time_demand(values, most)
         # Each of them belongs to a place on the way.
         places = np.clip(np.searchsorted(fine, np.concatenate([[0.0], along, [total] * 2])[: len(asked_for)]), 0, count)
         if float(np.max(asked_for)) <= 1.0:
@@ -157,7 +157,7 @@ def fastest_along(path: RoundedPath, limits: MotionLimits, ceiling: Array = _UNL
         law = _averaged(_averaged(accelerating_law(path, limits, share, ceiling), width), width)
         gaps = np.ones(len(law) - 1)
         for _ in range(_ROUNDS):
-            asked = demand(path.at(_stretched(law, gaps))[0], limits)
+            asked = time_demand(path.at(_stretched(law, gaps))[0], limits)
             slower = max(float(np.max(asked)), 1.0)
             if float(gaps.sum()) * slower < best:
                 best, law_of_best, gaps_of_best = float(gaps.sum()) * slower, law, gaps * slower
@@ -174,7 +174,7 @@ def fastest_along(path: RoundedPath, limits: MotionLimits, ceiling: Array = _UNL
     for _ in range(_ROUNDS):
         law = _stretched(law_of_best, gaps_of_best)
         positions = path.at(law)[0]
-        slower = float(np.max(demand(positions, limits)))
+        slower = float(np.max(time_demand(positions, limits)))
         if slower <= 1.0:
             return law, positions
         gaps_of_best = gaps_of_best * (slower + 0.001)
@@ -220,7 +220,8 @@ def _stretched(law: Array, gaps: Array) -> Array:
     edge = np.concatenate([gaps[:1], gaps, gaps[-1:]])
     pace = 2.0 / (edge[1:] + edge[:-1])
     ticks = np.arange(float(np.ceil(times[-1])) + 1.0)
-    at = hermite(np.minimum(ticks, times[-1]), times, np.arange(len(law), dtype=float)[:, None], pace[:, None], 0)[:, 0]
+    counted = np.arange(len(law), dtype=float)[:, None]
+    at = _hermite(np.minimum(ticks, times[-1]), times, counted, pace[:, None], 0)[:, 0]
     index = np.clip(np.floor(at).astype(int), 0, len(law) - 2)
     t = at - index
     p, q, r, s = (np.pad(law, 1, mode="edge")[index + offset] for offset in range(4))
@@ -256,13 +257,13 @@ class MotionLimits:
     stopping: float = 1.0
 
 
-def speeds_to_stop(room: Array, acceleration: Array, jerk: Array) -> Array:
+def _speeds_to_stop(room: Array, acceleration: Array, jerk: Array) -> Array:
     """As :func:`yumi.control.motion.joint_steps.speed_to_stop`, for arrays (n, k) of all joints at once."""
     slow = 3.0 * acceleration / jerk
     return np.asarray(0.5 * acceleration * (np.sqrt(slow * slow + 8.0 * np.maximum(room, 0.0) / acceleration) - slow))
 
 
-def demand(positions: Array, limits: MotionLimits) -> Array:
+def time_demand(positions: Array, limits: MotionLimits) -> Array:
     """How much more time each step would have to take for the limits to be kept: above 1, they are not.
 
     Args:
@@ -277,7 +278,7 @@ def demand(positions: Array, limits: MotionLimits) -> Array:
     second, third = np.diff(first, axis=0) / CYCLE, np.diff(first, 2, axis=0) / CYCLE**2
     # A joint that comes near the end of its range must be able to stop before it, as the limiter has it.
     room = np.where(first > 0.0, limits.upper - rows[1:], rows[1:] - limits.lower) + _ROOM
-    stoppable = speeds_to_stop(room, *(limits.braking or (limits.acceleration, limits.jerk)))
+    stoppable = _speeds_to_stop(room, *(limits.braking or (limits.acceleration, limits.jerk)))
     speeds = np.abs(first)
     of_speed = np.maximum(
         np.max(speeds / limits.velocity, 1), np.max(speeds / np.maximum(limits.stopping * stoppable, 1e-9), 1)
@@ -287,7 +288,7 @@ def demand(positions: Array, limits: MotionLimits) -> Array:
     return np.asarray(np.maximum.reduce([of_speed[2:], of_acceleration[1:], of_jerk]))
 
 
-def hermite(at: Array, nodes: Array, values: Array, slopes: Array, order: int) -> Array:
+def _hermite(at: Array, nodes: Array, values: Array, slopes: Array, order: int) -> Array:
     """Cubic pieces through values (n, k) with slopes at nodes (n,), or their ``order``th derivative, at places (m,)."""
     index = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
     width = (nodes[index + 1] - nodes[index])[:, None]

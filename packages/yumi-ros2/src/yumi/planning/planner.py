@@ -55,7 +55,7 @@ from yumi.planning.rounded_path import RoundedPath
 from yumi.planning.scene_description import GROUPS, planning_description, semantic_description
 from yumi.planning.smoothing import smooth_spline_through
 
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 CLEARANCES = (0.02, 0.01, 0.005, 0.0, BODY_MARGIN - 0.001)
 """Between any two shapes along a plan [m]: the first of them that start and goal leave. Twice the limiter's margin is
@@ -241,7 +241,7 @@ class Planner:
         """Whether all shapes are the clearance apart, also those of one arm among each other."""
         return not self._scene.hasCollisions(self._full(positions))
 
-    def _full(self, positions: Mapping[Side, Joints]) -> Array:
+    def _full(self, positions: Mapping[Side, Joints]) -> _Array:
         known = _by_name(positions)
         return np.array([known[name] for name in self._scene.getJointNames()])
 
@@ -323,7 +323,7 @@ class Planner:
         together.sort(key=lambda each: max(_way(start[side], position) for side, position in each.items()))
         return together
 
-    def _shortened(self, group: str, path: Any, seed: int, deadline: float) -> Array:
+    def _shortened(self, group: str, path: Any, seed: int, deadline: float) -> _Array:
         """The corners of a path of RoboPlan after shortcuts, which are looked for until ``deadline``, (n, k)."""
         from roboplan import core  # noqa: PLC0415
 
@@ -340,7 +340,7 @@ class Planner:
         self,
         start: Mapping[Side, Joints],
         group: str,
-        corners: Array,
+        corners: _Array,
         speed_scale: float,
         deadline: float,
     ) -> tuple[_Motion, int]:
@@ -429,7 +429,7 @@ class Planner:
         return refused
 
 
-def _spline_points(positions: Array, limits: MotionLimits) -> list[TrajectoryPoint]:
+def _spline_points(positions: _Array, limits: MotionLimits) -> list[TrajectoryPoint]:
     """A motion of positions in each cycle [rad], (n, k), as points of a spline that keeps the limits."""
     # Velocities and accelerations are those of the smoothest spline, which the controllers' is then, too.
     chosen = [*range(0, len(positions) - 1, _EVERY), len(positions) - 1]

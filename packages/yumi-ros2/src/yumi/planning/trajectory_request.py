@@ -44,7 +44,7 @@ class JointTrajectory:
     start: float | None = None
 
 
-def check_count(points: int) -> None:
+def check_trajectory_length(points: int) -> None:
     """Refuse a trajectory of more than :data:`MOST_POINTS` points, before anything is done with them."""
     if points > MOST_POINTS:
         raise trajectory_refused(message("trajectory_too_long", points=points, most=MOST_POINTS))
@@ -70,9 +70,10 @@ def plan_trajectory(
     Raises:
         TrajectoryRefused: it has a fault, see the sentence; or it asks more of a joint than its limits allow.
     """
-    check_count(len(trajectory.points))
+    check_trajectory_length(len(trajectory.points))
     column_of = {name: column for column, name in enumerate(trajectory.joint_names)}
-    check_joints(trajectory.joint_names, [name for side in sides for name in joint_names(side)], held is not None)
+    known = [name for side in sides for name in joint_names(side)]
+    check_trajectory_joints(trajectory.joint_names, known, held is not None)
     _check_points(trajectory)
     plans = {}
     for side in sides:
@@ -99,7 +100,7 @@ def plan_trajectory(
     return plans
 
 
-def timed(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
+def timed_trajectory(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
     """A trajectory whose points all bear no time gets them: ``1 / frequency`` [s] apart, the first one, too."""
     if any(each.time for each in trajectory.points):
         return trajectory
@@ -107,7 +108,7 @@ def timed(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
     return replace(trajectory, points=tuple(points))
 
 
-def check_joints(given: Sequence[str], known: Sequence[str], may_leave_out: bool) -> None:
+def check_trajectory_joints(given: Sequence[str], known: Sequence[str], may_leave_out: bool) -> None:
     """Check the joints that a request names.
 
     Raises:

@@ -10,10 +10,11 @@ from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.trajectory_commands import TrajectoryEnded, TrajectoryOutcome
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER
 from yumi.ros.controller_manager_node import MakeInterface
 from yumi.ros.frames import RobotFrames
 from yumi.ros.kinematics_services import KinematicsServices
-from yumi.ros.line_actions import CARTESIAN_CONTROLLER, LineAction, MoveBothLinearAction, MoveLinearAction
+from yumi.ros.line_actions import LineAction, MoveBothLinearAction, MoveLinearAction
 from yumi.ros.tool_topics import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic, ToolTopic
 
 

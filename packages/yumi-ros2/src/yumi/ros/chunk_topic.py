@@ -25,8 +25,9 @@ from yumi.control.loop_commands import CommandPort, Commands, ControllerCommand
 from yumi.control.trajectory_commands import ResultCode, trajectory_refused
 from yumi.planning.chunk_plan import plan_chunk
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
-from yumi.planning.trajectory_request import check_joints
-from yumi.ros.messages import RefusalLog, check_wait, stamp_of, trajectory_of, waited_for
+from yumi.planning.trajectory_request import check_trajectory_joints
+from yumi.ros.topic_refusals import RefusalLog, check_wait, waited_for
+from yumi.ros.trajectory_messages import stamp_of, trajectory_of
 
 
 class ChunkTopic:
@@ -91,7 +92,7 @@ def chunk_topic_plans(trajectory: Trajectory, sides: Sequence[Side], limits: Joi
         CommandRefused: it names other joints, or an arm in part, or its points cannot be followed.
     """
     given, known = trajectory.joint_names, [name for side in sides for name in joint_names(side)]
-    check_joints(given, known, may_leave_out=True)
+    check_trajectory_joints(given, known, may_leave_out=True)
     for number, point in enumerate(trajectory.points, 1):
         if len(point.position) != len(given):
             raise trajectory_refused(

@@ -28,9 +28,9 @@ from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose
 from yumi.control.speed_scale import FULL
-from yumi.driver.command import Arm, Caller, Command, CommandedRobot, Lane
+from yumi.driver.command import ArmName, Caller, Command, CommandedRobot, Lane
 from yumi.driver.commands import Recover, SetMode, SetSpeedScale, carry_out, offered_to
-from yumi.driver.state_machine import LOWEST_SPEED_SCALE, SpeedSetting
+from yumi.driver.speed_setting import LOWEST_SPEED_SCALE, SpeedSetting
 from yumi.ros.messages import (
     LATCHED,
     SERVICES,
@@ -43,18 +43,18 @@ from yumi.ros.messages import (
 )
 from yumi.ros.nodes import TimerThread
 
-OF_THEIR_OWN = (SetSpeedScale, SetMode, Recover)
+_OF_THEIR_OWN = (SetSpeedScale, SetMode, Recover)
 """The commands that are no plain services: a parameter is set with it, or they are actions."""
 
 _VALUES: Mapping[Any, Callable[[Any], Any]] = {
-    Arm: lambda word: side_of_ros_message(word).word,
+    ArmName: lambda word: side_of_ros_message(word).word,
     Pose: pose_of_ros_message,
     Mass: mass_of,
 }
 """An argument of a command from a field of a request, by its type; others are what they are."""
 
 
-def command_of(kind: type[Command[Any]], request: Any) -> Command[Any]:
+def _command_of(kind: type[Command[Any]], request: Any) -> Command[Any]:
     """The command with the arguments of a request; those that it has no field for keep their defaults.
 
     Raises:
@@ -78,13 +78,13 @@ class CommandServices:
         self._robot = robot
         self._callback_groups = {lane: MutuallyExclusiveCallbackGroup() for lane in Lane}
         for kind in offered_to(FrontEnd.ROS):
-            if kind not in OF_THEIR_OWN:
+            if kind not in _OF_THEIR_OWN:
                 self._serve(kind, kind.service or kind.method())
 
     def _serve(self, kind: type[Command[Any]], name: str) -> None:
         def answer(request: Any, response: Any) -> Any:
             try:
-                result = str(carry_out(command_of(kind, request), self._robot))
+                result = str(carry_out(_command_of(kind, request), self._robot))
                 setattr(response, "value" if hasattr(response, "value") else "message", result)
                 response.success = True
             except YumiError as error:
@@ -191,7 +191,7 @@ class CommandActions:
 
 
 _POLL_PERIOD = 0.05  # [s]
-NAME = "speed_scale"
+_NAME = "speed_scale"
 
 
 class SpeedScaleInterface:
@@ -209,7 +209,7 @@ class SpeedScaleInterface:
             floating_point_range=[FloatingPointRange(from_value=LOWEST_SPEED_SCALE, to_value=FULL)],
         )
         node.add_on_set_parameters_callback(self._on_set_parameters)
-        node.declare_parameter(NAME, speed.value, described)  # the callback takes a value of the command line
+        node.declare_parameter(_NAME, speed.value, described)  # the callback takes a value of the command line
         self._publisher = node.create_publisher(SpeedScalingFactor, "~/speed_scale", LATCHED)
         self._published = 0.0
         timers.every(_POLL_PERIOD, "speed_scale", self._publish)
@@ -228,7 +228,7 @@ class SpeedScaleInterface:
 
     def _on_set_parameters(self, parameters: list[Any]) -> SetParametersResult:
         for parameter in parameters:
-            if parameter.name == NAME and parameter.value != self._speed.value:
+            if parameter.name == _NAME and parameter.value != self._speed.value:
                 try:
                     self._log.info(self._speed.set(parameter.value))
                 except CommandRefused as error:
@@ -239,7 +239,7 @@ class SpeedScaleInterface:
         try:
             response.message = self._speed.set(request.speed_scale)
             response.success = True
-            self._node.set_parameters([Parameter(NAME, value=self._speed.value)])
+            self._node.set_parameters([Parameter(_NAME, value=self._speed.value)])
             self._log.info(response.message)
         except CommandRefused as error:
             say_why(response, error)

@@ -36,12 +36,11 @@ from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.control_process import ControlProcess
+from yumi.driver.controller_names import STREAM_CONTROLLER
 from yumi.driver.gripper_follower import closed_of
 from yumi.driver.stops import Cause, because
 from yumi.ros.controller_manager_node import MakeInterface
 from yumi.ros.messages import (
-    RefusalLog,
-    check_wait,
     goal_of_ros_message,
     goal_speeds_of,
     how_to_activate,
@@ -49,10 +48,10 @@ from yumi.ros.messages import (
     positions_of,
     speeds_of,
     velocities_of,
-    waited_for,
 )
+from yumi.ros.topic_refusals import RefusalLog, check_wait, command_refused, waited_for
 
-OLDEST_STAMP = 0.1
+_OLDEST_STAMP = 0.1
 """A goal whose stamp is older comes from a clock that is not ours [s]."""
 
 # Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
@@ -66,7 +65,7 @@ class CommandTopic(ABC):
     Args:
         node: the arm's controller manager node.
         side: which arm.
-        box: where goals go.
+        buffer: where goals go.
         snapshot: what is known of the arm.
         now: the time on the machine's monotonic clock [s].
         hand_over: who commands the arm; None where nothing else does.
@@ -83,7 +82,7 @@ class CommandTopic(ABC):
         self,
         node: Any,
         side: Side,
-        box: GoalBuffer,
+        buffer: GoalBuffer,
         snapshot: Callable[[], Snapshot],
         now: Callable[[], float] = lambda: nan,
         hand_over: HandOver | None = None,
@@ -91,10 +90,9 @@ class CommandTopic(ABC):
         self._node = node
         self._refusals = RefusalLog(node.get_logger(), now)
         self._side = side
-        self._box = box
+        self._buffer = buffer
         self._snapshot = snapshot
         self._now = now
-        self._given_in = (0, 0)  # session and activation
         self.why_stopped: Callable[[], Cause] = Cause
         self._hand_over = hand_over or HandOver(now)
         self._subscription = node.create_subscription(self.type, self.name, self._receive, _COMMAND_QOS)
@@ -126,14 +124,16 @@ class CommandTopic(ABC):
         return False
 
     @abstractmethod
-    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        """Check ``received`` and write its command to the box.
+    def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
+        """Check a command before the arm is taken for it: one that is refused takes none.
 
         Args:
             received: of the topic's type.
             snapshot: of an arm that a matching controller commands.
             time: when it arrived [s].
-            is_new: whether it is the first since the controller was activated.
+
+        Returns:
+            What writes the command, once the arm is taken.
 
         Raises:
             CommandRefused: it breaks a rule.
@@ -151,33 +151,30 @@ class CommandTopic(ABC):
         """See that a matching controller commands the arm; what is known of it. Raises CommandRefused."""
         snapshot = self._snapshot()
         if not snapshot.is_running:
-            reason = message("arm_without_egm", arm=self._side.word)
-            said = message("command_refused", noun=self.noun, reason=reason)
-            raise CommandRefused(because(said, self.why_stopped()))
+            refusal = command_refused(self.noun, message("arm_without_egm", arm=self._side.word))
+            raise CommandRefused(because(refusal.said, self.why_stopped()))
         if snapshot.problem is not Problem.NONE:
-            reason = message(PROBLEMS[snapshot.problem], arm=self._side.word)
-            raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
+            raise command_refused(self.noun, message(PROBLEMS[snapshot.problem], arm=self._side.word))
         if not self.is_for(snapshot.goal_kind):
             how = how_to_activate(self._node.get_namespace(), self._side, self.controller)
             reason = message("no_controller_for_topic", taker=self.taker, arm=self._side.word, how=how)
-            raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
+            raise command_refused(self.noun, reason)
         return snapshot
 
     def _accept(self, received: Any, time: float) -> None:
-        snapshot = self.check()
-        now = (snapshot.session, snapshot.activation)
+        write = self.checked(received, self.check(), time)
         with self._hand_over.writing((self._side,), Commander.STREAM):
-            self.put(received, snapshot, time, is_new=self._given_in != now)
-        self._given_in = now
+            write()
 
 
 class JointCommandTopic(CommandTopic):
     """Positions by name; joints that are not named keep their goal."""
 
     name, type, noun = "joint_commands", JointState, "Goal"
-    kind, taker, controller = GoalKind.POSITION, "position controller", "joint_position_controller"
+    kind, taker, controller = GoalKind.POSITION, "position controller", STREAM_CONTROLLER
 
     _goal: Joints = ZERO
+    _given_in = (0, 0)  # the session and activation of the goal
 
     def _age(self, received: Any) -> float:
         """The stream's predictor uses the stamps where they can be true, else the times of arrival."""
@@ -186,42 +183,24 @@ class JointCommandTopic(CommandTopic):
             return 0.0
         made = nanoseconds(stamp, f"{self.noun} refused: header.stamp")
         age = (self._node.get_clock().now().nanoseconds - made) * 1e-9
-        return age if 0.0 <= age <= OLDEST_STAMP else 0.0
+        return age if 0.0 <= age <= _OLDEST_STAMP else 0.0
 
-    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        self._checked(received, snapshot, time, nan, is_new=is_new)()
+    def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
+        return self._checked(received, snapshot, time, nan)
 
     def point(self, received: Any, time: float) -> Callable[[], None]:
         """What writes the next point of a stream, which arrived at ``time`` [s] and was checked; raises CommandRefused.
 
         The arm follows it by its stamp, as the controller's ``stream.delay`` says.
         """
-        return self._begin(received, time - self._age(received), CONFIGURED_DELAY)
+        return self._checked(received, self.check(), time - self._age(received), CONFIGURED_DELAY)
 
-    def _accept(self, received: Any, time: float) -> None:
-        begin = self._begin(received, time, nan)
-        with self._hand_over.writing((self._side,), Commander.STREAM):
-            begin()
-
-    def _begin(self, received: Any, time: float, delay: float) -> Callable[[], None]:
-        """What writes a goal that was checked before the arm is taken: a goal that is refused takes none."""
-        snapshot = self.check()
-        now = (snapshot.session, snapshot.activation)
-        write = self._checked(received, snapshot, time, delay, is_new=self._given_in != now)
-
-        def begin() -> None:
-            write()
-            self._given_in = now
-
-        return begin
-
-    def _checked(
-        self, received: Any, snapshot: Snapshot, time: float, delay: float, *, is_new: bool
-    ) -> Callable[[], None]:
-        if is_new and snapshot.reference is None:
-            reason = message("no_reference_yet", arm=self._side.word)
-            raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
-        base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
+    def _checked(self, received: Any, snapshot: Snapshot, time: float, delay: float) -> Callable[[], None]:
+        base = self._goal
+        if self._given_in != snapshot.command_epoch:  # the first goal since the controller was activated
+            if snapshot.reference is None:
+                raise command_refused(self.noun, message("no_reference_yet", arm=self._side.word))
+            base = snapshot.reference
         goal, speeds = goal_of_ros_message(received, self._side, base), goal_speeds_of(received, self._side)
         self._hand_over.check(self._side, Commander.STREAM)
         # A single goal may be far away, but no stream begins there, and none goes on there that a person interrupted.
@@ -231,11 +210,11 @@ class JointCommandTopic(CommandTopic):
             distance = largest_difference(goal, snapshot.sent)
             if distance > NEAR:
                 said = message("stream_begins_elsewhere", arm=self._side.word, distance=distance, most=NEAR)
-                raise CommandRefused(message("command_refused", noun=self.noun, reason=said))
+                raise command_refused(self.noun, said)
 
         def write() -> None:
-            write_goal(self._box, snapshot.session, goal, speeds, time, delay)
-            self._goal = goal
+            write_goal(self._buffer, snapshot.session, goal, speeds, time, delay)
+            self._goal, self._given_in = goal, snapshot.command_epoch
 
         return write
 
@@ -327,8 +306,8 @@ class JointVelocityTopic(CommandTopic):
     def is_stop(self, received: Any) -> bool:
         return not any(received.velocity)
 
-    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        write_speeds(self._box, snapshot.session, velocities_of(received, self._side), time)
+    def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
+        return partial(write_speeds, self._buffer, snapshot.session, velocities_of(received, self._side), time)
 
 
 class ForwardTopic(CommandTopic):
@@ -372,12 +351,11 @@ class ForwardTopic(CommandTopic):
     def is_stop(self, received: Any) -> bool:
         return GoalKind.FORWARD_VELOCITY in self._snapshot().goal_kind and not any(received.data)
 
-    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+    def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
         self._check_active(snapshot.activation)
         if GoalKind.FORWARD_VELOCITY in snapshot.goal_kind:
-            write_speeds(self._speeds, snapshot.session, speeds_of(received, self._side), time)
-        else:
-            write_goal(self._positions, snapshot.session, positions_of(received, self._side), time=time)
+            return partial(write_speeds, self._speeds, snapshot.session, speeds_of(received, self._side), time)
+        return partial(write_goal, self._positions, snapshot.session, positions_of(received, self._side), time=time)
 
     def on_event(self, event: object) -> None:
         """A forward controller has no events."""
@@ -388,7 +366,7 @@ class ForwardTopic(CommandTopic):
         if not self._known[1]:
             how = how_to_activate(self._node.get_namespace(), self._side, self.controller)
             reason = message("controller_inactive_on_arm", controller=self.controller, arm=self._side.word, how=how)
-            raise CommandRefused(message("command_refused", noun="Command", reason=reason))
+            raise command_refused(self.noun, reason)
 
 
 def forward_interfaces(

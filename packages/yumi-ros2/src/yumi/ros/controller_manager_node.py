@@ -58,7 +58,7 @@ from yumi.control.loop_events import (
 )
 from yumi.control.manager.controller_switch import Strictness
 from yumi.driver.settings import ControllerSettings
-from yumi.driver.stops import Cause, explained
+from yumi.driver.stops import Explain, explained
 from yumi.ros.manager_diagnostics import ERROR, WARN, Status, controllers_status, hardware_status, manager_status
 from yumi.ros.messages import (
     ACTIVITY,
@@ -66,7 +66,7 @@ from yumi.ros.messages import (
     SERVICES,
     activity,
     controller_state,
-    filled,
+    filled_message,
     hardware_interfaces,
     hardware_state,
     lifecycle_of_ros_message,
@@ -80,8 +80,8 @@ from yumi.ros.nodes import (
     Presets,
     TimerThread,
     declare_parameters,
-    pass_on_changes,
-    remarks_on,
+    pass_on_parameter_changes,
+    parameter_remarks,
 )
 
 try:
@@ -89,8 +89,8 @@ try:
 except ImportError:  # installations from before December 2025
     CleanupController = None
 
-BASE_CLASS = "controller_interface::ControllerInterface"
-HARDWARE_ID = "ros2_control"
+_BASE_CLASS = "controller_interface::ControllerInterface"
+_HARDWARE_ID = "ros2_control"
 
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _REMINDER = 2.0  # [s] between two that the description is still waited for
@@ -108,10 +108,6 @@ _ADVICE: Mapping[str, str] = {
     ),
 }
 """What to do about types of other robots' files."""
-
-Explain = Callable[[Callable[[Cause], None]], None]
-"""Calls back with what stopped the robot, once that is known."""
-
 
 class ControllerInterface(Protocol):
     """Topics or actions of one controller."""
@@ -221,7 +217,7 @@ class ControllerManagerNode:
         array.header.stamp = stamp(self._clock.now().nanoseconds)
         array.status = [
             DiagnosticStatus(
-                name=f"{self._name}: {task}", hardware_id=HARDWARE_ID, level=level, message=text, values=pairs
+                name=f"{self._name}: {task}", hardware_id=_HARDWARE_ID, level=level, message=text, values=pairs
             )
             for task, (level, text, pairs) in self._statuses()
         ]
@@ -433,11 +429,11 @@ class ControllerNodes:
             files = [Path(word) for option, word in pairwise(arguments) if option == "--params-file"]
             every = (*COMMON_PARAMETERS, *infos)
             changed = declare_parameters(node, every, presets or {})
-            for remark in remarks_on(node, every, presets or {}, files):
+            for remark in parameter_remarks(node, every, presets or {}, files):
                 node.get_logger().warning(remark)
             if changed:
                 change(changed)
-            pass_on_changes(node, (each.parameter.name for each in infos if not each.parameter.fixed), change)
+            pass_on_parameter_changes(node, (each.parameter.name for each in infos if not each.parameter.fixed), change)
             make = self._make_interface.get(info.kind)
             self._nodes[name] = (node, make(node, self._side, name) if make else None)
         except Exception:
@@ -590,7 +586,7 @@ class ControllerManagerServices:
             ),
             "list_controller_types": (
                 ListControllerTypes,
-                lambda: {"types": controllers.kinds(), "base_classes": [BASE_CLASS] * len(controllers.kinds())},
+                lambda: {"types": controllers.kinds(), "base_classes": [_BASE_CLASS] * len(controllers.kinds())},
             ),
             "list_hardware_components": (
                 ListHardwareComponents,
@@ -628,7 +624,7 @@ class ControllerManagerServices:
     def _listing(self, name: str, fields: Callable[[], Mapping[str, object]]) -> Callable[[Any, Any], Any]:
         def answer(_: Any, response: Any) -> Any:
             try:
-                filled(response, **fields())
+                filled_message(response, **fields())
             except Exception as error:
                 self._log.error(f"{name}: {error}")
             return response
@@ -655,7 +651,7 @@ class ControllerManagerServices:
             done.append(self._controllers.switch(activate, deactivate, request.strictness, timeout))
 
         reason = self._why_failed("switch_controller", call)
-        return filled(response, ok=bool(done), message=done[0] if done else reason)
+        return filled_message(response, ok=bool(done), message=done[0] if done else reason)
 
     def _set_hardware(self, request: Any, response: Any) -> Any:
         def call() -> None:

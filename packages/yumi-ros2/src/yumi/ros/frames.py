@@ -26,7 +26,7 @@ from abb_protocols.robot.urdf import UrdfFrame, read_frames
 from abb_runtime.clock import Clock
 from yumi.driver.settings import RosSettings
 from yumi.planning.tool_path import checked_pose
-from yumi.ros.messages import LATCHED, Stamps, stamp
+from yumi.ros.messages import LATCHED, Stamps, fill_pose, stamp
 from yumi.ros.nodes import TimerThread
 from yumi.ros.state_topics import STALE, MeasuredState
 
@@ -123,13 +123,13 @@ class FramePublisher:
             message = PoseStamped()
             message.header.stamp, message.header.frame_id = time, self._settings.frames + prefixed("yumi_base")
             pose = tool0_to_body(side, state.position, self._tools[side])
-            _fill(message.pose.position, message.pose.orientation, pose)
+            fill_pose(message.pose.position, message.pose.orientation, pose)
             self._poses[side].publish(message)
             positions = dict(zip(joint_names(side), state.position, strict=True))
             for frame, transform in self._moving.get(side, ()):
                 transform.header.stamp = time
                 pose = frame.to_parent(positions[frame.joint])
-                _fill(transform.transform.translation, transform.transform.rotation, pose)
+                fill_pose(transform.transform.translation, transform.transform.rotation, pose)
                 transforms.append(transform)
         # The gripper's position has no time of its own; it comes by subscription, so what is known is current.
         time = stamp(self._stamps.at(now))
@@ -137,7 +137,7 @@ class FramePublisher:
             for frame, transform in self._sliding.get(side, ()):
                 transform.header.stamp = time
                 pose = frame.to_parent(fingers[side][0])
-                _fill(transform.transform.translation, transform.transform.rotation, pose)
+                fill_pose(transform.transform.translation, transform.transform.rotation, pose)
                 transforms.append(transform)
         if transforms:
             self._tf.publish(TFMessage(transforms=transforms))
@@ -156,7 +156,7 @@ class FramePublisher:
     def _transform(self, frame: UrdfFrame) -> TransformStamped:
         before, transform = self._settings.frames, TransformStamped(child_frame_id=self._settings.frames + frame.name)
         transform.header.frame_id = before + frame.parent
-        _fill(transform.transform.translation, transform.transform.rotation, frame.to_parent())
+        fill_pose(transform.transform.translation, transform.transform.rotation, frame.to_parent())
         return transform
 
 
@@ -298,8 +298,3 @@ class RobotFrames:
             example = prefixed(f"gripper_{side.value}_fingertips")
             raise CommandRefused(message("frame_not_on_flange", frame=frame_id, arm=side.word, example=example))
         return compose(self.tcp(side), found)
-
-
-def _fill(position: Any, rotation: Any, pose: Pose) -> None:
-    position.x, position.y, position.z = pose.position
-    rotation.w, rotation.x, rotation.y, rotation.z = pose.orientation

@@ -20,18 +20,16 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
-from abb_protocols.catalogue import Message, message
+from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from abb_protocols.robot.gripper_values import GripOutcome, GripperGoal, GripperState, ServoState, gripper_goal
 from abb_protocols.robot.joints import Side, finger_names, prefixed
 from abb_runtime.process.supervision import SupervisedThread
-from yumi.driver.gripper import CHANNELS, GripperSignals, RwsGripper
+from yumi.driver.gripper import CHANNELS, Check, RwsGripper, forbid_nothing
+from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.settings import GripperSettings
 from yumi.ros.messages import LATCHED, SERVICES, say_why, stamp
 from yumi.ros.nodes import TimerThread
-
-WhyNot = Callable[[], Message | None]
-"""Why a gripper may not move now; None when it may."""
 
 
 class GoalFailures:
@@ -59,7 +57,7 @@ class GripperActionServer(ABC):
         gripper: the gripper.
         force: holding force where a goal names none [N].
         group: callback group that lets a goal run while others are refused.
-        why_not: why no goal is accepted now; None when they are.
+        check: raises RobotNotReady when no gripper may move.
         failures: counts goals that are refused or fail.
     """
 
@@ -67,12 +65,12 @@ class GripperActionServer(ABC):
     name: str
 
     def __init__(
-        self, node: Any, gripper: RwsGripper, force: float, group: Any, why_not: WhyNot, failures: GoalFailures
+        self, node: Any, gripper: RwsGripper, force: float, group: Any, check: Check, failures: GoalFailures
     ) -> None:
         self._log = node.get_logger()
         self._gripper = gripper
         self._force = force
-        self._why_not = why_not
+        self._check = check
         self._failures = failures
         self._server = ActionServer(
             node,
@@ -106,10 +104,10 @@ class GripperActionServer(ABC):
     def _accept_or_reject(self, goal: Any) -> Any:
         try:
             self.command(goal)
-            reason = self._why_not()
-        except CommandRefused as error:
+            self._check()
+        except (CommandRefused, RobotNotReady) as error:
             reason = error.said
-        if reason is None:
+        else:
             if self._gripper.busy.acquire(blocking=False):  # released when the goal has ended
                 return GoalResponse.ACCEPT
             reason = message("another_grip_under_way")
@@ -118,14 +116,9 @@ class GripperActionServer(ABC):
         return GoalResponse.REJECT
 
     def _execute(self, handle: Any) -> Any:
-        def check() -> None:
-            reason = self._why_not()
-            if reason is not None:
-                raise RobotNotReady(reason)
-
         command, outcome = self.command(handle.request), None
         try:
-            self._gripper.begin(command, check)
+            self._gripper.begin(command, self._check)
             outcome = self._gripper.wait(
                 command,
                 lambda position: handle.publish_feedback(self.feedback(position)),
@@ -136,10 +129,12 @@ class GripperActionServer(ABC):
             else:
                 handle.succeed()
         except YumiError as error:
-            stop = self._why_not()  # the robot may have been stopped meanwhile
-            said = (
-                error.said if stop in {None, error.said} else message("failed_and_stopped", error=error.said, stop=stop)
-            )
+            said = error.said
+            try:
+                self._check()
+            except RobotNotReady as stop:  # the robot may have been stopped meanwhile
+                if stop.said != said:
+                    said = message("failed_and_stopped", error=said, stop=stop.said)
             self._failures.note(str(said))
             self._log.error(f"Gripper goal failed: {said}")
             handle.abort()
@@ -213,7 +208,7 @@ class GripperServices:
         node: the gripper's node.
         gripper: the gripper.
         group: callback group for what takes seconds.
-        why_not: why nothing may move now; None when it may.
+        check: raises RobotNotReady when no gripper may move.
         calibrate: calibrates the gripper.
     """
 
@@ -222,15 +217,15 @@ class GripperServices:
         node: Any,
         gripper: RwsGripper,
         group: Any,
-        why_not: WhyNot,
+        check: Check,
         calibrate: Callable[[RwsGripper], None],
     ) -> None:
         self._node = node
         self._log = node.get_logger()
         self._group = group
-        self._why_not = why_not
+        self._check = check
         self._gripper = gripper
-        jog = partial(gripper.jog, check=self._check)
+        jog = partial(gripper.jog, check=check)
 
         self._serve_motion("calibrate", partial(calibrate, gripper), "The gripper is calibrated: closed is 0.")
         self._serve_motion("jog_open", partial(jog, opens=True), "The fingers open until stop is called.")
@@ -240,7 +235,7 @@ class GripperServices:
 
         def switch(channel: int, call: Callable[..., None], request: Any) -> None:
             gripper.check_vacuum(channel)
-            self._check()
+            check()
             call(channel, is_on=bool(request.data))
 
         for channel in CHANNELS:
@@ -274,11 +269,6 @@ class GripperServices:
                 action()
 
         self._serve(Trigger, name, move, sentence)
-
-    def _check(self) -> None:
-        reason = self._why_not()
-        if reason is not None:
-            raise RobotNotReady(reason)
 
 
 _STATE_PERIOD = 0.04
@@ -441,7 +431,7 @@ class Grippers:
         streams: a node for the topics of each.
         log: called when the subscription is lost, and when it is back.
         timers: keeps the topics' rates.
-        why_not: why a gripper may not move now; None when it may.
+        check: raises RobotNotReady when no gripper may move.
         calibrate: calibrates a gripper.
         frames: what stands before the names of frames.
     """
@@ -453,7 +443,7 @@ class Grippers:
         streams: Mapping[Side, Any],
         log: Callable[[str], None],
         timers: TimerThread,
-        why_not: Callable[[Side], Message | None] = lambda side: None,
+        check: Check = forbid_nothing,
         calibrate: Callable[[RwsGripper], None] = RwsGripper.calibrate,
         frames: str = "",
     ) -> None:
@@ -467,9 +457,9 @@ class Grippers:
         self._topics = []
         for side, node in nodes.items():
             gripper, group, failures = parts.grippers[side], ReentrantCallbackGroup(), GoalFailures()
-            GripperServices(node, gripper, group, partial(why_not, side), calibrate)
+            GripperServices(node, gripper, group, check, calibrate)
             for kind in (GripperAction, ParallelGripperAction):
-                self._actions.append(kind(node, gripper, parts.settings.force, group, partial(why_not, side), failures))
+                self._actions.append(kind(node, gripper, parts.settings.force, group, check, failures))
             pressure, channels = parts.settings.picked_pressure, parts.settings.modules(side).vacuum_channels
             reading, stream = partial(self._reading, side), streams[side]
             self._topics.append(GripperTopics(stream, side, reading, pressure, channels, timers, failures, frames))

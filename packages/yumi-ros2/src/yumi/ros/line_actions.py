@@ -37,14 +37,12 @@ from yumi.control.trajectory_commands import (
     TrajectoryOutcome,
 )
 from yumi.driver.control_process import ENDED, ControlProcess
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER
 from yumi.planning.common_time import ended_together, started_together
 from yumi.ros.frames import RobotFrames
-from yumi.ros.messages import say_why
+from yumi.ros.messages import fill_pose, say_why
 from yumi.ros.nodes import is_cancelled
 from yumi.ros.tool_topics import LineGoal, TargetPoseTopic, line_numbers, target_refused
-
-CARTESIAN_CONTROLLER = "cartesian_controller"
-"""Name of the arms' controllers that the action of both arms uses."""
 
 _FEEDBACK_PERIOD = 0.1  # [s]
 _STANDS_FOR = 0.02  # [s] an arm whose command does not change for so long stands
@@ -321,9 +319,7 @@ class LineAction(ABC):
         if state is not None:
             message.header.frame_id, message.header.stamp = self._base, self._ros_clock.now().to_msg()
             pose = tool0_to_body(side, state.position, line.tools.get(side) or self._frames.tcp(side))
-            place, turn = message.pose.position, message.pose.orientation
-            place.x, place.y, place.z = pose.position
-            turn.w, turn.x, turn.y, turn.z = pose.orientation
+            fill_pose(message.pose.position, message.pose.orientation, pose)
         return message
 
 

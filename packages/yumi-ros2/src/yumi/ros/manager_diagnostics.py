@@ -14,14 +14,14 @@ OK: bytes = DiagnosticStatus.OK
 WARN: bytes = DiagnosticStatus.WARN
 ERROR: bytes = DiagnosticStatus.ERROR
 
-Threshold = Callable[[str, str], tuple[float, float]]
+_Threshold = Callable[[str, str], tuple[float, float]]
 """From a subject and a quantity to where a warning and an error begin, [Hz] or [µs]."""
 
 Status = tuple[bytes, str, list[KeyValue]]
 """Level, sentence and values."""
 
 
-def controllers_status(controllers: Iterable[ControllerInfo], threshold: Threshold) -> Status:
+def controllers_status(controllers: Iterable[ControllerInfo], threshold: _Threshold) -> Status:
     """The controllers' states, and how long the updates of the active ones take."""
     infos = tuple(controllers)
     if not infos:
@@ -37,7 +37,7 @@ def controllers_status(controllers: Iterable[ControllerInfo], threshold: Thresho
     return level, sentence, pairs
 
 
-def hardware_status(hardware: HardwareInfo, threshold: Threshold) -> Status:
+def hardware_status(hardware: HardwareInfo, threshold: _Threshold) -> Status:
     """The component's state, how long reading and writing take, and how often."""
     pairs = [KeyValue(key=f"{hardware.name}.state", value=hardware.state.value)]
     if hardware.state is not State.ACTIVE:
@@ -55,7 +55,7 @@ def hardware_status(hardware: HardwareInfo, threshold: Threshold) -> Status:
     return level, sentence, pairs
 
 
-def manager_status(hardware: HardwareInfo, threshold: Threshold) -> Status:
+def manager_status(hardware: HardwareInfo, threshold: _Threshold) -> Status:
     """How often the controllers are updated; the robot's datagrams are what makes it."""
     pairs, period = [KeyValue(key="update_rate", value=str(RATE))], hardware.period
     if period.count:
@@ -86,7 +86,7 @@ _Fault = tuple[bytes, str]
 """Level, and why it is not OK."""
 
 
-def _time_faults(what: str, times: Statistics, subject: str, threshold: Threshold) -> list[_Fault]:
+def _time_faults(what: str, times: Statistics, subject: str, threshold: _Threshold) -> list[_Fault]:
     mean, deviation = times.mean * 1e6, times.deviation * 1e6
     return [
         *_fault(f"{what} takes {mean:.0f} us", mean, threshold(subject, "execution_time.mean_error"), "us"),
@@ -99,7 +99,7 @@ def _time_faults(what: str, times: Statistics, subject: str, threshold: Threshol
     ]
 
 
-def _rate_faults(period: Statistics, subject: str, threshold: Threshold) -> list[_Fault]:
+def _rate_faults(period: Statistics, subject: str, threshold: _Threshold) -> list[_Fault]:
     if not period.count:
         return []
     mean, deviation, _, _ = _in_hertz(period)

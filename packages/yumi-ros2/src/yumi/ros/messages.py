@@ -1,4 +1,4 @@
-"""ROS messages to values and back: commands for an arm, controllers and hardware, trajectories, the robot's state.
+"""ROS messages to values and back: commands for an arm, controllers and hardware, times, the robot's state.
 
 Messages of ``controller_manager_msgs`` and ``control_msgs`` differ between installations of one ROS distribution; only
 the fields that the installed type has are filled.
@@ -6,28 +6,24 @@ the fields that the installed type has are filled.
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timezone
 from enum import Enum
-from math import degrees, isfinite, isnan
-from time import time_ns
+from math import degrees, isfinite
 from typing import Any
 
-from builtin_interfaces.msg import Duration, Time
-from control_msgs.action import FollowJointTrajectory
-from control_msgs.msg import InterfaceValue, JointTrajectoryControllerState
+from builtin_interfaces.msg import Time
+from control_msgs.msg import InterfaceValue
 from controller_manager_msgs.msg import ControllerState, HardwareComponentState, HardwareInterface
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from lifecycle_msgs.msg import State as LifecycleState
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
-from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
-from abb_protocols.catalogue import Message, clause, quoted, remedy_of
+from abb_protocols.catalogue import clause, remedy_of
 from abb_protocols.catalogue import message as said  # a message here is one of ROS
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
@@ -39,13 +35,11 @@ from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, InterfaceInfo
 from yumi.control.goals import UNKNOWN, check_position
 from yumi.control.hand_over import Commanding
-from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, TrajectoryFeedback
-from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, trajectory_refused
+from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.robot_state import RobotMode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import explain
-from yumi.planning.trajectory_request import JointTrajectory, check_count
+from yumi.ros.topic_refusals import command_refused
 from yumi.texts.events import KNOWN_NUMBERS
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -230,7 +224,7 @@ def speeds_of(message: Any, side: Side) -> Joints:
 
 def _by_index(message: Any, side: Side, noun: str, check: Callable[[str, int, float], None]) -> Joints:
     if len(message.data) != JOINT_COUNT:
-        raise _refused(noun, said("values_wrong_count", count=len(message.data), joints=JOINT_COUNT))
+        raise command_refused(noun, said("values_wrong_count", count=len(message.data), joints=JOINT_COUNT))
     for index, (name, value) in enumerate(zip(joint_names(side), message.data, strict=True)):
         check(name, index, value)
     return joints(message.data)
@@ -248,26 +242,26 @@ def _by_name(names: Sequence[str], values: Sequence[float], side: Side, noun: st
 def _indices(names: Sequence[str], values: Sequence[float], side: Side, noun: str, what: str) -> list[int]:
     """Places of the named joints in chain order."""
     if not names or len(names) != len(values):
-        raise _refused(noun, said("names_and_values_differ", names=len(names), what=what, values=len(values)))
+        raise command_refused(noun, said("names_and_values_differ", names=len(names), what=what, values=len(values)))
     known = {name: index for index, name in enumerate(joint_names(side))}
     for name in names:
         if name not in known:
-            raise _refused(noun, said("no_joint_of_arm", name=name, arm=side.word, joints=tuple(known)))
+            raise command_refused(noun, said("no_joint_of_arm", name=name, arm=side.word, joints=tuple(known)))
     if len(set(names)) != len(names):
         twice = next(name for name in known if names.count(name) > 1)
-        raise _refused(noun, said("joint_named_twice", name=twice))
+        raise command_refused(noun, said("joint_named_twice", name=twice))
     return [known[name] for name in names]
 
 
 def _check_velocity(name: str, index: int, velocity: float, noun: str) -> None:
     if not isfinite(velocity):
-        raise _refused(noun, said("speed_not_finite", name=name, value=velocity))
+        raise command_refused(noun, said("speed_not_finite", name=name, value=velocity))
     top = YUMI_LIMITS.velocity[index]
     if abs(velocity) <= top:
         return
     looks_like_degrees = _DEGREES_ABOVE * top < abs(velocity) <= degrees(top)
     code = "speed_looks_like_degrees" if looks_like_degrees else "speed_too_high"
-    raise _refused(noun, said(code, name=name, value=velocity, highest=top))
+    raise command_refused(noun, said(code, name=name, value=velocity, highest=top))
 
 
 try:
@@ -286,7 +280,7 @@ GPIO_STATES: Any = DynamicInterfaceGroupValues
 ACTIVITY: Any = ControllerManagerActivity
 """The type of ``~/activity``; None where the installed package is older."""
 
-PLUGIN = "yumi_ros2/EgmSystem"
+_PLUGIN = "yumi_ros2/EgmSystem"
 """What the tools show as the plug-in of an arm's hardware component."""
 
 _IDS = {
@@ -297,7 +291,7 @@ _IDS = {
 }
 
 
-def filled(message: Any, /, **values: object) -> Any:
+def filled_message(message: Any, /, **values: object) -> Any:
     """``message`` with ``values`` in the fields that the installed type has; some came within one ROS distribution."""
     for name, value in values.items():
         if hasattr(message, name):
@@ -323,10 +317,6 @@ def lifecycle_of_ros_message(message: Any) -> State:
     raise CommandRefused(said("state_not_primary", number=message.id, label=message.label, choices=choices))
 
 
-def _refused(noun: str, reason: Message) -> CommandRefused:
-    return CommandRefused(said("command_refused", noun=noun, reason=reason))
-
-
 def how_to_activate(namespace: str, side: Side, name: str, instead_of: Sequence[str] = ()) -> str:
     """The commands that activate a controller, of this package and of ROS.
 
@@ -344,7 +334,7 @@ def how_to_activate(namespace: str, side: Side, name: str, instead_of: Sequence[
 def controller_state(info: ControllerInfo) -> ControllerState:
     """One controller in ``list_controllers``; required interfaces only from configuring on, as upstream."""
     is_configured = info.state in {State.INACTIVE, State.ACTIVE}
-    return filled(
+    return filled_message(
         ControllerState(),
         name=info.name,
         state=info.state.value,
@@ -361,13 +351,13 @@ def controller_state(info: ControllerInfo) -> ControllerState:
 
 def hardware_state(info: HardwareInfo) -> HardwareComponentState:
     """An arm in ``list_hardware_components``."""
-    return filled(
+    return filled_message(
         HardwareComponentState(),
         name=info.name,
         type="system",
         is_async=False,
         rw_rate=RATE,
-        plugin_name=PLUGIN,
+        plugin_name=_PLUGIN,
         state=lifecycle_state(info.state),
         command_interfaces=hardware_interfaces(info.command_interfaces),
         state_interfaces=hardware_interfaces(info.state_interfaces),
@@ -377,7 +367,7 @@ def hardware_state(info: HardwareInfo) -> HardwareComponentState:
 def hardware_interfaces(infos: Iterable[InterfaceInfo]) -> list[HardwareInterface]:
     """Command or state interfaces; all are doubles."""
     return [
-        filled(
+        filled_message(
             HardwareInterface(),
             name=info.name,
             data_type="double",
@@ -399,68 +389,6 @@ def activity(controllers: Iterable[ControllerInfo], hardware: HardwareInfo, time
     return message
 
 
-def trajectory_of(given: Any) -> JointTrajectory:
-    """The trajectory in a trajectory_msgs/JointTrajectory.
-
-    Raises:
-        TrajectoryRefused: it has too many points, or one has efforts.
-        CommandRefused: the time of a point has more nanoseconds than a second.
-    """
-    check_count(len(given.points))
-    points: list[TrajectoryPoint] = []
-    for point in given.points:
-        if point.effort:
-            raise trajectory_refused(said("trajectory_with_efforts"))
-        fields = (point.positions, point.velocities, point.accelerations)
-        time = seconds(point.time_from_start, f"Trajectory refused: time_from_start of point {len(points) + 1}")
-        points.append(TrajectoryPoint(time, *map(tuple, fields)))
-    return JointTrajectory(tuple(given.joint_names), tuple(points))
-
-
-def stamp_of(message: Any) -> int:
-    """The time in the header of a trajectory [ns]; 0 is at once."""
-    return nanoseconds(message.header.stamp, "Trajectory refused: header.stamp")
-
-
-def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Tolerances], str]:
-    """The tolerances of a goal for each arm, and why all are the controller's own after all; empty if they are not.
-
-    As upstream, an unknown joint or a negative tolerance other than -1 takes back every tolerance of the goal.
-
-    Raises:
-        TrajectoryRefused: a tolerance is NaN.
-        CommandRefused: a time has more nanoseconds than a second.
-    """
-    known = {name for side in sides for name in joint_names(side)}
-    own: Mapping[Side, Tolerances] = {side: Tolerances() for side in sides}
-    for each in (*goal.path_tolerance, *goal.goal_tolerance):
-        if each.name not in known:
-            return own, f"{quoted(each.name)} is not a joint of this controller"
-        values = (each.position, each.velocity, each.acceleration)
-        if any(map(isnan, values)):
-            raise trajectory_refused(said("joint_tolerance_not_a_number", joint=each.name))
-        if any(value < 0.0 and value != UNLIMITED for value in values):
-            return own, f"a tolerance of {each.name} is negative; -1 is unlimited"
-    time = seconds(goal.goal_time_tolerance, "Trajectory refused: goal_time_tolerance")
-    if time < 0.0 and time != UNLIMITED:
-        return own, f"goal_time_tolerance is {time:g} s; -1 is unlimited"
-
-    def chosen(tolerances: Iterable[Any], side: Side, field: str) -> Joints:
-        named = {each.name: float(getattr(each, field)) for each in tolerances}
-        return joints([named.get(name, DEFAULT) for name in joint_names(side)])
-
-    return {
-        side: Tolerances(
-            path=chosen(goal.path_tolerance, side, "position"),
-            path_velocity=chosen(goal.path_tolerance, side, "velocity"),
-            goal=chosen(goal.goal_tolerance, side, "position"),
-            goal_velocity=chosen(goal.goal_tolerance, side, "velocity"),
-            goal_time=time,
-        )
-        for side in sides
-    }, ""
-
-
 def seconds(duration: Any, name: str) -> float:
     """A builtin_interfaces/Duration [s]; as :func:`nanoseconds`."""
     return nanoseconds(duration, name) / _NS
@@ -476,49 +404,6 @@ def nanoseconds(time: Any, name: str) -> int:
     if time.nanosec >= _NS:
         raise CommandRefused(said("nanoseconds_out_of_range", name=name, nanoseconds=time.nanosec))
     return int(time.sec) * _NS + int(time.nanosec)
-
-
-def feedback_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int, frame: str = "") -> Any:
-    """The feedback of an action that moves the arms of ``feedbacks``; ``frame`` as in joint states."""
-    message = FollowJointTrajectory.Feedback(header=Header(stamp=stamp(time_ns), frame_id=frame))
-    message.joint_names = _names(feedbacks)
-    message.desired, message.actual, message.error = _points(feedbacks)
-    return message
-
-
-def state_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int, frame: str = "") -> Any:
-    """The state of a controller that commands the arms of ``feedbacks``; its error is reference - feedback."""
-    message = JointTrajectoryControllerState(header=Header(stamp=stamp(time_ns), frame_id=frame))
-    message.joint_names = _names(feedbacks)
-    message.reference, message.feedback, message.error = _points(feedbacks)
-    rows = ("output", "output_velocity")
-    message.output.positions, message.output.velocities = (
-        [value for feedback in feedbacks.values() for value in getattr(feedback, row)] for row in rows
-    )
-    message.output.time_from_start = message.reference.time_from_start
-    if hasattr(message, "speed_scaling_factor"):  # since control_msgs 5.3.0
-        message.speed_scaling_factor = min(feedback.scale for feedback in feedbacks.values())
-    return message
-
-
-def _names(feedbacks: Mapping[Side, TrajectoryFeedback]) -> list[str]:
-    return [name for side in feedbacks for name in joint_names(side)]
-
-
-def _points(feedbacks: Mapping[Side, TrajectoryFeedback]) -> tuple[Any, Any, Any]:
-    """Desired, actual, and desired - actual."""
-    nanoseconds = max(0, round(next(iter(feedbacks.values())).progress * _NS))
-    time = Duration(sec=nanoseconds // _NS, nanosec=nanoseconds % _NS)
-
-    def row(field: str) -> list[float]:
-        return [value for feedback in feedbacks.values() for value in getattr(feedback, field)]
-
-    desired, actual = (row("desired"), row("desired_velocity")), (row("actual"), row("actual_velocity"))
-    error = [[want - have for want, have in zip(*rows, strict=True)] for rows in zip(desired, actual, strict=True)]
-    return tuple(
-        JointTrajectoryPoint(positions=position, velocities=velocity, time_from_start=time)
-        for position, velocity in (desired, actual, error)
-    )
 
 
 _TIME = "%Y-%m-%d T %H:%M:%S"  # as the controller prints it
@@ -551,11 +436,11 @@ def robot_state(state: RobotState, time_ns: int, frame: str = "") -> RobotStateM
         speed_ratio=min(max(state.speed_ratio or 0, 0), _PERCENT),
         allowed_collisions=state.allowed_collisions,
         limited_by=state.limited_by,
-        last_event=controller_event(state.last_event),
+        last_event=_controller_event(state.last_event),
     )
 
 
-def controller_event(event: RwsEvent | None) -> ControllerEvent:
+def _controller_event(event: RwsEvent | None) -> ControllerEvent:
     """A message of the event log with our words; the number 0 where there is none."""
     if event is None:
         return ControllerEvent()
@@ -578,7 +463,7 @@ def controller_event(event: RwsEvent | None) -> ControllerEvent:
 
 def robot_status(state: RobotState) -> DiagnosticStatus:
     """The state for ``/diagnostics``: an error without a connection, a warning while it is not ready."""
-    event, level = controller_event(state.last_event), DiagnosticStatus.OK
+    event, level = _controller_event(state.last_event), DiagnosticStatus.OK
     if state.reasons:
         level = DiagnosticStatus.WARN if state.is_connected else DiagnosticStatus.ERROR
     values: Mapping[str, str] = {
@@ -634,6 +519,12 @@ def pose_of_ros_message(message: Any) -> Pose:
     return Pose((place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z))
 
 
+def fill_pose(position: Any, rotation: Any, pose: Pose) -> None:
+    """Write a pose into the two fields of a message that have it."""
+    position.x, position.y, position.z = pose.position
+    rotation.w, rotation.x, rotation.y, rotation.z = pose.orientation
+
+
 def side_of_ros_message(arm: str) -> Side:
     """The arm that a request names.
 
@@ -666,70 +557,3 @@ def _machine(state: RobotState, side: Side) -> str:
 
 def _word(value: Enum | None) -> str:
     return "" if value is None else str(value.value)
-
-
-_LOG_PERIOD = 1.0
-"""The same reason is logged once in this time [s], with how often it came meanwhile."""
-
-_MOST_LINES = 10
-"""Lines in one period, however many reasons there are: each message may have another invalid name."""
-
-_REASONS = 50  # remembered; the oldest make room
-
-
-LONGEST_WAIT = 0.5
-"""A command that waited for longer in the driver may be from before a stop that was recovered from meanwhile [s]."""
-
-
-def waited_for(info: Mapping[str, Any]) -> float:
-    """For how long a busy driver has left a message unread [s]; 0 where the middleware does not say when it came."""
-    received = info["received_timestamp"]
-    return max((time_ns() - received) * 1e-9, 0.0) if received else 0.0
-
-
-def check_wait(noun: str, waited: float) -> None:
-    """Raise CommandRefused if a message has waited for too long; ``noun`` is what it is, e.g. ``Goal``."""
-    if waited > LONGEST_WAIT:
-        raise _refused(noun, said("command_waited", waited=waited, longest=LONGEST_WAIT))
-
-
-def _reason(value: object) -> Hashable:
-    """What a refusal is for, whatever its numbers: its code, and the names and reasons among its values."""
-    if isinstance(value, Message):
-        return (value.code, *map(_reason, value.values.values()))
-    if isinstance(value, tuple):
-        return tuple(map(_reason, value))
-    return "" if isinstance(value, (int, float)) else str(value)
-
-
-class RefusalLog:
-    """Warnings of one topic, throttled by reason: different mistakes are all logged, however soon they follow.
-
-    Args:
-        log: a node's logger.
-        now: the time [s].
-    """
-
-    def __init__(self, log: Any, now: Callable[[], float]) -> None:
-        self._log = log
-        self._now = now
-        self._last: OrderedDict[Hashable, float] = OrderedDict()  # when a reason was logged
-        self._begin = -_LOG_PERIOD  # of the period whose lines are counted
-        self._lines = 0
-        self._unlogged = 0  # refusals since the last line
-
-    def warn(self, refusal: Message) -> None:
-        """Log a refusal, unless its reason was logged just now; what was not logged is counted with the next line."""
-        now, reason, sentence = self._now(), _reason(refusal), str(refusal)
-        if now - self._begin >= _LOG_PERIOD:
-            self._begin, self._lines = now, 0
-        if now - self._last.get(reason, -_LOG_PERIOD) < _LOG_PERIOD or self._lines >= _MOST_LINES:
-            self._unlogged += 1
-            return
-        self._last[reason] = now
-        self._last.move_to_end(reason)
-        if len(self._last) > _REASONS:
-            self._last.popitem(last=False)
-        self._lines += 1
-        count, self._unlogged = self._unlogged, 0
-        self._log.warning(f"{sentence} ({count} more refusals since the last line)" if count else sentence)

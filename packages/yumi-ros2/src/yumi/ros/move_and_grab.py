@@ -28,10 +28,11 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed, YumiError
 from abb_protocols.robot.gripper_values import GripOutcome, outcome_of
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, STREAM_CONTROLLER
 from yumi.ros.gripper_actions import FAILURE, FAILURES
 from yumi.ros.messages import LATCHED
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (42.1, -118.4, -92.1, 46.5, -143.6, 42.5, 36.1)]),
@@ -57,13 +58,12 @@ LIFT = 0.05
 LIFTED = Side.LEFT
 """The arm that does; in the virtual robot something lies between its fingers."""
 
-MOVE_TIMEOUT = 30.0
+_MOVE_TIMEOUT = 30.0
 """Longest time for one motion at full speed [s]."""
 
-RECOVERIES = 3
+_RECOVERIES = 3
 """How often each step of the task is repeated after a stop of the robot; a person confirms each stop."""
 
-_LINES, _POINTS = "cartesian_controller", "joint_position_controller"
 _THERE = 2e-4  # [m] from the end of a line
 _STANDS = 0.01  # [rad/s] of an arm that has come to rest
 _AGAIN = 1.0  # [s] after which a target is sent once more to an arm that stands elsewhere
@@ -158,7 +158,7 @@ class _Arm:
         self.goals = node.create_publisher(JointState, f"{name}/joint_commands", 10)
         self.gripper = ActionClient(node, GripperCommand, f"{name}/gripper/gripper_cmd")
         self.switch = node.create_client(SwitchController, f"{name}/controller_manager/switch_controller")
-        self.targets = node.create_publisher(PoseStamped, f"{name}/{_LINES}/target_pose", 10)
+        self.targets = node.create_publisher(PoseStamped, f"{name}/{CARTESIAN_CONTROLLER}/target_pose", 10)
         node.create_subscription(PoseStamped, f"{name}/tcp_pose", self._take_pose, 10)
         node.create_subscription(JointState, f"{name}/joint_states", self._take_state, 100)
         node.create_subscription(DiagnosticStatus, f"{name}/egm_state", self._take_egm_state, 1)
@@ -304,7 +304,7 @@ class MoveAndGrab:
     def _move(self, side: Side) -> None:
         arm = self._arms[side]
         self._progress.step(f"move the {side.word} arm")
-        self._activate(arm, _POINTS, _LINES)
+        self._activate(arm, STREAM_CONTROLLER, CARTESIAN_CONTROLLER)
         self._wait(lambda: arm.goals.get_subscription_count() > 0, _DISCOVERY, f"A subscriber to {arm.goals.topic}")
         whole, begin = max(arm.error(), CLOSE_ENOUGH), monotonic()
         arm.goals.publish(JointState(name=list(joint_names(side)), position=list(GOALS[side])))
@@ -355,7 +355,7 @@ class MoveAndGrab:
         """Lift the tool from a pose and put it back, each on a straight line."""
         arm = self._arms[LIFTED]
         self._progress.step(f"lift the {LIFTED.word} tool by {LIFT * 1e3:.0f} mm on a straight line, and put it back")
-        self._activate(arm, _LINES, _POINTS)
+        self._activate(arm, CARTESIAN_CONTROLLER, STREAM_CONTROLLER)
         begin = len(arm.places)
         for height in (LIFT, 0.0):
             target = PoseStamped(pose=low.pose)
@@ -381,7 +381,7 @@ class MoveAndGrab:
         x, y, _ = arm.places[begin]
         off = max(dist(place[:2], (x, y)) for place in arm.places[begin:])
         self._progress.note(f"the tool was at most {off * 1e3:.2f} mm off the line")
-        self._activate(arm, _POINTS, _LINES)
+        self._activate(arm, STREAM_CONTROLLER, CARTESIAN_CONTROLLER)
 
     def _approach(self) -> None:
         """Send both arms towards the same place, see that they are held before they meet, and send them back."""
@@ -437,7 +437,7 @@ class MoveAndGrab:
 
     # After a stop
 
-    def _despite_stops(self, step: Callable[[], T]) -> T:
+    def _despite_stops(self, step: Callable[[], _T]) -> _T:
         """The result of ``step``; where the robot has been stopped meanwhile, it recovers and ``step`` is repeated."""
         attempt = 0
         while True:
@@ -446,9 +446,9 @@ class MoveAndGrab:
             except YumiError as error:
                 attempt += 1
                 was_stopped = isinstance(error, GoalNotReached) or self._is_stopped()
-                if not was_stopped or attempt > RECOVERIES:
+                if not was_stopped or attempt > _RECOVERIES:
                     raise
-                self._progress.step(f"{error} Recover, attempt {attempt} of {RECOVERIES}")
+                self._progress.step(f"{error} Recover, attempt {attempt} of {_RECOVERIES}")
                 self._recover(error)
                 self._start_egm()
 
@@ -525,7 +525,7 @@ class MoveAndGrab:
     def _wait_for_motion(self, is_true: Callable[[], bool], what: str) -> None:
         """The same for the end of a motion; with the parts that the driver keeps apart, where it fails."""
         try:
-            self._wait(is_true, MOVE_TIMEOUT / self._state.speed_scale, what)
+            self._wait(is_true, _MOVE_TIMEOUT / self._state.speed_scale, what)
         except RobotNotReady as error:
             pairs = "; ".join(self._state.limited_by)
             if not pairs:

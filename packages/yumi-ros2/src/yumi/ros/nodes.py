@@ -71,6 +71,8 @@ class _LateAnswers:
                 self._log_error(f"An answer of {self._name} did not reach its client, which DDS has not discovered.")
         except InvalidHandle:
             return  # the node was destroyed meanwhile
+        except Exception as error:  # of the middleware; the thread of the next answer is another one
+            self._log_error(f"An answer of {self._name} could not be sent, {type(error).__name__}: {error}.")
 
     def _is_sent(self, answer: Any, header: Any) -> bool:
         try:
@@ -82,7 +84,7 @@ class _LateAnswers:
         return True
 
 
-def send_late_answers(node: Any, log_error: Callable[[str], None]) -> None:
+def _send_late_answers(node: Any, log_error: Callable[[str], None]) -> None:
     """Have all services of a node send an answer again that DDS has dropped."""
     for service in node.services:
         if not isinstance(service.send_response, _LateAnswers):
@@ -97,7 +99,7 @@ class _MultiThreadedExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rc
         self._log_error = log_error
 
     def add_node(self, node: Any) -> bool:
-        send_late_answers(node, self._log_error)
+        _send_late_answers(node, self._log_error)
         return bool(super().add_node(node))
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
@@ -155,7 +157,7 @@ class Executors:
         """
         for executor in self._executors:
             for node in executor.get_nodes():
-                send_late_answers(node, self._log_error)
+                _send_late_answers(node, self._log_error)
             if isinstance(executor, _MultiThreadedExecutor):
                 executor.start_threads()
         for thread in self._threads:
@@ -297,7 +299,7 @@ Presets = Mapping[str, ParameterFileEntry]
 """Values of a controller's parameters in ``controllers.yaml``, by name."""
 
 
-def parameter_descriptor(parameter: Parameter) -> ParameterDescriptor:
+def _parameter_descriptor(parameter: Parameter) -> ParameterDescriptor:
     """What ``ros2 param describe`` shows: unit and rule stand beside the description."""
     is_bounded = not (isinf(parameter.lowest) and isinf(parameter.highest))
     rules = []
@@ -349,8 +351,8 @@ def declare_parameters(node: Any, infos: Iterable[ParameterInfo], presets: Prese
         try:
             accepted = parameter.accept(presets[name].value if name in presets and not parameter.fixed else value)
             initial = list(accepted) if isinstance(accepted, tuple) else accepted
-            wanted = value_of(
-                node.declare_parameter(name, initial, parameter_descriptor(parameter), bool(parameter.fixed))
+            wanted = _value_of(
+                node.declare_parameter(name, initial, _parameter_descriptor(parameter), bool(parameter.fixed))
             )
         except CommandRefused as refusal:
             raise CommandRefused(message("parameter_not_accepted", why=refusal.said, **known)) from refusal
@@ -361,7 +363,7 @@ def declare_parameters(node: Any, infos: Iterable[ParameterInfo], presets: Prese
     return changed
 
 
-def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, files: Iterable[Path]) -> tuple[str, ...]:
+def parameter_remarks(node: Any, infos: Iterable[ParameterInfo], presets: Presets, files: Iterable[Path]) -> tuple[str, ...]:
     """A sentence for each parameter that is set on a controller's node and changes nothing.
 
     Args:
@@ -378,7 +380,7 @@ def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, file
     held = {info.parameter: info.value for info in infos}
     given: dict[str, Value] = {name: entry.value for name, entry in presets.items() if not entry.is_general}
     # rclpy has no public list of what files and options set.
-    given |= {name: value_of(override) for name, override in node._parameter_overrides.items()}
+    given |= {name: _value_of(override) for name, override in node._parameter_overrides.items()}
     given.pop("type", None)  # the spawner's
     for section in (section for file in files for section in read_parameter_file(file).sections):
         if section.concerns(full_name):
@@ -414,18 +416,18 @@ def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, file
     return tuple(remarks.values())
 
 
-def value_of(parameter: Any) -> Any:
+def _value_of(parameter: Any) -> Any:
     """The value of a ROS parameter; lists become tuples."""
     is_list = parameter.type_ in {RosParameter.Type.DOUBLE_ARRAY, RosParameter.Type.STRING_ARRAY}
     return tuple(parameter.value) if is_list else parameter.value
 
 
-def pass_on_changes(node: Any, names: Iterable[str], change: Callable[[Values], None]) -> None:
+def pass_on_parameter_changes(node: Any, names: Iterable[str], change: Callable[[Values], None]) -> None:
     """Call ``change`` with what is set on ``node`` among ``names``; what it refuses is refused to the client."""
     known = frozenset(names)
 
     def on_set(parameters: list[Any]) -> SetParametersResult:
-        values = {parameter.name: value_of(parameter) for parameter in parameters if parameter.name in known}
+        values = {parameter.name: _value_of(parameter) for parameter in parameters if parameter.name in known}
         try:
             if values:
                 change(values)

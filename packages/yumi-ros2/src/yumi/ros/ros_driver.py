@@ -40,7 +40,7 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.signals import SignalHandlerOptions
 
 from abb_protocols.catalogue import Message, message, said_by
-from abb_protocols.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError
+from abb_protocols.errors import CommandRefused, MissingPrerequisite, SettingsError
 from abb_protocols.robot.joints import JointLimits, Side, prefixed
 from abb_protocols.robot.urdf import MESHES, robot_description
 from abb_runtime.clock import Clock
@@ -48,9 +48,10 @@ from yumi.control.controller import State
 from yumi.control.loop_events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.gripper import GripperSetup
+from yumi.driver.controller_names import DUAL_ARM_CONTROLLER
 from yumi.driver.robot_manager import RobotManager, bring_up
-from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
+from yumi.driver.settings import ControllerSettings, Settings, config_folder
+from yumi.driver.wiring import set_up_grippers
 from yumi.ros.cartesian_interfaces import cartesian_interfaces
 from yumi.ros.command_services import CommandActions, CommandServices, SpeedScaleInterface
 from yumi.ros.command_topics import (
@@ -72,7 +73,7 @@ from yumi.ros.state_topics import (
     SignalsTopic,
     newest_state,
 )
-from yumi.ros.trajectory_action import DUAL_ARM, TrajectoryControllers
+from yumi.ros.trajectory_action import TrajectoryControllers
 
 
 class RosDriver:
@@ -112,7 +113,7 @@ class RosDriver:
             self._streams = {side: _topics_node(namespaces[side]) for side in Side}
             self._stream = _topics_node(root)
             self._node: Any = rclpy.create_node("yumi_robot_manager", namespace=root)
-            dual = rclpy.create_node(DUAL_ARM, namespace=root)
+            dual = rclpy.create_node(DUAL_ARM_CONTROLLER, namespace=root)
             gripper_nodes = {side: rclpy.create_node("gripper", namespace=namespaces[side]) for side in Side}
             description_node = rclpy.create_node(ROBOT_STATE_PUBLISHER, namespace=root)
         except RCLError as error:
@@ -144,7 +145,7 @@ class RosDriver:
             self._streams,
             self.info,
             self._timers,
-            self._why_no_grip,
+            manager.check_not_stopped,
             manager.calibrate,
             settings.ros.frames,
         )
@@ -184,15 +185,9 @@ class RosDriver:
             for side, own in controllers.items()
         }
 
-        self._gripper_setup = GripperSetup(
-            grippers.grippers,
-            manager.step,
-            lambda said: log_error(str(said)),
-            is_allowed=grippers.settings.calibrate is CalibrateWhen.AT_START,
-            is_named=lambda: manager.may_calibrate,
-            is_confirmed=lambda: not manager.is_unattended,
+        self._gripper_setup = set_up_grippers(
+            manager, grippers.grippers, grippers.settings, lambda said: log_error(str(said))
         )
-        manager.when_ready(self._gripper_setup.run)
 
         who = control.hand_over
         self._joint_commands = {
@@ -339,18 +334,10 @@ class RosDriver:
         return bring_up(
             self._manager,
             self._gripper_setup,
-            self._gripper_parts.grippers,
             self.log,
             is_tested=self._gripper_parts.settings.test_at_start,
             is_reading_only=is_reading_only,
         )
-
-    def _why_no_grip(self, _: Side) -> Message | None:
-        try:
-            self._manager.check_not_stopped()
-        except RobotNotReady as error:
-            return error.said
-        return None
 
     def check_arms(self, sides: Iterable[Side]) -> None:
         """Refuse what needs an arm whose hardware component a user has deactivated.

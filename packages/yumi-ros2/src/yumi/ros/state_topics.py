@@ -40,10 +40,10 @@ from yumi.ros.nodes import TimerThread
 STALE = 1.0
 """The position of an arm whose last state is older is not known [s]; without EGM one comes every 0.4 s."""
 
-STATE_POLL = 0.05
+_STATE_POLL = 0.05
 """How often the robot's state is compared with the last one [s]; that asks nothing of the robot itself."""
 
-STATE_PERIOD = 1.0
+_STATE_PERIOD = 1.0
 """The robot's state is published at least so often [s]."""
 
 _EGM_STATE_PERIOD = 0.1  # [s]
@@ -251,12 +251,12 @@ class RobotStateTopic:
         self._clock = clock
         self._last: RobotState | None = None
         self._published = 0.0
-        timers.every(STATE_POLL, "yumi_robot_manager/state", self.update)
+        timers.every(_STATE_POLL, "yumi_robot_manager/state", self.update)
 
     def update(self) -> None:
         """Publish a state that has changed, or was published long ago."""
         state, now = self._state(), self._clock.now()
-        if state == self._last and now - self._published < STATE_PERIOD:
+        if state == self._last and now - self._published < _STATE_PERIOD:
             return
         self._last, self._published = state, now
         self._publisher.publish(robot_state(state, self._ros_clock.now().nanoseconds, self._frame))

@@ -44,6 +44,7 @@ from yumi.planning.tool_path import ZONE, Waypoint, checked_pose, plan_path
 from yumi.ros.command_topics import CommandTopic
 from yumi.ros.frames import RobotFrames
 from yumi.ros.messages import nanoseconds, pose_of_ros_message
+from yumi.ros.topic_refusals import command_refused
 
 line_numbers = count(2**41)  # of these motions, beside those of trajectories and scripts
 
@@ -93,7 +94,7 @@ class ToolTopic(CommandTopic):
                 self._frames.to_base(received.header.frame_id), checked_pose(pose_of_ros_message(received.pose))
             )
         except CommandRefused as error:
-            raise CommandRefused(message("command_refused", noun=self.noun, reason=error.said)) from error
+            raise command_refused(self.noun, error.said) from error
 
     def take(self, received: Any, waited: float = 0.0) -> None:
         try:
@@ -122,7 +123,7 @@ class _StreamTopic(ToolTopic):
             self._asked_at = time
         if age > self._timeout:
             reason = message("stamp_too_old", age=age, longest=self._timeout)
-            raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
+            raise command_refused(self.noun, reason)
 
 
 class LineGoal(NamedTuple):
@@ -161,12 +162,14 @@ class TargetPoseTopic(ToolTopic):
         super().__init__(*args)
         self.turn = Lock()  # one goal of an action at a time is planned
 
-    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        side = self._side
+    def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
+        return partial(self._move, received, snapshot)
+
+    def _move(self, received: Any, snapshot: Snapshot) -> None:
         if max(map(abs, snapshot.velocity)) > STANDING:
             # The line begins where the arm stands: what it follows now ends first.
             self.command(CancelTrajectory())
-            raise target_refused(message("arm_still_moved", arm=side.word))
+            raise target_refused(message("arm_still_moved", arm=self._side.word))
         plan = self.plan(LineGoal((received,)))
         self.command(FollowTrajectory(plan, next(line_numbers)), snapshot.activation)
 
@@ -217,10 +220,10 @@ class ServoPoseTopic(_StreamTopic):
 
     topic, type, noun = "servo_pose", PoseStamped, "Pose"
 
-    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+    def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
         self._check_age(received, time)
         tool = self._frames.tcp(self._side)
-        self._goals.write(pose_goal(snapshot.session, self._pose(received), tool, time=time))
+        return partial(self._goals.write, pose_goal(snapshot.session, self._pose(received), tool, time=time))
 
 
 class ServoTwistTopic(_StreamTopic):
@@ -228,7 +231,7 @@ class ServoTwistTopic(_StreamTopic):
 
     topic, type, noun = "servo_twist", TwistStamped, "Velocity"
 
-    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+    def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
         self._check_age(received, time)
         side, frame = self._side, received.header.frame_id
         linear, angular = received.twist.linear, received.twist.angular
@@ -238,12 +241,14 @@ class ServoTwistTopic(_StreamTopic):
             of_tool = self._frames.in_tool(side, frame)
             seen_from = self._frames.to_base(frame) if of_tool is None else of_tool
         except CommandRefused as error:
-            raise CommandRefused(message("command_refused", noun="Velocity", reason=error.said)) from error
+            raise command_refused(self.noun, error.said) from error
         turned = [rotate(seen_from.orientation, vector) for vector in vectors]
         twist = joints([*turned[0], *turned[1], 0.0])
         tool = self._frames.tcp(side)
-        self._goals.write(twist_goal(snapshot.session, twist, tool, is_in_tool=of_tool is not None, time=time))
+        goal = twist_goal(snapshot.session, twist, tool, is_in_tool=of_tool is not None, time=time)
+        return partial(self._goals.write, goal)
 
 
 def target_refused(reason: Message) -> CommandRefused:
-    return CommandRefused(message("command_refused", noun="Target", reason=reason))
+    """The refusal of a target pose, or of a line."""
+    return command_refused("Target", reason)

@@ -47,25 +47,17 @@ from yumi.control.trajectory_commands import (
     TrajectoryOutcome,
 )
 from yumi.driver.control_process import ENDED
+from yumi.driver.controller_names import DUAL_ARM_CONTROLLER
 from yumi.driver.monitor import RobotMonitor
 from yumi.driver.stops import because
 from yumi.planning.trajectory_request import JointTrajectory as Trajectory
-from yumi.planning.trajectory_request import plan_trajectory, timed
+from yumi.planning.trajectory_request import plan_trajectory, timed_trajectory
 from yumi.ros.chunk_topic import ChunkTopic
 from yumi.ros.controller_manager_node import MakeInterface
-from yumi.ros.messages import (
-    LATCHED,
-    Stamps,
-    check_wait,
-    feedback_message,
-    how_to_activate,
-    stamp_of,
-    state_message,
-    tolerances_of,
-    trajectory_of,
-    waited_for,
-)
+from yumi.ros.messages import LATCHED, Stamps, how_to_activate
 from yumi.ros.nodes import TimerThread, is_cancelled
+from yumi.ros.topic_refusals import check_wait, waited_for
+from yumi.ros.trajectory_messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
 from yumi.ros.trajectory_query import FRESH, TrajectoryQuery
 
 _FIRST_NUMBER = 2**40  # of these goals, beside the motions of scripts and commands, which count from 1
@@ -307,7 +299,7 @@ class TrajectoryAction:
             newest = buffer.read()
             is_known = newest is not None and newest[1].goal and now - newest[1].time < FRESH
             starts[side] = Setpoint(positions[side], newest[1].output_velocity if newest and is_known else ZERO)
-        return timed(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
+        return timed_trajectory(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
 
     def _command(
         self,
@@ -421,10 +413,6 @@ class TrajectoryAction:
             goal.handle.publish_feedback(feedback_message(feedbacks, time_ns, self._frame))
 
 
-DUAL_ARM = "dual_arm_trajectory_controller"
-"""Name of the controllers that follow one trajectory together, and of the node with their action."""
-
-
 class TrajectoryControllers:
     """Makes the actions of each arm's trajectory controllers and of both.
 
@@ -446,7 +434,7 @@ class TrajectoryControllers:
         on_switch: Callable[[], None] = lambda: None,
     ) -> None:
         shared = (control, clock, limits, timers, monitor, frame, on_switch)
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, *shared)
+        both = TrajectoryAction(dual_node, DUAL_ARM_CONTROLLER, dual, *shared)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
             return TrajectoryAction(node, name, {side: single[side]}, *shared)

@@ -19,8 +19,8 @@ from yumi.ros.messages import SERVICES, nanoseconds
 
 FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
 
-Plans = Mapping[Side, ArmPlan]
-Feedbacks = Mapping[Side, TrajectoryFeedback]
+_Plans = Mapping[Side, ArmPlan]
+_Feedbacks = Mapping[Side, TrajectoryFeedback]
 
 
 class TrajectoryQuery:
@@ -34,10 +34,10 @@ class TrajectoryQuery:
         self._ros_clock = node.get_clock()
         self._feedback = feedback
         self._clock = clock
-        self._followed: tuple[int, Plans] = (0, {})
+        self._followed: tuple[int, _Plans] = (0, {})
         node.create_service(QueryTrajectoryState, "~/query_state", self.answer, qos_profile=SERVICES)
 
-    def note(self, number: int, plans: Plans) -> None:
+    def note(self, number: int, plans: _Plans) -> None:
         """The controllers have accepted ``plans`` as goal ``number``."""
         self._followed = (number, plans)
 
@@ -71,7 +71,7 @@ class TrajectoryQuery:
         response.acceleration = [value for row in rows for value in row.acceleration]
         return response
 
-    def _sample(self, feedbacks: Feedbacks, time: float) -> Mapping[Side, Setpoint]:
+    def _sample(self, feedbacks: _Feedbacks, time: float) -> Mapping[Side, Setpoint]:
         number, plans = self._followed
         if any(feedback.goal != number or not number for feedback in feedbacks.values()):
             return {}

@@ -43,6 +43,5 @@ PAGE: Mapping[str, Text] = {
         "jog refused: the connection to the page is too slow now", "press again when it is better"
     ),
     "plan_is_old": Text("this plan is not the one that was made last, or was followed already", "plan again"),
-    "position_unknown_for_plan": Text("the position of the {arm} arm is not known", "{start_egm}, then plan"),
     "no_pose_of_fingertips": Text("a pose of the fingertips is x, y, z [m] and the quaternion w, x, y, z"),
 }

@@ -22,7 +22,7 @@ from abb_runtime.udp import is_loopback
 from yumi.control.hand_over import Commander
 from yumi.control.shared_state import Limited
 from yumi.core.collision import Distance
-from yumi.driver.command import Arm
+from yumi.driver.command import ArmName
 from yumi.driver.commands import GetState, GetSurroundings, GiveBack, SwitchControllers
 from yumi.driver.reports import CommandingReport, DriverState, EventReport, Said
 from yumi.driver.surroundings import Surroundings
@@ -79,7 +79,7 @@ class _StatePart(msgspec.Struct, frozen=True):
     sessions: int = 0
 
 
-class Jogged(NamedTuple):
+class JoggedArm(NamedTuple):
     """An arm that pages have jogged: the controllers that commanded it before, and those that pages jogged it with."""
 
     before: tuple[str, ...]
@@ -116,7 +116,7 @@ class LiveRobot:
         self.address, self.is_virtual = "", False
         self.events: deque[EventReport] = deque(maxlen=_EVENTS)
         self.surroundings = Surroundings()
-        self.jogged: dict[Arm, Jogged] = {}
+        self.jogged: dict[ArmName, JoggedArm] = {}
         self._on_state, self._on_events, self._on_change = on_state, on_events, on_change
         self._state: tuple[float, msgspec.Raw] | None = None
         self._watched = asyncio.Event()

@@ -10,7 +10,7 @@ import msgspec
 
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.joints import ZERO
-from yumi.driver.command import Arm, Command, Position
+from yumi.driver.command import ArmName, Command, SentPosition
 from yumi.driver.commands import offered_to
 from yumi.driver.device_frame import DeviceFrame
 from yumi.driver.motion_commands import Jog, JogTool
@@ -70,8 +70,8 @@ class PlanMotion(PageMessage, frozen=True, tag="plan"):
     """
 
     id: int
-    right: Position | None = None
-    left: Position | None = None
+    right: SentPosition | None = None
+    left: SentPosition | None = None
     is_pose: bool = False
 
 
@@ -88,7 +88,7 @@ class JointsJog(PageMessage, frozen=True, tag="jog_joints"):
     ``hold`` counts the holds, and ``seen`` is the time of the state that the page has got last.
     """
 
-    arm: Arm
+    arm: ArmName
     hold: int
     seen: float
     speeds: tuple[_Speed, _Speed, _Speed, _Speed, _Speed, _Speed, _Speed]
@@ -107,7 +107,7 @@ class JointsJog(PageMessage, frozen=True, tag="jog_joints"):
 class ToolJog(PageMessage, frozen=True, tag="jog_tool"):
     """A key is held: speeds of the tool [m/s], [rad/s] in a frame, or of the elbow [rad/s]."""
 
-    arm: Arm
+    arm: ArmName
     hold: int
     seen: float
     frame: Literal["base", "tool"] = "base"

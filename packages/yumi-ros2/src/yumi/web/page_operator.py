@@ -17,7 +17,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
-from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, rotate
+from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, by_side, rotate
 from abb_protocols.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
 from abb_runtime.faults import inject_fault, takes_faults
 from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER
@@ -28,7 +28,7 @@ from yumi.driver.motion_commands import Follow
 from yumi.driver.reports import MotionReport
 from yumi.driver.surroundings import limits_of, shapes_of
 from yumi.web.driver_link import DriverLink
-from yumi.web.live import Jogged, LiveRobot
+from yumi.web.live import JoggedArm, LiveRobot
 from yumi.web.page_device import PageDevice
 from yumi.web.page_messages import (
     MAX_JOINT_SPEED,
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from yumi.planning.planner import Plan
     from yumi.planning.planning_process import PlanningProcess
 
-PLANNED_SPEED_SCALE = 0.5
+_PLANNED_SPEED_SCALE = 0.5
 """Share of the joints' speeds that a page plans for, before speed_scale."""
 
 _PLANNING_TIMEOUT = 20.0  # [s] for one plan
@@ -61,17 +61,17 @@ of a page has none before it, only the newest state, which a page that draws in 
 clock is that of the driver, which takes no jog of a joint or of a tool that came here longer than
 :data:`yumi.api.streams.OLDEST_JOG` ago: as long as their controllers take a velocity for new."""
 
-STALE = 0.05
+_STALE = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""
 
 _PLAN_POINTS = 120  # points of a plan that the page gets, about
 _LAST_ANSWER = 0.3  # [s] the driver has for the end of a jog, before its connection is closed
 _JUST_NOW = 0.5  # [s] so long ago an arm may have been jogged that moves
 
-Send = Callable[[dict[str, Any]], None]
+_Send = Callable[[dict[str, Any]], None]
 """Sends a message to a page; ``type`` says of what kind."""
 
-Show = Callable[[Mapping[str, Any]], None]
+_Show = Callable[[Mapping[str, Any]], None]
 """Sends a message of which a page gets the newest only."""
 
 
@@ -94,7 +94,7 @@ class Operator:
         planning: plans motions.
     """
 
-    def __init__(self, live: LiveRobot, send: Send, show: Show, planning: PlanningProcess) -> None:
+    def __init__(self, live: LiveRobot, send: _Send, show: _Show, planning: PlanningProcess) -> None:
         self._live, self._send, self._planning = live, send, planning
         self._plans = 0
         self._plan: Plan | None = None  # the one that the page shows
@@ -206,16 +206,9 @@ class Operator:
 
     async def _make_plan(self, request: PlanMotion) -> dict[str, object]:
         self._plan = None
-        arms, start = self._live.state().arms, {}
-        for side in Side:
-            position = arms[side.word].position
-            if position is None:
-                raise RobotNotReady(message("position_unknown_for_plan", arm=side.word))
-            start[side] = position
+        start = self._live.state().planning_start()
         goals: dict[Side, Joints | Pose] = {}
-        for side, goal in ((Side.RIGHT, request.right), (Side.LEFT, request.left)):
-            if goal is None:
-                continue
+        for side, goal in by_side(request.right, request.left).items():
             if not request.is_pose:
                 goals[side] = checked_goal(side, goal, start[side])
                 continue
@@ -228,7 +221,7 @@ class Operator:
             start,
             goals,
             timeout=_PLANNING_TIMEOUT,
-            speed_scale=PLANNED_SPEED_SCALE,
+            speed_scale=_PLANNED_SPEED_SCALE,
             grippers=grippers,
             tools=tools,
             obstacles=obstacles,
@@ -268,14 +261,14 @@ class Operator:
             if received is None or self._link is None or received.jog.hold == self._refused:
                 continue
             jog = received.jog
-            if time.monotonic() - received.time > STALE and jog.request != jog.at_rest:
+            if time.monotonic() - received.time > _STALE and jog.request != jog.at_rest:
                 continue  # the end of a jog is never too late
             try:
                 state = self._live.state()
                 leading = tuple(each.name for each in state.controllers[jog.arm] if each.commands)
                 known = self._live.jogged.get(jog.arm)
                 if known is None or not leading or not known.by.issuperset(leading):  # jogged anew
-                    known = Jogged(leading, frozenset())
+                    known = JoggedArm(leading, frozenset())
                 own = JOG_CONTROLLER if isinstance(jog, JointsJog) else CARTESIAN_CONTROLLER
                 self._live.jogged[jog.arm] = known._replace(by=known.by | {own})
                 if isinstance(jog, ToolJog) and (position := state.arms[jog.arm].position) is not None:

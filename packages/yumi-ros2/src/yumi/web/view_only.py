@@ -21,7 +21,7 @@ def open_controller(robot: RobotSettings) -> ControllerReader | None:
     Raises:
         YumiError: nothing answers there, or it is not a controller of RobotWare 6, or it does not let us in.
     """
-    login = Login(f"{robot.address}:{robot.rws_port}", robot.user, robot.password, robot.timeout)
+    login = Login(robot.host_and_port, robot.user, robot.password, robot.timeout)
     client = login.connect()
     try:
         why = _why_no_driver(client)
@@ -44,7 +44,7 @@ def reopen_controller(robot: RobotSettings) -> ControllerReader:
     """
     reader = open_controller(robot)
     if reader is None:
-        raise RobotNotReady(message("driver_can_run_now", address=f"{robot.address}:{robot.rws_port}"))
+        raise RobotNotReady(message("driver_can_run_now", address=robot.host_and_port))
     return reader
 
 

@@ -26,7 +26,7 @@ from abb_protocols.robot.joints import Pose, Side
 from abb_protocols.robot.kinematics import IDENTITY
 from abb_runtime.clock import SystemClock
 from yumi.driver.robot_state import RobotState
-from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.speed_setting import SpeedSetting
 from yumi.ros.gripper_actions import GripperParts
 from yumi.ros.ros_driver import RosDriver, close_ros, open_ros
 

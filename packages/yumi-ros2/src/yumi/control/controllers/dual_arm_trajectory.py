@@ -36,7 +36,7 @@ class DualArmTrajectoryController(JointTrajectoryController):
         self,
         side: Side,
         feedback: Buffer[TrajectoryFeedback],
-        halves: dict[Side, DualArmTrajectoryController],
+        halves: dict[Side, object],
         limits: JointLimits = YUMI_LIMITS,
         speed: SpeedScale | None = None,
     ) -> None:
@@ -53,7 +53,7 @@ class DualArmTrajectoryController(JointTrajectoryController):
 
         One that moves goes on from its own newest command.
         """
-        other: DualArmTrajectoryController | None = self._halves.get(self._side.other)
+        other = self._other_half
         if other is None or other._state is None or self._source.setpoint(self._time).velocity is not ZERO:
             return 0.0
         return min(0.0, state.time - other._state.time)
@@ -109,7 +109,13 @@ class DualArmTrajectoryController(JointTrajectoryController):
     def _is_cancelled(self) -> bool:
         return self._goal is not None and self._goal.is_cancelled
 
+    @property
+    def _other_half(self) -> DualArmTrajectoryController | None:
+        """The other arm's, while it is active."""
+        half = self._halves.get(self._side.other)
+        return half if isinstance(half, DualArmTrajectoryController) else None
+
     def _other(self, goal: TrajectoryGoal) -> DualArmTrajectoryController | None:
         """The other half, while it follows the same trajectory."""
-        other: DualArmTrajectoryController | None = self._halves.get(self._side.other)
+        other = self._other_half
         return other if other and other._goal is not None and other._goal.number == goal.number else None

@@ -16,6 +16,7 @@ from yumi.driver.commissioning.contents import essence
 from yumi.driver.commissioning.delivery import ADD_INS, GRIPPER_MODULE, OWN_MODULE, delivered, delivered_modules
 from yumi.driver.commissioning.findings import Finding, Verdict, problem
 from yumi.driver.commissioning.installation import MASTERSHIPS, NEWEST_ROBOTWARE, foreign_mains, missing_grants
+from yumi.driver.gripper_signals import full_signal_name
 from yumi.driver.launch_checks import (
     GRIPPER_PRODUCT,
     OLDEST_ROBOTWARE,
@@ -28,7 +29,7 @@ from yumi.driver.readiness import NO_STOP, unmet
 from yumi.driver.robot_state import RobotState
 from yumi.driver.state_machine import WATCHDOG
 
-CLOCK_TOLERANCE = 60.0
+_CLOCK_TOLERANCE = 60.0
 """By so much the clocks may differ before it is worth a note [s]: events are found by their times."""
 
 NEEDED_GRANTS = {
@@ -62,14 +63,14 @@ def examine_controller(
         yield problem("reachable", error)
         return
     checks = LaunchChecks(client, addresses)
-    other = _checked("robot", message("is_a_yumi"), partial(checks.check_robot, system))
-    if other.verdict is Verdict.PROBLEM:  # first, and alone: nothing of a YuMi is missing on another robot
-        yield other
-        yield Finding("reachable", Verdict.OK, message("as_found", value=client.address))
-        yield Finding("login", Verdict.OK, message("logged_in", system=system.name))
-        return
+    robot = _checked("robot", message("is_a_yumi"), partial(checks.check_robot, system))
+    is_another = robot.verdict is Verdict.PROBLEM
+    if is_another:  # first, and alone: nothing of a YuMi is missing on another robot
+        yield robot
     yield Finding("reachable", Verdict.OK, message("as_found", value=client.address))
     yield Finding("login", Verdict.OK, message("logged_in", system=system.name))
+    if is_another:
+        return
     yield from _system(system)
     for side in Side:
         yield _checked(f"arm {side.unit}", message("arm_moved_by_controller"), partial(checks.check_unit, side))
@@ -105,13 +106,12 @@ def _guarded(look: Callable[[], Iterable[Finding]]) -> list[Finding]:
 
 
 def _system(system: SystemInfo) -> Iterator[Finding]:
-    version = ".".join(map(str, system.robotware))
     if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-        yield Finding("RobotWare", Verdict.PROBLEM, message("robotware_without_egm", version=version))
+        yield Finding("RobotWare", Verdict.PROBLEM, message("robotware_without_egm", version=system.version))
     elif system.robotware[0] > NEWEST_ROBOTWARE:
-        yield Finding("RobotWare", Verdict.PROBLEM, message("robotware_too_new", version=version))
+        yield Finding("RobotWare", Verdict.PROBLEM, message("robotware_too_new", version=system.version))
     else:
-        yield Finding("RobotWare", Verdict.OK, message("as_found", value=version))
+        yield Finding("RobotWare", Verdict.OK, message("as_found", value=system.version))
     for option, loss in REQUIRED_OPTIONS.items():
         if option in system.options:
             yield Finding("option", Verdict.OK, message("as_found", value=option))
@@ -312,7 +312,7 @@ def _shared_port(client: RwsClient) -> list[Finding]:
 def _gripper(client: RwsClient, side: Side) -> list[Finding]:
     name = f"gripper {side.word}"
     try:
-        is_calibrated = client.signal(f"hand_StatusCalibrated_{side.name[0]}").value != 0
+        is_calibrated = client.signal(full_signal_name(side, "hand_StatusCalibrated")).value != 0
     except ControllerRefused:
         return [Finding(name, Verdict.NOTE, message("gripper_not_there"))]
     if is_calibrated:
@@ -326,7 +326,7 @@ def _clock(client: RwsClient, here: datetime) -> Finding:
     except YumiError as error:
         return Finding("clock", Verdict.NOTE, message("clock_unreadable", reason=said_by(error)))
     off = abs((robot - here).total_seconds())
-    if off <= CLOCK_TOLERANCE:
+    if off <= _CLOCK_TOLERANCE:
         return Finding("clock", Verdict.OK, message("clock_agrees", difference=off))
     times = message("clock_differs", there=f"{robot:%Y-%m-%d %H:%M:%S}", here=f"{here:%Y-%m-%d %H:%M:%S}")
     return Finding("clock", Verdict.NOTE, times)

@@ -19,7 +19,7 @@ GRIPPER_MODULE = "TRobSG"
 OWN_MODULE = "TRobSystem"
 """The module that is the user's to edit: it is loaded where there is none, and never replaced."""
 
-FOLDER = "HOME:/yumi/"
+_FOLDER = "HOME:/yumi/"
 """Where the modules are on the controller."""
 
 ADD_INS = ("StateMachine Core", "StateMachine", "StateMachine Add-In")
@@ -29,7 +29,7 @@ _MAIN = re.compile(r"(?im)^\s*proc\s+main\s*\(")
 KEYS = {"CAB_TASK_MODULES": "File", "SYSSIG_OUT": "Signal"}
 """What distinguishes instances of a type without names."""
 
-_OUR_FILES = {f"{FOLDER}{each.name}" for each in files("abb_protocols.controller_files").iterdir()}
+_OUR_FILES = {f"{_FOLDER}{each.name}" for each in files("abb_protocols.controller_files").iterdir()}
 _INTO = ("Task", "Shared", "AllTask", "AllMotionTask")
 """Into which tasks a line of CAB_TASK_MODULES loads its file: of another's files, several lines may name the same."""
 
@@ -56,7 +56,7 @@ def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True
     """
     modules = {name: text for name, text in delivered_modules().items() if has_grippers or name != GRIPPER_MODULE}
     suffixes = {OWN_MODULE: ".sys"}
-    paths = {name: f"{FOLDER}{name}{suffixes.get(name, '.mod')}" for name in modules}
+    paths = {name: f"{_FOLDER}{name}{suffixes.get(name, '.mod')}" for name in modules}
     cfg: dict[CfgKey, Mapping[str, str] | None] = {}
     for file in _delivered_cfg():
         for type_name, attributes in file.instances:
@@ -70,7 +70,7 @@ def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True
     if has_add_in:
         return Contents(cfg=cfg)
     return Contents(
-        files={FOLDER: "", **{paths[name]: text for name, text in modules.items()}},
+        files={_FOLDER: "", **{paths[name]: text for name, text in modules.items()}},
         cfg=cfg,
         modules={ModuleKey(side.task, name): text for side in Side for name, text in modules.items()},
     )
@@ -98,7 +98,7 @@ def without_loss(present: Contents, before: Contents) -> tuple[Contents, list[Me
     edited = next((text for text in texts if text is not None and not is_same_module(text, ours[OWN_MODULE])), None)
     kept, notes = Contents(), []
     if edited is not None and file in before.files and before.files[file] is None:
-        kept = Contents({file: edited, FOLDER: ""})
+        kept = Contents({file: edited, _FOLDER: ""})
         notes.append(message("own_file_stays", file=file))
     names = {name.lower() for name in ours}
     for module, text in before.modules.items():
@@ -111,7 +111,7 @@ def without_loss(present: Contents, before: Contents) -> tuple[Contents, list[Me
 
 def _own(contents: Contents) -> tuple[str, list[ModuleKey]]:
     """The file and the loaded modules that are the user's to edit."""
-    return f"{FOLDER}{OWN_MODULE}.sys", [key for key in contents.modules if key.name == OWN_MODULE]
+    return f"{_FOLDER}{OWN_MODULE}.sys", [key for key in contents.modules if key.name == OWN_MODULE]
 
 
 def _delivered_cfg() -> Iterator[CfgFile]:

@@ -251,11 +251,10 @@ class Installation:
         return self._plan(present, wanted, (*self._ungranted(_GRANTS), *self._busy()), notes)
 
     def _unsuitable(self, system: SystemInfo) -> Iterator[Message]:
-        version = ".".join(map(str, system.robotware))
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-            yield message("robotware_without_egm", version=version)
+            yield message("robotware_without_egm", version=system.version)
         elif system.robotware[0] > NEWEST_ROBOTWARE:
-            yield message("robotware_too_new", version=version)
+            yield message("robotware_too_new", version=system.version)
         for option, loss in REQUIRED_OPTIONS.items():
             if option not in system.options:
                 yield message("option_missing", option=option, loss=loss)

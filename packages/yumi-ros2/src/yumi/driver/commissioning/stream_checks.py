@@ -188,7 +188,7 @@ def _refuse_open_stop(client: RwsClient, clock: Clock) -> None:
 
 def _machine_state(client: RwsClient, side: Side) -> MachineState | None:
     try:
-        return read_machine_state(client.symbol(side.task, MAIN, "current_state"))
+        return read_machine_state(client, side)
     except ProtocolError:
         return None
 
