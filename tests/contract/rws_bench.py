@@ -28,7 +28,7 @@ from virtual_irc5.rapid.types import RapidValueError, UnknownSymbol
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import Upgrade
-from virtual_irc5.system_parameters import Instance, SystemConfiguration
+from virtual_irc5.system_parameters import SystemConfiguration
 
 USER, PASSWORD = "Default User", "robotics"
 CFG = Path(virtual_irc5.controller.__file__).parent / "stock"
@@ -90,6 +90,9 @@ class PlainExecution:
 
     def select(self, task: str, *, is_active: bool) -> None:
         self.installed[task].is_active = is_active
+
+    def unload_module(self, task: str, name: str) -> None:
+        raise Refused(RefusalReason.NO_MODULE, f"The task {task} has no module '{name}'.")
 
 
 class PlainController:
@@ -161,9 +164,6 @@ class PlainController:
         self.files.get_file(path)
         self.loaded.append((task, path, replace))
 
-    def unload_module(self, task: str, name: str) -> None:
-        raise Refused(RefusalReason.NO_MODULE, f"The task {task} has no module '{name}'.")
-
     def acknowledge_collision(self) -> None:
         self.collision_state = CollisionState.INIT
 
@@ -174,9 +174,6 @@ class PlainController:
 
     def joint_target(self, unit: str) -> tuple[Sequence[float], Sequence[float]]:
         return (0.0, -130.0, 30.0, 0.0, 40.0, 0.123456), (-135.0, 9e9, 9e9, 9e9, 9e9, 9e9)
-
-    def cfg(self, domain: str, type: str) -> Sequence[Instance]:
-        return self.configuration.instances(domain, type)
 
     def settle(self) -> None:
         self.settled += 1

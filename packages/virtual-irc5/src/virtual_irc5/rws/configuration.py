@@ -218,9 +218,7 @@ def validate_file(controller: Irc5, call: RwsCall) -> Page:
 def _with_file(controller: Irc5, call: RwsCall) -> SystemConfiguration:
     """The configuration with a file loaded as the call says: added, replacing, or in the place of what was added."""
     mode = call.parameter("action-type", "add")
-    path = path_of_file(call.required("filepath"))
-    loaded = SystemConfiguration()
-    loaded.become(controller.configuration)
+    path, loaded = path_of_file(call.required("filepath")), controller.configuration.copy()
     try:
         text = controller.files[path]
         if mode == "add-with-reset":
@@ -267,15 +265,13 @@ def _place(call: RwsCall) -> str:
 
 
 def _instances(controller: Irc5, call: RwsCall) -> tuple[Instance, ...]:
-    domain, type_name = call.names["domain"].upper(), call.names["type"].upper()
-    if domain not in DOMAINS:
-        raise CallFailure(400, RwsCode.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain}")
+    domain, type_name = _domain(call), call.names["type"].upper()
     if (domain, type_name) == ("SYS", "PRESENT_OPTIONS"):
         # The options once more as system parameters: number and description apart, in this order.
         split = ((_NUMBERED_OPTION.fullmatch(option), option) for option in controller.identity.options)
         pairs = (numbered.groups() if numbered else (option, option) for numbered, option in split)
         return tuple(Instance(name, {"name": name, "desc": description}) for name, description in pairs)
-    found = tuple(controller.cfg(domain, type_name))
+    found = controller.configuration.instances(domain, type_name)
     if not found:
         raise CallFailure(400, RwsCode.CFG_TYPE_INVALID, f"domain {domain} has no type {type_name} with instances")
     listed = _LISTED_DEFAULTS.get((domain, type_name), {})

@@ -211,7 +211,7 @@ def parsed(text: str, path: str) -> s.Module:
 
 @ROUTES.answer(table.UNLOAD_MODULE)
 def unload_module(controller: Irc5, call: RwsCall) -> None:
-    controller.unload_module(_task(controller, call).name, call.required("module"))
+    controller.execution.unload_module(_task(controller, call).name, call.required("module"))
 
 
 @ROUTES.answer(table.ABORT_LEVEL)
@@ -510,7 +510,7 @@ def unload_program(controller: Irc5, call: RwsCall) -> None:
     task = _task(controller, call)
     for module in task.modules:
         if not module.is_system:
-            controller.unload_module(task.name, module.name)
+            controller.execution.unload_module(task.name, module.name)
 
 
 @ROUTES.answer(table.SAVE_PROGRAM)
