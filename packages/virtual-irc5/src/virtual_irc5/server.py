@@ -26,6 +26,7 @@ from abb_runtime.process.certificate import self_signed_context
 from abb_runtime.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
 from abb_runtime.udp import UdpClient
 from virtual_irc5.background import Background
+from virtual_irc5.fault_injection import FaultInjection
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.mechanics.egm_network import Outgoing
 from virtual_irc5.mechanics.path import PREFETCH
@@ -37,7 +38,7 @@ from virtual_irc5.rws.rws_call import CallFailure
 from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import SubscriptionChannel, Upgrade
 from virtual_irc5.rws.version_2 import ROBOTWARE_7, RwsService2
-from virtual_irc5.world import FaultInjection, World, WorldSettings
+from virtual_irc5.world import World, WorldSettings
 
 log = logging.getLogger(__name__)
 
