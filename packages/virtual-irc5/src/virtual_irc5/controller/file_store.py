@@ -56,6 +56,11 @@ class File:
         """The last part of the path."""
         return self.path.rpartition("/")[2]
 
+    @property
+    def size(self) -> int:
+        """Of its content [bytes]."""
+        return len(self.content or b"")
+
 
 class FileStore(MutableMapping[str, str]):
     """Files, found in any letter case; as a mapping it shows their texts.
@@ -94,7 +99,7 @@ class FileStore(MutableMapping[str, str]):
     @property
     def used(self) -> int:
         """Of the capacity [bytes]."""
-        return sum(map(size_of, self._files.values()))
+        return sum(file.size for file in self._files.values())
 
     def get_file(self, path: str) -> File:
         """A file or directory.
@@ -129,7 +134,7 @@ class FileStore(MutableMapping[str, str]):
         if known is None:
             self._check_space(len(content))
         else:
-            self._check_space(len(content) - size_of(known), files=0)
+            self._check_space(len(content) - known.size, files=0)
         self.make_directory(clean_path(path).rpartition("/")[0])
         self._put(path, content)
         return known is None
@@ -170,7 +175,7 @@ class FileStore(MutableMapping[str, str]):
         """
         source, target = clean_path(self.get_file(path).path), clean_path(to)
         inside = [file for key, file in self._files.items() if f"{key}/".startswith(f"{_key(source)}/")]
-        self._check_space(sum(map(size_of, inside)), len(inside))
+        self._check_space(sum(file.size for file in inside), len(inside))
         for file in inside:
             moved = f"{target}{clean_path(file.path)[len(source) :]}"
             self._files[_key(moved)] = replace(file, path=moved, changed=self._now())
@@ -190,10 +195,6 @@ class FileStore(MutableMapping[str, str]):
         if content is None and self._files.get(_key(path)) is None:
             self._check_space(0)
         self._files[_key(path)] = File(clean_path(path), content, self._now())
-
-
-def size_of(file: File) -> int:
-    return len(file.content or b"")
 
 
 def clean_path(path: str) -> str:

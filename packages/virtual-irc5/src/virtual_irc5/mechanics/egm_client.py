@@ -656,8 +656,7 @@ class EgmClient:
 
 def _completed(values: PartialJoints, last: Joints) -> Joints:
     """Axes that the sensor leaves out keep their last value (reference/egm.md §10 item 18)."""
-    complete = tuple(old if new is None else new for new, old in zip(values, last, strict=True))
-    return complete
+    return tuple(old if new is None else new for new, old in zip(values, last, strict=True))
 
 
 def _is_finite(*parts: PartialJoints | None) -> bool:

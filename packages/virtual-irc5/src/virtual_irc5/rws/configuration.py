@@ -120,8 +120,7 @@ def create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
     if type_name == "EIO_SIGNAL":
         values["SignalType"] = "DI"
     controller.configuration.put(domain, type_name, values)
-    instances = f"{place}/instances/{name}"
-    return HttpReply(201, (("Location", f"/rw/cfg/{instances}"), ("Content-Type", "application/xhtml+xml")))
+    return HttpReply.at(f"/rw/cfg/{place}/instances/{name}", 201)
 
 
 @ROUTES.answer(table.RESET_INSTANCES)

@@ -178,7 +178,7 @@ def set_network(controller: Irc5, call: RwsCall) -> HttpReply:
         own.address, own.mask = _address(call, "address"), _address(call, "mask")
         own.gateway = _address(call, "gateway")
     own.method = method
-    return HttpReply(202, (("Location", "/ctrl?action=show"), ("Content-Type", "application/xhtml+xml")))
+    return HttpReply.at("/ctrl?action=show")
 
 
 def _address(call: RwsCall, name: str) -> str:
@@ -211,7 +211,7 @@ def add_route(controller: Irc5, call: RwsCall) -> None:
 def remove_route(controller: Irc5, call: RwsCall) -> HttpReply:
     if controller.own_settings.routes.pop(_destination(call), None) is None:
         raise invalid("there is no route to that destination")
-    return HttpReply(202, (("Location", "/ctrl?action=show"), ("Content-Type", "application/xhtml+xml")))
+    return HttpReply.at("/ctrl?action=show")
 
 
 def _destination(call: RwsCall) -> str:
@@ -234,9 +234,7 @@ def get_route_options(controller: Irc5, call: RwsCall) -> Page:
 
 def _begin(controller: Irc5, work: Callable[[], None]) -> HttpReply:
     """Begin a job; the answer says where its progress shows."""
-    job = controller.jobs.begin(work, _DURATION)
-    headers = (("Location", f"/progress/{job.number}"), ("Content-Type", "application/xhtml+xml"))
-    return HttpReply(202, headers)
+    return HttpReply.at(f"/progress/{controller.jobs.begin(work, _DURATION).number}")
 
 
 @ROUTES.answer(table.PROGRESS)
@@ -244,10 +242,8 @@ def get_progress(controller: Irc5, call: RwsCall) -> Mapping[str, table.Progress
     job = controller.jobs.find(call.names["job"])
     if job is None:
         raise CallFailure(404, RwsCode.FAIL, f"there is no job {call.names['job'][:20]!r}")
-    code, state = (table.JOB_DONE, "Ready") if job.is_done else (table.JOB_PENDING, "Pending")
-    if job.failure:
-        code, state = int(RwsCode.FAIL), f"Error: {job.failure}"
-    return {str(job.number): table.Progress(code, state)}
+    code = int(RwsCode.FAIL) if job.failure else table.JOB_DONE if job.is_done else table.JOB_PENDING
+    return {str(job.number): table.Progress(code, job.state)}
 
 
 @ROUTES.answer(table.PROGRESS_LIST)

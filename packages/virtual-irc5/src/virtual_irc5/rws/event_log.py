@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime, timezone
 
-from abb_protocols.rws.documents import Form, Page, RwsArgument, RwsLink, RwsState
+from abb_protocols.rws.documents import Page, RwsArgument, RwsLink, RwsState
 from abb_protocols.rws.operations import event_log as table
 from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
@@ -118,8 +118,7 @@ def save_events(controller: Irc5, call: RwsCall) -> HttpReply:
         lines = (f"{e.number} {e.time:.3f} {int(e.type)} {e.code} {e.title} {e.description}" for e in events)
         controller.files[path] = "\n".join(lines) + "\n"
 
-    job = controller.jobs.begin(work, 1.0)
-    return HttpReply(202, (("Location", f"/progress/{job.number}"), ("Content-Type", Form.XHTML.value)))
+    return HttpReply.at(f"/progress/{controller.jobs.begin(work, 1.0).number}")
 
 
 @ROUTES.answer(table.CLEAR_ALL)

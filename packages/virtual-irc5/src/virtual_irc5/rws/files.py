@@ -25,14 +25,13 @@ ROUTES = Routes()
 
 @ROUTES.answer(table.DISKS)
 def get_disks(controller: Irc5, call: RwsCall) -> Page:
-    free = CAPACITY - sum(len(controller.files.get_file(path).content or b"") for path in controller.files)
     states = (
         entry(
             "fs-device",
             f"${device.lower()}",
             fs_device_type="ramdisk" if device == "RAMDISK" else "fixed",
             fs_total_space=str(CAPACITY),
-            fs_free_space=str(free),
+            fs_free_space=str(CAPACITY - controller.files.used),
             fs_enabled="TRUE",
             fs_readonly="FALSE",
         )
@@ -52,7 +51,7 @@ def get_file(controller: Irc5, call: RwsCall) -> Shown:
         time = datetime.fromtimestamp(each.changed, timezone.utc).strftime("%Y-%m-%d T %H:%M:%S")
         fields = {"fs-cdate": time, "fs-mdate": time}
         if each.content is not None:
-            fields |= {"fs-size": str(len(each.content)), "fs-readonly": "false"}
+            fields |= {"fs-size": str(each.size), "fs-readonly": "false"}
         kind = "fs-dir" if each.content is None else "fs-file"
         states.append(RwsState(kind, each.name, fields, (RwsLink("self", each.name),)))
     return resource("File Service", f"{_FILES_BASE}{call.names['path']}/", "", *states)

@@ -17,7 +17,7 @@ from hmac import compare_digest
 from urllib.parse import unquote
 
 from abb_protocols.errors import ProtocolError, YumiError
-from abb_protocols.rws.documents import Pairs, decode_form
+from abb_protocols.rws.documents import Form, Pairs, decode_form
 from abb_protocols.rws.values import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 
 Headers = tuple[tuple[str, str], ...]
@@ -72,6 +72,11 @@ class HttpReply:
     headers: Headers = ()
     body: bytes = b""
 
+    @classmethod
+    def at(cls, location: str, status: int = 202) -> HttpReply:
+        """What was made, or is under way, is to be found at another address."""
+        return cls(status, (("Location", location), ("Content-Type", Form.XHTML.value)))
+
     def header(self, name: str) -> str | None:
         """The first value of ``name`` in any case, or None."""
         return next((value for key, value in self.headers if key.lower() == name.lower()), None)
@@ -79,7 +84,6 @@ class HttpReply:
 
 # The login
 
-OPAQUE = "799d5"
 NONCE_LIFE = 300.0  # [s]; Appweb calls a nonce stale after five minutes
 
 _DIGEST_FIELDS = ("username", "realm", "nonce", "uri", "response")
@@ -88,22 +92,12 @@ _PATH_PARAMETERS = re.compile(r";[^/]*$")  # of the last segment of a path
 _DIGEST_PARAMETER = re.compile(r'([A-Za-z][\w-]*)\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s,"]+))')
 
 
-@dataclass(frozen=True, slots=True)
-class Challenge:
-    """What a server asks for in ``WWW-Authenticate``."""
-
-    nonce: str
-    realm: str = REALM
-    opaque: str = OPAQUE
-    is_stale: bool = False
-
-    def header(self) -> str:
-        """The header's value, in the order and quoting of an IRC5."""
-        stale = "TRUE" if self.is_stale else "FALSE"
-        return (
-            f'Digest realm="{self.realm}", domain="/", qop="auth", nonce="{self.nonce}", '
-            f'opaque="{self.opaque}", algorithm="MD5", stale="{stale}"'
-        )
+def digest_challenge(nonce: str, *, is_stale: bool = False) -> str:
+    """What a server asks for in ``WWW-Authenticate``, in the order and quoting of an IRC5."""
+    return (
+        f'Digest realm="{REALM}", domain="/", qop="auth", nonce="{nonce}", '
+        f'opaque="799d5", algorithm="MD5", stale="{"TRUE" if is_stale else "FALSE"}"'
+    )
 
 
 @dataclass(frozen=True, slots=True)

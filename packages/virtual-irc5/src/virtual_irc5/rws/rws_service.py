@@ -38,12 +38,12 @@ from virtual_irc5.rws import (
 )
 from virtual_irc5.rws.http import (
     NONCE_LIFE,
-    Challenge,
     HttpReply,
     HttpRequest,
     HttpSession,
     SessionTable,
     TooManySessions,
+    digest_challenge,
     is_genuine,
     make_nonce,
     nonce_age,
@@ -222,7 +222,7 @@ class RwsService:
     def _challenge(self, now: float, *, is_stale: bool) -> str:
         """What a client without a session is asked for."""
         self._nonces += 1
-        return Challenge(make_nonce(self._nonce_secret, now, self._nonces), is_stale=is_stale).header()
+        return digest_challenge(make_nonce(self._nonce_secret, now, self._nonces), is_stale=is_stale)
 
     def _proven_age(self, request: HttpRequest, now: float) -> float | None:
         """Age of the nonce in genuine credentials [s]; None without such."""

@@ -277,11 +277,7 @@ def job_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     if job is None:
         raise CallFailure(400, RwsCode.UNRESOLVED_URL, f"Invalid resource URI in Create: {path}")
     found = job
-
-    def read() -> str:
-        return "Pending" if not found.is_done else f"Error: {found.failure}" if found.failure else "Ready"
-
-    return _field(path, "progress-ev", "state", str(found.number), read)
+    return _field(path, "progress-ev", "state", str(found.number), lambda: found.state)
 
 
 def _find_task(controller: Irc5, path: str, name: str) -> Task:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
 
@@ -348,5 +348,5 @@ def _shown(group: Group, status: int) -> HttpReply:
         if watch.known is not None:
             events += watch.source.show(None, watch.known)
     scheme = "wss" if group.is_secure else "ws"
-    headers = (("Location", f"{scheme}://{group.root}/poll/{group.number}"), ("Content-Type", Form.XHTML.value))
-    return HttpReply(status, headers, write_group(group.root, group.number, events, is_secure=group.is_secure))
+    body = write_group(group.root, group.number, events, is_secure=group.is_secure)
+    return replace(HttpReply.at(f"{scheme}://{group.root}/poll/{group.number}", status), body=body)

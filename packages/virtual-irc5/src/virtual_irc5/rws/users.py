@@ -191,7 +191,7 @@ class VirtualUsers:
         if held is not None and held.session != call.session:
             raise CallFailure(403, RwsCode.RESOURCE_HELD, "another client has asked for the privilege or holds it")
         self._request = _PrivilegeRequest(call.session, call.required("privilege"), self._now, self._now)
-        return HttpReply(202, (("Location", "/users/rmmp/poll"), ("Content-Type", "application/xhtml+xml")))
+        return HttpReply.at("/users/rmmp/poll")
 
     def grant(self, controller: Irc5, call: RwsCall) -> None:
         held, privilege = self._request, call.required("privilege")
