@@ -50,8 +50,8 @@ from abb_protocols.rws.operations.users import LOGOUT, UsersService
 from abb_protocols.rws.request import BUSY, RwsRequest
 from abb_protocols.rws.values import PROTOCOL, Priority, Resource, RwsCode
 from abb_runtime.clock import Clock, SystemClock
-from abb_runtime.rws.session import RwsSession, Transport
-from abb_runtime.rws.transport import HttpTransport
+from abb_runtime.rws.session import RwsSession
+from abb_runtime.rws.transport import HttpTransport, Transport
 from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 
 log = logging.getLogger(__name__)

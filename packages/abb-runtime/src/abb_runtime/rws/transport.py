@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf
 from threading import Lock
+from typing import Protocol
 from urllib.parse import urlsplit
 
 import h11
@@ -22,7 +23,7 @@ import httpx
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import NoConnection, ProtocolError, SettingsError
 from abb_runtime.clock import Clock, SystemClock
-from abb_runtime.rws.web_socket import NO_DESCRIPTOR, Listener, WebSocket
+from abb_runtime.rws.web_socket import NO_DESCRIPTOR, Listener, OpenWebSocket, WebSocket
 
 INTERVAL = 0.051
 """Mean time between two requests [s]; a controller wants fewer than twenty a second (reference/rws.md §1.1)."""
@@ -58,6 +59,26 @@ class ExchangeDeadline:
     def after(self, last: float) -> float:
         """When the next part has to have gone or come, after that of ``last`` [s]."""
         return min(self.end, last + self.stall)
+
+
+class Transport(Protocol):
+    """Carries two exchanges at a time; :class:`HttpTransport` is one."""
+
+    @property
+    def address(self) -> str: ...
+
+    @property
+    def request_interval(self) -> float:
+        """Shortest mean time between two requests [s]; 0 is no limit."""
+
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        """The complete response; raises ConnectionLost, NoConnection or ProtocolError."""
+
+    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> OpenWebSocket:
+        """A WebSocket on a connection of its own, within ``timeout`` [s]."""
+
+    def close(self) -> None:
+        """Close the connections, and end the exchanges under way."""
 
 
 class HttpTransport(httpx.BaseTransport):
