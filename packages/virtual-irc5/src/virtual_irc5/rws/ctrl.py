@@ -251,7 +251,7 @@ def get_progress_list(controller: Irc5, call: RwsCall) -> Page:
     return resource("progress", "/", "progress")
 
 
-def _backup_path(call: RwsCall, text: str) -> str:
+def _backup_path(text: str) -> str:
     path = path_of_file(text)
     if path.upper().startswith("HOME:") or "/" not in path:
         raise invalid("a backup is a directory of its own, such as /fileservice/$BACKUP/monday, and not in HOME")
@@ -271,7 +271,7 @@ def get_backup_state(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
 
 @ROUTES.answer(table.BACK_UP)
 def back_up(controller: Irc5, call: RwsCall) -> HttpReply:
-    path = _backup_path(call, call.required("backup"))
+    path = _backup_path(call.required("backup"))
     own = controller.own_settings
     if own.backup_state == "Backup in Progress":
         raise CallFailure(409, RwsCode.RESOURCE_HELD, "another backup is under way; wait for its end")
@@ -290,10 +290,10 @@ def back_up(controller: Irc5, call: RwsCall) -> HttpReply:
 @ROUTES.answer(table.RESTORE)
 def restore(controller: Irc5, call: RwsCall) -> None:
     """Become as in a backup; then the controller restarts. The backup stays unless ``delete-dir`` is true."""
-    path = _backup_path(call, call.required("backup"))
+    path = _backup_path(call.required("backup"))
     if controller.is_running:
         raise Refused(RefusalReason.NOT_STOPPED, "a backup is restored while RAPID is stopped: stop it first.")
-    _check_restore(controller, call, path, call.parameter("ignore", "none"))
+    _check_restore(controller, path, call.parameter("ignore", "none"))
     include = call.parameter("include", "all")
     try:
         restore_backup(controller, path, cfg=include != "modules", modules=include != "cfg")
@@ -304,7 +304,7 @@ def restore(controller: Irc5, call: RwsCall) -> None:
     controller.restart()
 
 
-def _check_restore(controller: Irc5, call: RwsCall, path: str, ignored: str) -> None:
+def _check_restore(controller: Irc5, path: str, ignored: str) -> None:
     name = check_backup(controller, path)
     if ignored not in ("all", "system-id") and name != controller.identity.system_name:
         raise invalid(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
@@ -312,15 +312,15 @@ def _check_restore(controller: Irc5, call: RwsCall, path: str, ignored: str) -> 
 
 @ROUTES.answer(table.CHECK_RESTORE)
 def check_restore(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
-    path = _backup_path(call, call.option("backup") or "")
-    _check_restore(controller, call, path, call.option("ignore") or "none")
+    path = _backup_path(call.option("backup") or "")
+    _check_restore(controller, path, call.option("ignore") or "none")
     return {"check-restore": True}
 
 
 @ROUTES.answer(table.BACKUP_INFO)
 def get_backup_info(controller: Irc5, call: RwsCall) -> Page:
     asked = call.option("backup-path") or ""
-    fields = {"system-name": check_backup(controller, _backup_path(call, asked))}
+    fields = {"system-name": check_backup(controller, _backup_path(asked))}
     return resource("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", RwsState("ctrl-backup-info", "info", fields))
 
 

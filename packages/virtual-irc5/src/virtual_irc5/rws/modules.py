@@ -67,7 +67,7 @@ def get_module(controller: Irc5, call: RwsCall) -> Page:
         begin, end = _range(text, call)
         return _module_page(task, module, table.TEXT_PART.state(name, text[begin:end]))
     if call.option("startrow") is not None:
-        return _module_page(task, module, _object(task, module, call))
+        return _module_page(task, module, _object(module, call))
     attributes = sorted(each.lower().removesuffix("ule") for each in module.syntax.attributes)
     details = table.ModuleDetails(name, module.syntax.filename.rpartition("/")[2], tuple(attributes))
     return _module_page(task, module, table.MODULE.answered.state(name, details))
@@ -113,7 +113,7 @@ def _search(text: str, wanted: str, call: RwsCall) -> tuple[int, int]:
 _DECLARED = {s.Record: "Record", s.Alias: "Alias", s.Data: "Data", s.Routine: "Routine"}
 
 
-def _object(task: Task, module: LoadedModule, call: RwsCall) -> RwsState:
+def _object(module: LoadedModule, call: RwsCall) -> RwsState:
     """What stands at a row: the declaration it is in."""
     row = _position(call, "startrow")
     _position(call, "startcol")
