@@ -56,13 +56,13 @@ def test_repository_has_neither_foreign_nor_built_code_of_the_page() -> None:
 
 
 def test_every_fault_of_the_virtual_robot_has_words_on_the_page() -> None:
-    words = (SHELL / "src" / "faults.ts").read_text()
+    words = (SHELL / "faults.ts").read_text()
     without = [each.value.name for each in Fault if not any(f"{q}{each.value.name}{q}:" in words for q in ('"', ""))]
     assert without == []
 
 
 def test_button_that_a_sentence_of_the_page_names_is_there_by_that_name() -> None:
-    folders = (SHELL / "src", ROBOT_PAGE.sources / "src")
+    folders = (SHELL, ROBOT_PAGE.sources / "src")
     sources = [ROBOT_PAGE.sources / "index.html", *(file for folder in folders for file in folder.glob("*.ts"))]
     of_commands = [f'"{kind.button}"' for kind in COMMANDS]  # their buttons are made from the table
     markup = "\n".join([*(each.read_text() for each in sources), *of_commands])
@@ -85,7 +85,7 @@ def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Copied:
     """Sources outside of a clone, whose page is built in the user's cache, by programs that a test writes."""
     sources = tmp_path / "lib" / "yumi" / "web" / "page"
     shutil.copytree(ROBOT_PAGE.sources, sources)
-    shell = tmp_path / "lib" / "abb_view" / "page"
+    shell = tmp_path / "lib" / "abb_view" / "shell"
     shutil.copytree(SHELL, shell)
     monkeypatch.setattr(page_build, "SHELL", shell)
     monkeypatch.setattr(page_build, "_of_the_environment", lambda: None)
@@ -124,7 +124,7 @@ def test_page_is_built_once_and_again_when_a_source_changes(copied: Copied) -> N
     page_build.built(copied.page, told.append)
     assert (copied.folder / "asked").read_text().split()[3:] == ["ci", "run"]
     third = page_build.built(copied.page)
-    (page_build.SHELL / "src" / "dom.ts").write_text("export {};\n")
+    (page_build.SHELL / "dom.ts").write_text("export {};\n")
     assert page_build.built(copied.page) != third
 
 

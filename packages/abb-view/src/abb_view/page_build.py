@@ -1,7 +1,7 @@
 """The build of a page: TypeScript and three.js become the files that the server sends.
 
-The shell in ``page/`` is a page of its own, that of a controller; a page of another package has the folders ``src`` and
-``tests`` and files of its own beside the shell, whose modules it imports as ``abb-view/…``.
+A page, such as that of a controller in ``page/``, has the folders ``src`` and ``tests`` and files of its own beside the
+shell in ``shell/``, whose modules it imports as ``abb-view/…``.
 
 A wheel contains the built files. From a clone or with colcon they are built by Node.js when the page is first needed,
 and again when the sources have changed: in the clone's ``build`` folder, or else in the user's cache. Node.js comes
@@ -27,8 +27,8 @@ from typing import NamedTuple
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import MissingPrerequisite
 
-SHELL = Path(__file__).with_name("page")
-"""The sources of the shell."""
+SHELL = Path(__file__).with_name("shell")
+"""The sources of the shell, on which every page is built."""
 
 OLDEST_NODE = 20
 PLAIN = (".html", ".css")
@@ -50,7 +50,7 @@ class Page(NamedTuple):
     packaged: Path
 
 
-CONTROLLER_PAGE = Page(SHELL, Path(__file__).with_name("static"))
+CONTROLLER_PAGE = Page(Path(__file__).with_name("page"), Path(__file__).with_name("static"))
 """The page of any controller."""
 
 
@@ -152,8 +152,7 @@ def _home(page: Page) -> Path:
 def _sources(page: Page) -> dict[str, Path]:
     """All files that a page and its tests are made from, by their names in the workshop."""
     found = {name: SHELL / name for name in TOOLS}
-    if page.sources != SHELL:
-        found |= {f"abb-view/{file.name}": file for file in _files(SHELL / "src")}
+    found |= {f"abb-view/{file.name}": file for file in SHELL.glob("*.ts")}
     for folder in (page.sources, page.sources / "src", page.sources / "tests"):
         found |= {file.relative_to(page.sources).as_posix(): file for file in _files(folder)}
     return dict(sorted(found.items()))
