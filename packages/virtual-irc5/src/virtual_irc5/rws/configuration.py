@@ -48,12 +48,12 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.DOMAINS)
-def get_domains(controller: Irc5, call: RwsCall) -> Page:
+def _get_domains(controller: Irc5, call: RwsCall) -> Page:
     return resource("cfg", _CFG_BASE, "", *(entry("cfg-domain-li", domain) for domain in DOMAINS))
 
 
 @ROUTES.answer(table.TYPES)
-def get_types(controller: Irc5, call: RwsCall) -> Page:
+def _get_types(controller: Irc5, call: RwsCall) -> Page:
     """The types of a domain, in pages of 70."""
     domain = _domain(call)
     types = controller.configuration.types(domain)
@@ -67,7 +67,7 @@ def get_types(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.TYPE)
-def get_type(controller: Irc5, call: RwsCall) -> Page:
+def _get_type(controller: Irc5, call: RwsCall) -> Page:
     place, found = _place(call), _instances(controller, call)
     attributes = entry("cfg-dt-attributes-li", "attributes", f"{place}/attributes")
     instances = entry("cfg-dt-instances-li", "instances", f"{place}/instances")
@@ -76,7 +76,7 @@ def get_type(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.ATTRIBUTES)
-def get_attributes(controller: Irc5, call: RwsCall) -> Mapping[str, table.CfgAttribute]:
+def _get_attributes(controller: Irc5, call: RwsCall) -> Mapping[str, table.CfgAttribute]:
     """What instances of a type have, as far as those that exist show it."""
     place, found = _place(call), _instances(controller, call)
     domain, type_name = place.split("/")
@@ -94,7 +94,7 @@ def _attributes(instances: Iterable[Instance]) -> list[str]:
 
 
 @ROUTES.answer(table.INSTANCES)
-def get_instances(controller: Irc5, call: RwsCall) -> Page:
+def _get_instances(controller: Irc5, call: RwsCall) -> Page:
     place = _place(call)
     found = list(enumerate(_instances(controller, call)))
     start, limit = call.number_option("start", 0), call.number_option("limit", len(found))
@@ -106,7 +106,7 @@ def get_instances(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.CREATE_INSTANCE)
-def create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
+def _create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
     """An instance with the default values of its type."""
     place, name, found = _place(call), call.required("name"), _instances(controller, call)
     domain, type_name = place.split("/")
@@ -124,24 +124,24 @@ def create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
 
 
 @ROUTES.answer(table.RESET_INSTANCES)
-def reset_instances(controller: Irc5, call: RwsCall) -> None:
+def _reset_instances(controller: Irc5, call: RwsCall) -> None:
     _instances(controller, call)
     _reset(controller.configuration, *_place(call).split("/"))
 
 
 @ROUTES.answer(table.RESET_DOMAIN)
-def reset_domain(controller: Irc5, call: RwsCall) -> None:
+def _reset_domain(controller: Irc5, call: RwsCall) -> None:
     _reset(controller.configuration, _domain(call))
 
 
 @ROUTES.answer(table.VALIDATE_REMOVAL)
-def validate_removal(controller: Irc5, call: RwsCall) -> None:
+def _validate_removal(controller: Irc5, call: RwsCall) -> None:
     """Refuse to remove an instance that another one names."""
     _check_unused(controller, call.required("name"))
 
 
 @ROUTES.answer(table.VALIDATE_INSTANCES)
-def validate_instances(controller: Irc5, call: RwsCall) -> None:
+def _validate_instances(controller: Irc5, call: RwsCall) -> None:
     domain, type_name = call.required("cfgdomain").upper(), call.required("cfgtype").upper()
     names = [name for name in call.required("instances").split(",") if name]
     if len(names) != call.number("instancescount"):
@@ -170,12 +170,12 @@ def _check_unused(controller: Irc5, name: str) -> None:
 
 
 @ROUTES.answer(table.KEYLESS)
-def refuse_keyless(controller: Irc5, call: RwsCall) -> None:
+def _refuse_keyless(controller: Irc5, call: RwsCall) -> None:
     raise CallFailure(403, RwsCode.MODE_REJECT, "the motors are switched on with the button on the controller")
 
 
 @ROUTES.answer(table.INSTANCE)
-def get_instance(controller: Irc5, call: RwsCall) -> Page:
+def _get_instance(controller: Irc5, call: RwsCall) -> Page:
     place, name = _place(call), call.names["instance"]
     for index, each in enumerate(_instances(controller, call)):
         if each.name == name:
@@ -185,7 +185,7 @@ def get_instance(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SET_INSTANCE)
-def set_instance(controller: Irc5, call: RwsCall) -> None:
+def _set_instance(controller: Irc5, call: RwsCall) -> None:
     domain, type_name, name = _existing_place(controller, call)
     known = _instances(controller, call)[0].attributes
     for attribute, _ in call.form:
@@ -195,7 +195,7 @@ def set_instance(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.REMOVE_INSTANCE)
-def remove_instance(controller: Irc5, call: RwsCall) -> None:
+def _remove_instance(controller: Irc5, call: RwsCall) -> None:
     domain, type_name, name = _existing_place(controller, call)
     if (domain, type_name) in _OF_ROBOT:
         raise CallFailure(403, RwsCode.REJECT, f"{domain}/{type_name} describes the robot; nothing is removed from it")
@@ -203,13 +203,13 @@ def remove_instance(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.LOAD_FILE)
-def load_file(controller: Irc5, call: RwsCall) -> None:
+def _load_file(controller: Irc5, call: RwsCall) -> None:
     """Load a file: all of it, or nothing."""
     controller.configuration.become(_with_file(controller, call))
 
 
 @ROUTES.answer(table.VALIDATE_FILE)
-def validate_file(controller: Irc5, call: RwsCall) -> Page:
+def _validate_file(controller: Irc5, call: RwsCall) -> Page:
     _with_file(controller, call)
     return resource("cfg", "/rw/", "cfg", RwsState("cfg-validate", "validate", {"status": "OK"}))
 
@@ -240,7 +240,7 @@ def _reset(configuration: SystemConfiguration, domain: str, type_name: str = "")
 
 
 @ROUTES.answer(table.SAVE_DOMAIN)
-def save_domain(controller: Irc5, call: RwsCall) -> None:
+def _save_domain(controller: Irc5, call: RwsCall) -> None:
     domain = _domain(call)
     controller.files[path_of_file(call.required("filepath"))] = controller.configuration.text(domain)
 

@@ -40,7 +40,7 @@ def identity_fields(controller: Irc5) -> Mapping[str, str]:
 
 
 @ROUTES.answer(table.CONTROLLER)
-def get_controller(controller: Irc5, call: RwsCall) -> Page:
+def _get_controller(controller: Irc5, call: RwsCall) -> Page:
     links = (RwsLink("self", "identity"),)
     states = (
         entry("ctrl-clock-info-li", "clock", **_time_fields(controller)),
@@ -52,7 +52,7 @@ def get_controller(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.IDENTITY)
-def get_identity(controller: Irc5, call: RwsCall) -> Page:
+def _get_identity(controller: Irc5, call: RwsCall) -> Page:
     fields = dict(identity_fields(controller))
     if not controller.identity.is_virtual:
         fields["ctrl-mac"] = "00:00:00:00:00:00"
@@ -61,7 +61,7 @@ def get_identity(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SET_IDENTITY)
-def set_identity(controller: Irc5, call: RwsCall) -> None:
+def _set_identity(controller: Irc5, call: RwsCall) -> None:
     name = call.parameter("ctrl-name", "") or call.parameter("ctrl-id", "")
     if not name:
         raise invalid("the body lacks ctrl-name and ctrl-id; give one of them")
@@ -69,7 +69,7 @@ def set_identity(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.ENVIRONMENT)
-def get_environment(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
+def _get_environment(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     """What an environment variable stands for: our devices stand for themselves."""
     name = call.names["variable"].upper()
     if name not in DEVICES:
@@ -107,14 +107,14 @@ def _time_fields(controller: Irc5) -> Mapping[str, str]:
 
 
 @ROUTES.answer(table.CLOCK)
-def get_clock(controller: Irc5, call: RwsCall) -> Page:
+def _get_clock(controller: Irc5, call: RwsCall) -> Page:
     links = (entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
     state = RwsState("ctrl-clock-info", "clock", _time_fields(controller))
     return resource("ctrl", _BASE, "clock", state, *links)
 
 
 @ROUTES.answer(table.SET_CLOCK)
-def set_clock(controller: Irc5, call: RwsCall) -> None:
+def _set_clock(controller: Irc5, call: RwsCall) -> None:
     parts = [call.number(f"sys-clock-{part}") for part in ("year", "month", "day", "hour", "min", "sec")]
     year, month, day, hour, minute, second = (int(part) for part in parts)
     try:
@@ -124,12 +124,12 @@ def set_clock(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.TIMEZONE)
-def get_timezone(controller: Irc5, call: RwsCall) -> str:
+def _get_timezone(controller: Irc5, call: RwsCall) -> str:
     return controller.own_settings.timezone or datetime.now().astimezone().tzname() or "UTC"
 
 
 @ROUTES.answer(table.SET_TIMEZONE_TOO, table.SET_TIMEZONE)
-def set_timezone(controller: Irc5, call: RwsCall) -> None:
+def _set_timezone(controller: Irc5, call: RwsCall) -> None:
     name = call.required("timezone")
     try:
         ZoneInfo(name)
@@ -139,17 +139,17 @@ def set_timezone(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.TIMESERVER)
-def get_timeserver(controller: Irc5, call: RwsCall) -> str:
+def _get_timeserver(controller: Irc5, call: RwsCall) -> str:
     return controller.own_settings.timeserver
 
 
 @ROUTES.answer(table.SERVER_TIME)
-def get_server_time(controller: Irc5, call: RwsCall) -> Page:
+def _get_server_time(controller: Irc5, call: RwsCall) -> Page:
     raise CallFailure(400, RwsCode.TIMEOUT, f"no time server answers at {call.option('server-ip') or 'that address'}")
 
 
 @ROUTES.answer(table.SET_TIMESERVER)
-def set_timeserver(controller: Irc5, call: RwsCall) -> None:
+def _set_timeserver(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.timeserver = call.required("timeserver")
 
 
@@ -157,7 +157,7 @@ def set_timeserver(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.NETWORK)
-def get_network(controller: Irc5, call: RwsCall) -> Page:
+def _get_network(controller: Irc5, call: RwsCall) -> Page:
     own = controller.own_settings
     fields = {
         "addr": own.address,
@@ -172,7 +172,7 @@ def get_network(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SET_NETWORK)
-def set_network(controller: Irc5, call: RwsCall) -> HttpReply:
+def _set_network(controller: Irc5, call: RwsCall) -> HttpReply:
     own, method = controller.own_settings, call.required("method")
     if method == "fixip":
         own.address, own.mask = _address(call, "address"), _address(call, "mask")
@@ -190,25 +190,25 @@ def _address(call: RwsCall, name: str) -> str:
 
 
 @ROUTES.answer(table.DNS)
-def get_dns(controller: Irc5, call: RwsCall) -> Page:
+def _get_dns(controller: Irc5, call: RwsCall) -> Page:
     fields = {"name": controller.identity.controller_name, "addr": controller.own_settings.dns, "port": "53"}
     return resource("ctrl", "/ctrl/network/", "dns", RwsState("ctrl-netw", "dns", fields))
 
 
 @ROUTES.answer(table.ROUTES)
-def get_routes(controller: Irc5, call: RwsCall) -> Mapping[str, table.NetworkRoute]:
+def _get_routes(controller: Irc5, call: RwsCall) -> Mapping[str, table.NetworkRoute]:
     return {
         destination: table.NetworkRoute(destination, via) for destination, via in controller.own_settings.routes.items()
     }
 
 
 @ROUTES.answer(table.ADD_ROUTE)
-def add_route(controller: Irc5, call: RwsCall) -> None:
+def _add_route(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.routes[_destination(call)] = _address(call, "gateway")
 
 
 @ROUTES.answer(table.REMOVE_ROUTE)
-def remove_route(controller: Irc5, call: RwsCall) -> HttpReply:
+def _remove_route(controller: Irc5, call: RwsCall) -> HttpReply:
     if controller.own_settings.routes.pop(_destination(call), None) is None:
         raise invalid("there is no route to that destination")
     return HttpReply.at("/ctrl?action=show")
@@ -223,7 +223,7 @@ def _destination(call: RwsCall) -> str:
 
 
 @ROUTES.answer(table.ADD_ROUTE_OPTIONS, table.REMOVE_ROUTE_OPTIONS)
-def get_route_options(controller: Irc5, call: RwsCall) -> Page:
+def _get_route_options(controller: Irc5, call: RwsCall) -> Page:
     names = ("destination", "gateway") if call.path[-1] == "add" else ("destination",)
     fields = {"method": "POST", **dict.fromkeys(names, "")}
     return resource("ctrl", "/ctrl/network/route/", call.path[-1], RwsState("form", f"{call.path[-1]}route", fields))
@@ -238,7 +238,7 @@ def _begin(controller: Irc5, work: Callable[[], None]) -> HttpReply:
 
 
 @ROUTES.answer(table.PROGRESS)
-def get_progress(controller: Irc5, call: RwsCall) -> Mapping[str, table.Progress]:
+def _get_progress(controller: Irc5, call: RwsCall) -> Mapping[str, table.Progress]:
     job = controller.jobs.find(call.names["job"])
     if job is None:
         raise CallFailure(404, RwsCode.FAIL, f"there is no job {call.names['job'][:20]!r}")
@@ -247,7 +247,7 @@ def get_progress(controller: Irc5, call: RwsCall) -> Mapping[str, table.Progress
 
 
 @ROUTES.answer(table.PROGRESS_LIST)
-def get_progress_list(controller: Irc5, call: RwsCall) -> Page:
+def _get_progress_list(controller: Irc5, call: RwsCall) -> Page:
     return resource("progress", "/", "progress")
 
 
@@ -259,18 +259,18 @@ def _backup_path(text: str) -> str:
 
 
 @ROUTES.answer(table.BACKUP)
-def get_backup(controller: Irc5, call: RwsCall) -> Page:
+def _get_backup(controller: Irc5, call: RwsCall) -> Page:
     state = entry("ctrl-backup-li", "backup", "backup", backup_state=controller.own_settings.backup_state)
     return resource("ctrl", _BASE, "backup", state)
 
 
 @ROUTES.answer(table.BACKUP_STATE)
-def get_backup_state(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
+def _get_backup_state(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     return {"backup-state": controller.own_settings.backup_state}
 
 
 @ROUTES.answer(table.BACK_UP)
-def back_up(controller: Irc5, call: RwsCall) -> HttpReply:
+def _back_up(controller: Irc5, call: RwsCall) -> HttpReply:
     path = _backup_path(call.required("backup"))
     own = controller.own_settings
     if own.backup_state == "Backup in Progress":
@@ -288,12 +288,12 @@ def back_up(controller: Irc5, call: RwsCall) -> HttpReply:
 
 
 @ROUTES.answer(table.RESTORE)
-def restore(controller: Irc5, call: RwsCall) -> None:
+def _restore(controller: Irc5, call: RwsCall) -> None:
     """Become as in a backup; then the controller restarts. The backup stays unless ``delete-dir`` is true."""
     path = _backup_path(call.required("backup"))
     if controller.is_running:
         raise Refused(RefusalReason.NOT_STOPPED, "a backup is restored while RAPID is stopped: stop it first.")
-    _check_restore(controller, path, call.parameter("ignore", "none"))
+    _check_origin(controller, path, call.parameter("ignore", "none"))
     include = call.parameter("include", "all")
     try:
         restore_backup(controller, path, cfg=include != "modules", modules=include != "cfg")
@@ -304,33 +304,33 @@ def restore(controller: Irc5, call: RwsCall) -> None:
     controller.restart()
 
 
-def _check_restore(controller: Irc5, path: str, ignored: str) -> None:
+def _check_origin(controller: Irc5, path: str, ignored: str) -> None:
     name = check_backup(controller, path)
     if ignored not in ("all", "system-id") and name != controller.identity.system_name:
         raise invalid(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
 
 
 @ROUTES.answer(table.CHECK_RESTORE)
-def check_restore(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
+def _check_restore(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     path = _backup_path(call.option("backup") or "")
-    _check_restore(controller, path, call.option("ignore") or "none")
+    _check_origin(controller, path, call.option("ignore") or "none")
     return {"check-restore": True}
 
 
 @ROUTES.answer(table.BACKUP_INFO)
-def get_backup_info(controller: Irc5, call: RwsCall) -> Page:
+def _get_backup_info(controller: Irc5, call: RwsCall) -> Page:
     asked = call.option("backup-path") or ""
     fields = {"system-name": check_backup(controller, _backup_path(asked))}
     return resource("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", RwsState("ctrl-backup-info", "info", fields))
 
 
 @ROUTES.answer(table.COMPRESSION)
-def get_compress(controller: Irc5, call: RwsCall) -> Page:
+def _get_compress(controller: Irc5, call: RwsCall) -> Page:
     return resource("ctrl", _BASE, "compress", entry("ctrl-compress-li", "compress"))
 
 
 @ROUTES.answer(table.COMPRESS)
-def compress(controller: Irc5, call: RwsCall) -> HttpReply:
+def _compress(controller: Irc5, call: RwsCall) -> HttpReply:
     """Pack a file or directory; the archive has the format of our own, since ABB's is not known."""
     source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
     files = controller.files
@@ -350,7 +350,7 @@ def compress(controller: Irc5, call: RwsCall) -> HttpReply:
 
 
 @ROUTES.answer(table.DECOMPRESS)
-def decompress(controller: Irc5, call: RwsCall) -> HttpReply:
+def _decompress(controller: Irc5, call: RwsCall) -> HttpReply:
     source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
     content = controller.files.get_file(source).content
     if content is None or not zipfile.is_zipfile(bytes_io.BytesIO(content)):
@@ -372,12 +372,12 @@ def _is_directory(controller: Irc5, path: str) -> bool:
 
 
 @ROUTES.answer(table.DIAGNOSTICS)
-def get_diagnostics(controller: Irc5, call: RwsCall) -> Page:
+def _get_diagnostics(controller: Irc5, call: RwsCall) -> Page:
     return resource("ctrl", _BASE, "diagnostics", entry("ctrl-diagnostics-li", "diagnostics"))
 
 
 @ROUTES.answer(table.SAVE_DIAGNOSTICS)
-def save_diagnostics(controller: Irc5, call: RwsCall) -> HttpReply:
+def _save_diagnostics(controller: Irc5, call: RwsCall) -> HttpReply:
     target = path_of_file(call.required("dstpath"))
 
     def work() -> None:
@@ -397,13 +397,13 @@ def save_diagnostics(controller: Irc5, call: RwsCall) -> HttpReply:
 
 
 @ROUTES.answer(table.SYSTEMS)
-def get_systems(controller: Irc5, call: RwsCall) -> Page:
+def _get_systems(controller: Irc5, call: RwsCall) -> Page:
     name = controller.identity.system_name
     return resource("ctrl", _BASE, "system", entry("ctrl-system-li", name, f"system/{name}"))
 
 
 @ROUTES.answer(table.SYSTEM)
-def get_one_system(controller: Irc5, call: RwsCall) -> table.InstalledSystem:
+def _get_one_system(controller: Irc5, call: RwsCall) -> table.InstalledSystem:
     _check_system(controller, call)
     own = controller.identity
     return table.InstalledSystem(own.system_name, own.system_id, own.robotware)
@@ -415,30 +415,30 @@ def _check_system(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.RENAME_SYSTEM)
-def rename_system(controller: Irc5, call: RwsCall) -> None:
+def _rename_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
     controller.identity = replace(controller.identity, system_name=call.required("newname"))
 
 
 @ROUTES.answer(table.ACTIVATE_SYSTEM)
-def activate_system(controller: Irc5, call: RwsCall) -> None:
+def _activate_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
     raise CallFailure(409, RwsCode.INVALID_STATE, "the system is active already")
 
 
 @ROUTES.answer(table.DELETE_SYSTEM)
-def delete_system(controller: Irc5, call: RwsCall) -> None:
+def _delete_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
     raise invalid("the active system cannot be deleted")
 
 
 @ROUTES.answer(table.OPTIONS)
-def get_options(controller: Irc5, call: RwsCall) -> None:
+def _get_options(controller: Irc5, call: RwsCall) -> None:
     """Whether there are options: which, is asked one by one."""
 
 
 @ROUTES.answer(table.OPTION)
-def get_option(controller: Irc5, call: RwsCall) -> Page | HttpReply:
+def _get_option(controller: Irc5, call: RwsCall) -> Page | HttpReply:
     """An option that is installed; no content (204) says that it is not."""
     name = call.names["option"]
     if name not in controller.identity.options:
@@ -447,7 +447,7 @@ def get_option(controller: Irc5, call: RwsCall) -> Page | HttpReply:
 
 
 @ROUTES.answer(table.COMPATIBLE, table.COMPATIBILITY)
-def get_compatible(controller: Irc5, call: RwsCall) -> Page:
+def _get_compatible(controller: Irc5, call: RwsCall) -> Page:
     """Whether a version of RobotWare runs on this controller: an IRC5 runs RobotWare 5 and 6."""
     version = call.names.get("version", controller.identity.robotware)
     major = version.partition(".")[0]
@@ -459,7 +459,7 @@ def get_compatible(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SAFETY)
-def get_safety(controller: Irc5, call: RwsCall) -> Page:
+def _get_safety(controller: Irc5, call: RwsCall) -> Page:
     """A robot without a safety controller has the resource and nothing in it."""
     return resource("ctrl", _BASE, "safety")
 

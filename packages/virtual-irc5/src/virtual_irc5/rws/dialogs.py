@@ -23,12 +23,12 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.DIALOGS)
-def get_dialogs(controller: Irc5, call: RwsCall) -> Page:
+def _get_dialogs(controller: Irc5, call: RwsCall) -> Page:
     return resource("rapid", _BASE, "uiinstr", entry("rap-uiactive-li", "active", "uiinstr/active"))
 
 
 @ROUTES.answer(table.ACTIVE_DIALOG)
-def get_active_dialog(controller: Irc5, call: RwsCall) -> table.Dialog:
+def _get_active_dialog(controller: Irc5, call: RwsCall) -> table.Dialog:
     """The newest question without an answer."""
     found = controller.devices.pendant.active
     if found is None:
@@ -43,7 +43,7 @@ def shown_dialog(dialog: DeviceDialog) -> table.Dialog:
 
 
 @ROUTES.answer(table.DIALOG_PARAMETERS)
-def get_dialog_parameters(controller: Irc5, call: RwsCall) -> Page:
+def _get_dialog_parameters(controller: Irc5, call: RwsCall) -> Page:
     """What the question shows, and the parameter that takes the answer."""
     values = _dialog_values(_dialog_at(controller, call.names["stack"]))
     states = (RwsState("rap-uiparam-li", name, {"name": name, "value": value}) for name, value in values.items())
@@ -51,7 +51,7 @@ def get_dialog_parameters(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.DIALOG_PARAMETER)
-def get_dialog_parameter(controller: Irc5, call: RwsCall) -> Page:
+def _get_dialog_parameter(controller: Irc5, call: RwsCall) -> Page:
     stack, _, parameter = call.names["stack"].rpartition("/")
     for name, value in _dialog_values(_dialog_at(controller, stack)).items():
         if name.lower() == parameter.lower():
@@ -80,7 +80,7 @@ def _dialog_values(dialog: DeviceDialog) -> dict[str, str]:
 
 
 @ROUTES.answer(table.ANSWER_DIALOG)
-def answer_dialog(controller: Irc5, call: RwsCall) -> None:
+def _answer_dialog(controller: Irc5, call: RwsCall) -> None:
     """Answer the question."""
     stack, _, parameter = call.names["stack"].rpartition("/")
     dialog = _dialog_at(controller, stack)
@@ -104,7 +104,7 @@ def _dialog_at(controller: Irc5, stack: str) -> DeviceDialog:
 
 
 @ROUTES.answer(get(DISPLAY_PATH))
-def get_display(controller: Irc5, call: RwsCall) -> Page:
+def _get_display(controller: Irc5, call: RwsCall) -> Page:
     """What each task wrote to the FlexPendant last (TPWrite), lines numbered from 1; no ABB controller has this."""
     states = (
         RwsState("display-line", f"{name}/{first + index}", {"task": name, "number": str(first + index), "text": text})

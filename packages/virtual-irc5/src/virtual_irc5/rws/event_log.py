@@ -40,7 +40,7 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.LOGS)
-def get_logs(controller: Irc5, call: RwsCall) -> Page:
+def _get_logs(controller: Irc5, call: RwsCall) -> Page:
     states = []
     for number, name in _LOG_DOMAINS.items():
         fields = {} if call.option("lang") is None else {"domain-name": name}
@@ -52,7 +52,7 @@ def get_logs(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.EVENTS)
-def get_events(controller: Irc5, call: RwsCall) -> Page:
+def _get_events(controller: Irc5, call: RwsCall) -> Page:
     """Newest first, in pages counted from 1."""
     domain = _log_domain(call)
     entries = controller.events.entries(domain)
@@ -75,7 +75,7 @@ def get_events(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.EVENT)
-def get_event(controller: Irc5, call: RwsCall) -> Page:
+def _get_event(controller: Irc5, call: RwsCall) -> Page:
     domain, number = _log_domain(call), call.names["number"]
     for event in controller.events.entries(domain):
         if str(event.number) == number:
@@ -110,7 +110,7 @@ def _event_state(type: str, domain: int, event: ControllerLogEvent, call: RwsCal
 
 
 @ROUTES.answer(table.SAVE_EVENTS)
-def save_events(controller: Irc5, call: RwsCall) -> HttpReply:
+def _save_events(controller: Irc5, call: RwsCall) -> HttpReply:
     path = path_of_file(call.required("path"))
 
     def work() -> None:
@@ -122,10 +122,10 @@ def save_events(controller: Irc5, call: RwsCall) -> HttpReply:
 
 
 @ROUTES.answer(table.CLEAR_ALL)
-def clear_all(controller: Irc5, call: RwsCall) -> None:
+def _clear_all(controller: Irc5, call: RwsCall) -> None:
     controller.events.clear()
 
 
 @ROUTES.answer(table.CLEAR)
-def clear(controller: Irc5, call: RwsCall) -> None:
+def _clear(controller: Irc5, call: RwsCall) -> None:
     controller.events.clear(_log_domain(call))

@@ -24,7 +24,7 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.DISKS)
-def get_disks(controller: Irc5, call: RwsCall) -> Page:
+def _get_disks(controller: Irc5, call: RwsCall) -> Page:
     states = (
         entry(
             "fs-device",
@@ -41,7 +41,7 @@ def get_disks(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.FILE)
-def get_file(controller: Irc5, call: RwsCall) -> Shown:
+def _get_file(controller: Irc5, call: RwsCall) -> Shown:
     """The content of a file, or the list of a directory."""
     file = _file_of(controller, call)
     if file.content is not None:
@@ -58,23 +58,23 @@ def get_file(controller: Irc5, call: RwsCall) -> Shown:
 
 
 @ROUTES.answer(table.HEAD_FILE)
-def head_file(controller: Irc5, call: RwsCall) -> None:
+def _head_file(controller: Irc5, call: RwsCall) -> None:
     _file_of(controller, call)
 
 
 @ROUTES.answer(table.PUT_FILE)
-def put_file(controller: Irc5, call: RwsCall) -> HttpReply:
+def _put_file(controller: Irc5, call: RwsCall) -> HttpReply:
     is_new = controller.files.write(_path_of(call), call.content)
     return HttpReply(_CREATED if is_new else _OK, _OCTETS)
 
 
 @ROUTES.answer(table.DELETE_FILE)
-def delete_file(controller: Irc5, call: RwsCall) -> None:
+def _delete_file(controller: Irc5, call: RwsCall) -> None:
     controller.files.remove(_file_of(controller, call).path)
 
 
 @ROUTES.answer(table.CHANGE_FILE)
-def change_file(controller: Irc5, call: RwsCall) -> HttpReply | None:
+def _change_file(controller: Irc5, call: RwsCall) -> HttpReply | None:
     """Create a directory in one, copy or rename; the body names the action."""
     if call.option("fs-action") is not None:
         raise invalid("Invalid/No Query Parameter: fs-action belongs into the body")

@@ -36,7 +36,7 @@ class Device:
 
 
 @ROUTES.answer(table.IO_SYSTEM)
-def get_io_system(controller: Irc5, call: RwsCall) -> Page:
+def _get_io_system(controller: Irc5, call: RwsCall) -> Page:
     names = ("networks", "devices", "signals")
     return resource("io", "/rw/", "iosystem", *(entry(f"ios-{name}-li", name, f"iosystem/{name}") for name in names))
 
@@ -68,13 +68,13 @@ def _network_state(controller: Irc5, name: str, type: str) -> RwsState:
 
 
 @ROUTES.answer(table.NETWORKS)
-def get_networks(controller: Irc5, call: RwsCall) -> Page:
+def _get_networks(controller: Irc5, call: RwsCall) -> Page:
     states = (_network_state(controller, name, "ios-network-li") for name in _networks(controller))
     return resource("io", _IO_BASE, "networks", *states)
 
 
 @ROUTES.answer(table.SEARCH_NETWORKS)
-def search_networks(controller: Irc5, call: RwsCall) -> Page:
+def _search_networks(controller: Irc5, call: RwsCall) -> Page:
     name, state = call.parameter("name", ""), call.parameter("state", "")
     if not name and not state:
         raise invalid("a search needs name or state")
@@ -96,13 +96,13 @@ def _network(controller: Irc5, call: RwsCall) -> str:
 
 
 @ROUTES.answer(table.NETWORK)
-def get_network(controller: Irc5, call: RwsCall) -> Page:
+def _get_network(controller: Irc5, call: RwsCall) -> Page:
     name = _network(controller, call)
     return resource("io", _IO_BASE, f"networks/{name}", _network_state(controller, name, "ios-network"))
 
 
 @ROUTES.answer(table.SET_NETWORK)
-def set_network(controller: Irc5, call: RwsCall) -> None:
+def _set_network(controller: Irc5, call: RwsCall) -> None:
     name = _network(controller, call)
     if call.required("lstate") == "start":
         controller.signals.stopped.discard(name)
@@ -113,14 +113,14 @@ def set_network(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.NETWORK_CONFIG)
-def get_network_config(controller: Irc5, call: RwsCall) -> Page:
+def _get_network_config(controller: Irc5, call: RwsCall) -> Page:
     name = _network(controller, call)
     fields = {"networkname": name, "networktype": name[:3].upper(), "networkaddress": "-"}
     return resource("io", _IO_BASE, f"networks/{name}", RwsState("ios-network-config-runtime", name, fields))
 
 
 @ROUTES.answer(table.CONFIGURE_NETWORK)
-def configure_network(controller: Irc5, call: RwsCall) -> None:
+def _configure_network(controller: Irc5, call: RwsCall) -> None:
     """Ask a network to write its configuration anew: ours is always that of the system parameters."""
     _network(controller, call)
     call.required("config-type")
@@ -139,13 +139,13 @@ def _device_state(controller: Irc5, device: Device, type: str) -> RwsState:
 
 
 @ROUTES.answer(table.DEVICES)
-def get_devices(controller: Irc5, call: RwsCall) -> Page:
+def _get_devices(controller: Irc5, call: RwsCall) -> Page:
     states = (_device_state(controller, device, "ios-device-li") for device in _devices(controller))
     return resource("io", _IO_BASE, "devices", *states)
 
 
 @ROUTES.answer(table.SEARCH_DEVICES)
-def search_devices(controller: Irc5, call: RwsCall) -> Page:
+def _search_devices(controller: Irc5, call: RwsCall) -> Page:
     name, state, network = (call.parameter(each, "").lower() for each in ("name", "lstate", "network"))
     if not name and not state:
         raise invalid("a search needs name or lstate")
@@ -169,7 +169,7 @@ def _device(controller: Irc5, call: RwsCall) -> Device:
 
 
 @ROUTES.answer(table.DEVICE)
-def get_device(controller: Irc5, call: RwsCall) -> Page:
+def _get_device(controller: Irc5, call: RwsCall) -> Page:
     """The device with its data: each signal's bits where DeviceMap has them."""
     device = _device(controller, call)
     state = _device_state(controller, device, "ios-device")
@@ -200,7 +200,7 @@ def _bits(controller: Irc5, signal: ControllerSignal) -> Sequence[int]:
 
 
 @ROUTES.answer(table.SET_DEVICE)
-def set_device(controller: Irc5, call: RwsCall) -> None:
+def _set_device(controller: Irc5, call: RwsCall) -> None:
     device = _device(controller, call)
     if call.required("lstate") == "enable":
         controller.signals.disabled.discard(device.name)
@@ -211,7 +211,7 @@ def set_device(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.DEVICE_CONFIG)
-def get_device_config(controller: Irc5, call: RwsCall) -> Page:
+def _get_device_config(controller: Irc5, call: RwsCall) -> Page:
     device = _device(controller, call)
     signals = [signal for signal in _signals(controller) if signal.device == device.name]
     bits = {
@@ -232,13 +232,13 @@ def get_device_config(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.UPGRADE)
-def get_upgrade(controller: Irc5, call: RwsCall) -> None:
+def _get_upgrade(controller: Irc5, call: RwsCall) -> None:
     """No firmware is waiting for a device."""
     _device(controller, call)
 
 
 @ROUTES.answer(table.SET_INPUTDATA, table.SET_OUTPUTDATA)
-def refuse_data(controller: Irc5, call: RwsCall) -> None:
+def _refuse_data(controller: Irc5, call: RwsCall) -> None:
     _device(controller, call)
     raise CallFailure(
         400, RwsCode.SERVICE_NOT_SUPPORTED, "the data of a device are set in RobotStudio's controllers alone"
@@ -253,7 +253,7 @@ def _signals(controller: Irc5) -> Iterable[ControllerSignal]:
 
 
 @ROUTES.answer(table.SIGNALS)
-def get_signals(controller: Irc5, call: RwsCall) -> Page:
+def _get_signals(controller: Irc5, call: RwsCall) -> Page:
     """All signals, or one page of them where the client asks for pages."""
     return _listed(controller, call, list(_signals(controller)), "signals")
 
@@ -279,7 +279,7 @@ def _listed(
 
 
 @ROUTES.answer(table.SIGNAL_SEARCH, table.SIGNAL_SEARCHEX)
-def search_signals(controller: Irc5, call: RwsCall) -> Page:
+def _search_signals(controller: Irc5, call: RwsCall) -> Page:
     """The signals that fit; two sets of conditions may be given, one of them inverted."""
     found = [
         signal
@@ -308,13 +308,13 @@ def _fits(controller: Irc5, signal: ControllerSignal, form: Pairs, suffix: str) 
 
 
 @ROUTES.answer(table.UNBLOCK_SIGNALS)
-def unblock_signals(controller: Irc5, call: RwsCall) -> None:
+def _unblock_signals(controller: Irc5, call: RwsCall) -> None:
     controller.signals.end_simulations()
     controller.settle()
 
 
 @ROUTES.answer(table.SIGNAL)
-def get_signal(controller: Irc5, call: RwsCall) -> Page:
+def _get_signal(controller: Irc5, call: RwsCall) -> Page:
     signal = controller.signals.get(_signal_name(call))
     fields = {**_signal_fields(signal), "unitnm": signal.device, **_physical_fields(signal)}
     links = (RwsLink("device", f"devices/{signal.device}"),) if signal.device else ()
@@ -324,7 +324,7 @@ def get_signal(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SIGNAL_CONFIG)
-def get_signal_config(controller: Irc5, call: RwsCall) -> Page:
+def _get_signal_config(controller: Irc5, call: RwsCall) -> Page:
     signal = controller.signals.get(_signal_name(call))
     may_write = signal.access.upper() == "ALL"
     rights = table.AccessRights(True, True, may_write, may_write, may_write)
@@ -340,7 +340,7 @@ def get_signal_config(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SET_SIGNAL)
-def set_signal(controller: Irc5, call: RwsCall) -> None:
+def _set_signal(controller: Irc5, call: RwsCall) -> None:
     """Write a signal or simulate it; the interrupts of its edge run before the answer."""
     signals = controller.signals
     signal = signals.get(_signal_name(call))

@@ -42,7 +42,7 @@ def _module_page(task: Task, module: LoadedModule, state: RwsState) -> Page:
 
 
 @ROUTES.answer(table.MODULES)
-def get_modules(controller: Irc5, call: RwsCall) -> Page:
+def _get_modules(controller: Irc5, call: RwsCall) -> Page:
     task = find_task(controller, call.option("task") or "")
     states = (
         table.MODULES.answered.state(
@@ -56,7 +56,7 @@ def get_modules(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.MODULE)
-def get_module(controller: Irc5, call: RwsCall) -> Page:
+def _get_module(controller: Irc5, call: RwsCall) -> Page:
     """Attributes of a module, a range of its text, or where a text is."""
     task, module = _module(controller, call)
     name, text = module.name, module.syntax.text
@@ -136,7 +136,7 @@ def _object(module: LoadedModule, call: RwsCall) -> RwsState:
 
 
 @ROUTES.answer(table.MODULE_TEXT)
-def get_module_text(controller: Irc5, call: RwsCall) -> Page:
+def _get_module_text(controller: Irc5, call: RwsCall) -> Page:
     """The text, URL-encoded."""
     task, module = _module(controller, call)
     fields = {
@@ -149,14 +149,14 @@ def get_module_text(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.MODULE_CHANGES)
-def get_module_changes(controller: Irc5, call: RwsCall) -> Page:
+def _get_module_changes(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     count = controller.program_changes(task.name)
     return _module_page(task, module, table.MODULE_CHANGES.answered.state(module.name, count))
 
 
 @ROUTES.answer(table.EXTENSION)
-def get_extension(controller: Irc5, call: RwsCall) -> Page:
+def _get_extension(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     lines = module.syntax.text.splitlines()
     fields = {
@@ -167,14 +167,14 @@ def get_extension(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SYNC_STATUS)
-def get_sync_status(controller: Irc5, call: RwsCall) -> Page:
+def _get_sync_status(controller: Irc5, call: RwsCall) -> Page:
     """Whether the text has the present values of its persistents."""
     task, module = _module(controller, call)
     return _module_page(task, module, table.SYNC_STATUS.answered.state(module.name, 0))
 
 
 @ROUTES.answer(table.SAVE_MODULE)
-def save_module(controller: Irc5, call: RwsCall) -> None:
+def _save_module(controller: Irc5, call: RwsCall) -> None:
     _, module = _module(controller, call)
     name, folder = call.required("name"), path_of_file(call.required("path"))
     if not re.fullmatch(r"\w{1,80}", name):
@@ -188,7 +188,7 @@ def prepare_module_text(controller: Irc5, call: RwsCall) -> Callable[[], None]:
 
 
 @ROUTES.answer(table.SET_MODULE_TEXT, prepare=prepare_module_text)
-def set_module_text(controller: Irc5, call: RwsCall) -> None:
+def _set_module_text(controller: Irc5, call: RwsCall) -> None:
     _replace_text(controller, *_module(controller, call), call.required("text"))
 
 
@@ -204,7 +204,7 @@ def prepare_text_range(controller: Irc5, call: RwsCall) -> Callable[[], None]:
 
 
 @ROUTES.answer(table.SET_TEXT_RANGE, prepare=prepare_text_range)
-def set_text_range(controller: Irc5, call: RwsCall) -> None:
+def _set_text_range(controller: Irc5, call: RwsCall) -> None:
     """Replace a range of a module's text, or put a text before or after it."""
     task, module = _module(controller, call)
     text = _changed_text(module, call)
@@ -236,14 +236,14 @@ def _changed_text(module: LoadedModule, call: RwsCall) -> str:
 
 
 @ROUTES.answer(table.ROUTINES)
-def get_routines(controller: Irc5, call: RwsCall) -> Page:
+def _get_routines(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     states = (routine_state(task, each, "-li") for each in module.routines)
     return resource("rapid", f"{_BASE}modules/{task.name}/{module.name}/", "routines", *states)
 
 
 @ROUTES.answer(table.ROUTINE_AT)
-def get_routine_at(controller: Irc5, call: RwsCall) -> Page:
+def _get_routine_at(controller: Irc5, call: RwsCall) -> Page:
     """The routine that a row is in."""
     task, module = _module(controller, call)
     row = _position(call, "row")
@@ -263,7 +263,7 @@ def get_routine_at(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SYMBOL_AT)
-def get_symbol_at(controller: Irc5, call: RwsCall) -> Page:
+def _get_symbol_at(controller: Irc5, call: RwsCall) -> Page:
     """The symbol whose name stands at a row and column."""
     task, module = _module(controller, call)
     lines = module.syntax.text.splitlines()
@@ -285,5 +285,5 @@ def get_symbol_at(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.MOD_POSSIBLE_ALL, table.MODIFY_ALL_POSITION, table.MOD_POSSIBLE, table.MODIFY_POSITION)
-def refuse_positions(controller: Irc5, call: RwsCall) -> Page:
+def _refuse_positions(controller: Irc5, call: RwsCall) -> Page:
     raise CallFailure(400, RwsCode.SERVICE_NOT_SUPPORTED, "positions are modified on the FlexPendant")

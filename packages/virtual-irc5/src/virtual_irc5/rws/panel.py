@@ -32,7 +32,7 @@ ROUTES.answer(table.SET_LANGUAGE)(ctrl.set_language)
 
 
 @ROUTES.answer(table.PANEL)
-def get_panel(controller: Irc5, call: RwsCall) -> Page:
+def _get_panel(controller: Irc5, call: RwsCall) -> Page:
     return resource("panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in _VALUES))
 
 
@@ -52,17 +52,17 @@ def panel_text(controller: Irc5, name: str) -> str:
 
 
 @ROUTES.answer(table.SET_CONTROLLER_STATE)
-def set_controller_state(controller: Irc5, call: RwsCall) -> None:
+def _set_controller_state(controller: Irc5, call: RwsCall) -> None:
     controller.set_motors(call.required("ctrl-state") == "motoron")
 
 
 @ROUTES.answer(table.SET_SPEED_RATIO)
-def set_speed_ratio(controller: Irc5, call: RwsCall) -> None:
+def _set_speed_ratio(controller: Irc5, call: RwsCall) -> None:
     controller.set_speed_ratio(int(call.number("speed-ratio")))
 
 
 @ROUTES.answer(table.ACKNOWLEDGE)
-def acknowledge(controller: Irc5, call: RwsCall) -> None:
+def _acknowledge(controller: Irc5, call: RwsCall) -> None:
     what = call.required("opmode")
     if what != "coldet":
         raise CallFailure(403, RwsCode.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
@@ -70,12 +70,12 @@ def acknowledge(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.MODE_LOCK)
-def get_mode_lock(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
+def _get_mode_lock(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     return {"lock-state": controller.own_settings.mode_lock}
 
 
 @ROUTES.answer(table.LOCK_MODE)
-def lock_mode(controller: Irc5, call: RwsCall) -> None:
+def _lock_mode(controller: Irc5, call: RwsCall) -> None:
     own, pin = controller.own_settings, call.required("pin")
     if not re.fullmatch(r"\d{4}", pin):
         raise invalid("pin has four digits")
@@ -86,7 +86,7 @@ def lock_mode(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.UNLOCK_MODE)
-def unlock_mode(controller: Irc5, call: RwsCall) -> None:
+def _unlock_mode(controller: Irc5, call: RwsCall) -> None:
     own = controller.own_settings
     if own.mode_lock == "unlocked":
         raise invalid("the operating mode is not locked")
@@ -96,7 +96,7 @@ def unlock_mode(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SELECT_MODE)
-def select_mode(controller: Irc5, call: RwsCall) -> None:
+def _select_mode(controller: Irc5, call: RwsCall) -> None:
     """The mode is selected by a key on the controller; RobotStudio's controllers alone have none."""
     mode = _MODES[call.required("opmode")]
     if not controller.identity.is_virtual:

@@ -65,7 +65,7 @@ def _installed(controller: Irc5, call: RwsCall) -> InstalledTask:
 
 
 @ROUTES.answer(table.RAPID)
-def get_rapid(controller: Irc5, call: RwsCall) -> Page:
+def _get_rapid(controller: Irc5, call: RwsCall) -> Page:
     names = ("tasks", "modules", "symbols", "execution", "uiinstr", "taskselection", "aliasio")
     return resource("rapid", "/rw/", "rapid", *(entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
 
@@ -74,12 +74,12 @@ def get_rapid(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.EXECUTION)
-def get_execution(controller: Irc5, call: RwsCall) -> table.ExecutionAnswer:
+def _get_execution(controller: Irc5, call: RwsCall) -> table.ExecutionAnswer:
     return execution_of(controller)
 
 
 @ROUTES.answer(table.START)
-def start(controller: Irc5, call: RwsCall) -> None:
+def _start(controller: Irc5, call: RwsCall) -> None:
     cycle, mode = call.parameter("cycle", "asis"), call.parameter("execmode", "continue")
     step = None
     if mode != "continue":
@@ -102,14 +102,14 @@ def prepare_compiled(controller: Irc5, call: RwsCall) -> Callable[[], None]:
 
 
 @ROUTES.answer(table.START_PRODUCTION, prepare=prepare_compiled)
-def start_production(controller: Irc5, call: RwsCall) -> None:
+def _start_production(controller: Irc5, call: RwsCall) -> None:
     """Start from the production entry, which is the main of each task."""
     controller.move_pp_to_main()
     controller.start_rapid()
 
 
 @ROUTES.answer(table.SET_CYCLE)
-def set_cycle(controller: Irc5, call: RwsCall) -> None:
+def _set_cycle(controller: Irc5, call: RwsCall) -> None:
     cycle = call.required("cycle")
     if cycle != "asis":
         controller.execution.cycle = cycle
@@ -119,7 +119,7 @@ def set_cycle(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.HOLD_TO_RUN, table.HOLD_TASK_TO_RUN)
-def hold_to_run(controller: Irc5, call: RwsCall) -> None:
+def _hold_to_run(controller: Irc5, call: RwsCall) -> None:
     call.required("state")
     raise CallFailure(
         403, RwsCode.MODE_REJECT, "hold-to-run is pressed on the FlexPendant; RobotStudio alone has it here"
@@ -130,7 +130,7 @@ def hold_to_run(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.TASKS)
-def get_tasks(controller: Irc5, call: RwsCall) -> Page:
+def _get_tasks(controller: Irc5, call: RwsCall) -> Page:
     states = (
         table.TASKS.answered.state(name, _task_info(each), RwsLink("self", f"tasks/{name}"))
         for name, each in controller.execution.installed.items()
@@ -139,7 +139,7 @@ def get_tasks(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.TASK)
-def get_task(controller: Irc5, call: RwsCall) -> Page:
+def _get_task(controller: Irc5, call: RwsCall) -> Page:
     installed = _installed(controller, call)
     name, settings = installed.task.name, installed.settings
     links = (
@@ -176,7 +176,7 @@ def _task_info(installed: InstalledTask) -> table.TaskInfo:
 
 
 @ROUTES.answer(table.ACTIVATE_ALL, table.DEACTIVATE_ALL, table.ACTIVATE, table.DEACTIVATE)
-def activate(controller: Irc5, call: RwsCall) -> None:
+def _activate(controller: Irc5, call: RwsCall) -> None:
     """Select a task on the task panel, or all."""
     tasks = [_installed(controller, call)] if "task" in call.names else controller.execution.installed.values()
     for each in tasks:
@@ -191,7 +191,7 @@ def prepare_module(controller: Irc5, call: RwsCall) -> Callable[[], None] | None
 
 
 @ROUTES.answer(table.LOAD_MODULE, prepare=prepare_module)
-def load_module(controller: Irc5, call: RwsCall) -> None:
+def _load_module(controller: Irc5, call: RwsCall) -> None:
     is_replacing = call.parameter("replace", "false") == "true"
     path = path_of_file(call.required("modulepath"))
     controller.load_module(_task(controller, call).name, path, replace=is_replacing)
@@ -210,12 +210,12 @@ def parsed(text: str, path: str) -> s.Module:
 
 
 @ROUTES.answer(table.UNLOAD_MODULE)
-def unload_module(controller: Irc5, call: RwsCall) -> None:
+def _unload_module(controller: Irc5, call: RwsCall) -> None:
     controller.execution.unload_module(_task(controller, call).name, call.required("module"))
 
 
 @ROUTES.answer(table.ABORT_LEVEL)
-def abort_level(controller: Irc5, call: RwsCall) -> None:
+def _abort_level(controller: Irc5, call: RwsCall) -> None:
     """Leave the execution level that a service routine or trap has: the normal one stays, as nothing is above it."""
     task = _task(controller, call)
     if task.execution is Execution.STARTED:
@@ -225,7 +225,7 @@ def abort_level(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.BUILD)
-def build(controller: Irc5, call: RwsCall) -> None:
+def _build(controller: Irc5, call: RwsCall) -> None:
     """Link a task; its errors are at ``program/builderror``."""
     faults = _task(controller, call).faults()
     if faults:
@@ -233,7 +233,7 @@ def build(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SYNC_STATE, table.TASK_SYNC_STATE)
-def get_sync_state(controller: Irc5, call: RwsCall) -> Page:
+def _get_sync_state(controller: Irc5, call: RwsCall) -> Page:
     """Whether the pointers of motion tasks are on synchronized motion, which this robot does not have."""
     states = (
         RwsState("rap-sync-state", task, {"Program-Pointer-State": "OFF", "Motion-Pointer-State": "OFF"})
@@ -243,17 +243,17 @@ def get_sync_state(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SPY)
-def get_spy(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
+def _get_spy(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     return {"spy-status": False}
 
 
 @ROUTES.answer(table.START_SPY, table.STOP_SPY)
-def refuse_spy(controller: Irc5, call: RwsCall) -> None:
+def _refuse_spy(controller: Irc5, call: RwsCall) -> None:
     raise CallFailure(400, RwsCode.SERVICE_NOT_SUPPORTED, "execution is not logged statement by statement here")
 
 
 @ROUTES.answer(table.STACK_FRAME, table.ACTIVATION_RECORD)
-def get_stack_frame(controller: Irc5, call: RwsCall) -> Page:
+def _get_stack_frame(controller: Irc5, call: RwsCall) -> Page:
     """A routine under way: 1 is that of the program pointer."""
     task = _task(controller, call)
     number = call.number_option("stackframe", 1)
@@ -286,7 +286,7 @@ def _range(task: Task, at: StackEntry) -> table.Range:
 
 
 @ROUTES.answer(table.CHANGE_COUNT_TOO, table.CHANGE_COUNT)
-def get_change_count(controller: Irc5, call: RwsCall) -> Page:
+def _get_change_count(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     count = controller.program_changes(task.name)
     fields = {"change-count": str(count), **table.CHANGE_COUNT.answered.write(count)}
@@ -295,7 +295,7 @@ def get_change_count(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.PREFERRED_TYPES)
-def get_preferred_types(controller: Irc5, call: RwsCall) -> Page:
+def _get_preferred_types(controller: Irc5, call: RwsCall) -> Page:
     """The data types a parameter of an instruction takes."""
     task = _task(controller, call)
     instruction, parameter = call.option("instruction") or "", call.option("parameter") or ""
@@ -308,7 +308,7 @@ def get_preferred_types(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.ROUTINES_OF_TASK)
-def get_routines_of_task(controller: Irc5, call: RwsCall) -> Page:
+def _get_routines_of_task(controller: Irc5, call: RwsCall) -> Page:
     """The procedures that may be called as service routines: those without parameters."""
     task = _task(controller, call)
     routines = [each for each in task.program.routines if _is_entry(each)]
@@ -335,7 +335,7 @@ def _is_entry(routine: UserRoutine) -> bool:
 
 
 @ROUTES.answer(table.TASK_EXECUTION)
-def get_task_execution(controller: Irc5, call: RwsCall) -> Page:
+def _get_task_execution(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     fields = {"excstate": task.execution.value}
     if task.call_stack:
@@ -357,7 +357,7 @@ def pointer_of(task: Task) -> table.Pointer | None:
 
 
 @ROUTES.answer(table.POINTERS)
-def get_pointers(controller: Irc5, call: RwsCall) -> Page:
+def _get_pointers(controller: Irc5, call: RwsCall) -> Page:
     """Both pointers: the motion pointer is where the program pointer is, as no motion runs ahead of it."""
     task = _task(controller, call)
     fields: Mapping[str, str] = {}
@@ -369,7 +369,7 @@ def get_pointers(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SET_PP_CURSOR, table.SET_PP_ROUTINE, table.SET_PP_ROUTINE_FROM_URL, prepare=prepare_compiled)
-def move_pp(controller: Irc5, call: RwsCall) -> None:
+def _move_pp(controller: Irc5, call: RwsCall) -> None:
     """Set the program pointer to a procedure; a line has to be one of its beginning, or it is refused."""
     task = _task(controller, call)
     module, routine = call.parameter("module", ""), call.required("routine").rpartition("/")[2]
@@ -391,7 +391,7 @@ def move_pp(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SET_PP_PREV_INST, table.SET_PP_NEXT_INST)
-def refuse_pp_step(controller: Irc5, call: RwsCall) -> None:
+def _refuse_pp_step(controller: Irc5, call: RwsCall) -> None:
     _task(controller, call)
     raise CallFailure(
         400, RwsCode.ILLEGAL_PCP_MOVE, "the pointer moves by steps of execution: start with execmode=stepover"
@@ -402,7 +402,7 @@ def refuse_pp_step(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.MOTION)
-def get_motion(controller: Irc5, call: RwsCall) -> Page:
+def _get_motion(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     unit = _unit_of(controller, task)
     names = ("robtarget", "jointtarget", "mechunit", "extjointstate")
@@ -419,20 +419,20 @@ def _unit_of(controller: Irc5, task: Task) -> str:
 
 
 @ROUTES.answer(table.MOTION_TARGET)
-def get_motion_target(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
+def _get_motion_target(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     task = _task(controller, call)
     unit = next(each for each in controller.units if each.name == _unit_of(controller, task))
     return {unit.name: target(controller, call, unit)}
 
 
 @ROUTES.answer(table.MOTION_JOINTS)
-def get_motion_joints(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
+def _get_motion_joints(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
     unit = _unit_of(controller, _task(controller, call))
     return {unit: joint_target(controller, unit)}
 
 
 @ROUTES.answer(table.MOTION_UNITS)
-def get_motion_units(controller: Irc5, call: RwsCall) -> Page:
+def _get_motion_units(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     states = (
         RwsState(
@@ -447,7 +447,7 @@ def get_motion_units(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.EXTRA_JOINTS)
-def get_extra_joints(controller: Irc5, call: RwsCall) -> Mapping[str, tuple[str, ...]]:
+def _get_extra_joints(controller: Irc5, call: RwsCall) -> Mapping[str, tuple[str, ...]]:
     task = _task(controller, call)
     _unit_of(controller, task)
     return {task.name: ("rotating", *("not_active",) * 5)}
@@ -457,7 +457,7 @@ def get_extra_joints(controller: Irc5, call: RwsCall) -> Mapping[str, tuple[str,
 
 
 @ROUTES.answer(table.PROGRAM)
-def get_program(controller: Irc5, call: RwsCall) -> Page | HttpReply:
+def _get_program(controller: Irc5, call: RwsCall) -> Page | HttpReply:
     task = _task(controller, call)
     if not task.modules:
         return HttpReply(_NO_CONTENT)
@@ -475,7 +475,7 @@ def prepare_program(controller: Irc5, call: RwsCall) -> Callable[[], None]:
 
 
 @ROUTES.answer(table.LOAD_PROGRAM, prepare=prepare_program)
-def load_program(controller: Irc5, call: RwsCall) -> None:
+def _load_program(controller: Irc5, call: RwsCall) -> None:
     """Load the modules that a program file (.pgf) lists, all or none, for the program modules or beside them."""
     task, path = _task(controller, call), path_of_file(call.required("progpath"))
     texts = _program_files(controller, path)
@@ -506,7 +506,7 @@ def _program_files(controller: Irc5, path: str) -> dict[str, str]:
 
 
 @ROUTES.answer(table.UNLOAD_PROGRAM)
-def unload_program(controller: Irc5, call: RwsCall) -> None:
+def _unload_program(controller: Irc5, call: RwsCall) -> None:
     task = _task(controller, call)
     for module in task.modules:
         if not module.is_system:
@@ -514,7 +514,7 @@ def unload_program(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SAVE_PROGRAM)
-def save_program(controller: Irc5, call: RwsCall) -> None:
+def _save_program(controller: Irc5, call: RwsCall) -> None:
     """Write the program modules and the program file that lists them into a directory."""
     task, folder = _task(controller, call), path_of_file(call.required("path"))
     name = controller.program_name(task.name)
@@ -527,12 +527,12 @@ def save_program(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SET_PROGRAM_NAME)
-def set_program_name(controller: Irc5, call: RwsCall) -> None:
+def _set_program_name(controller: Irc5, call: RwsCall) -> None:
     controller.name_program(_task(controller, call).name, call.required("name"))
 
 
 @ROUTES.answer(table.SET_ENTRY)
-def set_entry(controller: Irc5, call: RwsCall) -> None:
+def _set_entry(controller: Irc5, call: RwsCall) -> None:
     task, name = _task(controller, call), call.required("routine")
     if not any(_is_entry(each) and each.name.lower() == name.lower() for each in task.program.routines):
         raise CallFailure(
@@ -542,7 +542,7 @@ def set_entry(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.BUILD_ERRORS)
-def get_build_errors(controller: Irc5, call: RwsCall) -> Page:
+def _get_build_errors(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     faults = task.faults()
     start = max(call.number_option("start", 1), 1)
@@ -560,7 +560,7 @@ def get_build_errors(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.BREAKPOINTS, table.TASK_BREAKPOINTS)
-def get_breakpoints(controller: Irc5, call: RwsCall) -> Page:
+def _get_breakpoints(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     names = {module.name.lower(): module.name for module in task.modules}
     places = [(names[module], line) for module, line in task.breakpoints if module in names]
@@ -574,7 +574,7 @@ def get_breakpoints(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SET_BREAKPOINT)
-def set_breakpoint(controller: Irc5, call: RwsCall) -> None:
+def _set_breakpoint(controller: Irc5, call: RwsCall) -> None:
     """Set a breakpoint on a line; one that is there stays."""
     task, module, row = _task(controller, call), call.required("module"), int(call.number("row"))
     call.number("column")
@@ -589,21 +589,21 @@ def set_breakpoint(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.TASK_SELECTION)
-def get_task_selection(controller: Irc5, call: RwsCall) -> bool:
+def _get_task_selection(controller: Irc5, call: RwsCall) -> bool:
     return True
 
 
 @ROUTES.answer(table.ALIASES)
-def get_aliases(controller: Irc5, call: RwsCall) -> Page:
+def _get_aliases(controller: Irc5, call: RwsCall) -> Page:
     """Signals that programs call by other names (AliasIO); none is listed, as an alias is a name of one program."""
     return resource("rapid", _BASE, "aliasio")
 
 
 @ROUTES.answer(table.STOP)
-def stop(controller: Irc5, call: RwsCall) -> None:
+def _stop(controller: Irc5, call: RwsCall) -> None:
     controller.stop_rapid()
 
 
 @ROUTES.answer(table.MOVE_PP_TO_MAIN, prepare=prepare_compiled)
-def move_pp_to_main(controller: Irc5, call: RwsCall) -> None:
+def _move_pp_to_main(controller: Irc5, call: RwsCall) -> None:
     controller.move_pp_to_main()

@@ -53,7 +53,7 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.SYMBOL)
-def get_symbol(controller: Irc5, call: RwsCall) -> Shown:
+def _get_symbol(controller: Irc5, call: RwsCall) -> Shown:
     url = call.names["symbol"]
     value = _at(controller, url, _read, missing=400)
     if call.option("value") == "raw" and call.option("json") == "1":  # a value of JSON, not its text
@@ -90,7 +90,7 @@ def prepare_value(controller: Irc5, call: RwsCall) -> Callable[[], None] | None:
 
 
 @ROUTES.answer(table.SET_SYMBOL, prepare=prepare_value)
-def set_symbol(controller: Irc5, call: RwsCall) -> None:
+def _set_symbol(controller: Irc5, call: RwsCall) -> None:
     refuse_in_manual_mode(controller, call, "writing RAPID data")
     literal = call.required("value")
     try:
@@ -107,18 +107,18 @@ def _parse(literal: str) -> None:
 
 
 @ROUTES.answer(table.SET_INITIAL_VALUE)
-def set_initial_value(controller: Irc5, call: RwsCall) -> None:
+def _set_initial_value(controller: Irc5, call: RwsCall) -> None:
     """The value a datum begins with: that of a persistent is its value at all times."""
     kind = _at(controller, call.names["symbol"], lambda task, module, name: task.kind_of(module, name), 404)
     if kind != "per":
         raise CallFailure(
             400, RwsCode.SYMBOL_NOT_PERSISTENT, "the initial value of a VAR or CONST is changed in its module's text"
         )
-    set_symbol(controller, call)
+    _set_symbol(controller, call)
 
 
 @ROUTES.answer(table.VALIDATE)
-def validate(controller: Irc5, call: RwsCall) -> None:
+def _validate(controller: Irc5, call: RwsCall) -> None:
     """Whether a literal is a value of a type."""
     task, name = find_task(controller, call.required("task")), call.required("datatype")
     node = s.Name(name)
@@ -132,7 +132,7 @@ def validate(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SYMBOL_PROPERTIES)
-def get_symbol_properties(controller: Irc5, call: RwsCall) -> Page:
+def _get_symbol_properties(controller: Irc5, call: RwsCall) -> Page:
     url = call.names["symbol"]
     state = _at(controller, url, symbol_state, missing=400)
     return resource("rapid", _BASE, f"symbol/properties/{state.title}", state)
@@ -199,13 +199,13 @@ def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], T], missing:
 
 
 @ROUTES.answer(table.SYMBOLS)
-def get_symbols(controller: Irc5, call: RwsCall) -> Page:
+def _get_symbols(controller: Irc5, call: RwsCall) -> Page:
     """Nothing: symbols are searched, since a robot has thousands."""
     return resource("rapid", _BASE, "symbols")
 
 
 @ROUTES.answer(table.SEARCH)
-def search(controller: Irc5, call: RwsCall) -> Page:
+def _search(controller: Irc5, call: RwsCall) -> Page:
     """The symbols of a block that fit; at least one parameter has to say which."""
     if not call.form:
         raise invalid("a search needs a parameter, such as blockurl=RAPID/T_ROB_L")

@@ -39,17 +39,17 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.ROOT)
-def get_root(controller: Irc5, call: RwsCall) -> Page:
+def _get_root(controller: Irc5, call: RwsCall) -> Page:
     return resource("", "/", "", *(entry("srvlst-service-li", name) for name in _ROOT_SERVICES))
 
 
 @ROUTES.answer(table.SERVICES)
-def get_services(controller: Irc5, call: RwsCall) -> Page:
+def _get_services(controller: Irc5, call: RwsCall) -> Page:
     return resource("rw", "/rw/", "", *(entry("rwservice-li", name) for name in _RW_SERVICES))
 
 
 @ROUTES.answer(table.SYSTEM)
-def get_system(controller: Irc5, call: RwsCall) -> Page:
+def _get_system(controller: Irc5, call: RwsCall) -> Page:
     identity = controller.identity
     major, minor, revision, sub_revision = (*identity.robotware.split("."), "0", "0", "0")[:4]
     build = (
@@ -84,7 +84,7 @@ def get_system(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.OPTIONS)
-def get_options(controller: Irc5, call: RwsCall) -> Page:
+def _get_options(controller: Irc5, call: RwsCall) -> Page:
     return resource("system", "/rw/system/", "options", _option_list(controller, "options"))
 
 
@@ -95,19 +95,19 @@ def _option_list(controller: Irc5, href: str) -> RwsState:
 
 
 @ROUTES.answer(table.ROBOT_TYPE)
-def get_robot_type(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
+def _get_robot_type(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     """The robots: their names are options of their system."""
     types = [option for option in controller.identity.options if option.startswith("IRB ")]
     return {str(number): name for number, name in enumerate(types, 1)}
 
 
 @ROUTES.answer(table.LICENSE)
-def get_license(controller: Irc5, call: RwsCall) -> str:
+def _get_license(controller: Irc5, call: RwsCall) -> str:
     return controller.identity.system_id.strip("{}")
 
 
 @ROUTES.answer(table.PRODUCTS)
-def get_products(controller: Irc5, call: RwsCall) -> Mapping[str, table.Product] | HttpReply:
+def _get_products(controller: Irc5, call: RwsCall) -> Mapping[str, table.Product] | HttpReply:
     """RobotWare and its add-ins; 204 for one that is not installed."""
     robotware = controller.identity.robotware
     products = {"RobotWare": robotware}
@@ -121,7 +121,7 @@ def get_products(controller: Irc5, call: RwsCall) -> Mapping[str, table.Product]
 
 
 @ROUTES.answer(table.ENERGY)
-def get_energy(controller: Irc5, call: RwsCall) -> Page:
+def _get_energy(controller: Irc5, call: RwsCall) -> Page:
     """What the arms use is not measured here: the state says so (-1), as of a robot without its last interval."""
     shown = datetime.fromtimestamp(controller.energy_reset_at).strftime("%Y-%m-%d T %H:%M:%S")
     fields = {
@@ -150,12 +150,12 @@ def get_energy(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.ENERGY_CHANGES)
-def get_energy_changes(controller: Irc5, call: RwsCall) -> int:
+def _get_energy_changes(controller: Irc5, call: RwsCall) -> int:
     return 0
 
 
 @ROUTES.answer(table.RESET_ENERGY)
-def reset_energy(controller: Irc5, call: RwsCall) -> None:
+def _reset_energy(controller: Irc5, call: RwsCall) -> None:
     controller.energy_reset_at = controller.time
 
 
@@ -163,7 +163,7 @@ def reset_energy(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.CODES)
-def get_codes(controller: Irc5, call: RwsCall) -> Page:
+def _get_codes(controller: Irc5, call: RwsCall) -> Page:
     """All return codes, or the one that is asked for."""
     asked = call.option("code")
     if asked is None:
@@ -196,7 +196,7 @@ def _device_tree(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
 
 
 @ROUTES.answer(table.DEVICES, table.DEVICE)
-def get_devices(controller: Irc5, call: RwsCall) -> Page:
+def _get_devices(controller: Irc5, call: RwsCall) -> Page:
     place = call.names.get("device", "").upper().strip("/")
     tree = _device_tree(controller)
     if place and place not in tree:
