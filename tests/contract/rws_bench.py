@@ -18,7 +18,7 @@ from virtual_irc5.controller.task_settings import TaskSettings
 from virtual_irc5.controller.tasks import InstalledTask
 from virtual_irc5.controller_log import ControllerEventLog, RefusalReason, Refused
 from virtual_irc5.http_server import HttpServer
-from virtual_irc5.mechanics.units import YUMI_UNITS, MotionSystemState
+from virtual_irc5.mechanics.units import YUMI_UNITS, UnitsState
 from virtual_irc5.rapid.devices import FlexPendant, MessageQueues
 from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.rapid_library import Library
@@ -112,7 +112,7 @@ class PlainController:
         self.devices = SimpleNamespace(pendant=FlexPendant(), queues=MessageQueues())
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
-        self.motion = MotionSystemState()
+        self.motion = UnitsState()
         self.started_at = self.energy_reset_at = MIDNIGHT
         self.edges: list[tuple[str, float, float]] = []
         self.signals = Signals(_signals(), lambda *edge: self.edges.append(edge))

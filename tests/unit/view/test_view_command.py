@@ -34,7 +34,7 @@ def test_page_over_https_prints_its_certificate(tmp_path: Path, monkeypatch: pyt
     pytest.importorskip("cryptography", reason="the part robotware7 is not installed")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     urls: list[str] = []
-    monkeypatch.setattr(page_server, "serve", lambda server, is_over, show: urls.append(server.url))
+    monkeypatch.setattr(page_server, "serve_pages", lambda server, is_over, show: urls.append(server.url))
     service = RwsService(World().controller, user=DEFAULT_USER, password=DEFAULT_PASSWORD)
     with HttpServer(lambda request: service.handle(request, 0.0), port=0) as http:
         result = CliRunner().invoke(main, ["view", "--robot", http.address, "--https", "--port", "0"])

@@ -15,7 +15,7 @@ from abb_protocols.catalogue.actions import ACTIONS
 from abb_protocols.errors import MissingPrerequisite
 from abb_runtime.faults import Fault
 from abb_view import page_build
-from abb_view.page_build import CONTROLLER_PAGE, SHELL, Page
+from abb_view.page_build import CONTROLLER_PAGE, SHELL, PageSources
 from refusals import refused
 from yumi.driver.commands import COMMANDS
 from yumi.web.page_build import ROBOT_PAGE
@@ -28,7 +28,7 @@ BOTH = pytest.mark.parametrize("page", [CONTROLLER_PAGE, ROBOT_PAGE], ids=["cont
 
 @BOTH
 @pytest.mark.timeout(180)
-def test_state_of_the_page_and_what_is_shown_of_it(page: Page) -> None:
+def test_state_of_the_page_and_what_is_shown_of_it(page: PageSources) -> None:
     """The tests of what is not drawing run in Node.js."""
     printed = page_build.run_script(page, "test")
     assert "\n# fail 0\n" in printed or "ℹ fail 0\n" in printed
@@ -36,7 +36,7 @@ def test_state_of_the_page_and_what_is_shown_of_it(page: Page) -> None:
 
 
 @BOTH
-def test_built_page_has_the_licence_of_what_is_in_it_and_no_address_of_another_machine(page: Page) -> None:
+def test_built_page_has_the_licence_of_what_is_in_it_and_no_address_of_another_machine(page: PageSources) -> None:
     folder = page_build.page_folder(page)
     own = {"style.css"} if page is ROBOT_PAGE else set()
     assert {file.name for file in folder.iterdir()} == {"index.html", "shell.css", "app.js", "LICENSE-three"} | own
@@ -77,7 +77,7 @@ class Copied(NamedTuple):
     """A folder with a page outside of a clone."""
 
     folder: Path
-    page: Page
+    page: PageSources
 
 
 @pytest.fixture
@@ -97,7 +97,7 @@ def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Copied:
         f'echo "$1" >> {tmp_path}/asked'
     )
     program(tmp_path / "npm", builds)
-    return Copied(tmp_path, Page(sources, sources.with_name("static")))
+    return Copied(tmp_path, PageSources(sources, sources.with_name("static")))
 
 
 def program(file: Path, script: str) -> None:

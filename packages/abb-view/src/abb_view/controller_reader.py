@@ -44,7 +44,7 @@ _CLOCK = re.compile(r"\d\d:\d\d:\d\d")
 
 
 @dataclass(frozen=True, slots=True)
-class Periods:
+class _Periods:
     """Time between two requests of a kind [s]; several robots or tasks share it in turn.
 
     Attributes:
@@ -64,10 +64,10 @@ class Periods:
     changes: float
 
 
-REAL = Periods(joints=0.5, pointers=1.0, tasks=2.0, panel=5.0, log=2.5, changes=10.0)
+REAL = _Periods(joints=0.5, pointers=1.0, tasks=2.0, panel=5.0, log=2.5, changes=10.0)
 """Five requests a second, of the twenty that a controller permits to all of its clients."""
 
-VIRTUAL = Periods(joints=0.033, pointers=0.1, tasks=0.25, panel=1.0, log=0.5, changes=1.0)
+VIRTUAL = _Periods(joints=0.033, pointers=0.1, tasks=0.25, panel=1.0, log=0.5, changes=1.0)
 
 
 class PointerReport(msgspec.Struct, frozen=True):
@@ -167,7 +167,7 @@ class ControllerMessage(msgspec.Struct, frozen=True, tag_field="type", tag="cont
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class ReaderUnit:
     """A mechanical unit that is a robot.
 
     Attributes:
@@ -335,7 +335,7 @@ class ControllerReader:
             return False
         return True
 
-    def _units(self) -> Iterator[Unit]:
+    def _units(self) -> Iterator[ReaderUnit]:
         sides = {side.unit: side.word for side in Side}
         for name in self._client.mechanical_units():
             unit = self._client.mechanical_unit(name)
@@ -346,12 +346,12 @@ class ControllerReader:
                 axes = CHAIN_AXES
             make = _ARMS.get(self.robot)
             arm = make() if make is not None and len(axes) == make().joint_count else None
-            yield Unit(sides.get(name, name), name, axes if arm is None else arm.axes, arm)
+            yield ReaderUnit(sides.get(name, name), name, axes if arm is None else arm.axes, arm)
 
     def _turn(self, kind: str, among: int) -> int:
         return next(self._turns[kind]) % among
 
-    def _read_joints(self, unit: Unit) -> None:
+    def _read_joints(self, unit: ReaderUnit) -> None:
         try:
             self._arms[unit.key] = _positions(self._client.axis_positions(unit.name), unit.axes)
         except YumiError:
@@ -466,7 +466,7 @@ def _line_of(event: RwsEvent) -> LogLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Login:
+class ReaderLogin:
     """Where a controller is, and who logs in.
 
     Attributes:
@@ -490,7 +490,7 @@ class Login:
         return client
 
 
-def open_reader(login: Login, client: RwsClient) -> ControllerReader:
+def open_reader(login: ReaderLogin, client: RwsClient) -> ControllerReader:
     """A reader of a controller, to be closed; ``client`` is connected to it, and belongs to the reader from now on."""
     try:
         reader = ControllerReader(client, SystemClock())

@@ -309,7 +309,7 @@ class PageServer(ABC, Generic[AnyPage]):
         return socket
 
 
-def serve(server: PageServer[Any], is_over: Event, show: Callable[[str], None]) -> None:
+def serve_pages(server: PageServer[Any], is_over: Event, show: Callable[[str], None]) -> None:
     """Serve pages until ``is_over``; ``show`` takes the line that says where a browser finds them."""
 
     async def run() -> None:

@@ -15,7 +15,7 @@ from abb_protocols.robot.gripper_values import MAX_FORCE, TRAVEL
 from abb_protocols.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
 from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.urdf import MESHES, robot_description
-from abb_view.controller_reader import ControllerReader, Unit
+from abb_view.controller_reader import ControllerReader, ReaderUnit
 
 MESH_FOLDER = Path(__file__).with_name("meshes")
 """The meshes of a YuMi."""
@@ -58,8 +58,8 @@ def controller_model(reader: ControllerReader) -> dict[str, Any]:
         return model
     if reader.kind.is_drawn:
         camera = {"position": [1.75, -1.3, 1.0], "target": [0.15, 0.0, 0.38], "floor": 0.0}
-        return {**model, **chain_model(reader.units[:1]), "camera": camera, "tip": "tool0"}
-    return {**model, **chain_model([replace(unit, arm=None) for unit in reader.units])}
+        return {**model, **capsule_model(reader.units[:1]), "camera": camera, "tip": "tool0"}
+    return {**model, **capsule_model([replace(unit, arm=None) for unit in reader.units])}
 
 
 def _visual(visual: ET.Element, colors: dict[str | None, list[float]]) -> dict[str, Any]:
@@ -119,7 +119,7 @@ def _shape(
     return {"shape": kind, "mesh": "", **given, "xyz": xyz, "rpy": rpy, "color": color}
 
 
-def chain_model(units: Sequence[Unit]) -> dict[str, Any]:
+def capsule_model(units: Sequence[ReaderUnit]) -> dict[str, Any]:
     """The part of the page's model that says how robots are drawn: capsules from axis to axis of a description.
 
     Args:
@@ -170,7 +170,7 @@ def chain_model(units: Sequence[Unit]) -> dict[str, Any]:
     }
 
 
-def _arm_model(unit: Unit, joints: list[str], tip: str) -> dict[str, Any]:
+def _arm_model(unit: ReaderUnit, joints: list[str], tip: str) -> dict[str, Any]:
     home = unit.arm.home if unit.arm is not None else [0.0] * len(unit.axes)
     return {"joints": joints, "axes": unit.axes, "fingers": [], "tip": tip, "tool0": tip, "poses": {"home": home}}
 

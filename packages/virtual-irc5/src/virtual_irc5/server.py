@@ -28,7 +28,7 @@ from abb_runtime.udp import UdpClient
 from virtual_irc5.background import Background
 from virtual_irc5.fault_injection import FaultInjection
 from virtual_irc5.http_server import HttpServer
-from virtual_irc5.mechanics.egm_network import Outgoing
+from virtual_irc5.mechanics.egm_network import OutgoingDatagram
 from virtual_irc5.mechanics.path import PREFETCH
 from virtual_irc5.pace import Pace
 from virtual_irc5.program_sockets import ProgramNetwork
@@ -171,7 +171,7 @@ class VirtualController:
             for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()
 
-    def _cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[Outgoing]:
+    def _cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[OutgoingDatagram]:
         """One cycle; a fault of this program stops RAPID, and the controller goes on."""
         try:
             departures = self.world.exchange(inboxes)

@@ -19,7 +19,7 @@ from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.contacts import ContactDetector
 from virtual_irc5.mechanics.egm_client import EgmClient, EgmOptions
-from virtual_irc5.mechanics.egm_network import EgmNetwork, Outgoing
+from virtual_irc5.mechanics.egm_network import EgmNetwork, OutgoingDatagram
 from virtual_irc5.mechanics.egm_parameters import EgmParameters
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.mechanics.virtual_gripper import CupObject, VirtualGripper, Workpiece
@@ -124,7 +124,7 @@ class World:
             modules = {side: gripper.modules for side, gripper in self.grippers.items()}
             self._contacts = ContactDetector(modules, self._positions)
 
-    def exchange(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[Outgoing]:
+    def exchange(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[OutgoingDatagram]:
         """One cycle with what can go wrong between the robot and the driver.
 
         Args:

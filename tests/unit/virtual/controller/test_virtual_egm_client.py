@@ -19,8 +19,8 @@ from virtual_irc5.mechanics.egm_client import (
     EgmClientState,
     EgmOptions,
     EgmOutcome,
+    EgmRobotWare,
     InvalidReference,
-    RobotWare,
 )
 from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun, EgmStopMode, ExternalMotionData, same_band
 
@@ -138,12 +138,12 @@ def test_clocks_of_a_datagram_agree(bench):
     assert message.planned_time - message.measured_time == pytest.approx(0.016, abs=1e-6)
 
 
-@pytest.mark.parametrize(("robotware", "size"), [(RobotWare.RW_6_09, 381), (RobotWare.RW_6_10, 392)])
+@pytest.mark.parametrize(("robotware", "size"), [(EgmRobotWare.RW_6_09, 381), (EgmRobotWare.RW_6_10, 392)])
 def test_datagram_has_the_size_of_its_robotware(robotware, size):
     bench = Bench(EgmOptions(robotware)).prepare().run()
     bench.cycle()
     assert len(bench.raw[0]) == pytest.approx(size, abs=2)  # varints of the clock
-    assert (bench.sent[0].utilization is None) == (robotware is RobotWare.RW_6_09)
+    assert (bench.sent[0].utilization is None) == (robotware is EgmRobotWare.RW_6_09)
 
 
 def test_each_run_is_a_session_of_its_own(bench):
@@ -272,7 +272,7 @@ def test_speed_that_leaves_the_range_switches_the_motors_off(bench):
 
 
 def test_utilization_tells_that_the_motion_is_slowed_down():
-    bench = Bench(EgmOptions(RobotWare.RW_6_10)).prepare(EgmActivation(lp_filter=0.0)).run()
+    bench = Bench(EgmOptions(EgmRobotWare.RW_6_10)).prepare(EgmActivation(lp_filter=0.0)).run()
     bench.converse(0.1, lambda _: bench.order(beside(0.2)))
     assert bench.sent[-1].utilization > 10.0
 

@@ -51,10 +51,10 @@ def view(
       virtual-irc5 view --https --listen 192.168.1.20    for other machines
     """
     try:
-        from abb_view.controller_reader import ControllerReader, Login, open_reader  # noqa: PLC0415 - an extra
+        from abb_view.controller_reader import ControllerReader, ReaderLogin, open_reader  # noqa: PLC0415 - an extra
         from abb_view.controller_server import ControllerServer  # noqa: PLC0415
         from abb_view.page_build import CONTROLLER_PAGE, page_folder  # noqa: PLC0415
-        from abb_view.page_server import PageSettings, page_tls, serve  # noqa: PLC0415
+        from abb_view.page_server import PageSettings, page_tls, serve_pages  # noqa: PLC0415
     except ModuleNotFoundError as error:
         if not (error.name or "").startswith("abb_view"):
             raise
@@ -63,7 +63,7 @@ def view(
 
     is_over = end_flag(until_stdin_closes)
     page_folder(CONTROLLER_PAGE, click.echo)
-    login = Login(with_usual_port(robot), user, password or DEFAULT_PASSWORD, _ANSWER)
+    login = ReaderLogin(with_usual_port(robot), user, password or DEFAULT_PASSWORD, _ANSWER)
 
     def open_controller() -> ControllerReader:
         return open_reader(login, login.connect())
@@ -74,6 +74,6 @@ def view(
         token = "" if is_loopback(listen) else secrets.token_urlsafe(18)
         settings = PageSettings(host=listen, port=port, tls=tls, token=token)
         server = ControllerServer(settings, _PROGRAM, reader, open_controller, takes_faults=True)
-        serve(server, is_over, click.echo)
+        serve_pages(server, is_over, click.echo)
     finally:
         reader.close()

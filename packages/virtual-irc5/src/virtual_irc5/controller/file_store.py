@@ -29,7 +29,7 @@ def decoded_file_text(content: bytes) -> str:
         return content.decode(ENCODING)
 
 
-def encoded(text: str) -> bytes:
+def _encoded(text: str) -> bytes:
     """A file with the text: Latin-1 where it has the characters, UTF-8 otherwise."""
     try:
         return text.encode(ENCODING)
@@ -76,7 +76,7 @@ class FileStore(MutableMapping[str, str]):
         for device in DEVICES:
             self._put(f"{device}:", None)
         for path, given in files.items():
-            self.write(path, given if isinstance(given, bytes) else encoded(given))
+            self.write(path, given if isinstance(given, bytes) else _encoded(given))
 
     def __getitem__(self, path: str) -> str:
         content = self._files[_key(path)].content
@@ -85,7 +85,7 @@ class FileStore(MutableMapping[str, str]):
         return decoded_file_text(content)
 
     def __setitem__(self, path: str, text: str) -> None:
-        self.write(path, encoded(text))
+        self.write(path, _encoded(text))
 
     def __delitem__(self, path: str) -> None:
         del self._files[_key(path)]

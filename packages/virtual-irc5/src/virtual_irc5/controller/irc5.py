@@ -25,7 +25,7 @@ from virtual_irc5.instructions.robot_data import JointTarget, jointtarget
 from virtual_irc5.instructions.robot_library import robot_library
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.egm_client import EgmOutcome
-from virtual_irc5.mechanics.units import ArmUnit, Contact, MechanicalUnit, MotionSystemState, SyncPoints
+from virtual_irc5.mechanics.units import ArmUnit, Contact, MechanicalUnit, SyncPoints, UnitsState
 from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.program import Program
 from virtual_irc5.rapid.states import Execution, SystemEvent
@@ -124,7 +124,7 @@ class Irc5:
         self.started_at = self.energy_reset_at = start_time
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
-        self.motion = MotionSystemState()
+        self.motion = UnitsState()
         self._discards_programs = False
         self._programs: dict[str, tuple[Program, int]] = {}
         self._program_names: dict[str, str] = {}

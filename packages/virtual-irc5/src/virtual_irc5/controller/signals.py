@@ -248,7 +248,7 @@ class Signals:
                 self.drive(name, value)
 
 
-def path_of(signal: ControllerSignal) -> str:
+def signal_path(signal: ControllerSignal) -> str:
     """Network, device and name, as far as it has them."""
     return "/".join(part for part in (signal.network, signal.device, signal.name) if part)
 

@@ -122,7 +122,7 @@ class Standstill:
     def advance(self, dt: float) -> None: ...
 
 
-class JerkLimitedMotion:
+class _JerkLimitedMotion:
     """A trajectory that is planned at its start."""
 
     def __init__(self, trajectory: Trajectory, target: Joints | None = None) -> None:
@@ -146,7 +146,7 @@ class JerkLimitedMotion:
         return MotionState(tuple(position), tuple(velocity), tuple(acceleration))
 
 
-def travel(start: MotionState, target: Joints, model: ArmModel, duration: float = 0.0) -> JerkLimitedMotion:
+def travel(start: MotionState, target: Joints, model: ArmModel, duration: float = 0.0) -> _JerkLimitedMotion:
     """A straight motion in joint space to ``target`` [rad], all joints arriving together.
 
     Args:
@@ -160,25 +160,25 @@ def travel(start: MotionState, target: Joints, model: ArmModel, duration: float 
     plan.max_velocity = model.limits.velocity
     plan.max_acceleration, plan.max_jerk = model.limits.acceleration, model.limits.jerk
     plan.synchronization = Synchronization.Phase
-    return JerkLimitedMotion(_trajectory(plan, duration), target)
+    return _JerkLimitedMotion(_trajectory(plan, duration), target)
 
 
-def stopping(start: MotionState, model: ArmModel, duration: float = 0.0) -> JerkLimitedMotion:
+def stopping(start: MotionState, model: ArmModel, duration: float = 0.0) -> _JerkLimitedMotion:
     """From the present speed to standstill, as fast as the drives allow or over ``duration`` [s]."""
     plan = _plan(start, model)
     plan.control_interface = ControlInterface.Velocity
     plan.max_acceleration, plan.max_jerk = model.limits.acceleration, model.limits.jerk
-    return JerkLimitedMotion(_trajectory(plan, duration))
+    return _JerkLimitedMotion(_trajectory(plan, duration))
 
 
-def braking(start: MotionState, model: ArmModel) -> JerkLimitedMotion:
+def braking(start: MotionState, model: ArmModel) -> _JerkLimitedMotion:
     """From the present speed to standstill by the brakes alone."""
     plan = _plan(replace(start, acceleration=MotionState.standing(start.position).acceleration), model)
     plan.control_interface = ControlInterface.Velocity
     count = len(start.position)
     plan.max_acceleration = [model.brake_deceleration] * count
     plan.max_jerk = [model.brake_deceleration / 1e-3] * count  # brakes bite within a millisecond
-    return JerkLimitedMotion(_trajectory(plan))
+    return _JerkLimitedMotion(_trajectory(plan))
 
 
 def _plan(start: MotionState, model: ArmModel) -> InputParameter:

@@ -21,7 +21,7 @@ from abb_protocols.rws.values import Coordinates, JogMode
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.dynamics import ArmDynamics
 from virtual_irc5.mechanics.egm_client import EgmClient
-from virtual_irc5.mechanics.path import NO_LIMIT, Acceleration, SpeedLimit, StoredPath
+from virtual_irc5.mechanics.path import NO_LIMIT, PathAcceleration, SpeedLimit, StoredPath
 from virtual_irc5.mechanics.path_geometry import CircleMode
 from virtual_irc5.mechanics.virtual_gripper import VirtualGripper
 from virtual_irc5.mechanics.watched_zones import WorldZone
@@ -64,7 +64,7 @@ def mechanical_unit(
     )
 
 
-def seven_axes(name: str, side: Side, task: str) -> tuple[MechanicalUnit, MechanicalUnit]:
+def seven_axis_units(name: str, side: Side, task: str) -> tuple[MechanicalUnit, MechanicalUnit]:
     """The two units of an arm with seven axes: six of one, and the seventh integrated in it."""
     seventh = f"{name}_7"
     return (
@@ -73,7 +73,7 @@ def seven_axes(name: str, side: Side, task: str) -> tuple[MechanicalUnit, Mechan
     )
 
 
-_SIX_AXES, _SEVENTH_AXES = zip(*(seven_axes(side.unit, side, side.task) for side in Side), strict=True)
+_SIX_AXES, _SEVENTH_AXES = zip(*(seven_axis_units(side.unit, side, side.task) for side in Side), strict=True)
 YUMI_UNITS: tuple[MechanicalUnit, ...] = (*_SIX_AXES, *_SEVENTH_AXES)
 
 
@@ -93,7 +93,7 @@ class UnitSupervision:
 
 
 @dataclass(slots=True)
-class MotionSystemState:
+class UnitsState:
     """What ``/rw/motionsystem`` shows and sets beside the mechanical units.
 
     Attributes:
@@ -134,7 +134,7 @@ class SyncPoints:
 
 
 @dataclass(slots=True)
-class MotionSettings:
+class _MotionSettings:
     """What a program sets for the motions that follow; each PP to main restores the defaults.
 
     Attributes:
@@ -225,7 +225,7 @@ class ArmUnit:
     egm_device: str = ""
     tool: Any = None
     wobj: Any = None
-    settings: MotionSettings = field(default_factory=MotionSettings)
+    settings: _MotionSettings = field(default_factory=_MotionSettings)
     zones: list[WorldZone] = field(default_factory=list)
     zone_fault: str = ""
     synchronized_tasks: tuple[str, ...] = ()
@@ -245,7 +245,7 @@ class ArmUnit:
 
     def begin_program(self) -> None:
         """The program begins at main: its motion settings are the default ones, and what was planned is forgotten."""
-        self.settings = MotionSettings()
+        self.settings = _MotionSettings()
         self.zones.clear()
         self.synchronized_tasks = self.suspended_tasks = ()
         self.stored_paths.clear()
@@ -253,7 +253,7 @@ class ArmUnit:
             begin()
         path = self.arm.path
         path.holds.clear()
-        path.acceleration = Acceleration()
+        path.acceleration = PathAcceleration()
         self.arm.tune()
         self.limit_speed()
         if self.arm.is_stationary:

@@ -13,9 +13,9 @@ from virtual_irc5.controller.installed_system import DOMAINS
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 from virtual_irc5.system_parameters import Instance, SystemConfiguration, defaults_of
 
 _CFG_BASE = "/rw/cfg/"
@@ -49,7 +49,7 @@ ROUTES = Routes()
 
 @ROUTES.answer(table.DOMAINS)
 def _get_domains(controller: Irc5, call: RwsCall) -> Page:
-    return resource("cfg", _CFG_BASE, "", *(entry("cfg-domain-li", domain) for domain in DOMAINS))
+    return page_at("cfg", _CFG_BASE, "", *(page_entry("cfg-domain-li", domain) for domain in DOMAINS))
 
 
 @ROUTES.answer(table.TYPES)
@@ -61,18 +61,18 @@ def _get_types(controller: Irc5, call: RwsCall) -> Page:
     size = min(call.number_option("limit", _MOST_TYPES), _MOST_TYPES)
     shown = types[(number - 1) * size : number * size]
     more = f"{domain}?start={number + 1}&limit={size}" if number * size < len(types) else None
-    return resource(
-        "cfg", _CFG_BASE, domain, *(entry("cfg-dt-li", name, f"{domain}/{name}") for name in shown), next_href=more
+    return page_at(
+        "cfg", _CFG_BASE, domain, *(page_entry("cfg-dt-li", name, f"{domain}/{name}") for name in shown), next_href=more
     )
 
 
 @ROUTES.answer(table.TYPE)
 def _get_type(controller: Irc5, call: RwsCall) -> Page:
     place, found = _place(call), _instances(controller, call)
-    attributes = entry("cfg-dt-attributes-li", "attributes", f"{place}/attributes")
-    instances = entry("cfg-dt-instances-li", "instances", f"{place}/instances")
+    attributes = page_entry("cfg-dt-attributes-li", "attributes", f"{place}/attributes")
+    instances = page_entry("cfg-dt-instances-li", "instances", f"{place}/instances")
     size = table.TYPE.answered.state(place.rpartition("/")[2], (len(_attributes(found)), len(found)))
-    return resource("cfg", _CFG_BASE, place, size, attributes, instances)
+    return page_at("cfg", _CFG_BASE, place, size, attributes, instances)
 
 
 @ROUTES.answer(table.ATTRIBUTES)
@@ -102,7 +102,7 @@ def _get_instances(controller: Irc5, call: RwsCall) -> Page:
     shown = found[start : start + limit] if is_paged else found
     more = f"{place}/instances?start={start + limit}&limit={limit}" if is_paged and start + limit < len(found) else None
     states = (_instance_state("cfg-dt-instance-li", place, index, each) for index, each in shown)
-    return resource("cfg", _CFG_BASE, f"{place}/instances", *states, next_href=more)
+    return page_at("cfg", _CFG_BASE, f"{place}/instances", *states, next_href=more)
 
 
 @ROUTES.answer(table.CREATE_INSTANCE)
@@ -145,7 +145,7 @@ def _validate_instances(controller: Irc5, call: RwsCall) -> None:
     domain, type_name = call.required("cfgdomain").upper(), call.required("cfgtype").upper()
     names = [name for name in call.required("instances").split(",") if name]
     if len(names) != call.number("instancescount"):
-        raise invalid("instancescount is not the number of instances")
+        raise bad_call("instancescount is not the number of instances")
     for name in names:
         is_there = controller.configuration.find(domain, type_name, name) is not None
         if call.parameter("operation", "0") == "1":
@@ -180,7 +180,7 @@ def _get_instance(controller: Irc5, call: RwsCall) -> Page:
     for index, each in enumerate(_instances(controller, call)):
         if each.name == name:
             state = _instance_state("cfg-dt-instance", place, index, each)
-            return resource("cfg", _CFG_BASE, f"{place}/instances/{name}", state)
+            return page_at("cfg", _CFG_BASE, f"{place}/instances/{name}", state)
     raise CallFailure(400, RwsCode.CFG_INSTANCE_INVALID, f"{place} has no instance {name}")
 
 
@@ -190,7 +190,7 @@ def _set_instance(controller: Irc5, call: RwsCall) -> None:
     known = _instances(controller, call)[0].attributes
     for attribute, _ in call.form:
         if attribute not in known:
-            raise invalid(f"{domain}/{type_name} has no attribute {attribute}")
+            raise bad_call(f"{domain}/{type_name} has no attribute {attribute}")
     controller.configuration.change(domain, type_name, name, dict(call.form))
 
 
@@ -211,7 +211,7 @@ def _load_file(controller: Irc5, call: RwsCall) -> None:
 @ROUTES.answer(table.VALIDATE_FILE)
 def _validate_file(controller: Irc5, call: RwsCall) -> Page:
     _with_file(controller, call)
-    return resource("cfg", "/rw/", "cfg", RwsState("cfg-validate", "validate", {"status": "OK"}))
+    return page_at("cfg", "/rw/", "cfg", RwsState("cfg-validate", "validate", {"status": "OK"}))
 
 
 def _with_file(controller: Irc5, call: RwsCall) -> SystemConfiguration:
@@ -226,7 +226,7 @@ def _with_file(controller: Irc5, call: RwsCall) -> SystemConfiguration:
     except KeyError as error:
         raise CallFailure(400, RwsCode.FILE_NOT_FOUND, f"there is no file {path}") from error
     except SettingsError as error:
-        raise invalid(str(error)) from error
+        raise bad_call(str(error)) from error
     return loaded
 
 

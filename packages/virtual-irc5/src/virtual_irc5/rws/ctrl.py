@@ -21,9 +21,9 @@ from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes, absent_routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _BASE = "/ctrl/"
 _DURATION = 2.0  # of a backup and other jobs [s]
@@ -32,7 +32,7 @@ _DURATION = 2.0  # of a backup and other jobs [s]
 ROUTES = Routes()
 
 
-def identity_fields(controller: Irc5) -> Mapping[str, str]:
+def _identity_fields(controller: Irc5) -> Mapping[str, str]:
     name, is_virtual = controller.identity.controller_name, controller.identity.is_virtual
     return table.IDENTITY.answered.write(
         table.ControllerIdentity(name, "" if is_virtual else name, is_virtual=is_virtual)
@@ -43,28 +43,31 @@ def identity_fields(controller: Irc5) -> Mapping[str, str]:
 def _get_controller(controller: Irc5, call: RwsCall) -> Page:
     links = (RwsLink("self", "identity"),)
     states = (
-        entry("ctrl-clock-info-li", "clock", **_time_fields(controller)),
-        RwsState("ctrl-identity-info-li", "identity", identity_fields(controller), links),
-        *(entry(f"ctrl-{name}-info-li", name) for name in ("system", "backup", "compress", "diagnostics", "safety")),
-        entry("ctrl-netw-li", "network"),
+        page_entry("ctrl-clock-info-li", "clock", **_time_fields(controller)),
+        RwsState("ctrl-identity-info-li", "identity", _identity_fields(controller), links),
+        *(
+            page_entry(f"ctrl-{name}-info-li", name)
+            for name in ("system", "backup", "compress", "diagnostics", "safety")
+        ),
+        page_entry("ctrl-netw-li", "network"),
     )
-    return resource("ctrl", _BASE, "", *states)
+    return page_at("ctrl", _BASE, "", *states)
 
 
 @ROUTES.answer(table.IDENTITY)
 def _get_identity(controller: Irc5, call: RwsCall) -> Page:
-    fields = dict(identity_fields(controller))
+    fields = dict(_identity_fields(controller))
     if not controller.identity.is_virtual:
         fields["ctrl-mac"] = "00:00:00:00:00:00"
     fields["ctrl-level"] = "System Level"
-    return resource("ctrl", _BASE, "identity", RwsState("ctrl-identity-info", "identity", fields))
+    return page_at("ctrl", _BASE, "identity", RwsState("ctrl-identity-info", "identity", fields))
 
 
 @ROUTES.answer(table.SET_IDENTITY)
 def _set_identity(controller: Irc5, call: RwsCall) -> None:
     name = call.parameter("ctrl-name", "") or call.parameter("ctrl-id", "")
     if not name:
-        raise invalid("the body lacks ctrl-name and ctrl-id; give one of them")
+        raise bad_call("the body lacks ctrl-name and ctrl-id; give one of them")
     controller.identity = replace(controller.identity, controller_name=name)
 
 
@@ -108,9 +111,9 @@ def _time_fields(controller: Irc5) -> Mapping[str, str]:
 
 @ROUTES.answer(table.CLOCK)
 def _get_clock(controller: Irc5, call: RwsCall) -> Page:
-    links = (entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
+    links = (page_entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
     state = RwsState("ctrl-clock-info", "clock", _time_fields(controller))
-    return resource("ctrl", _BASE, "clock", state, *links)
+    return page_at("ctrl", _BASE, "clock", state, *links)
 
 
 @ROUTES.answer(table.SET_CLOCK)
@@ -120,7 +123,7 @@ def _set_clock(controller: Irc5, call: RwsCall) -> None:
     try:
         controller.time = datetime(year, month, day, hour, minute, second, tzinfo=_zone(controller)).timestamp()
     except (ValueError, OverflowError) as error:
-        raise invalid(f"there is no such time: {error}") from error
+        raise bad_call(f"there is no such time: {error}") from error
 
 
 @ROUTES.answer(table.TIMEZONE)
@@ -134,7 +137,7 @@ def _set_timezone(controller: Irc5, call: RwsCall) -> None:
     try:
         ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError) as error:
-        raise invalid(f"there is no time zone {name[:50]!r}") from error
+        raise bad_call(f"there is no time zone {name[:50]!r}") from error
     controller.own_settings.timezone = name
 
 
@@ -168,7 +171,7 @@ def _get_network(controller: Irc5, call: RwsCall) -> Page:
     }
     service = {"addr": "192.168.125.1", "mask": "255.255.255.0", "name": "Service Port"}
     states = (RwsState("ctrl-netw", "Service Port", service), RwsState("ctrl-netw", "LAN", fields))
-    return resource("ctrl", _BASE, "network", *states)
+    return page_at("ctrl", _BASE, "network", *states)
 
 
 @ROUTES.answer(table.SET_NETWORK)
@@ -186,13 +189,13 @@ def _address(call: RwsCall, name: str) -> str:
     try:
         return str(ipaddress.IPv4Address(text))
     except ValueError as error:
-        raise invalid(f"{name} is an IPv4 address, not {text[:50]!r}") from error
+        raise bad_call(f"{name} is an IPv4 address, not {text[:50]!r}") from error
 
 
 @ROUTES.answer(table.DNS)
 def _get_dns(controller: Irc5, call: RwsCall) -> Page:
     fields = {"name": controller.identity.controller_name, "addr": controller.own_settings.dns, "port": "53"}
-    return resource("ctrl", "/ctrl/network/", "dns", RwsState("ctrl-netw", "dns", fields))
+    return page_at("ctrl", "/ctrl/network/", "dns", RwsState("ctrl-netw", "dns", fields))
 
 
 @ROUTES.answer(table.ROUTES)
@@ -210,7 +213,7 @@ def _add_route(controller: Irc5, call: RwsCall) -> None:
 @ROUTES.answer(table.REMOVE_ROUTE)
 def _remove_route(controller: Irc5, call: RwsCall) -> HttpReply:
     if controller.own_settings.routes.pop(_destination(call), None) is None:
-        raise invalid("there is no route to that destination")
+        raise bad_call("there is no route to that destination")
     return HttpReply.at("/ctrl?action=show")
 
 
@@ -219,14 +222,14 @@ def _destination(call: RwsCall) -> str:
     try:
         return str(ipaddress.IPv4Network(text))
     except ValueError as error:
-        raise invalid(f"destination is an IPv4 address or network, not {text[:50]!r}") from error
+        raise bad_call(f"destination is an IPv4 address or network, not {text[:50]!r}") from error
 
 
 @ROUTES.answer(table.ADD_ROUTE_OPTIONS, table.REMOVE_ROUTE_OPTIONS)
 def _get_route_options(controller: Irc5, call: RwsCall) -> Page:
     names = ("destination", "gateway") if call.path[-1] == "add" else ("destination",)
     fields = {"method": "POST", **dict.fromkeys(names, "")}
-    return resource("ctrl", "/ctrl/network/route/", call.path[-1], RwsState("form", f"{call.path[-1]}route", fields))
+    return page_at("ctrl", "/ctrl/network/route/", call.path[-1], RwsState("form", f"{call.path[-1]}route", fields))
 
 
 # Jobs: backup, compression, diagnostics
@@ -248,20 +251,20 @@ def _get_progress(controller: Irc5, call: RwsCall) -> Mapping[str, table.Progres
 
 @ROUTES.answer(table.PROGRESS_LIST)
 def _get_progress_list(controller: Irc5, call: RwsCall) -> Page:
-    return resource("progress", "/", "progress")
+    return page_at("progress", "/", "progress")
 
 
 def _backup_path(text: str) -> str:
     path = path_of_file(text)
     if path.upper().startswith("HOME:") or "/" not in path:
-        raise invalid("a backup is a directory of its own, such as /fileservice/$BACKUP/monday, and not in HOME")
+        raise bad_call("a backup is a directory of its own, such as /fileservice/$BACKUP/monday, and not in HOME")
     return path
 
 
 @ROUTES.answer(table.BACKUP)
 def _get_backup(controller: Irc5, call: RwsCall) -> Page:
-    state = entry("ctrl-backup-li", "backup", "backup", backup_state=controller.own_settings.backup_state)
-    return resource("ctrl", _BASE, "backup", state)
+    state = page_entry("ctrl-backup-li", "backup", "backup", backup_state=controller.own_settings.backup_state)
+    return page_at("ctrl", _BASE, "backup", state)
 
 
 @ROUTES.answer(table.BACKUP_STATE)
@@ -298,7 +301,7 @@ def _restore(controller: Irc5, call: RwsCall) -> None:
     try:
         restore_backup(controller, path, cfg=include != "modules", modules=include != "cfg")
     except (SettingsError, RapidError) as error:
-        raise invalid(f"the backup cannot be restored: {error}") from error
+        raise bad_call(f"the backup cannot be restored: {error}") from error
     if call.parameter("delete-dir", "false").lower() == "true":
         controller.files.remove(path)
     controller.restart()
@@ -307,7 +310,7 @@ def _restore(controller: Irc5, call: RwsCall) -> None:
 def _check_origin(controller: Irc5, path: str, ignored: str) -> None:
     name = check_backup(controller, path)
     if ignored not in ("all", "system-id") and name != controller.identity.system_name:
-        raise invalid(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
+        raise bad_call(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
 
 
 @ROUTES.answer(table.CHECK_RESTORE)
@@ -321,12 +324,12 @@ def _check_restore(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
 def _get_backup_info(controller: Irc5, call: RwsCall) -> Page:
     asked = call.option("backup-path") or ""
     fields = {"system-name": check_backup(controller, _backup_path(asked))}
-    return resource("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", RwsState("ctrl-backup-info", "info", fields))
+    return page_at("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", RwsState("ctrl-backup-info", "info", fields))
 
 
 @ROUTES.answer(table.COMPRESSION)
 def _get_compress(controller: Irc5, call: RwsCall) -> Page:
-    return resource("ctrl", _BASE, "compress", entry("ctrl-compress-li", "compress"))
+    return page_at("ctrl", _BASE, "compress", page_entry("ctrl-compress-li", "compress"))
 
 
 @ROUTES.answer(table.COMPRESS)
@@ -336,7 +339,7 @@ def _compress(controller: Irc5, call: RwsCall) -> HttpReply:
     files = controller.files
     found = files.get_file(source)
     if found.content is None and source.upper() == "HOME:":
-        raise invalid("HOME itself is not compressed")
+        raise bad_call("HOME itself is not compressed")
 
     def work() -> None:
         packed = bytes_io.BytesIO()
@@ -354,7 +357,7 @@ def _decompress(controller: Irc5, call: RwsCall) -> HttpReply:
     source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
     content = controller.files.get_file(source).content
     if content is None or not zipfile.is_zipfile(bytes_io.BytesIO(content)):
-        raise invalid(f"{source} is not a compressed file")
+        raise bad_call(f"{source} is not a compressed file")
 
     def work() -> None:
         with zipfile.ZipFile(bytes_io.BytesIO(content)) as archive:
@@ -373,7 +376,7 @@ def _is_directory(controller: Irc5, path: str) -> bool:
 
 @ROUTES.answer(table.DIAGNOSTICS)
 def _get_diagnostics(controller: Irc5, call: RwsCall) -> Page:
-    return resource("ctrl", _BASE, "diagnostics", entry("ctrl-diagnostics-li", "diagnostics"))
+    return page_at("ctrl", _BASE, "diagnostics", page_entry("ctrl-diagnostics-li", "diagnostics"))
 
 
 @ROUTES.answer(table.SAVE_DIAGNOSTICS)
@@ -399,7 +402,7 @@ def _save_diagnostics(controller: Irc5, call: RwsCall) -> HttpReply:
 @ROUTES.answer(table.SYSTEMS)
 def _get_systems(controller: Irc5, call: RwsCall) -> Page:
     name = controller.identity.system_name
-    return resource("ctrl", _BASE, "system", entry("ctrl-system-li", name, f"system/{name}"))
+    return page_at("ctrl", _BASE, "system", page_entry("ctrl-system-li", name, f"system/{name}"))
 
 
 @ROUTES.answer(table.SYSTEM)
@@ -429,7 +432,7 @@ def _activate_system(controller: Irc5, call: RwsCall) -> None:
 @ROUTES.answer(table.DELETE_SYSTEM)
 def _delete_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
-    raise invalid("the active system cannot be deleted")
+    raise bad_call("the active system cannot be deleted")
 
 
 @ROUTES.answer(table.OPTIONS)
@@ -443,7 +446,7 @@ def _get_option(controller: Irc5, call: RwsCall) -> Page | HttpReply:
     name = call.names["option"]
     if name not in controller.identity.options:
         return HttpReply(204)
-    return resource("ctrl", "/ctrl/options/", name, RwsState("ctrl-option", name, {"option": name}))
+    return page_at("ctrl", "/ctrl/options/", name, RwsState("ctrl-option", name, {"option": name}))
 
 
 @ROUTES.answer(table.COMPATIBLE, table.COMPATIBILITY)
@@ -452,16 +455,16 @@ def _get_compatible(controller: Irc5, call: RwsCall) -> Page:
     version = call.names.get("version", controller.identity.robotware)
     major = version.partition(".")[0]
     if not major.isdecimal():
-        raise invalid(f"{version[:50]!r} is not a version of RobotWare")
+        raise bad_call(f"{version[:50]!r} is not a version of RobotWare")
     compatible = "TRUE" if major in ("5", "6") else "FALSE"
     state = RwsState("ctrl-compatibility", version, {"compatible": compatible})
-    return resource("ctrl", "/ctrl/compatibility/", version, state)
+    return page_at("ctrl", "/ctrl/compatibility/", version, state)
 
 
 @ROUTES.answer(table.SAFETY)
 def _get_safety(controller: Irc5, call: RwsCall) -> Page:
     """A robot without a safety controller has the resource and nothing in it."""
-    return resource("ctrl", _BASE, "safety")
+    return page_at("ctrl", _BASE, "safety")
 
 
 ROUTES += absent_routes(table.ABSENT)

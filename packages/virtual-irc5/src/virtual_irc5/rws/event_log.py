@@ -12,7 +12,7 @@ from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import ControllerLogEvent
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import resource
+from virtual_irc5.rws.render import page_at
 from virtual_irc5.rws.router import Routes
 from virtual_irc5.rws.rws_call import CallFailure, RwsCall
 
@@ -48,7 +48,7 @@ def _get_logs(controller: Irc5, call: RwsCall) -> Page:
             fields["numevts"] = str(len(controller.events.entries(number)))
         fields["buffsize"] = "20" if number else "1000"
         states.append(RwsState("elog-domain-li", str(number), fields, (RwsLink("self", str(number)),)))
-    return resource("Elog", _LOG_BASE, "", *states)
+    return page_at("Elog", _LOG_BASE, "", *states)
 
 
 @ROUTES.answer(table.EVENTS)
@@ -61,7 +61,7 @@ def _get_events(controller: Irc5, call: RwsCall) -> Page:
         fields = {"numevts": str(len(entries))}
         if asked == "info":
             fields["buffsize"] = "20" if domain else "1000"
-        return resource("Elog", _LOG_BASE, str(domain), RwsState("elog-domain", str(domain), fields))
+        return page_at("Elog", _LOG_BASE, str(domain), RwsState("elog-domain", str(domain), fields))
     if since >= 0:
         entries = tuple(event for event in entries if event.number >= since)
     ordered = tuple(reversed(entries)) if call.option("order") == "fifo" else entries
@@ -71,7 +71,7 @@ def _get_events(controller: Irc5, call: RwsCall) -> Page:
     asked_for = "".join(f"{name}={text}&" for name, text in call.query if name in ("lang", "order", "resource"))
     more = f"{domain}?{asked_for}start={number + 1}&limit={size}" if number * size < len(ordered) else None
     states = (_event_state("elog-message-li", domain, event, call) for event in shown)
-    return resource("Elog", _LOG_BASE, str(domain), *states, next_href=more)
+    return page_at("Elog", _LOG_BASE, str(domain), *states, next_href=more)
 
 
 @ROUTES.answer(table.EVENT)
@@ -80,7 +80,7 @@ def _get_event(controller: Irc5, call: RwsCall) -> Page:
     for event in controller.events.entries(domain):
         if str(event.number) == number:
             state = _event_state("elog-message", domain, event, call)
-            return resource("Elog", _LOG_BASE, f"{domain}/{number}", state)
+            return page_at("Elog", _LOG_BASE, f"{domain}/{number}", state)
     raise CallFailure(404, RwsCode.FAIL, f"domain {domain} has no message {number}")
 
 

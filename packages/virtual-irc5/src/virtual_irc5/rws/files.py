@@ -11,9 +11,9 @@ from virtual_irc5.controller.file_store import CAPACITY, DEVICES, File
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, bad_call
 
 _FILES_BASE = "/fileservice/"
 _OCTETS = (("Content-Type", "application/octet-stream"),)
@@ -26,7 +26,7 @@ ROUTES = Routes()
 @ROUTES.answer(table.DISKS)
 def _get_disks(controller: Irc5, call: RwsCall) -> Page:
     states = (
-        entry(
+        page_entry(
             "fs-device",
             f"${device.lower()}",
             fs_device_type="ramdisk" if device == "RAMDISK" else "fixed",
@@ -37,7 +37,7 @@ def _get_disks(controller: Irc5, call: RwsCall) -> Page:
         )
         for device in DEVICES
     )
-    return resource("File Service", _FILES_BASE, "", *states)
+    return page_at("File Service", _FILES_BASE, "", *states)
 
 
 @ROUTES.answer(table.FILE)
@@ -54,7 +54,7 @@ def _get_file(controller: Irc5, call: RwsCall) -> Shown:
             fields |= {"fs-size": str(each.size), "fs-readonly": "false"}
         kind = "fs-dir" if each.content is None else "fs-file"
         states.append(RwsState(kind, each.name, fields, (RwsLink("self", each.name),)))
-    return resource("File Service", f"{_FILES_BASE}{call.names['path']}/", "", *states)
+    return page_at("File Service", f"{_FILES_BASE}{call.names['path']}/", "", *states)
 
 
 @ROUTES.answer(table.HEAD_FILE)
@@ -77,18 +77,18 @@ def _delete_file(controller: Irc5, call: RwsCall) -> None:
 def _change_file(controller: Irc5, call: RwsCall) -> HttpReply | None:
     """Create a directory in one, copy or rename; the body names the action."""
     if call.option("fs-action") is not None:
-        raise invalid("Invalid/No Query Parameter: fs-action belongs into the body")
+        raise bad_call("Invalid/No Query Parameter: fs-action belongs into the body")
     action, name = call.required("fs-action"), call.required("fs-newname").rstrip("/")
     file = _file_of(controller, call)
     folder = file.path.rpartition("/")[0]
     if not name or ".." in name.split("/"):
-        raise invalid("fs-newname is a name, or a path from /fileservice")
+        raise bad_call("fs-newname is a name, or a path from /fileservice")
     if action == "create":
         controller.files.make_directory(f"{file.path}/{name}")
         return HttpReply(_CREATED, _OCTETS)
     target = path_of_file(name) if name.startswith("/fileservice/") else f"{folder}/{name}"
     if action == "rename" and "/" in name:
-        raise invalid(f"fs-newname is a name without a path, not {name[:50]!r}")
+        raise bad_call(f"fs-newname is a name without a path, not {name[:50]!r}")
     is_taken = target.lower() in (entry.path.lower() for entry in controller.files.entries(target.rpartition("/")[0]))
     if is_taken and call.parameter("fs-overwrite", "false") != "true":
         raise CallFailure(409, RwsCode.INVALIDARG, f"{target} exists")
@@ -118,5 +118,5 @@ def path_of_file(text: str) -> str:
     if name not in DEVICES:
         raise CallFailure(404, RwsCode.FAIL, f"there is no device {device}")
     if ".." in rest.split("/"):
-        raise invalid("a path does not lead upwards")
+        raise bad_call("a path does not lead upwards")
     return f"{name}:/{rest}".rstrip("/")

@@ -183,7 +183,7 @@ def _bytes(text: str) -> bytes:
 # Cookies and sessions
 
 
-def set_cookie(name: str, value: str) -> str:
+def _set_cookie(name: str, value: str) -> str:
     """A ``Set-Cookie`` value; always the same path, or clients see two cookies of one name."""
     return f"{name}={value}; path=/; httponly"
 
@@ -290,8 +290,8 @@ class SessionTable:
         number = str(_FIRST_CONNECTION + self._connections)
         self._connections += 1
         session.connections[peer] = number
-        connection = set_cookie(CONNECTION_COOKIE, number)
-        return (set_cookie(SESSION_COOKIE, session.id), connection) if is_new else (connection,)
+        connection = _set_cookie(CONNECTION_COOKIE, number)
+        return (_set_cookie(SESSION_COOKIE, session.id), connection) if is_new else (connection,)
 
     def _forget_idle(self, now: float) -> None:
         for session in [each for each in self._sessions.values() if _is_idle(each, now)]:

@@ -16,10 +16,10 @@ from virtual_irc5.rapid.loaded_modules import LoadedModule
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import Variable
 from virtual_irc5.rws.files import path_of_file
-from virtual_irc5.rws.rapid import find_task, prepare_modules
-from virtual_irc5.rws.render import resource
+from virtual_irc5.rws.rapid import prepare_modules, rws_task
+from virtual_irc5.rws.render import page_at
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 from virtual_irc5.rws.symbols import routine_state, symbol_state
 
 _BASE = "/rw/rapid/"
@@ -28,7 +28,7 @@ ROUTES = Routes()
 
 
 def _module(controller: Irc5, call: RwsCall) -> tuple[Task, LoadedModule]:
-    task = find_task(controller, call.option("task") or call.parameter("task", "") or call.names.get("task", ""))
+    task = rws_task(controller, call.option("task") or call.parameter("task", "") or call.names.get("task", ""))
     name = call.names["module"]
     module = task.program.modules.get(name.lower())
     if module is None:
@@ -38,12 +38,12 @@ def _module(controller: Irc5, call: RwsCall) -> tuple[Task, LoadedModule]:
 
 def _module_page(task: Task, module: LoadedModule, state: RwsState) -> Page:
     """A page of a module; its address names the task, without which there is no such module."""
-    return resource("rapid", f"{_BASE}modules/", f"{module.name}?task={task.name}", state)
+    return page_at("rapid", f"{_BASE}modules/", f"{module.name}?task={task.name}", state)
 
 
 @ROUTES.answer(table.MODULES)
 def _get_modules(controller: Irc5, call: RwsCall) -> Page:
-    task = find_task(controller, call.option("task") or "")
+    task = rws_task(controller, call.option("task") or "")
     states = (
         table.MODULES.answered.state(
             module.name,
@@ -52,7 +52,7 @@ def _get_modules(controller: Irc5, call: RwsCall) -> Page:
         )
         for module in task.modules
     )
-    return resource("rapid", _BASE, f"modules?task={task.name}", *states)
+    return page_at("rapid", _BASE, f"modules?task={task.name}", *states)
 
 
 @ROUTES.answer(table.MODULE)
@@ -87,7 +87,7 @@ def _offset(text: str, row: int, column: int) -> int:
 def _position(call: RwsCall, name: str) -> int:
     text = call.option(name) or call.parameter(name, "")
     if not re.fullmatch(r"-1|\d{1,7}", text):
-        raise invalid(f"{name} is a whole number, not {text[:20]!r}")
+        raise bad_call(f"{name} is a whole number, not {text[:20]!r}")
     return int(text)
 
 
@@ -178,16 +178,16 @@ def _save_module(controller: Irc5, call: RwsCall) -> None:
     _, module = _module(controller, call)
     name, folder = call.required("name"), path_of_file(call.required("path"))
     if not re.fullmatch(r"\w{1,80}", name):
-        raise invalid(f"name is a name, not {name[:50]!r}")
+        raise bad_call(f"name is a name, not {name[:50]!r}")
     controller.files.write(f"{folder}/{name}.mod", module.syntax.text.encode("latin-1", "replace"))
 
 
-def prepare_module_text(controller: Irc5, call: RwsCall) -> Callable[[], None]:
+def _prepare_module_text(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     task, module = _module(controller, call)
     return functools.partial(prepare_modules, task, {module.syntax.filename: call.required("text")})
 
 
-@ROUTES.answer(table.SET_MODULE_TEXT, prepare=prepare_module_text)
+@ROUTES.answer(table.SET_MODULE_TEXT, prepare=_prepare_module_text)
 def _set_module_text(controller: Irc5, call: RwsCall) -> None:
     _replace_text(controller, *_module(controller, call), call.required("text"))
 
@@ -198,12 +198,12 @@ def _replace_text(controller: Irc5, task: Task, module: LoadedModule, text: str)
     controller.execution.load_module(task.name, text, module.syntax.filename, replace=True)
 
 
-def prepare_text_range(controller: Irc5, call: RwsCall) -> Callable[[], None]:
+def _prepare_text_range(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     task, module = _module(controller, call)
     return functools.partial(prepare_modules, task, {module.syntax.filename: _changed_text(module, call)})
 
 
-@ROUTES.answer(table.SET_TEXT_RANGE, prepare=prepare_text_range)
+@ROUTES.answer(table.SET_TEXT_RANGE, prepare=_prepare_text_range)
 def _set_text_range(controller: Irc5, call: RwsCall) -> None:
     """Replace a range of a module's text, or put a text before or after it."""
     task, module = _module(controller, call)
@@ -230,7 +230,7 @@ def _changed_text(module: LoadedModule, call: RwsCall) -> str:
     modes = {"Before": (begin, begin), "After": (end, end), "Replace": (begin, end)}
     mode = call.required("replace-mode")
     if mode not in modes:
-        raise invalid(f"replace-mode is {' or '.join(modes)}, not {mode[:50]!r}")
+        raise bad_call(f"replace-mode is {' or '.join(modes)}, not {mode[:50]!r}")
     begin, end = modes[mode]
     return text[:begin] + new + text[end:]
 
@@ -239,7 +239,7 @@ def _changed_text(module: LoadedModule, call: RwsCall) -> str:
 def _get_routines(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     states = (routine_state(task, each, "-li") for each in module.routines)
-    return resource("rapid", f"{_BASE}modules/{task.name}/{module.name}/", "routines", *states)
+    return page_at("rapid", f"{_BASE}modules/{task.name}/{module.name}/", "routines", *states)
 
 
 @ROUTES.answer(table.ROUTINE_AT)
@@ -254,7 +254,7 @@ def _get_routine_at(controller: Irc5, call: RwsCall) -> Page:
     state = routine_state(task, found)
     names = ("name", "symtyp", "named", "local", "npar")
     fields = {name: state.fields[name] for name in names}
-    return resource(
+    return page_at(
         "rapid",
         f"{_BASE}modules/{module.name}/",
         f"routine?task={task.name}&row={row}",

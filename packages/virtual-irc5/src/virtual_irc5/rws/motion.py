@@ -21,9 +21,9 @@ from virtual_irc5.instructions.robot_data import pose_from_rapid, robtarget, wob
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.units import MechanicalUnit, UnitSupervision
 from virtual_irc5.rapid.types import Variable
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 from virtual_irc5.rws.users import refuse_in_manual_mode
 
 _BASE = "/rw/motionsystem/"
@@ -43,16 +43,16 @@ def _get_motion_system(controller: Irc5, call: RwsCall) -> Page:
     fields = table.MOTION_SYSTEM.answered.write(shown)
     asked = call.option("resource")
     if asked is not None:
-        return resource("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", {asked: fields[asked]}))
+        return page_at("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", {asked: fields[asked]}))
     links = (
-        entry("ms-change-count-li", "checkchangecount", "motionsystem/checkchangecount"),
-        entry("ms-mechunit-li", "mechunits", "motionsystem/mechunits"),
-        entry("ms-errorstate-li", "errorstate", "motionsystem/errorstate"),
-        entry("ms-motionsupervision-li", "motionsupervision", "motionsystem/motionsupervision"),
-        entry("ms-pathsupervision-li", "pathsupervision", "motionsystem/pathsupervision"),
-        entry("ms-nonmotion-execution-mode-li", "nonmotionexecution", "motionsystem/nonmotionexecution"),
+        page_entry("ms-change-count-li", "checkchangecount", "motionsystem/checkchangecount"),
+        page_entry("ms-mechunit-li", "mechunits", "motionsystem/mechunits"),
+        page_entry("ms-errorstate-li", "errorstate", "motionsystem/errorstate"),
+        page_entry("ms-motionsupervision-li", "motionsupervision", "motionsystem/motionsupervision"),
+        page_entry("ms-pathsupervision-li", "pathsupervision", "motionsystem/pathsupervision"),
+        page_entry("ms-nonmotion-execution-mode-li", "nonmotionexecution", "motionsystem/nonmotionexecution"),
     )
-    return resource("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", fields), *links)
+    return page_at("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", fields), *links)
 
 
 def _active(controller: Irc5) -> MechanicalUnit:
@@ -94,9 +94,9 @@ def _jog(controller: Irc5, call: RwsCall) -> None:
     _check_jogging(controller, call)
     values = [call.number(f"axis{number}") for number in range(1, 7)]
     if max(map(abs, values)) > _FULL:
-        raise invalid(f"an axis is deflected by {-_FULL:.0f} to {_FULL:.0f}")
+        raise bad_call(f"an axis is deflected by {-_FULL:.0f} to {_FULL:.0f}")
     if call.number("ccount") != controller.motion.changes:
-        raise invalid("ccount is not the change count of the motion system; read it again")
+        raise bad_call("ccount is not the change count of the motion system; read it again")
     unit = _active(controller)
     arm = controller.arm_of(unit)
     mode = call.parameter("inc-mode", "")
@@ -135,7 +135,7 @@ def _move(arm: VirtualArm, target: Joints) -> None:
     try:
         arm.move_to(target)
     except CommandRefused as error:
-        raise invalid(str(error)) from error
+        raise bad_call(str(error)) from error
     except RobotNotReady as error:
         raise CallFailure(403, RwsCode.INVALID_STATE, str(error)) from error
 
@@ -160,7 +160,7 @@ def _pose(position: list[float], orientation: list[float]) -> Pose:
     """A pose in metres; raises Failure for an orientation that is no unit quaternion."""
     length = sum(value * value for value in orientation) ** 0.5
     if abs(length - 1.0) > _UNIT_TOLERANCE:
-        raise invalid("the orientation is not a unit quaternion")
+        raise bad_call("the orientation is not a unit quaternion")
     (x, y, z), (w, i, j, k) = position, (value / length for value in orientation)
     return Pose((x, y, z), (w, i, j, k))
 
@@ -215,7 +215,7 @@ def _set_motion_sensitivity(controller: Irc5, call: RwsCall) -> None:
 def _level(call: RwsCall, name: str) -> int:
     level = call.number(name)
     if not 0 <= level <= 300:
-        raise invalid(f"{name} is 0 to 300")
+        raise bad_call(f"{name} is 0 to 300")
     return int(level)
 
 
@@ -267,7 +267,7 @@ def _set_non_motion(controller: Irc5, call: RwsCall) -> None:
 @ROUTES.answer(table.UNITS)
 def _get_units(controller: Irc5, call: RwsCall) -> Page:
     entries = (
-        entry(
+        page_entry(
             "ms-mechunit-li",
             unit.name,
             f"mechunits/{unit.name}",
@@ -277,7 +277,7 @@ def _get_units(controller: Irc5, call: RwsCall) -> Page:
         )
         for unit in controller.units
     )
-    return resource("motionsystem", _BASE, "mechunits", *entries)
+    return page_at("motionsystem", _BASE, "mechunits", *entries)
 
 
 _SUB_RESOURCES = ("pjoints", "robtarget", "jointtarget", "cartesian", "axes", "baseframe", "calibrationinfo", "smbdata")
@@ -294,7 +294,7 @@ def _get_unit(controller: Irc5, call: RwsCall) -> Page:
     known = {*groups, *(_short(name) for members in groups.values() for name in members)}
     unknown = [each for each in asked if each not in known and f"{each}-name" not in known]
     if unknown:
-        raise invalid(f"a mechanical unit does not have the resource {unknown[0][:50]!r}")
+        raise bad_call(f"a mechanical unit does not have the resource {unknown[0][:50]!r}")
     fields = {
         name: text
         for group, members in groups.items()
@@ -303,7 +303,7 @@ def _get_unit(controller: Irc5, call: RwsCall) -> Page:
     }
     links = () if call.option("resource") else tuple(RwsLink(name, f"{unit.name}/{name}") for name in _SUB_RESOURCES)
     state = RwsState("ms-mechunit", unit.name, fields, links)
-    return resource("motionsystem", f"{_BASE}mechunits/", unit.name, state)
+    return page_at("motionsystem", f"{_BASE}mechunits/", unit.name, state)
 
 
 def _short(name: str) -> str:
@@ -315,7 +315,7 @@ def _set_unit(controller: Irc5, call: RwsCall) -> None:
     """Change what jogging uses: tool, work object, loads, mode and coordinate system."""
     unit = _find(controller, call)
     if not call.form:
-        raise invalid("the body lacks tool, wobj, payload, total-payload, mode, jog-mode and coord-system; give one")
+        raise bad_call("the body lacks tool, wobj, payload, total-payload, mode, jog-mode and coord-system; give one")
     for kind in ("tool", "wobj"):
         if first_value(call.form, kind) is not None:
             _datum(controller, unit, call.required(kind), kind)
@@ -354,7 +354,7 @@ def _set_lead_through(controller: Irc5, call: RwsCall) -> None:
     """Let an arm be led by hand; no hand leads this one, so that it stands still all the same."""
     unit = _led_unit(controller, call)
     if unit.type != "TCPRobot":
-        raise invalid(f"{unit.name} is not a robot")
+        raise bad_call(f"{unit.name} is not a robot")
     led = controller.motion.lead_through
     led.add(unit.name) if call.required("status") == "active" else led.discard(unit.name)
     _changed(controller)
@@ -372,7 +372,7 @@ def _refuse_calibration(controller: Irc5, call: RwsCall) -> None:
 # Positions
 
 
-def joint_target(controller: Irc5, unit: str) -> JointTarget:
+def unit_joint_target(controller: Irc5, unit: str) -> JointTarget:
     """Where the axes of a unit's arm stand."""
     robax, extax = controller.joint_target(unit)
     a1, a2, a3, a4, a5, a6 = robax
@@ -382,7 +382,7 @@ def joint_target(controller: Irc5, unit: str) -> JointTarget:
 @ROUTES.answer(table.JOINT_TARGET, table.PHYSICAL_JOINTS)
 def _get_joint_target(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
     unit = _find(controller, call)
-    return {unit.name: joint_target(controller, unit.name)}
+    return {unit.name: unit_joint_target(controller, unit.name)}
 
 
 def _datum(controller: Irc5, unit: MechanicalUnit, name: str, kind: str) -> Any:
@@ -403,7 +403,7 @@ def _datum(controller: Irc5, unit: MechanicalUnit, name: str, kind: str) -> Any:
     return value
 
 
-def target(controller: Irc5, call: RwsCall, unit: MechanicalUnit) -> RobTarget:
+def unit_target(controller: Irc5, call: RwsCall, unit: MechanicalUnit) -> RobTarget:
     """The position of a unit's tool as the call asks for it."""
     tool = pose_from_rapid(_datum(controller, unit, call.option("tool") or unit.tool, "tool").tframe)
     system = call.option("coordinate") or unit.coordinates.value
@@ -418,12 +418,12 @@ def target(controller: Irc5, call: RwsCall, unit: MechanicalUnit) -> RobTarget:
 @ROUTES.answer(table.ROBTARGET)
 def _get_robtarget(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     unit = _find(controller, call)
-    return {unit.name: target(controller, call, unit)}
+    return {unit.name: unit_target(controller, call, unit)}
 
 
 @ROUTES.answer(table.CARTESIAN)
 def _get_cartesian(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
-    return {"cartesian": target(controller, call, _find(controller, call))}
+    return {"cartesian": unit_target(controller, call, _find(controller, call))}
 
 
 def _frame_instance(unit: MechanicalUnit) -> tuple[str, str, str]:
@@ -456,8 +456,8 @@ def _set_base_frame(controller: Irc5, call: RwsCall) -> None:
 def _get_axes(controller: Irc5, call: RwsCall) -> Page:
     unit = _find(controller, call)
     states = [RwsState("ms-mechunit-axes", "axes", table.AXES.answered.write(unit.axes))]
-    states += [entry("ms-mechunit-axis-li", str(number), f"axes/{number}") for number in range(1, unit.axes + 1)]
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "axes", *states)
+    states += [page_entry("ms-mechunit-axis-li", str(number), f"axes/{number}") for number in range(1, unit.axes + 1)]
+    return page_at("motionsystem", f"{_BASE}mechunits/{unit.name}/", "axes", *states)
 
 
 def _axis(controller: Irc5, call: RwsCall) -> tuple[MechanicalUnit, int]:
@@ -509,7 +509,7 @@ def _get_calibration(controller: Irc5, call: RwsCall) -> Page:
         shown = table.Calibration(method, joint=joint, factory_method=method, method=method)
         states.append(RwsState("ms-calibrationinfo-joint", str(number), table.CALIBRATION.answered.write(shown)))
     base = f"{_BASE}mechunits/{unit.name}/"
-    return resource("motionsystem", base, "calibrationinfo", RwsState("ms-calibrationinfo", unit.name, head), *states)
+    return page_at("motionsystem", base, "calibrationinfo", RwsState("ms-calibrationinfo", unit.name, head), *states)
 
 
 _SMB = ("sis", "abs_acc", "calib", "axis_cal")
@@ -524,7 +524,7 @@ def _get_smb_data(controller: Irc5, call: RwsCall) -> Page:
         for place in ("controller", "robot")
         for kind in _SMB
     }
-    return resource(
+    return page_at(
         "motionsystem", f"{_BASE}mechunits/{unit.name}/", "smbdata", RwsState("ms-smbdata", unit.name, fields)
     )
 
@@ -546,9 +546,9 @@ def _numbers(call: RwsCall, name: str, count: int) -> list[float]:
     try:
         value = decode(text)
     except ProtocolError as error:
-        raise invalid(f"{name} is {count} numbers in brackets, not {text[:50]!r}") from error
+        raise bad_call(f"{name} is {count} numbers in brackets, not {text[:50]!r}") from error
     if not isinstance(value, tuple) or len(value) != count or not all(isinstance(each, float) for each in value):
-        raise invalid(f"{name} is {count} numbers in brackets, not {text[:50]!r}")
+        raise bad_call(f"{name} is {count} numbers in brackets, not {text[:50]!r}")
     return [float(each) for each in value if isinstance(each, float)]
 
 
@@ -592,7 +592,7 @@ def _joints_from_pose(controller: Irc5, call: RwsCall) -> Mapping[str, table.Sol
     outside = kinematics.limits.outside(near)
     if outside is not None:
         number = f"{outside + 1} of {kinematics.joint_count}"
-        raise invalid(f"old_rob_joints and old_ext_joints are outside of the range of joint {number}")
+        raise bad_call(f"old_rob_joints and old_ext_joints are outside of the range of joint {number}")
     return {"jointData": _solution(kinematics, _nearest(kinematics, pose, angle, near))}
 
 

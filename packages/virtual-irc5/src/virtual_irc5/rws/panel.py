@@ -12,9 +12,9 @@ from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.values import OperatingMode, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws import ctrl
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Route, Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _VALUES: Mapping[str, tuple[Operation[Any], Callable[[Irc5], object]]] = {
     "ctrlstate": (table.CONTROLLER_STATE, lambda controller: controller.controller_state),
@@ -33,15 +33,15 @@ ROUTES.answer(table.SET_LANGUAGE)(ctrl.set_language)
 
 @ROUTES.answer(table.PANEL)
 def _get_panel(controller: Irc5, call: RwsCall) -> Page:
-    return resource("panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in _VALUES))
+    return page_at("panel", "/rw/", "panel", *(page_entry(f"pnl-{name}-li", name, f"panel/{name}") for name in _VALUES))
 
 
-def get_panel_value(controller: Irc5, call: RwsCall) -> Mapping[str, object]:
+def _get_panel_value(controller: Irc5, call: RwsCall) -> Mapping[str, object]:
     name = call.path[-1]
     return {TITLES.get(name, name): _VALUES[name][1](controller)}
 
 
-ROUTES += [Route(operation, get_panel_value) for operation, _ in _VALUES.values()]
+ROUTES += [Route(operation, _get_panel_value) for operation, _ in _VALUES.values()]
 
 
 def panel_text(controller: Irc5, name: str) -> str:
@@ -78,7 +78,7 @@ def _get_mode_lock(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
 def _lock_mode(controller: Irc5, call: RwsCall) -> None:
     own, pin = controller.own_settings, call.required("pin")
     if not re.fullmatch(r"\d{4}", pin):
-        raise invalid("pin has four digits")
+        raise bad_call("pin has four digits")
     if own.mode_lock != "unlocked":
         raise CallFailure(403, RwsCode.DENIED, "the operating mode is locked already")
     own.pin = pin
@@ -89,7 +89,7 @@ def _lock_mode(controller: Irc5, call: RwsCall) -> None:
 def _unlock_mode(controller: Irc5, call: RwsCall) -> None:
     own = controller.own_settings
     if own.mode_lock == "unlocked":
-        raise invalid("the operating mode is not locked")
+        raise bad_call("the operating mode is not locked")
     if call.required("pin") != own.pin:
         raise CallFailure(403, RwsCode.DENIED, "the pin is another one")
     own.mode_lock, own.pin = "unlocked", ""

@@ -28,10 +28,10 @@ from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import RapidReferenceError
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.motion import joint_target, target
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.motion import unit_joint_target, unit_target
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _BASE = "/rw/rapid/"
 
@@ -48,7 +48,7 @@ def execution_of(controller: Irc5) -> table.ExecutionAnswer:
     return table.ExecutionAnswer(state, RunCycle(controller.cycle))
 
 
-def find_task(controller: Irc5, name: str) -> Task:
+def rws_task(controller: Irc5, name: str) -> Task:
     """The task of that name; raises Failure."""
     task = controller.tasks.get(name.upper())
     if task is None:
@@ -57,7 +57,7 @@ def find_task(controller: Irc5, name: str) -> Task:
 
 
 def _task(controller: Irc5, call: RwsCall) -> Task:
-    return find_task(controller, call.names["task"])
+    return rws_task(controller, call.names["task"])
 
 
 def _installed(controller: Irc5, call: RwsCall) -> InstalledTask:
@@ -67,7 +67,7 @@ def _installed(controller: Irc5, call: RwsCall) -> InstalledTask:
 @ROUTES.answer(table.RAPID)
 def _get_rapid(controller: Irc5, call: RwsCall) -> Page:
     names = ("tasks", "modules", "symbols", "execution", "uiinstr", "taskselection", "aliasio")
-    return resource("rapid", "/rw/", "rapid", *(entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
+    return page_at("rapid", "/rw/", "rapid", *(page_entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
 
 
 # Execution
@@ -90,7 +90,7 @@ def _start(controller: Irc5, call: RwsCall) -> None:
     controller.start_rapid("" if cycle == "asis" else cycle, step, stop_at_breakpoints=is_stopping)
 
 
-def prepare_compiled(controller: Irc5, call: RwsCall) -> Callable[[], None]:
+def _prepare_compiled(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     """Compile the programs of all tasks, which moving a program pointer then finds done."""
     tasks = tuple(controller.tasks.values())
 
@@ -101,7 +101,7 @@ def prepare_compiled(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     return compile_all
 
 
-@ROUTES.answer(table.START_PRODUCTION, prepare=prepare_compiled)
+@ROUTES.answer(table.START_PRODUCTION, prepare=_prepare_compiled)
 def _start_production(controller: Irc5, call: RwsCall) -> None:
     """Start from the production entry, which is the main of each task."""
     controller.move_pp_to_main()
@@ -135,7 +135,7 @@ def _get_tasks(controller: Irc5, call: RwsCall) -> Page:
         table.TASKS.answered.state(name, _task_info(each), RwsLink("self", f"tasks/{name}"))
         for name, each in controller.execution.installed.items()
     )
-    return resource("rapid", _BASE, "tasks", *states)
+    return page_at("rapid", _BASE, "tasks", *states)
 
 
 @ROUTES.answer(table.TASK)
@@ -160,7 +160,7 @@ def _get_task(controller: Irc5, call: RwsCall) -> Page:
     )
     rest = {"bind_ref": "False", "task_in_forgnd": str(not settings.foreground)}
     state = RwsState("rap-task", name, {**table.TASK.answered.write(details), **rest}, links)
-    return resource("rapid", f"{_BASE}tasks/", name, state)
+    return page_at("rapid", f"{_BASE}tasks/", name, state)
 
 
 def _task_info(installed: InstalledTask) -> table.TaskInfo:
@@ -184,13 +184,13 @@ def _activate(controller: Irc5, call: RwsCall) -> None:
             controller.execution.select(each.task.name, is_active=call.option("action") == "activate")
 
 
-def prepare_module(controller: Irc5, call: RwsCall) -> Callable[[], None] | None:
+def _prepare_module(controller: Irc5, call: RwsCall) -> Callable[[], None] | None:
     path = path_of_file(call.required("modulepath"))
     text = controller.files.get(path)
     return None if text is None else partial(prepare_modules, _task(controller, call), {path: text})
 
 
-@ROUTES.answer(table.LOAD_MODULE, prepare=prepare_module)
+@ROUTES.answer(table.LOAD_MODULE, prepare=_prepare_module)
 def _load_module(controller: Irc5, call: RwsCall) -> None:
     is_replacing = call.parameter("replace", "false") == "true"
     path = path_of_file(call.required("modulepath"))
@@ -200,10 +200,10 @@ def _load_module(controller: Irc5, call: RwsCall) -> None:
 def prepare_modules(task: Task, texts: Mapping[str, str], *, replaces_program: bool = False) -> None:
     """Parse, link and compile modules that are about to be loaded, in any thread; loading raises the same errors."""
     with suppress(RapidError):
-        task.prepare(*(parsed(text, path) for path, text in texts.items()), replaces_program=replaces_program)
+        task.prepare(*(_parsed(text, path) for path, text in texts.items()), replaces_program=replaces_program)
 
 
-def parsed(text: str, path: str) -> s.Module:
+def _parsed(text: str, path: str) -> s.Module:
     """The module, with its text encoded for clients that read it."""
     quoted_module_text(text)
     return parse_module(text, path)
@@ -239,7 +239,7 @@ def _get_sync_state(controller: Irc5, call: RwsCall) -> Page:
         RwsState("rap-sync-state", task, {"Program-Pointer-State": "OFF", "Motion-Pointer-State": "OFF"})
         for task in ([_task(controller, call).name] if "task" in call.names else controller.tasks)
     )
-    return resource("rapid", _BASE, "tasks", *states)
+    return page_at("rapid", _BASE, "tasks", *states)
 
 
 @ROUTES.answer(table.SPY)
@@ -266,10 +266,10 @@ def _get_stack_frame(controller: Irc5, call: RwsCall) -> Page:
         "Normal", _range(task, at), f"{url}/%{number}", routine_url=f"{url}/{at.module}/{at.routine}"
     )
     state = table.STACK_FRAME.answered.state(str(number), frame)
-    return resource("rapid", f"{_BASE}tasks/", task.name, state)
+    return page_at("rapid", f"{_BASE}tasks/", task.name, state)
 
 
-def text_of(task: Task, module: str) -> str:
+def _text_of(task: Task, module: str) -> str:
     """The text of a module of a task; raises Failure."""
     for each in task.modules:
         if each.name.lower() == module.lower():
@@ -279,7 +279,7 @@ def text_of(task: Task, module: str) -> str:
 
 def _range(task: Task, at: StackEntry) -> table.Range:
     """Where a statement begins and ends: rows and columns from 1, the end of its line being its end."""
-    lines = text_of(task, at.module).splitlines()
+    lines = _text_of(task, at.module).splitlines()
     line = lines[at.line - 1] if 0 < at.line <= len(lines) else ""
     begin = len(line) - len(line.lstrip()) + 1
     return table.Range(at.line, begin, at.line, max(len(line.rstrip()), begin))
@@ -291,7 +291,7 @@ def _get_change_count(controller: Irc5, call: RwsCall) -> Page:
     count = controller.program_changes(task.name)
     fields = {"change-count": str(count), **table.CHANGE_COUNT.answered.write(count)}
     state = RwsState("task-struc-change-count", task.name, fields)
-    return resource("rapid", f"{_BASE}tasks/", task.name, state)
+    return page_at("rapid", f"{_BASE}tasks/", task.name, state)
 
 
 @ROUTES.answer(table.PREFERRED_TYPES)
@@ -302,9 +302,9 @@ def _get_preferred_types(controller: Irc5, call: RwsCall) -> Page:
     routine = task.library.routine(instruction)
     found = [each for each in routine.parameters if each.name.lower() == parameter.lower()] if routine else []
     if not found:
-        raise invalid(f"the instruction {instruction[:50]!r} has no parameter {parameter[:50]!r}")
+        raise bad_call(f"the instruction {instruction[:50]!r} has no parameter {parameter[:50]!r}")
     fields = {"name-prefdattype": parameter, **table.PREFERRED_TYPES.answered.write(found[0].type.name)}
-    return resource("rapid", f"{_BASE}tasks/", task.name, RwsState("task-pref-data-types", parameter, fields))
+    return page_at("rapid", f"{_BASE}tasks/", task.name, RwsState("task-pref-data-types", parameter, fields))
 
 
 @ROUTES.answer(table.ROUTINES_OF_TASK)
@@ -327,7 +327,7 @@ def _get_routines_of_task(controller: Irc5, call: RwsCall) -> Page:
         )
         for each in shown
     )
-    return resource("rapid", f"{_BASE}tasks/", f"{task.name}/serviceroutine", *states, next_href=more)
+    return page_at("rapid", f"{_BASE}tasks/", f"{task.name}/serviceroutine", *states, next_href=more)
 
 
 def _is_entry(routine: UserRoutine) -> bool:
@@ -340,7 +340,7 @@ def _get_task_execution(controller: Irc5, call: RwsCall) -> Page:
     fields = {"excstate": task.execution.value}
     if task.call_stack:
         fields |= table.TASK_EXECUTION.answered.write(table.TaskPlace(*astuple(task.call_stack[0])))
-    return resource(
+    return page_at(
         "rapid", f"{_BASE}tasks/", f"{task.name}/execution", RwsState("rap-task-execution", task.name, fields)
     )
 
@@ -365,10 +365,10 @@ def _get_pointers(controller: Irc5, call: RwsCall) -> Page:
     if (at := pointer_of(task)) is not None:
         fields, lost = {**table.POINTERS.answered.write(at), "changecount": "0", "executiontype": "Normal"}, ()
     states = (RwsState("pcp-info", name, fields, lost) for name in ("progpointer", "motionpointer"))
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "pcp", *states)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/", "pcp", *states)
 
 
-@ROUTES.answer(table.SET_PP_CURSOR, table.SET_PP_ROUTINE, table.SET_PP_ROUTINE_FROM_URL, prepare=prepare_compiled)
+@ROUTES.answer(table.SET_PP_CURSOR, table.SET_PP_ROUTINE, table.SET_PP_ROUTINE_FROM_URL, prepare=_prepare_compiled)
 def _move_pp(controller: Irc5, call: RwsCall) -> None:
     """Set the program pointer to a procedure; a line has to be one of its beginning, or it is refused."""
     task = _task(controller, call)
@@ -406,9 +406,9 @@ def _get_motion(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     unit = _unit_of(controller, task)
     names = ("robtarget", "jointtarget", "mechunit", "extjointstate")
-    states = (entry(f"rap-{name}-li", name, f"motion?resource={name}") for name in names)
+    states = (page_entry(f"rap-{name}-li", name, f"motion?resource={name}") for name in names)
     state = RwsState("rap-motion", task.name, {"mechunit-name": unit})
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", state, *states)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/", "motion", state, *states)
 
 
 def _unit_of(controller: Irc5, task: Task) -> str:
@@ -422,13 +422,13 @@ def _unit_of(controller: Irc5, task: Task) -> str:
 def _get_motion_target(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     task = _task(controller, call)
     unit = next(each for each in controller.units if each.name == _unit_of(controller, task))
-    return {unit.name: target(controller, call, unit)}
+    return {unit.name: unit_target(controller, call, unit)}
 
 
 @ROUTES.answer(table.MOTION_JOINTS)
 def _get_motion_joints(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
     unit = _unit_of(controller, _task(controller, call))
-    return {unit: joint_target(controller, unit)}
+    return {unit: unit_joint_target(controller, unit)}
 
 
 @ROUTES.answer(table.MOTION_UNITS)
@@ -443,7 +443,7 @@ def _get_motion_units(controller: Irc5, call: RwsCall) -> Page:
         for unit in controller.units
         if unit.task == task.name
     )
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", *states)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/", "motion", *states)
 
 
 @ROUTES.answer(table.EXTRA_JOINTS)
@@ -463,18 +463,18 @@ def _get_program(controller: Irc5, call: RwsCall) -> Page | HttpReply:
         return HttpReply(_NO_CONTENT)
     state = table.PROGRAM.answered.state("program", table.ProgramInfo(controller.program_name(task.name), task.entry))
     links = (
-        entry("rap-program-breakpoint-li", "breakpoint", "program/breakpoint"),
-        entry("rap-builderrs-li", "builderror", "program/builderror"),
+        page_entry("rap-program-breakpoint-li", "breakpoint", "program/breakpoint"),
+        page_entry("rap-builderrs-li", "builderror", "program/builderror"),
     )
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "program", state, *links)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/", "program", state, *links)
 
 
-def prepare_program(controller: Irc5, call: RwsCall) -> Callable[[], None]:
+def _prepare_program(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     texts = _program_files(controller, path_of_file(call.required("progpath")))
     return partial(prepare_modules, _task(controller, call), texts, replaces_program=_is_replacing(call))
 
 
-@ROUTES.answer(table.LOAD_PROGRAM, prepare=prepare_program)
+@ROUTES.answer(table.LOAD_PROGRAM, prepare=_prepare_program)
 def _load_program(controller: Irc5, call: RwsCall) -> None:
     """Load the modules that a program file (.pgf) lists, all or none, for the program modules or beside them."""
     task, path = _task(controller, call), path_of_file(call.required("progpath"))
@@ -496,7 +496,7 @@ def _program_files(controller: Irc5, path: str) -> dict[str, str]:
     try:
         names = [(each.text or "").strip() for each in ElementTree.fromstring(text.encode()).iter("Module")]
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise invalid(f"{path} is not a program file: {error}") from error
+        raise bad_call(f"{path} is not a program file: {error}") from error
     paths = [f"{path.rpartition('/')[0]}/{name}" for name in names if name]
     texts = {each: controller.files.get(each) for each in paths}
     missing = [each for each, module in texts.items() if module is None]
@@ -556,7 +556,7 @@ def _get_build_errors(controller: Irc5, call: RwsCall) -> Page:
         )
         for number, fault in enumerate(shown, (start - 1) * limit + 1)
     )
-    return resource("rapid", f"{_BASE}tasks/{task.name}/program/", "builderror", *states, next_href=more)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/program/", "builderror", *states, next_href=more)
 
 
 @ROUTES.answer(table.BREAKPOINTS, table.TASK_BREAKPOINTS)
@@ -570,7 +570,7 @@ def _get_breakpoints(controller: Irc5, call: RwsCall) -> Page:
         )
         for number, (module, line) in enumerate(places, 1)
     )
-    return resource("rapid", f"{_BASE}tasks/{task.name}/program/", "breakpoint", *states)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/program/", "breakpoint", *states)
 
 
 @ROUTES.answer(table.SET_BREAKPOINT)
@@ -578,7 +578,7 @@ def _set_breakpoint(controller: Irc5, call: RwsCall) -> None:
     """Set a breakpoint on a line; one that is there stays."""
     task, module, row = _task(controller, call), call.required("module"), int(call.number("row"))
     call.number("column")
-    text_of(task, module)
+    _text_of(task, module)
     try:
         task.set_breakpoint(module, row)
     except RapidReferenceError as error:
@@ -596,7 +596,7 @@ def _get_task_selection(controller: Irc5, call: RwsCall) -> bool:
 @ROUTES.answer(table.ALIASES)
 def _get_aliases(controller: Irc5, call: RwsCall) -> Page:
     """Signals that programs call by other names (AliasIO); none is listed, as an alias is a name of one program."""
-    return resource("rapid", _BASE, "aliasio")
+    return page_at("rapid", _BASE, "aliasio")
 
 
 @ROUTES.answer(table.STOP)
@@ -604,6 +604,6 @@ def _stop(controller: Irc5, call: RwsCall) -> None:
     controller.stop_rapid()
 
 
-@ROUTES.answer(table.MOVE_PP_TO_MAIN, prepare=prepare_compiled)
+@ROUTES.answer(table.MOVE_PP_TO_MAIN, prepare=_prepare_compiled)
 def _move_pp_to_main(controller: Irc5, call: RwsCall) -> None:
     controller.move_pp_to_main()

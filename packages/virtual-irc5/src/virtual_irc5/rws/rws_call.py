@@ -40,7 +40,7 @@ class CallFailure(YumiError):
         return Status(int(self.code), message)
 
 
-def invalid(sentence: str) -> CallFailure:
+def bad_call(sentence: str) -> CallFailure:
     """The failure for a parameter that makes no sense."""
     return CallFailure(400, RwsCode.INVALIDARG, sentence)
 
@@ -110,7 +110,7 @@ class RwsCall:
         if text is None:
             return default
         if not text.isdecimal() or len(text) > _MOST_DIGITS:
-            raise invalid(f"{name} is a whole number of up to {_MOST_DIGITS} digits, not {text[:50]!r}")
+            raise bad_call(f"{name} is a whole number of up to {_MOST_DIGITS} digits, not {text[:50]!r}")
         return int(text)
 
     def parameter(self, name: str, default: str) -> str:
@@ -125,7 +125,7 @@ class RwsCall:
         """
         value = first_value(self.form, name)
         if value is None:
-            raise invalid(f"the body lacks {name}")
+            raise bad_call(f"the body lacks {name}")
         return value
 
     def number(self, name: str) -> float:
@@ -140,7 +140,7 @@ class RwsCall:
         except ValueError:
             value = nan
         if not isfinite(value):
-            raise invalid(f"{name} is a finite number, not {text!r}")
+            raise bad_call(f"{name} is a finite number, not {text!r}")
         return value
 
     def check(self, operation: Operation[Any]) -> None:
@@ -152,7 +152,7 @@ class RwsCall:
         for pairs, values in ((self.form, operation.values), (self.query, operation.query)):
             for name, text in pairs:
                 if values.get(name) and text not in values[name]:
-                    raise invalid(f"{name} is {' or '.join(values[name])}, not {text[:50]!r}")
+                    raise bad_call(f"{name} is {' or '.join(values[name])}, not {text[:50]!r}")
 
 
 Shown = Page | HttpReply | None

@@ -51,11 +51,11 @@ from virtual_irc5.rws.http import (
     read_credentials,
 )
 from virtual_irc5.rws.mastership import OWN_DOMAINS, Mastership
-from virtual_irc5.rws.queues import MessageService
-from virtual_irc5.rws.render import resource, write_page, write_status
+from virtual_irc5.rws.queues import DipcQueues
+from virtual_irc5.rws.render import page_at, write_page, write_status
 from virtual_irc5.rws.router import Route, Router
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, call_refusal, invalid
-from virtual_irc5.rws.subscriptions import Rules, Subscriptions, Upgrade
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, bad_call, call_refusal
+from virtual_irc5.rws.subscriptions import SubscriptionRules, Subscriptions, Upgrade
 from virtual_irc5.rws.users import VirtualUsers
 
 ROUTES = (
@@ -95,7 +95,7 @@ class RwsService:
     scheme = "http"
     default_port = 80
     domains = OWN_DOMAINS
-    rules = Rules()
+    rules = SubscriptionRules()
 
     def __init__(
         self,
@@ -114,7 +114,7 @@ class RwsService:
         self._nonces = 0
         self._users = VirtualUsers(granted)
         self._mastership = Mastership(self._users, self.domains)
-        self._messages = MessageService(controller)
+        self._messages = DipcQueues(controller)
         self._subscriptions = Subscriptions(self._mastership, self._users, self._messages, self.rules)
         self.routes: tuple[Route, ...] = (
             *ROUTES,
@@ -263,7 +263,7 @@ class RwsService:
         except RapidError as error:
             failure = CallFailure(400, RwsCode.TASK_STATE, str(error))
         except SettingsError as error:
-            failure = invalid(str(error))
+            failure = bad_call(str(error))
         except Exception:  # whatever a client sends, the controller goes on
             log.exception("%s /%s met a fault of the virtual controller", request.method, "/".join(request.path))
             failure = CallFailure(400, RwsCode.FAIL, "a fault of the virtual controller")
@@ -347,7 +347,7 @@ class RwsService:
         for each in operations:
             fields = {name: "|".join(allowed) for name, allowed in each.values.items()}
             states.append(RwsState("form", each.action or each.method.lower(), {"method": each.method, **fields}))
-        return resource(path[0], "/", "/".join(path), *states)
+        return page_at(path[0], "/", "/".join(path), *states)
 
 
 def form_of(body: bytes) -> Pairs:

@@ -10,7 +10,7 @@ from abb_protocols.rws.operations import system as table
 from abb_protocols.rws.values import RwsCode, code_sentence
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes, absent_routes
 from virtual_irc5.rws.rws_call import CallFailure, RwsCall
 
@@ -40,12 +40,12 @@ ROUTES = Routes()
 
 @ROUTES.answer(table.ROOT)
 def _get_root(controller: Irc5, call: RwsCall) -> Page:
-    return resource("", "/", "", *(entry("srvlst-service-li", name) for name in _ROOT_SERVICES))
+    return page_at("", "/", "", *(page_entry("srvlst-service-li", name) for name in _ROOT_SERVICES))
 
 
 @ROUTES.answer(table.SERVICES)
 def _get_services(controller: Irc5, call: RwsCall) -> Page:
-    return resource("rw", "/rw/", "", *(entry("rwservice-li", name) for name in _RW_SERVICES))
+    return page_at("rw", "/rw/", "", *(page_entry("rwservice-li", name) for name in _RW_SERVICES))
 
 
 @ROUTES.answer(table.SYSTEM)
@@ -80,12 +80,12 @@ def _get_system(controller: Irc5, call: RwsCall) -> Page:
     }
     products = RwsState("sys-products-li", "products", {}, (RwsLink("self", "system/products"),))
     states = (RwsState("sys-system-li", "system", fields), _option_list(controller, "system/options"), products)
-    return resource("system", "/rw/", "system", *states)
+    return page_at("system", "/rw/", "system", *states)
 
 
 @ROUTES.answer(table.OPTIONS)
 def _get_options(controller: Irc5, call: RwsCall) -> Page:
-    return resource("system", "/rw/system/", "options", _option_list(controller, "options"))
+    return page_at("system", "/rw/system/", "options", _option_list(controller, "options"))
 
 
 def _option_list(controller: Irc5, href: str) -> RwsState:
@@ -146,7 +146,7 @@ def _get_energy(controller: Irc5, call: RwsCall) -> Page:
         )
         for unit in controller.units
     )
-    return resource("system", "/rw/system/", "energy", RwsState("sys-energy-state-li", "energy", fields, (), units))
+    return page_at("system", "/rw/system/", "energy", RwsState("sys-energy-state-li", "energy", fields, (), units))
 
 
 @ROUTES.answer(table.ENERGY_CHANGES)
@@ -167,11 +167,11 @@ def _get_codes(controller: Irc5, call: RwsCall) -> Page:
     """All return codes, or the one that is asked for."""
     asked = call.option("code")
     if asked is None:
-        return resource("retcode", "/rw/", "retcode", *(_code_state("err-desc-li", code) for code in RwsCode))
+        return page_at("retcode", "/rw/", "retcode", *(_code_state("err-desc-li", code) for code in RwsCode))
     known = next((code for code in RwsCode if str(int(code)) == asked), None)
     if known is None:
         raise CallFailure(404, RwsCode.NO_DATA, f"there is no return code {asked[:20]!r}")
-    return resource("retcode", "/rw/", f"retcode?code={asked}", _code_state("err-desc", known))
+    return page_at("retcode", "/rw/", f"retcode?code={asked}", _code_state("err-desc", known))
 
 
 def _code_state(type: str, code: RwsCode) -> RwsState:
@@ -202,13 +202,13 @@ def _get_devices(controller: Irc5, call: RwsCall) -> Page:
     if place and place not in tree:
         raise CallFailure(404, RwsCode.FAIL, f"there is no device {place[:80]!r}")
     inside = [path for path in tree if path.rpartition("/")[0] == place]
-    children = tuple(entry("dev-id-li", path, f"devices/{path}", name=path.rpartition("/")[2]) for path in inside)
+    children = tuple(page_entry("dev-id-li", path, f"devices/{path}", name=path.rpartition("/")[2]) for path in inside)
     properties = tuple(
         RwsState("dev-propstr-li", name, {"name": name, "value": value, "unit": ""})
         for name, value in (tree[place] if place else {}).items()
     )
     state = RwsState("dev-id-li", place or "devices", {"name": place.rpartition("/")[2] or "devices"}, (), children)
-    return resource("devices", "/rw/", f"devices/{place}".rstrip("/"), state, *properties)
+    return page_at("devices", "/rw/", f"devices/{place}".rstrip("/"), state, *properties)
 
 
 ROUTES += absent_routes(table.ABSENT)

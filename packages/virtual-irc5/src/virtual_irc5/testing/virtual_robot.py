@@ -15,7 +15,7 @@ from virtual_irc5.testing.memory_rws import MemoryRws
 from virtual_irc5.world import World, WorldSettings
 
 
-def robot_settings(
+def virtual_robot_settings(
     model: str = "yumi",
     programs: Mapping[str, Sequence[Path]] | None = None,
     cfg: Sequence[Path] = (),

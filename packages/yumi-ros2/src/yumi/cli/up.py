@@ -509,7 +509,7 @@ def view(
     """
     from abb_view.controller_server import ControllerServer  # noqa: PLC0415 - a quick --help
     from abb_view.page_build import CONTROLLER_PAGE, page_folder  # noqa: PLC0415
-    from abb_view.page_server import PageSettings, page_tls, serve  # noqa: PLC0415
+    from abb_view.page_server import PageSettings, page_tls, serve_pages  # noqa: PLC0415
     from yumi.web.page_build import ROBOT_PAGE  # noqa: PLC0415
     from yumi.web.page_recording import page_recording  # noqa: PLC0415
     from yumi.web.page_words import PROGRAM  # noqa: PLC0415
@@ -545,7 +545,7 @@ def view(
                 token="" if is_loopback(listen) else secrets.token_urlsafe(18),
             )
             reopen = partial(reopen_controller, _robot_at(robot, config))
-            serve(ControllerServer(shown, PROGRAM, controller, reopen), is_over, click.echo)
+            serve_pages(ControllerServer(shown, PROGRAM, controller, reopen), is_over, click.echo)
             return
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
@@ -561,7 +561,7 @@ def view(
             token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
             recording=None if recording is None else page_recording(recording),
         )
-        serve(ViewServer(settings), is_over, click.echo)
+        serve_pages(ViewServer(settings), is_over, click.echo)
 
 
 def _has_driver(robot: str) -> bool:
