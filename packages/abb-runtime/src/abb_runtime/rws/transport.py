@@ -1,4 +1,4 @@
-"""HTTP to one controller; every exchange has one deadline for all that it does.
+"""The transport to one controller: HTTP, in which every exchange has one deadline for all that it does.
 
 The timeouts of HTTP libraries are for each read, so that a peer which sends a byte now and then is waited for
 endlessly. Here each operation on the socket gets what is left until the :class:`ExchangeDeadline` of the exchange. h11

@@ -21,11 +21,13 @@ from virtual_irc5.controller.signals import DRIVE_SIGNALS, Signals
 from virtual_irc5.controller.task_settings import TaskSettings, event_routines, task_settings
 from virtual_irc5.controller.tasks import InstalledTask, RapidExecution, TaskHost
 from virtual_irc5.controller_log import ControllerEventLog, RefusalReason, Refused
+from virtual_irc5.instructions.multimove import SyncPoints
 from virtual_irc5.instructions.robot_data import JointTarget, jointtarget
 from virtual_irc5.instructions.robot_library import robot_library
 from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.contacts import Contact
 from virtual_irc5.mechanics.egm_client import EgmOutcome
-from virtual_irc5.mechanics.units import ArmUnit, Contact, MechanicalUnit, SyncPoints, UnitsState
+from virtual_irc5.mechanics.units import ArmUnit, MechanicalUnit, UnitsState
 from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.program import Program
 from virtual_irc5.rapid.states import Execution, SystemEvent

@@ -1,4 +1,4 @@
-"""The motion of one arm under EGM.
+"""The motion of one arm under EGM, and the arguments of RAPID's EGM instructions that it follows from.
 
 EGM's controller makes the positions the arm plans from the sensor's references (reference/egm.md §6.1):
 ``speed = k·(pos_ref - pos) + speed_ref``, where ``pos`` is the position that the robot reports, late by the servo's

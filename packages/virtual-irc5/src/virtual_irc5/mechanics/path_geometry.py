@@ -1,4 +1,4 @@
-"""The geometry of RAPID's moves: legs of a path, straight lines, circles and joint motions, and corners between them.
+"""The geometry of RAPID's moves: legs (lines, circles, motions of joints), their corners, and why one is refused.
 
 What one move instruction describes is a `Leg`: a straight line, a circle or a joint motion, and the corner to the next,
 sampled close enough that what lies between two samples follows from them; :mod:`virtual_irc5.mechanics.path` adds the

@@ -1,16 +1,13 @@
 """The controller's mechanical units, with what their programs set.
 
 The YuMi's units are those of reference/statemachine.md §9: each arm is one of six axes, and one of its own for the
-seventh. An `ArmUnit` is one arm with its EGM client and gripper, as its RAPID task sees it; tasks that wait for one
-another (WaitSyncTask) meet in `SyncPoints`.
+seventh. An `ArmUnit` is one arm with its EGM client and gripper, as its RAPID task sees it.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from enum import Enum, auto
 from typing import Any
 
 from abb_protocols.errors import RapidError
@@ -19,6 +16,7 @@ from abb_protocols.robot.kinematics import compose
 from abb_protocols.rws.operations.motion import MechanicalUnitState
 from abb_protocols.rws.values import Coordinates, JogMode
 from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.contacts import Contact
 from virtual_irc5.mechanics.dynamics import ArmDynamics
 from virtual_irc5.mechanics.egm_client import EgmClient
 from virtual_irc5.mechanics.path import NO_LIMIT, PathAcceleration, SpeedLimit, StoredPath
@@ -113,26 +111,6 @@ class UnitsState:
     is_non_motion: bool = False
 
 
-class SyncPoints:
-    """Points where RAPID tasks wait for one another: the n-th arrival of one task meets the n-th of each other."""
-
-    def __init__(self) -> None:
-        self._arrivals: Counter[tuple[str, str]] = Counter()
-
-    def arrive(self, point: str, task: str) -> int:
-        """Count an arrival of a task at a point; its number."""
-        self._arrivals[point, task] += 1
-        return self._arrivals[point, task]
-
-    def have_met(self, point: str, arrival: int, tasks: Iterable[str]) -> bool:
-        """Whether every task has come to the point at least ``arrival`` times."""
-        return all(self._arrivals[point, task] >= arrival for task in tasks)
-
-    def leave(self, point: str, task: str) -> None:
-        """Take an arrival back: the task waits no longer."""
-        self._arrivals[point, task] -= 1
-
-
 @dataclass(slots=True)
 class _MotionSettings:
     """What a program sets for the motions that follow; each PP to main restores the defaults.
@@ -180,13 +158,6 @@ class _MotionSettings:
     has_event_buffer: bool = True
     gains: dict[int, float] = field(default_factory=dict)
     speed_limit: SpeedLimit = NO_LIMIT
-
-
-class Contact(Enum):
-    """What ContactL waits for."""
-
-    SOUGHT = auto()
-    MADE = auto()
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""The virtual controller's answers on ``/subscription`` and ``/poll``: events of what changes (rws.md §14).
+"""The virtual controller's answers on ``/subscription`` and ``/poll``: events, and their WebSockets (rws.md §14).
 
 An event is sent at once when its resource has been quiet for as long as its priority asks, and else at the end of that
 time, with the last value. A group whose client is not connected (yet, or any more) sends the latest values when the
