@@ -14,7 +14,7 @@ from math import inf, isfinite, radians
 
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import Pairs, decode_form, first_value
+from abb_protocols.rws.documents import Pairs, first_value
 from abb_protocols.rws.values import ControllerState, OperatingMode
 from abb_runtime.faults import FAULTS_PATH, Fault, FaultDirection, FaultKind, fault_named
 from abb_runtime.udp import host_of_url, is_loopback
@@ -150,7 +150,7 @@ class FaultInjection:
             known = ", ".join(each.value.name for each in Fault)
             return _plain_reply(404, f"There is no fault {name!r} to {request.method}; POST one of {known}.")
         try:
-            self.inject(fault, *_read_options(decode_form(request.body.decode("utf-8", "replace"))))
+            self.inject(fault, *_read_options(request.form()))
         except YumiError as error:
             return _plain_reply(409, str(error))
         return HttpReply(204)

@@ -24,7 +24,7 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, YUMI_LIMITS, Joints, Side, joints
 from abb_runtime.parameters import ParameterFileEntry
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import address_towards, is_loopback, resolve
+from abb_runtime.udp import address_of_host, address_towards, is_loopback
 from yumi import __version__
 from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.api.connect import controllers_for
@@ -292,7 +292,7 @@ def examine(settings: Settings) -> Examined:
         YumiError: the controller cannot be asked.
     """
     where = settings.robot
-    remote = resolve(where.address)
+    remote = address_of_host(where.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     addresses = {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
     address = f"{where.address}:{where.rws_port}"

@@ -20,9 +20,9 @@ from virtual_irc5.mechanics.egm_client import (
     EgmOptions,
     EgmOutcome,
     EgmRobotWare,
-    InvalidReference,
+    InvalidEgmReference,
 )
-from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun, EgmStopMode, ExternalMotionData, same_band
+from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun, EgmStopMode, ExternalMotionData, same_egm_band
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)
@@ -240,7 +240,7 @@ def test_reference_that_is_no_number_makes_the_controller_fail(bench, value):
 
 @pytest.mark.parametrize("value", [nan, inf])
 def test_reference_that_is_no_number_can_be_rejected(value):
-    bench = Bench(EgmOptions(invalid_reference=InvalidReference.REJECT)).prepare().run()
+    bench = Bench(EgmOptions(invalid_reference=InvalidEgmReference.REJECT)).prepare().run()
     bench.cycle(in_axes((value, *HOME[1:])))
     assert (bench.egm.outcome, bench.egm.ignored_datagrams) == (EgmOutcome.RUNNING, 1)
     assert bench.arm.egm.reference == HOME
@@ -319,7 +319,7 @@ def test_convergence_waits_for_a_sensor(bench):
 
 
 def test_convergence_band_of_nothing_never_converges_while_moving(bench):
-    bench.egm.activate(EgmActivation(lp_filter=0.0, cond_min_max=same_band(0.0, 0.0)))
+    bench.egm.activate(EgmActivation(lp_filter=0.0, cond_min_max=same_egm_band(0.0, 0.0)))
     bench.run(cond_time=0.1).converse(0.5, lambda _: bench.order(beside(0.1)))
     assert bench.egm.outcome is EgmOutcome.RUNNING
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import degrees, isfinite, radians
+from math import degrees, inf, isfinite, radians
 from operator import le
 from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsFloat
 
@@ -247,6 +247,12 @@ class JointLimits:
     velocity: Joints
     acceleration: Joints
     jerk: Joints
+
+    @classmethod
+    def unlimited(cls, count: int) -> JointLimits:
+        """Those of so many joints of which none are known."""
+        most = (inf,) * count
+        return cls((-inf,) * count, most, most, most, most)
 
     def slowed_to(self, speed: float) -> JointLimits:
         """The same joints none faster than ``speed`` [rad/s], as EGM's MaxSpeedDeviation limits them."""

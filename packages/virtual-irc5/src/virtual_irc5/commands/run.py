@@ -28,7 +28,7 @@ from abb_runtime.options import (
 from abb_runtime.process.command_process import CONTROLLER_READY
 from abb_runtime.rws.client import DEFAULT_PASSWORD
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
-from abb_runtime.udp import resolve
+from abb_runtime.udp import address_of_host
 
 _WIDTH = OptionNumber("width", 0.0, 2.0 * TRAVEL, is_open=True)
 _LEAK = OptionNumber("leak", 0.0, 1.0, is_open=False)
@@ -182,7 +182,7 @@ def controller(
     leaks = {Side.LEFT: left_leak, Side.RIGHT: right_leak}
     settings = WorldSettings(
         robot_name=robot_name or f"Virtual_{kind.system_name}",
-        egm_host=resolve(egm_host),  # once, since looking a name up takes longer than a cycle
+        egm_host=address_of_host(egm_host),  # once, since looking a name up takes longer than a cycle
         egm_ports={Side.LEFT: left_egm_port, Side.RIGHT: right_egm_port},
         workpieces={side: Workpiece(width) for side, width in widths.items() if width is not None},
         gripper_modules={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Protocol
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
@@ -59,20 +58,14 @@ class ArmModel:
         return self.delay + (self.filtering_delay if level > 0 else 0.0)
 
 
-def unlimited(count: int) -> JointLimits:
-    """The limits of so many joints of which none are known."""
-    most = (inf,) * count
-    return JointLimits((-inf,) * count, most, most, most, most)
-
-
-IRB_6640 = ArmModel(unlimited(6), reference_delay=0.00375, delay=0.010, lag=0.006, supervises_load=False)
+IRB_6640 = ArmModel(JointLimits.unlimited(6), reference_delay=0.00375, delay=0.010, lag=0.006, supervises_load=False)
 """How an IRB 6640 on an IRC5 follows, fitted to records of one: four starts and two turns under EGM at 250 Hz.
 
 The starts are met within 0.009° rms, the turns within 0.072° (docs/explanation/virtual-robot.md). Only the sum of delay
 and lag is in the records. Its limits are not: replace them by those of the arm.
 """
 
-ROBOTSTUDIO = ArmModel(unlimited(6), reference_delay=0.002, delay=0.0165, lag=0.006, supervises_load=False)
+ROBOTSTUDIO = ArmModel(JointLimits.unlimited(6), reference_delay=0.002, delay=0.0165, lag=0.006, supervises_load=False)
 """How ABB's virtual controller follows, fitted to a record of one run of an IRB 6640: start and end of it.
 
 The start is met within 0.002° rms, the end within 0.023°. Its cycle is 4 ms.

@@ -37,7 +37,7 @@ class EgmRobotWare(Enum):
     RW_6_10 = auto()
 
 
-class InvalidReference(Enum):
+class InvalidEgmReference(Enum):
     """Reaction to a reference that is not a finite number."""
 
     SYSTEM_FAILURE = auto()
@@ -61,7 +61,7 @@ class EgmOptions:
 
     robotware: EgmRobotWare = EgmRobotWare.RW_6_09
     cycle_time: float = CYCLE
-    invalid_reference: InvalidReference = InvalidReference.SYSTEM_FAILURE
+    invalid_reference: InvalidEgmReference = InvalidEgmReference.SYSTEM_FAILURE
     sends_rapid_state: bool = True
 
 
@@ -532,7 +532,7 @@ class EgmClient:
         except ProtocolError:
             self.ignored_datagrams += 1
             return
-        rejects = self._options.invalid_reference is InvalidReference.REJECT
+        rejects = self._options.invalid_reference is InvalidEgmReference.REJECT
         if rejects and not _is_finite(message.position, message.velocity):
             self.ignored_datagrams += 1
             return
@@ -547,7 +547,7 @@ class EgmClient:
         if all(map(isfinite, offset)):
             session.note_sensor()
             self.offset = np.array((0.0, *offset[1:]))
-        elif self._options.invalid_reference is InvalidReference.REJECT:
+        elif self._options.invalid_reference is InvalidEgmReference.REJECT:
             self.ignored_datagrams += 1
         else:
             sentence = f"The {self._arm.kinematics.name} got a path correction that is not of finite numbers."

@@ -33,12 +33,12 @@ class EgmStopMode(Enum):
     RAMP_DOWN = 1
 
 
-def same_band(low: float, high: float) -> Bands:
+def same_egm_band(low: float, high: float) -> Bands:
     """One convergence band [rad] for all joints."""
     return ((low, high),) * JOINT_COUNT
 
 
-DEFAULT_BANDS = same_band(radians(-0.5), radians(0.5))
+DEFAULT_BANDS = same_egm_band(radians(-0.5), radians(0.5))
 
 
 @dataclass(frozen=True, slots=True)

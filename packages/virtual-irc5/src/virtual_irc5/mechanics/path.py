@@ -78,7 +78,7 @@ class _Corrector(Protocol):
 
 
 @dataclass(slots=True)
-class Trigger:
+class PathTrigger:
     """What happens when the arm passes a place.
 
     Attributes:
@@ -161,7 +161,7 @@ class PathRun:
     rows: list[tuple[float, ...]] = field(default_factory=list)
     slopes: list[tuple[float, ...]] = field(default_factory=list)
     places: list[float] = field(default_factory=list)
-    triggers: list[Trigger] = field(default_factory=list)
+    triggers: list[PathTrigger] = field(default_factory=list)
 
     @property
     def length(self) -> float:

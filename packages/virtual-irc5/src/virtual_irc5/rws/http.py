@@ -12,6 +12,7 @@ from base64 import b64decode, b64encode
 from binascii import Error as Base64Error
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from hashlib import md5
 from hmac import compare_digest
 from urllib.parse import unquote
@@ -62,6 +63,20 @@ class HttpRequest:
     def header_values(self, name: str) -> Sequence[str]:
         """All values of ``name`` in any case."""
         return self._values.get(name.lower(), ())
+
+    def form(self) -> Pairs:
+        """The form in the body; that of a module's text takes longer than a cycle the first time."""
+        return _long_form(self.body) if len(self.body) > _LONG_FORM else _form(self.body)
+
+
+_LONG_FORM = 4096  # bytes
+
+
+def _form(body: bytes) -> Pairs:
+    return decode_form(body.decode("utf-8", "replace"))
+
+
+_long_form = lru_cache(2)(_form)
 
 
 @dataclass(frozen=True, slots=True)

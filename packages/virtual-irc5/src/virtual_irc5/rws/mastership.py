@@ -60,7 +60,7 @@ class Mastership:
             is_implicit: whether the client takes the mastership for this operation alone.
 
         Raises:
-            Failure: 403.
+            CallFailure: 403.
         """
         domain = self._domains.get(operation.needs_mastership or operation.respects_mastership, "")
         if domain:
@@ -113,7 +113,7 @@ class Mastership:
         """Refuse a mastership, for one request or until it is released.
 
         Raises:
-            Failure: 403.
+            CallFailure: 403.
         """
         self._users.check_grant(table.GRANT)
         refuse_in_manual_mode(controller, call, "the mastership")

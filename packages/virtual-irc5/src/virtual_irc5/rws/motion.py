@@ -157,7 +157,7 @@ def _go_to_position(controller: Irc5, call: RwsCall) -> None:
 
 
 def _pose(position: list[float], orientation: list[float]) -> Pose:
-    """A pose in metres; raises Failure for an orientation that is no unit quaternion."""
+    """A pose in metres; raises CallFailure for an orientation that is no unit quaternion."""
     length = sum(value * value for value in orientation) ** 0.5
     if abs(length - 1.0) > _UNIT_TOLERANCE:
         raise bad_call("the orientation is not a unit quaternion")

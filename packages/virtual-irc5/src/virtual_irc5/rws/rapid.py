@@ -49,7 +49,7 @@ def execution_of(controller: Irc5) -> table.ExecutionAnswer:
 
 
 def rws_task(controller: Irc5, name: str) -> Task:
-    """The task of that name; raises Failure."""
+    """The task of that name; raises CallFailure."""
     task = controller.tasks.get(name.upper())
     if task is None:
         raise CallFailure(404, RwsCode.FAIL, f"there is no task {name[:50]!r}")
@@ -270,7 +270,7 @@ def _get_stack_frame(controller: Irc5, call: RwsCall) -> Page:
 
 
 def _text_of(task: Task, module: str) -> str:
-    """The text of a module of a task; raises Failure."""
+    """The text of a module of a task; raises CallFailure."""
     for each in task.modules:
         if each.name.lower() == module.lower():
             return each.text
@@ -489,7 +489,7 @@ def _is_replacing(call: RwsCall) -> bool:
 
 
 def _program_files(controller: Irc5, path: str) -> dict[str, str]:
-    """The texts of the modules of a program file, by path; raises Failure."""
+    """The texts of the modules of a program file, by path; raises CallFailure."""
     text = controller.files.get(path)
     if text is None:
         raise CallFailure(400, RwsCode.FILE_NOT_FOUND, f"there is no file {path}")

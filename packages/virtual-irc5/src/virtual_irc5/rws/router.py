@@ -114,7 +114,7 @@ class Router:
         """The route of a request, and the values of the placeholders in its path.
 
         Raises:
-            Failure: 404 for an unknown path, 405 for a method, 400 for an action it does not have.
+            CallFailure: 404 for an unknown path, 405 for a method, 400 for an action it does not have.
         """
         shown = "/" + "/".join(path)
         ends = list(self._ends(path))

@@ -104,7 +104,7 @@ class RwsCall:
         """A parameter in the URL that is a whole number from 0.
 
         Raises:
-            Failure: it is not a number.
+            CallFailure: it is not a number.
         """
         text = self.option(name)
         if text is None:
@@ -121,7 +121,7 @@ class RwsCall:
         """A parameter in the body.
 
         Raises:
-            Failure: it is missing.
+            CallFailure: it is missing.
         """
         value = first_value(self.form, name)
         if value is None:
@@ -132,7 +132,7 @@ class RwsCall:
         """A parameter in the body that is a finite number.
 
         Raises:
-            Failure: it is missing or none.
+            CallFailure: it is missing or none.
         """
         text = self.required(name)
         try:
@@ -147,7 +147,7 @@ class RwsCall:
         """Refuse a parameter that is none of those an operation takes.
 
         Raises:
-            Failure: 400.
+            CallFailure: 400.
         """
         for pairs, values in ((self.form, operation.values), (self.query, operation.query)):
             for name, text in pairs:
@@ -161,11 +161,11 @@ Shown = Page | HttpReply | None
 Handler = Callable[[Irc5, RwsCall], object]
 """Answers a call with a value of its operation, with values by their titles, or with what is shown.
 
-It raises Failure or Refused.
+It raises CallFailure or Refused.
 """
 
 Preparation = Callable[[Irc5, RwsCall], Callable[[], object] | None]
 """Work that may be done while the robot goes on, and that the handler then finds done; None where nothing takes long.
 
-It reads the controller, raises Failure, and changes nothing; the work touches nothing that the robot changes.
+It reads the controller, raises CallFailure, and changes nothing; the work touches nothing that the robot changes.
 """

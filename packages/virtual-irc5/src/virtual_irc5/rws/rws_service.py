@@ -16,7 +16,7 @@ from math import inf
 from typing import Any
 
 from abb_protocols.errors import ProtocolError, RapidError, SettingsError
-from abb_protocols.rws.documents import FORM_TYPE, Form, Page, Pairs, RwsState, Status, decode_form, first_value
+from abb_protocols.rws.documents import FORM_TYPE, Form, Page, Pairs, RwsState, Status, first_value
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.users import LOGOUT
 from abb_protocols.rws.values import GRANTS, Grant, RwsCode
@@ -75,7 +75,6 @@ ROUTES = (
 """All that depend on the controller alone; mastership and subscriptions belong to the sessions of one server."""
 
 NO_CONTENT = 204
-_LONG_FORM = 4096  # bytes
 
 log = logging.getLogger(__name__)
 
@@ -242,10 +241,10 @@ class RwsService:
         """The route of a request, and its call, neither authorized nor checked; its form only where work is prepared.
 
         Raises:
-            Failure: there is none.
+            CallFailure: there is none.
         """
         route, names = self._router.find(request.method, request.path, request.query)
-        form = () if route.prepare is None else form_of(request.body)
+        form = () if route.prepare is None else request.form()
         return route, RwsCall(request.method, request.path, request.query, form, names)
 
     def _answer(self, request: HttpRequest, session: HttpSession) -> HttpReply | Upgrade:
@@ -311,14 +310,14 @@ class RwsService:
         """The form in the body.
 
         Raises:
-            Failure: 415, the body is of another type.
+            CallFailure: 415, the body is of another type.
         """
         if request.method == "PUT" and request.path[:1] == ("fileservice",):  # which is a file
             return ()
         kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
         if request.body and kind != FORM_TYPE:  # only a body that is there must have its type
             raise CallFailure(415, RwsCode.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
-        return form_of(request.body)
+        return request.form()
 
     def _wants_forms(self, request: HttpRequest) -> bool:
         """Whether a client asks what it can do with a resource."""
@@ -348,16 +347,6 @@ class RwsService:
             fields = {name: "|".join(allowed) for name, allowed in each.values.items()}
             states.append(RwsState("form", each.action or each.method.lower(), {"method": each.method, **fields}))
         return page_at(path[0], "/", "/".join(path), *states)
-
-
-def form_of(body: bytes) -> Pairs:
-    """The form in a body; that of a module's text takes longer than a cycle the first time."""
-    return _long_form(body) if len(body) > _LONG_FORM else decode_form(body.decode("utf-8", "replace"))
-
-
-@lru_cache(2)
-def _long_form(body: bytes) -> Pairs:
-    return decode_form(body.decode("utf-8", "replace"))
 
 
 @lru_cache(64)

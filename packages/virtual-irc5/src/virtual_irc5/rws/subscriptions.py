@@ -248,7 +248,7 @@ class Subscriptions:
         """The WebSocket of ``/poll/{group}``; a client that leaves the number out gets its latest group.
 
         Raises:
-            Failure: the group is another client's, or there is none, or the sub-protocol is another.
+            CallFailure: the group is another client's, or there is none, or the sub-protocol is another.
         """
         protocol = self._rules.protocol
         if protocol not in (each.strip() for each in protocols.split(",")):

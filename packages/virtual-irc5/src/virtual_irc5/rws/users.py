@@ -152,7 +152,7 @@ class VirtualUsers:
         """Refuse an operation that the user is not granted.
 
         Raises:
-            Failure: 403.
+            CallFailure: 403.
         """
         needed = operation.needs_grant
         if needed is Grant.REMOTE_WARMSTART:
@@ -168,7 +168,7 @@ class VirtualUsers:
         """Refuse what the user lacks a grant for.
 
         Raises:
-            Failure: 403.
+            CallFailure: 403.
         """
         if needed not in self.granted and Grant.FULL_ACCESS not in self.granted:
             raise CallFailure(403, RwsCode.UAS_REJECT, f"the user lacks the grant {needed.value}")

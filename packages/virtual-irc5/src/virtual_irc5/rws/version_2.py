@@ -39,7 +39,7 @@ from virtual_irc5.rws.mastership import Domains
 from virtual_irc5.rws.render import page_at, write_hal, write_hal_status, write_page, write_status
 from virtual_irc5.rws.router import Route, Router
 from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown
-from virtual_irc5.rws.rws_service import RwsService, form_of
+from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import SubscriptionRules
 
 XHTML = "application/xhtml+xml;v=2.0"
@@ -330,7 +330,7 @@ class Translation:
         """The call of 1.0 that a call of 2.0 stands for.
 
         Raises:
-            Failure: 400, the body lacks what 1.0 has in the path.
+            CallFailure: 400, the body lacks what 1.0 has in the path.
         """
         templates = (self.rws1.operation.path, *(text for _, text in (*self.query, *self.form)))
         missing = {match[1] for text in templates for match in _PLACE.finditer(text)} - set(call.names)
@@ -503,7 +503,7 @@ class RwsService2(RwsService):
         allowed = FILES if is_file else (FORM,)
         if (request.body or (kind and request.method in ("POST", "PUT"))) and kind not in allowed:
             raise CallFailure(415, RwsCode.INVALIDARG, f"a body is {' or '.join(allowed)}, not {kind or 'of no type'}")
-        return () if is_file else form_of(request.body)
+        return () if is_file else request.form()
 
     def _wants_forms(self, request: HttpRequest) -> bool:
         return request.method == "OPTIONS"

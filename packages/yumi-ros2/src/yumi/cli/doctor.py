@@ -26,7 +26,7 @@ from abb_runtime.options import (
     yes_option,
 )
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import UdpServer, address_towards, is_loopback, resolve
+from abb_runtime.udp import UdpServer, address_of_host, address_towards, is_loopback
 from yumi.cli.driver_options import config_option, robot_options, settings_of
 from yumi.driver.launch_checks import EgmAddress
 
@@ -155,7 +155,7 @@ def controller_for_doctor(
     """A client, not connected yet; the controller's IP address; and where each arm's datagrams are awaited."""
     settings = settings_of(config, options)
     where = settings.robot
-    remote = resolve(where.address)
+    remote = address_of_host(where.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     client = RwsClient(
         f"{where.address}:{where.rws_port}", user=where.user, password=where.password, timeout=where.timeout

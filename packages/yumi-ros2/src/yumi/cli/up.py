@@ -54,7 +54,7 @@ from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.process.supervision import Failures, SupervisedThread, start_thread
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import password_of_environment
-from abb_runtime.udp import free_port, is_loopback, resolve
+from abb_runtime.udp import address_of_host, free_port, is_loopback
 from yumi.api.connection import commanded_robot, motion_executor, recorded_sources
 from yumi.api.motion_registry import MotionRegistry
 from yumi.cli.driver_options import (
@@ -193,7 +193,7 @@ def wait_for_controller(robot: RobotSettings, timeout: float, is_over: Flag) -> 
         NoConnection: none answers in time, or the address is unknown.
         YumiError: what answers refuses the user, or is not a controller.
     """
-    resolve(robot.address)  # an unknown name does not become known
+    address_of_host(robot.address)  # an unknown name does not become known
     address, end, is_reported = f"{robot.address}:{robot.rws_port}", time.monotonic() + timeout, False
     while not is_over.is_set():
         client = RwsClient(address, user=robot.user, password=robot.password, timeout=robot.timeout)

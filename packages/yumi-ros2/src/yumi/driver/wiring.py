@@ -38,7 +38,7 @@ from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import takes_faults
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import UdpServer, address_towards, resolve
+from abb_runtime.udp import UdpServer, address_of_host, address_towards
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller, find_controller_parameter
 from yumi.control.controllers import find_controllers
@@ -178,7 +178,7 @@ def first_speed_scale(settings: Settings) -> float:
 
 def is_on_this_machine(settings: Settings) -> bool:
     """Whether the robot is on this machine, and so no real one."""
-    return ip_address(resolve(settings.robot.address)).is_loopback
+    return ip_address(address_of_host(settings.robot.address)).is_loopback
 
 
 def check_kind(manager: RobotManager, client: RwsClient, settings: Settings) -> None:
@@ -221,7 +221,7 @@ def build_grippers(
 
 def only_at_robot(settings: Settings) -> SingleInstance:
     """What makes sure that one program of this machine drives the robot of ``settings``."""
-    address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
+    address = f"{address_of_host(settings.robot.address)}:{settings.robot.rws_port}"
     return SingleInstance(
         f"yumi-drives-{address}", lambda owner: message("robot_driven_by_another", address=address, owner=owner)
     )
@@ -274,7 +274,7 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         NoConnection: there is no way to the robot's address.
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
-    remote = resolve(settings.robot.address)
+    remote = address_of_host(settings.robot.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
     motion = settings.egm_motion
