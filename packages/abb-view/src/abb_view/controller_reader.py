@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from math import radians
@@ -31,7 +31,6 @@ from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingM
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.rws.transport import HttpTransport
 
 AROUND = 5
 """Lines of RAPID that are shown before and behind that of a program pointer."""
@@ -465,39 +464,13 @@ def _line_of(event: RwsEvent) -> LogLine:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ReaderLogin:
-    """Where a controller is, and who logs in.
-
-    Attributes:
-        address: host:port of Robot Web Services.
-        user: user name.
-        password: its password.
-        timeout: longest wait for one answer [s].
-    """
-
-    address: str
-    user: str
-    password: str = field(repr=False)
-    timeout: float
-
-    def connect(self, *, is_virtual: bool = False) -> RwsClient:
-        """A connected client; a virtual controller bears more than the twenty requests a second of a real one."""
-        clock = SystemClock()
-        where = HttpTransport(self.address, clock, request_interval=0.0) if is_virtual else self.address
-        client = RwsClient(where, user=self.user, password=self.password, timeout=self.timeout, clock=clock)
-        client.connect()
-        return client
-
-
-def open_reader(login: ReaderLogin, client: RwsClient) -> ControllerReader:
+def open_reader(client: RwsClient) -> ControllerReader:
     """A reader of a controller, to be closed; ``client`` is connected to it, and belongs to the reader from now on."""
     try:
         reader = ControllerReader(client, SystemClock())
     except YumiError:
         client.close()
         raise
-    if not reader.is_virtual:
-        return reader
-    client.close()
-    return ControllerReader(login.connect(is_virtual=True), SystemClock())
+    if reader.is_virtual:  # it bears more than the twenty requests a second of a real one
+        client.lift_pace()
+    return reader

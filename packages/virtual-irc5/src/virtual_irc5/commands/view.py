@@ -18,7 +18,7 @@ from abb_runtime.options import (
     until_stdin_closes_option,
     user_option,
 )
-from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
+from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from abb_runtime.rws.login import with_usual_port
 from abb_runtime.udp import is_loopback
 
@@ -51,7 +51,7 @@ def view(
       virtual-irc5 view --https --listen 192.168.1.20    for other machines
     """
     try:
-        from abb_view.controller_reader import ControllerReader, ReaderLogin, open_reader  # noqa: PLC0415 - an extra
+        from abb_view.controller_reader import ControllerReader, open_reader  # noqa: PLC0415 - an extra
         from abb_view.controller_server import ControllerServer  # noqa: PLC0415
         from abb_view.page_build import CONTROLLER_PAGE, page_folder  # noqa: PLC0415
         from abb_view.page_server import PageSettings, page_tls, serve_pages  # noqa: PLC0415
@@ -63,10 +63,11 @@ def view(
 
     is_over = end_flag(until_stdin_closes)
     page_folder(CONTROLLER_PAGE, click.echo)
-    login = ReaderLogin(with_usual_port(robot), user, password or DEFAULT_PASSWORD, _ANSWER)
 
     def open_controller() -> ControllerReader:
-        return open_reader(login, login.connect())
+        client = RwsClient(with_usual_port(robot), user=user, password=password or DEFAULT_PASSWORD, timeout=_ANSWER)
+        client.connect()
+        return open_reader(client)
 
     reader = open_controller()
     try:

@@ -54,7 +54,7 @@ def find_source(
         rws1: its path in Robot Web Services 1.0, where it has another.
 
     Raises:
-        Failure: there is none, or not with this priority.
+        CallFailure: there is none, or not with this priority.
     """
     found_own = (own or {}).get(resource.path.lower())
     if found_own is not None:

@@ -220,7 +220,7 @@ def refuse_in_manual_mode(controller: Irc5, call: RwsCall, what: str) -> None:
     """Refuse a change in manual mode to a client without the privilege.
 
     Raises:
-        Failure: 403.
+        CallFailure: 403.
     """
     if controller.mode.value != "AUTO" and call.privilege == "none":
         raise CallFailure(403, RwsCode.MASTER_REJECT, f"in manual mode {what} needs RMMP: request it at /users/rmmp")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import RobotNotReady, YumiError
 from abb_runtime.rws.client import RwsClient
-from abb_view.controller_reader import ControllerReader, ReaderLogin, open_reader
+from abb_view.controller_reader import ControllerReader, open_reader
 from yumi.driver.launch_checks import LaunchChecks, other_robot
 from yumi.driver.settings import RobotSettings
 
@@ -21,8 +21,10 @@ def open_controller(robot: RobotSettings) -> ControllerReader | None:
     Raises:
         YumiError: nothing answers there, or it is not a controller of RobotWare 6, or it does not let us in.
     """
-    login = ReaderLogin(f"{robot.address}:{robot.rws_port}", robot.user, robot.password, robot.timeout)
-    client = login.connect()
+    client = RwsClient(
+        f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
+    )
+    client.connect()
     try:
         why = _why_no_driver(client)
     except YumiError:
@@ -31,7 +33,7 @@ def open_controller(robot: RobotSettings) -> ControllerReader | None:
     if why is None:
         client.close()
         return None
-    reader = open_reader(login, client)
+    reader = open_reader(client)
     reader.why_view_only = why_view_only(reader, why)
     return reader
 
