@@ -91,15 +91,15 @@ class HttpTransport(httpx.BaseTransport):
     Args:
         address: of the controller.
         clock: what deadlines are counted by.
-        request_interval: shortest mean time between two requests [s]; 0 is no limit.
 
     Raises:
         SettingsError: the address is not one.
     """
 
-    def __init__(self, address: str, clock: Clock | None = None, request_interval: float = INTERVAL) -> None:
+    request_interval = INTERVAL
+
+    def __init__(self, address: str, clock: Clock | None = None) -> None:
         self.address = address
-        self.request_interval = request_interval
         check_address(address)
         self._clock = clock or SystemClock()
         self._hosts: list[str] = []
