@@ -203,17 +203,13 @@ def controller(
         speed=real_time_factor,
         is_started=start,
         runs_once=once,
-        show=_show if show else None,
+        show=(lambda task, line: click.echo(f"[{task}] {line}")) if show else None,
         rapid_sockets=rapid_sockets,
         is_robotware_7=robotware == "7",
     )
     scheme = "https" if robotware == "7" else "http"
     is_over = end_flag(until_stdin_closes)
     virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}{scheme}://{listen}:{port}"))
-
-
-def _show(task: str, line: str) -> None:
-    click.echo(f"[{task}] {line}")
 
 
 def _programs(given: tuple[str, ...]) -> dict[str, list[Path]]:
