@@ -95,10 +95,9 @@ class World:
             gripper = VirtualGripper(
                 settings.workpieces.get(side),
                 settings.gripper_modules.get(side, GripperModules.SERVO),
+                settings.cup_objects.get(side),
                 is_calibrated=settings.grippers_are_calibrated,
             )
-            for cup in gripper.cups.values():
-                cup.under = settings.cup_objects.get(side)
             self._units[side] = ArmUnit(arm, EgmClient(arm, settings.egm), gripper)
         self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._units.items()}
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}

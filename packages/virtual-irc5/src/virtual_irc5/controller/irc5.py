@@ -455,14 +455,10 @@ class Irc5:
             self.signals.drive(signal, float(holds()))
         for unit in self._arms.values():
             unit.observe()
-            if unit.zone_fault:
-                self.events.append(80001, "World zone", unit.zone_fault, EventType.ERROR)
-                self.execution.stop(unit.zone_fault)
-                unit.zone_fault = ""
-            if unit.observer_fault:
-                self.events.append(40228, "Execution error", unit.observer_fault, EventType.ERROR)
-                self.execution.stop(unit.observer_fault)
-                unit.observer_fault = ""
+            for code, title, sentence in unit.faults:
+                self.events.append(code, title, sentence, EventType.ERROR)
+                self.execution.stop(sentence)
+            unit.faults.clear()
             values = unit.gripper.signals()
             if values != self._gripper_signals.get(unit.side):  # in most cycles nothing has changed
                 self._gripper_signals[unit.side] = values

@@ -96,7 +96,8 @@ class WorldZoneInstructions:
 
         def changed(is_inside: bool) -> None:
             if is_inside:
-                unit.zone_fault = f"{unit.mechanical_unit} has come into the world zone {name}, which WZLimSup forbids."
+                sentence = f"{unit.mechanical_unit} has come into the world zone {name}, which WZLimSup forbids."
+                unit.faults.append((80001, "World zone", sentence))
 
         self._add(call, changed)
 

@@ -174,13 +174,12 @@ class ArmUnit:
         tool, wobj: RAPID values of the last motion's tool and work object; None until there was one.
         settings: what the program has set for its motions.
         zones: the world zones that are watched.
-        zone_fault: why a world zone stops the arm; empty when none does.
         synchronized_tasks: whose moves begin together with its own (SyncMoveOn), its own among them.
         suspended_tasks: the same while synchronization is suspended (SyncMoveSuspend).
         stored_paths: what StorePath has put aside, until RestoPath.
         led: the mechanical units that are led by hand (SetLeadThrough), of all arms.
         observers: called in each cycle, such as those of test signals, by what they are for.
-        observer_fault: why an observer was removed, which stops RAPID; empty when none was.
+        faults: what stops RAPID, as a world zone or the removal of an observer: number and title of the event, and why.
         beginnings: called when the program begins at main, by what they are for.
         limits_speed: whether the system input LimitSpeed is set.
         contact: of ContactL, while it moves the arm; None otherwise.
@@ -198,13 +197,12 @@ class ArmUnit:
     wobj: Any = None
     settings: _MotionSettings = field(default_factory=_MotionSettings)
     zones: list[WorldZone] = field(default_factory=list)
-    zone_fault: str = ""
     synchronized_tasks: tuple[str, ...] = ()
     suspended_tasks: tuple[str, ...] = ()
     stored_paths: list[StoredPath] = field(default_factory=list)
     led: set[str] = field(default_factory=set)
     observers: dict[str, Callable[[], None]] = field(default_factory=dict)
-    observer_fault: str = ""
+    faults: list[tuple[int, str, str]] = field(default_factory=list)
     beginnings: dict[str, Callable[[], None]] = field(default_factory=dict)
     limits_speed: bool = False
     contact: Contact | None = None
@@ -258,7 +256,7 @@ class ArmUnit:
                 observer()
             except RapidError as error:  # such as a signal that a restart has taken away; the cycle goes on
                 del self.observers[name]
-                self.observer_fault = f"The {name} are no longer followed: {error}"
+                self.faults.append((40228, "Execution error", f"The {name} are no longer followed: {error}"))
         if not self.zones:
             return
         planned = self.arm.planned

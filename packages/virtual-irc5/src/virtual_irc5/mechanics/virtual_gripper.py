@@ -311,11 +311,12 @@ class VirtualGripper:
         self,
         workpiece: Workpiece | None = None,
         modules: GripperModules = GripperModules.SERVO,
+        under_cups: CupObject | None = None,
         *,
         is_calibrated: bool = False,
     ) -> None:
         self.modules = modules
-        self.cups = {channel: VacuumCup() for channel in modules.vacuum_channels}
+        self.cups = {channel: VacuumCup(under_cups) for channel in modules.vacuum_channels}
         self.is_calibrated = is_calibrated
         self.max_speed = TOP_SPEED
         self.hold_force = MAX_FORCE
