@@ -24,7 +24,8 @@ class MemoryHttp(MemoryRws):
     """
 
     def __init__(self, controller: Irc5, clock: Clock, request_interval: float = 0.0) -> None:
-        super().__init__(controller, clock, request_interval)
+        super().__init__(controller, clock)
+        self.request_interval = request_interval
         self.is_there = True
         self.resets = 0
 

@@ -17,8 +17,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from abb_protocols.robot.joints import CYCLE
-from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel, unlimited
+from abb_protocols.robot.joints import CYCLE, JointLimits
+from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from virtual_irc5.mechanics.servo import follow_references
 
@@ -34,13 +34,13 @@ _STEPS = 24  # of the bisection
 
 def pure_delay(delay: float) -> ArmModel:
     """An arm of one joint that is where it planned to be some time ago."""
-    return ArmModel(unlimited(1), reference_delay=0.0, delay=delay, lag=0.0, supervises_load=False)
+    return ArmModel(JointLimits.unlimited(1), reference_delay=0.0, delay=delay, lag=0.0, supervises_load=False)
 
 
 def step_response(gain: float, model: ArmModel, duration: float, bandwidth: float = 0.0, level: int = 0) -> list[float]:
     """What an arm reports after a step of 1 rad, cycle by cycle [rad]; EGM limits nothing."""
     settings = EgmMotionParameters(gain, bandwidth, max_speed=inf, max_deviation=inf, level=level)
-    free = replace(model, limits=unlimited(1))
+    free = replace(model, limits=JointLimits.unlimited(1))
     answer = follow_references([(1.0,)] * round(duration / CYCLE), (0.0,), free, settings)
     return [each.measured[0] for each in answer]
 

@@ -18,7 +18,7 @@ from virtual_irc5.controller.task_settings import TaskSettings
 from virtual_irc5.controller.tasks import InstalledTask
 from virtual_irc5.controller_log import ControllerEventLog, RefusalReason, Refused
 from virtual_irc5.http_server import HttpServer
-from virtual_irc5.mechanics.units import YUMI_UNITS, MotionSystemState
+from virtual_irc5.mechanics.units import YUMI_UNITS, UnitsState
 from virtual_irc5.rapid.devices import FlexPendant, MessageQueues
 from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.rapid_library import Library
@@ -28,7 +28,7 @@ from virtual_irc5.rapid.types import RapidValueError, UnknownSymbol
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import Upgrade
-from virtual_irc5.system_parameters import Instance, SystemConfiguration
+from virtual_irc5.system_parameters import SystemConfiguration
 
 USER, PASSWORD = "Default User", "robotics"
 CFG = Path(virtual_irc5.controller.__file__).parent / "stock"
@@ -91,6 +91,9 @@ class PlainExecution:
     def select(self, task: str, *, is_active: bool) -> None:
         self.installed[task].is_active = is_active
 
+    def unload_module(self, task: str, name: str) -> None:
+        raise Refused(RefusalReason.NO_MODULE, f"The task {task} has no module '{name}'.")
+
 
 class PlainController:
     """A controller whose state is set by the test; it refuses what a real one refuses in that state."""
@@ -109,7 +112,7 @@ class PlainController:
         self.devices = SimpleNamespace(pendant=FlexPendant(), queues=MessageQueues())
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
-        self.motion = MotionSystemState()
+        self.motion = UnitsState()
         self.started_at = self.energy_reset_at = MIDNIGHT
         self.edges: list[tuple[str, float, float]] = []
         self.signals = Signals(_signals(), lambda *edge: self.edges.append(edge))
@@ -161,9 +164,6 @@ class PlainController:
         self.files.get_file(path)
         self.loaded.append((task, path, replace))
 
-    def unload_module(self, task: str, name: str) -> None:
-        raise Refused(RefusalReason.NO_MODULE, f"The task {task} has no module '{name}'.")
-
     def acknowledge_collision(self) -> None:
         self.collision_state = CollisionState.INIT
 
@@ -174,9 +174,6 @@ class PlainController:
 
     def joint_target(self, unit: str) -> tuple[Sequence[float], Sequence[float]]:
         return (0.0, -130.0, 30.0, 0.0, 40.0, 0.123456), (-135.0, 9e9, 9e9, 9e9, 9e9, 9e9)
-
-    def cfg(self, domain: str, type: str) -> Sequence[Instance]:
-        return self.configuration.instances(domain, type)
 
     def settle(self) -> None:
         self.settled += 1

@@ -16,7 +16,7 @@ from abb_protocols.egm.codec import MciState, MotorState, RapidState
 from abb_protocols.robot.joints import CYCLE, Side, abb_from_chain, chain_from_abb
 from abb_protocols.robot.kinematics import euler_zyx, tool0_to_body
 from abb_runtime.udp import UdpClient
-from virtual_irc5.mechanics.egm_client import EgmOptions, EgmOutcome, RobotWare
+from virtual_irc5.mechanics.egm_client import EgmOptions, EgmOutcome, EgmRobotWare
 from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmStopMode, ExternalMotionData
 from virtual_irc5.world import World, WorldSettings
 
@@ -127,7 +127,7 @@ def test_03_feedback_is_from_before_the_datagram_it_is_answered_with(bench):
 # 4: size and numbers
 
 
-@pytest.mark.parametrize(("robotware", "size"), [(RobotWare.RW_6_09, 381), (RobotWare.RW_6_10, 392)])
+@pytest.mark.parametrize(("robotware", "size"), [(EgmRobotWare.RW_6_09, 381), (EgmRobotWare.RW_6_10, 392)])
 def test_04_datagrams_are_far_below_1024_bytes(robotware, size):
     bench = RobotBench(EgmOptions(robotware)).prepare().run()
     bench.cycle()
@@ -189,7 +189,7 @@ def test_07_robotware_6_09_sends_no_field_from_10_on(bench):
 
 def test_07_robotware_6_10_adds_the_utilization_above_100_percent_when_limited():
     slow = EgmActivation(lp_filter=0.0)
-    bench = RobotBench(EgmOptions(RobotWare.RW_6_10)).prepare(slow).run()
+    bench = RobotBench(EgmOptions(EgmRobotWare.RW_6_10)).prepare(slow).run()
     bench.pass_time(0.1, always(order(turned(0, 0.2))))
     assert bench.last.utilizationRate > 100.0
 

@@ -25,7 +25,7 @@ from abb_protocols.egm.codec import MciState, MotorState, RobotCodec
 from abb_protocols.robot.joints import CYCLE, Side
 from abb_protocols.robot.kinematics import quaternion_from_euler_zyx
 from abb_protocols.rws.values import ControllerState
-from virtual_irc5.mechanics.egm_client import EgmOptions, EgmOutcome, InvalidReference
+from virtual_irc5.mechanics.egm_client import EgmOptions, EgmOutcome, InvalidEgmReference
 from virtual_irc5.mechanics.egm_motion import EgmActivation, ExternalMotionData
 
 
@@ -161,7 +161,7 @@ def test_19_reference_that_is_no_number_is_a_system_failure(guided, value):
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])
 def test_19_reference_that_is_no_number_is_rejected_as_an_option(value):
-    bench = RobotBench(EgmOptions(invalid_reference=InvalidReference.REJECT)).prepare().run()
+    bench = RobotBench(EgmOptions(invalid_reference=InvalidEgmReference.REJECT)).prepare().run()
     bench.cycle(order(turned(0, 0.1)))
     bench.cycle(order((value, *HOME[1:])))
     assert bench.egm.ignored_datagrams == 1

@@ -259,6 +259,6 @@ def test_a_program_as_rapid_text_runs_too(site: Any) -> None:
     client.abb_client.start(cycle="once", tasks=["T_ROB1"])
     client.wait_motion_program_complete()
     with site.lock:
-        site.controller.unload_module("T_ROB1", "Generated")
+        site.controller.execution.unload_module("T_ROB1", "Generated")
         assert task.name == "T_ROB1"
     assert site.joints("ROB_R")[5] == pytest.approx(4, abs=1e-3)

@@ -18,7 +18,7 @@ WRITE = RwsRequest("POST", "/rw/rapid/execution", (("action", "start"),), (("cyc
 
 OK = httpx.Response(200, headers={"Set-Cookie": "-http-session-=1; path=/"})
 BUSY = httpx.Response(503)
-STRANGER = httpx.Response(401, headers={"WWW-Authenticate": http.Challenge("abc").header()})
+STRANGER = httpx.Response(401, headers={"WWW-Authenticate": http.digest_challenge("abc")})
 LOST = ConnectionLost("the connection broke")
 DEAD = NoConnection("nothing answers")
 

@@ -6,13 +6,14 @@ python tests/system/rapid_servers.py LEFT_EGM_PORT RIGHT_EGM_PORT LEFT_PORT RIGH
 from __future__ import annotations
 
 import sys
+import time
 from threading import Event
 
 import click
 
-from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Side
-from virtual_irc5.server import VirtualController, world_settings
+from virtual_irc5.server import VirtualController
+from virtual_irc5.world import WorldSettings
 
 CONNECTIONS = 10
 """Of each task."""
@@ -56,13 +57,8 @@ ENDMODULE
 
 
 def main(left_egm: int, right_egm: int, left_port: int, right_port: int) -> None:
-    settings = world_settings(
-        robot_name="servers",
-        egm_host="127.0.0.1",
-        egm_ports={Side.LEFT: left_egm, Side.RIGHT: right_egm},
-        objects={},
-        grippers=dict.fromkeys(Side, GripperModules.SERVO),
-        leaks={},
+    settings = WorldSettings(
+        robot_name="servers", egm_ports={Side.LEFT: left_egm, Side.RIGHT: right_egm}, start_time=time.time()
     )
     virtual = VirtualController(settings, rws_port=0, user="user", password="password", host="127.0.0.1")
     controller = virtual.world.controller

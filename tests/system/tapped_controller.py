@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 from struct import Struct
 from threading import Event as Flag
 from threading import Thread
 
-from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import SystemClock
 from abb_runtime.udp import UdpClient, free_port
@@ -111,20 +111,18 @@ def _file(folder: Path, port: int) -> Path:
 
 def main(folder: Path, left_port: int, right_port: int) -> None:
     """Serve until standard input ends."""
-    from virtual_irc5.server import VirtualController, world_settings
+    from virtual_irc5.server import VirtualController
+    from virtual_irc5.world import WorldSettings
 
     def link(host: str, port: int) -> UdpClient:
         file = _file(folder, port)
         return UdpClient(host, port) if file.exists() else TappedLink(host, port, file)
 
-    settings = world_settings(
+    settings = WorldSettings(
         robot_name="Tapped",
-        egm_host="127.0.0.1",
         egm_ports={Side.LEFT: left_port, Side.RIGHT: right_port},
-        objects={},
-        grippers=dict.fromkeys(Side, GripperModules.SERVO),
-        leaks={},
-        are_calibrated=True,
+        grippers_are_calibrated=True,
+        start_time=time.time(),
     )
     is_over = Flag()
     controller = VirtualController(

@@ -11,8 +11,9 @@ from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import MemoryLink, memory_links
 from memory_http import MemoryHttp
+from virtual_irc5.fault_injection import FaultInjection
 from virtual_irc5.mechanics.virtual_gripper import Workpiece
-from virtual_irc5.world import FaultInjection, World, WorldSettings
+from virtual_irc5.world import World, WorldSettings
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.goals import MemoryBuffer, write_goal

@@ -12,9 +12,10 @@ from abb_protocols.robot.joints import Side
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import Fault, FaultDirection
 from memory_http import MemoryHttp
+from virtual_irc5.fault_injection import FaultInjection
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.world import FaultInjection, World, WorldSettings
+from virtual_irc5.world import World, WorldSettings
 from yumi.cli.main import main
 
 

@@ -17,7 +17,7 @@ from abb_protocols.catalogue import Message, message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import LoginRefused, NoConnection
 from abb_protocols.robot.joints import Side
-from abb_runtime.udp import resolve
+from abb_runtime.udp import address_of_host
 from refusals import refused
 from yumi.cli.driver_options import settings_of
 from yumi.cli.main import main
@@ -72,7 +72,7 @@ def test_virtual_controller_says_that_a_name_is_unknown(name: str) -> None:
     result = run("controller", "--rws-port", "0", "--egm-host", name)
     assert result.exit_code == 1
     with refused(NoConnection, "host_unknown", host=name) as refusal:
-        resolve(name)
+        address_of_host(name)
     assert result.output == f"Error: {sentence(refusal.value.said, FrontEnd.SHELL)}\n"
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from abb_protocols.errors import NoConnection
-from abb_runtime.udp import Poller, UdpClient, UdpServer, address_towards, free_port, resolve
+from abb_runtime.udp import Poller, UdpClient, UdpServer, address_of_host, address_towards, free_port
 from refusals import refused
 
 
@@ -79,7 +79,7 @@ def test_own_address_towards_this_machine_is_loopback() -> None:
 
 def test_unknown_name_is_refused_with_a_sentence() -> None:
     with refused(NoConnection, "host_unknown", host="no such host"):
-        resolve("no such host")
+        address_of_host("no such host")
 
 
 def test_server_hands_out_what_one_sender_sent_then_what_another_did() -> None:

@@ -144,7 +144,7 @@ def test_installation_has_every_file_of_the_package(
 
 def test_packages_have_files_that_are_no_modules() -> None:
     assert Path("yumi/web/page/src/main.ts") in files_of("yumi-ros2")
-    shell = {Path("abb_view") / name for name in ("page/src/scene.ts", "page/package-lock.json", "meshes/base.stl")}
+    shell = {Path("abb_view") / name for name in ("shell/scene.ts", "shell/package-lock.json", "meshes/base.stl")}
     assert shell < files_of("abb-view")
     virtual = {Path("virtual_irc5/rapid/grammar.lark"), Path("virtual_irc5/controller/stock/EIO.cfg")}
     assert virtual < files_of("virtual-irc5")

@@ -12,7 +12,7 @@ from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import ControllerState
 from abb_runtime.clock import comes_true
-from virtual_irc5.testing.virtual_robot import VirtualRobot, robot_settings
+from virtual_irc5.testing.virtual_robot import VirtualRobot, virtual_robot_settings
 
 PROGRAM = Path(__file__).parents[3] / "examples" / "six_axes.mod"
 GOAL = tuple(map(radians, (20, 10, -10, 15, 40, 25)))
@@ -59,4 +59,4 @@ def test_robot_without_a_mark_is_a_yumi(virtual_robot: VirtualRobot) -> None:
 
 def test_program_for_a_task_that_is_not_there_is_refused() -> None:
     with pytest.raises(SettingsError, match="no task T_ROB_R; there are T_ROB1"):
-        robot_settings("irb120", {"T_ROB_R": [PROGRAM]})
+        virtual_robot_settings("irb120", {"T_ROB_R": [PROGRAM]})

@@ -15,7 +15,7 @@ from abb_protocols.catalogue.actions import ACTIONS
 from abb_protocols.errors import MissingPrerequisite
 from abb_runtime.faults import Fault
 from abb_view import page_build
-from abb_view.page_build import CONTROLLER_PAGE, SHELL, Page
+from abb_view.page_build import CONTROLLER_PAGE, SHELL, PageSources
 from refusals import refused
 from yumi.driver.commands import COMMANDS
 from yumi.web.page_build import ROBOT_PAGE
@@ -28,7 +28,7 @@ BOTH = pytest.mark.parametrize("page", [CONTROLLER_PAGE, ROBOT_PAGE], ids=["cont
 
 @BOTH
 @pytest.mark.timeout(180)
-def test_state_of_the_page_and_what_is_shown_of_it(page: Page) -> None:
+def test_state_of_the_page_and_what_is_shown_of_it(page: PageSources) -> None:
     """The tests of what is not drawing run in Node.js."""
     printed = page_build.run_script(page, "test")
     assert "\n# fail 0\n" in printed or "ℹ fail 0\n" in printed
@@ -36,7 +36,7 @@ def test_state_of_the_page_and_what_is_shown_of_it(page: Page) -> None:
 
 
 @BOTH
-def test_built_page_has_the_licence_of_what_is_in_it_and_no_address_of_another_machine(page: Page) -> None:
+def test_built_page_has_the_licence_of_what_is_in_it_and_no_address_of_another_machine(page: PageSources) -> None:
     folder = page_build.page_folder(page)
     own = {"style.css"} if page is ROBOT_PAGE else set()
     assert {file.name for file in folder.iterdir()} == {"index.html", "shell.css", "app.js", "LICENSE-three"} | own
@@ -56,13 +56,13 @@ def test_repository_has_neither_foreign_nor_built_code_of_the_page() -> None:
 
 
 def test_every_fault_of_the_virtual_robot_has_words_on_the_page() -> None:
-    words = (SHELL / "src" / "faults.ts").read_text()
+    words = (SHELL / "faults.ts").read_text()
     without = [each.value.name for each in Fault if not any(f"{q}{each.value.name}{q}:" in words for q in ('"', ""))]
     assert without == []
 
 
 def test_button_that_a_sentence_of_the_page_names_is_there_by_that_name() -> None:
-    folders = (SHELL / "src", ROBOT_PAGE.sources / "src")
+    folders = (SHELL, ROBOT_PAGE.sources / "src")
     sources = [ROBOT_PAGE.sources / "index.html", *(file for folder in folders for file in folder.glob("*.ts"))]
     of_commands = [f'"{kind.button}"' for kind in COMMANDS]  # their buttons are made from the table
     markup = "\n".join([*(each.read_text() for each in sources), *of_commands])
@@ -77,7 +77,7 @@ class Copied(NamedTuple):
     """A folder with a page outside of a clone."""
 
     folder: Path
-    page: Page
+    page: PageSources
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Copied:
     """Sources outside of a clone, whose page is built in the user's cache, by programs that a test writes."""
     sources = tmp_path / "lib" / "yumi" / "web" / "page"
     shutil.copytree(ROBOT_PAGE.sources, sources)
-    shell = tmp_path / "lib" / "abb_view" / "page"
+    shell = tmp_path / "lib" / "abb_view" / "shell"
     shutil.copytree(SHELL, shell)
     monkeypatch.setattr(page_build, "SHELL", shell)
     monkeypatch.setattr(page_build, "_of_the_environment", lambda: None)
@@ -97,7 +97,7 @@ def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Copied:
         f'echo "$1" >> {tmp_path}/asked'
     )
     program(tmp_path / "npm", builds)
-    return Copied(tmp_path, Page(sources, sources.with_name("static")))
+    return Copied(tmp_path, PageSources(sources, sources.with_name("static")))
 
 
 def program(file: Path, script: str) -> None:
@@ -124,7 +124,7 @@ def test_page_is_built_once_and_again_when_a_source_changes(copied: Copied) -> N
     page_build.built(copied.page, told.append)
     assert (copied.folder / "asked").read_text().split()[3:] == ["ci", "run"]
     third = page_build.built(copied.page)
-    (page_build.SHELL / "src" / "dom.ts").write_text("export {};\n")
+    (page_build.SHELL / "dom.ts").write_text("export {};\n")
     assert page_build.built(copied.page) != third
 
 

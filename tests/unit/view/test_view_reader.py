@@ -28,11 +28,11 @@ from abb_runtime.clock import ManualClock
 from abb_runtime.faults import DISPLAY_PATH, Fault
 from abb_runtime.rws.client import RwsClient
 from abb_view import controller_server, controller_view, page_server
-from abb_view.controller_reader import AROUND, ControllerReader, LogLine, PointerReport, Unit
+from abb_view.controller_reader import AROUND, ControllerReader, LogLine, PointerReport, ReaderUnit
 from abb_view.controller_server import ControllerServer
 from abb_view.controller_view import ControllerView
 from abb_view.page_server import FORWARDED, OpenPage, PageSettings
-from abb_view.robot_model import chain_model, controller_model
+from abb_view.robot_model import capsule_model, controller_model
 from memory_http import MemoryHttp
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system, with_programs
 from virtual_irc5.world import World, WorldSettings
@@ -470,7 +470,7 @@ def test_page_on_another_machine_is_offered_no_faults_and_injects_none(
 
 @pytest.mark.parametrize("arm", [irb120(), irb14050()], ids=["irb120", "irb14050"])
 def test_robot_is_drawn_with_its_tool_where_the_description_has_it(arm: KinematicArm) -> None:
-    model = chain_model([Unit("ROB_1", "ROB_1", arm.axes, arm)])
+    model = capsule_model([ReaderUnit("ROB_1", "ROB_1", arm.axes, arm)])
     numbers = np.random.default_rng(3)
     for _ in range(20):
         position = numbers.uniform(arm.limits.lower, arm.limits.upper)
@@ -487,7 +487,7 @@ def test_robot_is_drawn_with_its_tool_where_the_description_has_it(arm: Kinemati
 
 def test_capsules_lead_from_axis_to_axis() -> None:
     arm = irb120()
-    model = chain_model([Unit("ROB_1", "ROB_1", arm.axes, arm)])
+    model = capsule_model([ReaderUnit("ROB_1", "ROB_1", arm.axes, arm)])
     for joint in model["joints"]:
         end, shapes = np.array(joint["xyz"]), model["links"][joint["parent"]]
         if np.linalg.norm(end) > 0.0:

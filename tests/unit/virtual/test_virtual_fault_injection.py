@@ -15,9 +15,10 @@ from abb_runtime.clock import ManualClock
 from abb_runtime.faults import FAULTS_PATH, Fault, FaultDirection, inject_fault
 from memory_http import MemoryHttp
 from system.virtual_time_bench import System
+from virtual_irc5.fault_injection import FaultInjection
 from virtual_irc5.mechanics.egm_client import EgmOutcome
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.world import FaultInjection, World
+from virtual_irc5.world import World
 
 LOCAL = "127.0.0.1:4711"
 

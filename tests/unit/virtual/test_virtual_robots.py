@@ -17,9 +17,10 @@ from abb_runtime.clock import ManualClock
 from abb_runtime.faults import Fault
 from memory_http import MemoryHttp
 from virtual_irc5.controller.installed_system import ROBOTS, delivered_system, factory_system, with_programs
+from virtual_irc5.fault_injection import FaultInjection
 from virtual_irc5.instructions.robot_data import robtarget
 from virtual_irc5.mechanics.egm_motion import EgmRun
-from virtual_irc5.world import FaultInjection, World, WorldSettings
+from virtual_irc5.world import World, WorldSettings
 
 Array = NDArray[np.float64]
 

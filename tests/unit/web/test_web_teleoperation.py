@@ -211,7 +211,7 @@ class Elsewhere:
         asyncio.run(asyncio.wait_for(self._serve(story, is_encrypted), 4 * SOON))
 
     async def _serve(self, story: Callable[[Site], Any], is_encrypted: bool) -> None:
-        tls = installation_certificate(["127.0.0.1"], self._folder).context if is_encrypted else None
+        tls = installation_certificate(["127.0.0.1"], "yumi-ros2", self._folder).context if is_encrypted else None
         view = ViewServer(ViewSettings(port=0, may_operate=True, token="secret", tls=tls, show_code=self.codes.append))
         await view.start()
         trusted = ssl.create_default_context(cafile=self._folder / "certificate.pem") if is_encrypted else True

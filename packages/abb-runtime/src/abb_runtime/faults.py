@@ -38,7 +38,7 @@ class FaultDirection(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Amount:
+class FaultAmount:
     """The range of a fault's strength.
 
     Attributes:
@@ -80,23 +80,23 @@ class FaultKind:
     has_side: bool = False
     has_duration: bool = False
     default_duration: float | None = None
-    amount: Amount | None = None
+    amount: FaultAmount | None = None
     has_way: bool = False
 
 
-def _of_arm(name: str, meaning: str, amount: Amount | None = None) -> FaultKind:
+def _of_arm(name: str, meaning: str, amount: FaultAmount | None = None) -> FaultKind:
     return FaultKind(name, meaning, has_side=True, amount=amount)
 
 
 def _lasting(
-    name: str, meaning: str, amount: Amount | None = None, duration: float | None = None, *, has_way: bool = False
+    name: str, meaning: str, amount: FaultAmount | None = None, duration: float | None = None, *, has_way: bool = False
 ) -> FaultKind:
     return FaultKind(
         name, meaning, has_side=True, has_duration=True, default_duration=duration, amount=amount, has_way=has_way
     )
 
 
-_DEGREES = Amount("degrees", 5.0, -360.0, 360.0)
+_DEGREES = FaultAmount("degrees", 5.0, -360.0, 360.0)
 
 
 class Fault(Enum):
@@ -107,31 +107,31 @@ class Fault(Enum):
     EGM_LOSS = _lasting(
         "egm-loss",
         "EGM datagrams are lost",
-        Amount("%", 100.0, 0.0, 100.0),
+        FaultAmount("%", 100.0, 0.0, 100.0),
         has_way=True,
     )
-    EGM_DELAY = _lasting("egm-delay", "EGM datagrams arrive later", Amount("ms", 50.0, 0.0, 5000.0), has_way=True)
+    EGM_DELAY = _lasting("egm-delay", "EGM datagrams arrive later", FaultAmount("ms", 50.0, 0.0, 5000.0), has_way=True)
     EGM_DUPLICATE = _lasting(
         "egm-duplicate",
         "EGM datagrams arrive more than once",
-        Amount("copies", 1.0, 1.0, 10.0, is_whole=True),
+        FaultAmount("copies", 1.0, 1.0, 10.0, is_whole=True),
         has_way=True,
     )
     EGM_REORDER = _lasting(
         "egm-reorder",
         "EGM datagrams overtake each other, by this many cycles at most",
-        Amount("cycles", 3.0, 1.0, 100.0, is_whole=True),
+        FaultAmount("cycles", 3.0, 1.0, 100.0, is_whole=True),
         has_way=True,
     )
     EGM_STALE = _of_arm(
         "egm-stale",
         "an old EGM datagram, this many before the last, comes a second time",
-        Amount("datagrams", 30.0, 1.0, 999.0, is_whole=True),
+        FaultAmount("datagrams", 30.0, 1.0, 999.0, is_whole=True),
     )
     EGM_TRUNCATE = _lasting(
         "egm-truncate",
         "every second EGM datagram of the robot is truncated to this many bytes",
-        Amount("bytes", None, 1.0, 1000.0, is_whole=True),
+        FaultAmount("bytes", None, 1.0, 1000.0, is_whole=True),
         1.0,
     )
     EGM_FORGE = _of_arm("egm-forge", "one forged EGM datagram with the next number, all joints shifted", _DEGREES)
@@ -167,7 +167,7 @@ class Fault(Enum):
     ARM_PUSHED = _of_arm(
         "arm-pushed",
         "someone pushes an arm's elbow aside and lets go",
-        Amount("degrees", 5.0, -20.0, 20.0),
+        FaultAmount("degrees", 5.0, -20.0, 20.0),
     )
     PROGRAM_STOP = FaultKind("program-stop", "Stop is pressed on the FlexPendant")
     WRONG_PROGRAM = FaultKind("wrong-program", "another RAPID program is loaded into both tasks")
@@ -183,11 +183,13 @@ class Fault(Enum):
     WEB_SOCKET_DROP = FaultKind("web-socket-drop", "every WebSocket breaks; the subscriptions stay")
     GRIPPER_NOT_CALIBRATED = _of_arm("gripper-not-calibrated", "a gripper loses its power and calibration")
     GRIPPER_ERROR = _of_arm("gripper-error", "a gripper reports an internal error")
-    OBJECT_PLACED = _of_arm("object-placed", "a part is put between a gripper's fingers", Amount("mm", 20.0, 1.0, 50.0))
+    OBJECT_PLACED = _of_arm(
+        "object-placed", "a part is put between a gripper's fingers", FaultAmount("mm", 20.0, 1.0, 50.0)
+    )
     OBJECT_UNDER_CUPS = _of_arm(
         "object-under-cups",
         "an object is put under a gripper's cups; a leak of 1 is as if none",
-        Amount("leak", 0.0, 0.0, 1.0),
+        FaultAmount("leak", 0.0, 0.0, 1.0),
     )
     OBJECT_LOST = _of_arm("object-lost", "the object at a gripper's fingers or cups is removed")
 

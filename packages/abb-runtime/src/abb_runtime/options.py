@@ -66,6 +66,12 @@ until_stdin_closes_option = click.option(
     "--until-stdin-closes", is_flag=True, help="End when standard input does (for a parent process)."
 )
 listen_option = click.option("--listen", default="127.0.0.1", show_default=True, help="Address to listen on.")
+page_port_option = click.option(
+    "--port", type=click.IntRange(0, MAX_PORT), default=8090, show_default=True, help="0 takes a free one."
+)
+https_option = click.option(
+    "--https", is_flag=True, help="Serve over HTTPS, with a certificate that this installation makes."
+)
 yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
 dry_run_option = click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
 cfg_option = click.option(

@@ -1,4 +1,4 @@
-"""Values that can be set: their types, ranges, choices and units, and ROS 2 parameter files that set them.
+"""Values that can be set: their types, ranges, choices and units, and the files in YAML, as of ROS 2, that set them.
 
 A parameter file names nodes, in full or by wildcard, each with its parameters; every value knows its line::
 
@@ -189,7 +189,7 @@ class ParameterFileEntry:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class ParameterFileSection:
     """What a file sets on the nodes of one name or wildcard.
 
     Attributes:
@@ -219,7 +219,7 @@ class ParameterFile:
     """
 
     name: str
-    sections: tuple[Section, ...]
+    sections: tuple[ParameterFileSection, ...]
 
     def parameters(self, node: str) -> dict[str, ParameterFileEntry]:
         """What it sets on the node of that full name; later sections override earlier ones."""
@@ -413,7 +413,7 @@ class _Document(yaml.SafeLoader):
         return self.construct_object(node)
 
 
-def _sections(document: _Document, node: yaml.MappingNode, namespace: str) -> Iterator[Section]:
+def _sections(document: _Document, node: yaml.MappingNode, namespace: str) -> Iterator[ParameterFileSection]:
     for key, place, value in document.items(node, repeated=True):  # as in ROS, sections of one name add up
         nodes = f"{namespace}/{key.strip('/')}"
         is_parameters = key == _PARAMETERS and bool(namespace)
@@ -422,13 +422,13 @@ def _sections(document: _Document, node: yaml.MappingNode, namespace: str) -> It
                 where = namespace if is_parameters else nodes
                 raise SettingsError(message("section_without_parameters", place=place, name=where))
             if is_parameters:
-                yield Section(namespace, place, {})
+                yield ParameterFileSection(namespace, place, {})
         elif is_parameters:
             is_general = namespace.endswith("*")
             entries = {
                 name: ParameterFileEntry(item, at, is_general) for name, at, item in _parameters(document, value, "")
             }
-            yield Section(namespace, place, entries)
+            yield ParameterFileSection(namespace, place, entries)
         else:
             yield from _sections(document, value, nodes)
 

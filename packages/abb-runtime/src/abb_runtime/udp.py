@@ -152,7 +152,7 @@ class UdpClient:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        self._address = (resolve(host), port)
+        self._address = (address_of_host(host), port)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
 
@@ -244,7 +244,7 @@ def network_cards() -> tuple[NetworkCard, ...]:
     return tuple(found)
 
 
-def resolve(host: str) -> str:
+def address_of_host(host: str) -> str:
     """The IPv4 address of ``host``.
 
     Raises:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from math import radians
@@ -31,7 +31,6 @@ from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingM
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.rws.transport import HttpTransport
 
 AROUND = 5
 """Lines of RAPID that are shown before and behind that of a program pointer."""
@@ -44,7 +43,7 @@ _CLOCK = re.compile(r"\d\d:\d\d:\d\d")
 
 
 @dataclass(frozen=True, slots=True)
-class Periods:
+class _Periods:
     """Time between two requests of a kind [s]; several robots or tasks share it in turn.
 
     Attributes:
@@ -64,10 +63,10 @@ class Periods:
     changes: float
 
 
-REAL = Periods(joints=0.5, pointers=1.0, tasks=2.0, panel=5.0, log=2.5, changes=10.0)
+REAL = _Periods(joints=0.5, pointers=1.0, tasks=2.0, panel=5.0, log=2.5, changes=10.0)
 """Five requests a second, of the twenty that a controller permits to all of its clients."""
 
-VIRTUAL = Periods(joints=0.033, pointers=0.1, tasks=0.25, panel=1.0, log=0.5, changes=1.0)
+VIRTUAL = _Periods(joints=0.033, pointers=0.1, tasks=0.25, panel=1.0, log=0.5, changes=1.0)
 
 
 class PointerReport(msgspec.Struct, frozen=True):
@@ -167,7 +166,7 @@ class ControllerMessage(msgspec.Struct, frozen=True, tag_field="type", tag="cont
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class ReaderUnit:
     """A mechanical unit that is a robot.
 
     Attributes:
@@ -335,7 +334,7 @@ class ControllerReader:
             return False
         return True
 
-    def _units(self) -> Iterator[Unit]:
+    def _units(self) -> Iterator[ReaderUnit]:
         sides = {side.unit: side.word for side in Side}
         for name in self._client.mechanical_units():
             unit = self._client.mechanical_unit(name)
@@ -346,12 +345,12 @@ class ControllerReader:
                 axes = CHAIN_AXES
             make = _ARMS.get(self.robot)
             arm = make() if make is not None and len(axes) == make().joint_count else None
-            yield Unit(sides.get(name, name), name, axes if arm is None else arm.axes, arm)
+            yield ReaderUnit(sides.get(name, name), name, axes if arm is None else arm.axes, arm)
 
     def _turn(self, kind: str, among: int) -> int:
         return next(self._turns[kind]) % among
 
-    def _read_joints(self, unit: Unit) -> None:
+    def _read_joints(self, unit: ReaderUnit) -> None:
         try:
             self._arms[unit.key] = _positions(self._client.axis_positions(unit.name), unit.axes)
         except YumiError:
@@ -465,39 +464,13 @@ def _line_of(event: RwsEvent) -> LogLine:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Login:
-    """Where a controller is, and who logs in.
-
-    Attributes:
-        address: host:port of Robot Web Services.
-        user: user name.
-        password: its password.
-        timeout: longest wait for one answer [s].
-    """
-
-    address: str
-    user: str
-    password: str = field(repr=False)
-    timeout: float
-
-    def connect(self, *, is_virtual: bool = False) -> RwsClient:
-        """A connected client; a virtual controller bears more than the twenty requests a second of a real one."""
-        clock = SystemClock()
-        where = HttpTransport(self.address, clock, request_interval=0.0) if is_virtual else self.address
-        client = RwsClient(where, user=self.user, password=self.password, timeout=self.timeout, clock=clock)
-        client.connect()
-        return client
-
-
-def open_reader(login: Login, client: RwsClient) -> ControllerReader:
+def open_reader(client: RwsClient) -> ControllerReader:
     """A reader of a controller, to be closed; ``client`` is connected to it, and belongs to the reader from now on."""
     try:
         reader = ControllerReader(client, SystemClock())
     except YumiError:
         client.close()
         raise
-    if not reader.is_virtual:
-        return reader
-    client.close()
-    return ControllerReader(login.connect(is_virtual=True), SystemClock())
+    if reader.is_virtual:  # it bears more than the twenty requests a second of a real one
+        client.lift_pace()
+    return reader

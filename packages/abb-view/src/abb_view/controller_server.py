@@ -20,11 +20,11 @@ from abb_view.page_server import OpenPage, PageServer, PageSettings, fault_for_p
 from abb_view.robot_model import controller_model
 
 
-class Seen(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag="seen"):
+class _Seen(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag="seen"):
     """The state that was sent is shown; the next one may come."""
 
 
-class Inject(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag="inject"):
+class _Inject(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag="inject"):
     """A fault for a virtual controller, with the options of ``virtual-irc5 fault``."""
 
     id: int
@@ -32,7 +32,7 @@ class Inject(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
     form: dict[str, str] = {}
 
 
-_decoder = msgspec.json.Decoder(Seen | Inject)
+_decoder = msgspec.json.Decoder(_Seen | _Inject)
 
 
 class ControllerServer(PageServer[OpenPage]):
@@ -106,7 +106,7 @@ class ControllerServer(PageServer[OpenPage]):
         except (msgspec.DecodeError, RecursionError):
             page.send({"type": "refused", "sentence": _words(message("no_driver_for_controller"))})
             return
-        if isinstance(request, Seen):
+        if isinstance(request, _Seen):
             page.seen()
             return
         task = asyncio.create_task(self._inject(page, request))
@@ -119,7 +119,7 @@ class ControllerServer(PageServer[OpenPage]):
         is_here = reader.is_virtual and is_loopback(reader.address.rpartition(":")[0])
         return tuple(Fault) if self._takes_faults and is_here and page.is_local else ()
 
-    async def _inject(self, page: OpenPage, request: Inject) -> None:
+    async def _inject(self, page: OpenPage, request: _Inject) -> None:
         try:
             address = self._view.reader.address
             if not page.is_local:

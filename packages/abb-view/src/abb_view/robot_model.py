@@ -15,7 +15,7 @@ from abb_protocols.robot.gripper_values import MAX_FORCE, TRAVEL
 from abb_protocols.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
 from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.urdf import MESHES, robot_description
-from abb_view.controller_reader import ControllerReader, Unit
+from abb_view.controller_reader import ControllerReader, ReaderUnit
 
 MESH_FOLDER = Path(__file__).with_name("meshes")
 """The meshes of a YuMi."""
@@ -58,8 +58,8 @@ def controller_model(reader: ControllerReader) -> dict[str, Any]:
         return model
     if reader.kind.is_drawn:
         camera = {"position": [1.75, -1.3, 1.0], "target": [0.15, 0.0, 0.38], "floor": 0.0}
-        return {**model, **chain_model(reader.units[:1]), "camera": camera, "tip": "tool0"}
-    return {**model, **chain_model([replace(unit, arm=None) for unit in reader.units])}
+        return {**model, **capsule_model(reader.units[:1]), "camera": camera, "tip": "tool0"}
+    return {**model, **capsule_model([replace(unit, arm=None) for unit in reader.units])}
 
 
 def _visual(visual: ET.Element, colors: dict[str | None, list[float]]) -> dict[str, Any]:
@@ -108,18 +108,18 @@ _COLOR = [0.86, 0.87, 0.88]
 _JOINT_COLOR = [0.45, 0.48, 0.52]
 _THICKEST, _THINNEST = 0.055, 0.028  # [m] radius of the first and the last link
 _SHORTEST = 1e-6  # [m]
-_FOOT = {
-    "shape": "cylinder",
-    "mesh": "",
-    "radius": [0.09],
-    "length": [0.02],
-    "xyz": [0.0, 0.0, 0.01],
-    "rpy": [0.0, 0.0, 0.0],
-    "color": _JOINT_COLOR,
-}
+_NOWHERE = [0.0, 0.0, 0.0]
 
 
-def chain_model(units: Sequence[Unit]) -> dict[str, Any]:
+def _shape(
+    kind: str, color: list[float], xyz: list[float] = _NOWHERE, rpy: list[float] = _NOWHERE, **sizes: float
+) -> dict[str, Any]:
+    """A shape of a link, at a place [m], [rad] of the link; sizes [m] are lists, as in a URDF."""
+    given = {name: [size] for name, size in sizes.items()}
+    return {"shape": kind, "mesh": "", **given, "xyz": xyz, "rpy": rpy, "color": color}
+
+
+def capsule_model(units: Sequence[ReaderUnit]) -> dict[str, Any]:
     """The part of the page's model that says how robots are drawn: capsules from axis to axis of a description.
 
     Args:
@@ -135,30 +135,30 @@ def chain_model(units: Sequence[Unit]) -> dict[str, Any]:
         }
     unit = units[0]
     names = [f"{unit.name}_{axis}" for axis in arm.axes]
-    links: dict[str, list[dict[str, Any]]] = {"base_link": [_FOOT], **{name: [] for name in names}, "tool0": []}
+    foot = _shape("cylinder", _JOINT_COLOR, [0.0, 0.0, 0.01], radius=0.09, length=0.02)
+    links: dict[str, list[dict[str, Any]]] = {"base_link": [foot], **{name: [] for name in names}, "tool0": []}
     joints = []
     for index, (name, after) in enumerate(zip([*names, "tool0"], [*names[1:], "tool0", ""], strict=True)):
         share = index / len(names)
         radius = _THICKEST + share * (_THINNEST - _THICKEST)
-        is_tool = name == "tool0"
+        is_tool, parent = name == "tool0", "base_link" if index == 0 else names[index - 1]
         axis = [0.0, 0.0, 0.0] if is_tool else [float(about == arm.turns_about[index]) for about in range(3)]
         joints.append(
             {
                 "name": name,
                 "type": "fixed" if is_tool else "revolute",
-                "parent": "base_link" if index == 0 else names[index - 1],
+                "parent": parent,
                 "child": name,
                 "axis": axis,
                 "mimic": None,
                 # tool0 has its z axis along the foot's x in the all-zero pose.
                 "xyz": arm.offsets[index].tolist(),
-                "rpy": [0.0, radians(90.0), 0.0] if is_tool else [0.0, 0.0, 0.0],
+                "rpy": [0.0, radians(90.0), 0.0] if is_tool else _NOWHERE,
             }
         )
-        parent = "base_link" if index == 0 else names[index - 1]
         links[parent] += _capsule(arm.offsets[index].tolist(), radius)
         if after:
-            links[name] += _hub(axis, radius)
+            links[name].append(_hub(axis, radius))
     x, y, z = arm.foot_to_world.position
     joints[0]["xyz"] = [a + b for a, b in zip((x, y, z), joints[0]["xyz"], strict=True)]
     assert np.allclose(matrix(arm.foot_to_world.orientation), np.eye(3)), "a foot that stands upright"
@@ -170,7 +170,7 @@ def chain_model(units: Sequence[Unit]) -> dict[str, Any]:
     }
 
 
-def _arm_model(unit: Unit, joints: list[str], tip: str) -> dict[str, Any]:
+def _arm_model(unit: ReaderUnit, joints: list[str], tip: str) -> dict[str, Any]:
     home = unit.arm.home if unit.arm is not None else [0.0] * len(unit.axes)
     return {"joints": joints, "axes": unit.axes, "fingers": [], "tip": tip, "tool0": tip, "poses": {"home": home}}
 
@@ -181,32 +181,15 @@ def _capsule(end: list[float], radius: float) -> list[dict[str, Any]]:
     length = hypot(x, y, z)
     if length < _SHORTEST:
         return []
-    rpy = [0.0, atan2(hypot(x, y), z), atan2(y, x)]
+    middle, rpy = [x / 2.0, y / 2.0, z / 2.0], [0.0, atan2(hypot(x, y), z), atan2(y, x)]
     return [
-        {
-            "shape": "cylinder",
-            "mesh": "",
-            "radius": [radius],
-            "length": [length],
-            "xyz": [x / 2.0, y / 2.0, z / 2.0],
-            "rpy": rpy,
-            "color": _COLOR,
-        },
-        {"shape": "sphere", "mesh": "", "radius": [radius], "xyz": end, "rpy": [0.0, 0.0, 0.0], "color": _COLOR},
+        _shape("cylinder", _COLOR, middle, rpy, radius=radius, length=length),
+        _shape("sphere", _COLOR, end, radius=radius),
     ]
 
 
-def _hub(axis: list[float], radius: float) -> list[dict[str, Any]]:
+def _hub(axis: list[float], radius: float) -> dict[str, Any]:
     """A short cylinder along a joint's axis, so that its turning is seen."""
     x, y, z = axis
-    return [
-        {
-            "shape": "cylinder",
-            "mesh": "",
-            "radius": [0.8 * radius],
-            "length": [2.5 * radius],
-            "xyz": [0.0, 0.0, 0.0],
-            "rpy": [0.0, atan2(hypot(x, y), z), atan2(y, x)],
-            "color": _JOINT_COLOR,
-        }
-    ]
+    rpy = [0.0, atan2(hypot(x, y), z), atan2(y, x)]
+    return _shape("cylinder", _JOINT_COLOR, rpy=rpy, radius=0.8 * radius, length=2.5 * radius)

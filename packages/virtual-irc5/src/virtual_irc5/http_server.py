@@ -117,7 +117,7 @@ class HttpServer:
 
     async def _serve(self) -> None:
         ending = asyncio.Event()
-        self._calls = HttpServerCalls()
+        self._calls = _HttpServerCalls()
         # Without aiohttp's application, whose routes, middlewares and signals cost time in each request.
         server = web.Server(self._answer, access_log=None, keepalive_timeout=_KEEP_ALIVE)
         runner = web.ServerRunner(server, shutdown_timeout=_GRACE)
@@ -153,12 +153,12 @@ class HttpServer:
             websocket = web.WebSocketResponse(protocols=(answer.protocol,), heartbeat=PING, compress=False)
             for name, value in answer.headers:
                 websocket.headers.add(name, value)
-            channel = SocketChannel(websocket, request, self._calls)
+            channel = _SocketChannel(websocket, request, self._calls)
             answer.attach(channel)  # before the client sees it open: it gets every event from then on
             await channel.serve()
             return websocket
         if answer is None:
-            cut_off(request.transport)
+            _cut_off(request.transport)
             return web.Response()
         connection = "Keep-Alive" if request.keep_alive else "close"  # said in both cases, as a controller does
         headers = (*answer.headers, ("Connection", connection))
@@ -167,7 +167,7 @@ class HttpServer:
     def _abort_all(self) -> None:
         server = self._runner.server
         for connection in server.connections if server is not None else ():
-            cut_off(connection.transport)
+            _cut_off(connection.transport)
 
 
 def _address(request: web.BaseRequest, end: str) -> str:
@@ -200,7 +200,7 @@ async def _body(request: web.BaseRequest, limit: int) -> bytes:
     raise web.HTTPRequestEntityTooLarge(limit, length, text=f"A body may have {limit} bytes here.")
 
 
-def cut_off(transport: asyncio.BaseTransport | None) -> None:
+def _cut_off(transport: asyncio.BaseTransport | None) -> None:
     """Break a connection with a reset; what is under way on it is lost."""
     if isinstance(transport, asyncio.Transport):
         end = transport.get_extra_info("socket")
@@ -209,7 +209,7 @@ def cut_off(transport: asyncio.BaseTransport | None) -> None:
         transport.abort()
 
 
-class HttpServerCalls:
+class _HttpServerCalls:
     """Calls from other threads to the event loop; so many as come together wake it once, since that takes longest."""
 
     def __init__(self) -> None:
@@ -230,10 +230,10 @@ class HttpServerCalls:
             self._waiting.popleft()()
 
 
-class SocketChannel:
+class _SocketChannel:
     """The server's end of a WebSocket; messages from before it is open wait until it is."""
 
-    def __init__(self, response: web.WebSocketResponse, request: web.BaseRequest, calls: HttpServerCalls) -> None:
+    def __init__(self, response: web.WebSocketResponse, request: web.BaseRequest, calls: _HttpServerCalls) -> None:
         self._calls = calls
         self._response = response
         self._request = request
@@ -248,7 +248,7 @@ class SocketChannel:
         self._submit(partial(self._outbox.put_nowait, None))
 
     def abort(self) -> None:
-        self._submit(partial(cut_off, self._request.transport))
+        self._submit(partial(_cut_off, self._request.transport))
 
     async def serve(self) -> None:
         """Open the WebSocket and send messages until it ends; messages of the client are ignored."""

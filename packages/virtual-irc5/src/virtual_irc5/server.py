@@ -14,26 +14,22 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
 
 from abb_protocols.errors import NoConnection
-from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import CYCLE, Side
 from abb_protocols.rws.values import GRANTS, EventType, Grant
 from abb_runtime.clock import SystemClock
 from abb_runtime.faults import FAULTS_PATH
 from abb_runtime.process.certificate import self_signed_context
 from abb_runtime.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
-from abb_runtime.udp import UdpClient, resolve
+from abb_runtime.udp import UdpClient
 from virtual_irc5.background import Background
-from virtual_irc5.controller.installed_system import System
+from virtual_irc5.fault_injection import FaultInjection
 from virtual_irc5.http_server import HttpServer
-from virtual_irc5.mechanics.egm_network import Outgoing
-from virtual_irc5.mechanics.egm_parameters import EgmParameters, read_egm_parameters
+from virtual_irc5.mechanics.egm_network import OutgoingDatagram
 from virtual_irc5.mechanics.path import PREFETCH
-from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
 from virtual_irc5.pace import Pace
 from virtual_irc5.program_sockets import ProgramNetwork
 from virtual_irc5.rapid.parser import LONGEST_MODULE
@@ -42,53 +38,9 @@ from virtual_irc5.rws.rws_call import CallFailure
 from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import SubscriptionChannel, Upgrade
 from virtual_irc5.rws.version_2 import ROBOTWARE_7, RwsService2
-from virtual_irc5.world import FaultInjection, World, WorldSettings
+from virtual_irc5.world import World, WorldSettings
 
 log = logging.getLogger(__name__)
-
-
-def world_settings(
-    *,
-    robot_name: str,
-    egm_host: str,
-    egm_ports: Mapping[Side, int],
-    objects: Mapping[Side, float | None],
-    grippers: Mapping[Side, GripperModules],
-    leaks: Mapping[Side, float | None],
-    are_calibrated: bool = False,
-    system: System | None = None,
-    dynamics: Path | None = None,
-) -> WorldSettings:
-    """A virtual robot whose clock shows the time of day.
-
-    Args:
-        robot_name: name of the controller's system.
-        egm_host: where the arms send their datagrams.
-        egm_ports: UDP port per arm.
-        objects: width of what lies between each arm's fingers [m]; None for nothing.
-        grippers: modules of each gripper.
-        leaks: of the object under each gripper's cups, 0 (tight) to 1 (open); None for no object.
-        are_calibrated: whether the grippers start calibrated.
-        system: programs and system parameters; ours when it is None.
-        dynamics: settings file with which the arms follow EGM; as delivered when it is None.
-
-    Raises:
-        SettingsError: the settings file is wrong.
-    """
-    workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
-    return WorldSettings(
-        robot_name=robot_name,
-        egm_host=resolve(egm_host),  # once, since looking a name up takes longer than a cycle
-        egm_ports=egm_ports,
-        workpieces=workpieces,
-        gripper_modules=grippers,
-        cup_objects={side: CupObject(leak) for side, leak in leaks.items() if leak is not None},
-        grippers_are_calibrated=are_calibrated,
-        start_time=time.time(),
-        system=system,
-        egm_parameters=EgmParameters() if dynamics is None else read_egm_parameters(dynamics),
-    )
-
 
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
@@ -219,7 +171,7 @@ class VirtualController:
             for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()
 
-    def _cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[Outgoing]:
+    def _cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[OutgoingDatagram]:
         """One cycle; a fault of this program stops RAPID, and the controller goes on."""
         try:
             departures = self.world.exchange(inboxes)

@@ -91,9 +91,7 @@ class SystemConfiguration:
         Raises:
             SettingsError: the text is not a cfg file, or an instance cannot be added.
         """
-        file = read_cfg(text)
-        loaded = SystemConfiguration()
-        loaded.become(self)
+        file, loaded = read_cfg(text), self.copy()
         for type_name in dict.fromkeys(type_name.upper() for type_name, _ in file.instances):
             if type_name in replacing:
                 loaded._instances.pop((file.domain.upper(), type_name), None)
@@ -152,6 +150,12 @@ class SystemConfiguration:
         self._instances = {key: dict(instances) for key, instances in other._instances.items()}
         self._headers = dict(other._headers)
         self.changes += 1
+
+    def copy(self) -> SystemConfiguration:
+        """A configuration with the same instances, which changes apart from this one."""
+        made = SystemConfiguration()
+        made.become(self)
+        return made
 
     @property
     def domains(self) -> tuple[str, ...]:
@@ -221,12 +225,7 @@ class SystemParameters:
         """The domain as a cfg file; raises KeyError."""
         if domain.upper() not in self._configuration.domains:
             raise KeyError(domain)
-        lines = [f"{domain.upper()}:CFG_1.0:6:1::", "#"]
-        for type_name in self._configuration.types(domain):
-            lines += ["", f"{type_name}:", ""]
-            for instance in self._configuration.instances(domain, type_name):
-                lines.append("      " + " ".join(f'-{key} "{value}"' for key, value in instance.attributes.items()))
-        return "\n".join(lines) + "\n"
+        return self._configuration.text(domain.upper())
 
     def _instance(self, path: str) -> tuple[tuple[str, str], Instance]:
         parts = path.strip("/").split("/")

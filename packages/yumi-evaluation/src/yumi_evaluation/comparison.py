@@ -17,8 +17,8 @@ import numpy as np
 from rich.table import Table
 
 from abb_protocols.catalogue import Message, clause
-from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT
-from virtual_irc5.mechanics.arm_motion import MODELS, unlimited
+from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, JointLimits
+from virtual_irc5.mechanics.arm_motion import MODELS
 from virtual_irc5.mechanics.egm_parameters import EgmParameters, write_egm_parameters
 from yumi_evaluation.identification import (
     Dynamics,
@@ -156,7 +156,7 @@ def dynamics_of(log: RobotLog, gain: float, bandwidth: float | None) -> tuple[st
     used = log.robot if log.robot in MODELS else YUMI
     model, count = MODELS[used], len(log.joints)
     if len(model.limits.velocity) != count:
-        model = replace(model, limits=unlimited(count))
+        model = replace(model, limits=JointLimits.unlimited(count))
     return used, Dynamics(gain, model, log.bandwidth if bandwidth is None else bandwidth)
 
 

@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from abb_protocols.catalogue import Message, clause, message
-from abb_protocols.robot.joints import Joints
-from virtual_irc5.mechanics.arm_motion import ArmModel, unlimited
+from abb_protocols.robot.joints import JointLimits, Joints
+from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from virtual_irc5.mechanics.servo import follow_references
 from yumi_evaluation.logs import Array, RobotLog
@@ -164,7 +164,7 @@ def _superposed(references: Array, speeds: Array | None, cycle: float, dynamics:
     model = dynamics.model
     if model.egm_acceleration is not None:
         return None
-    free = replace(model, limits=unlimited(1), supervises_load=False)
+    free = replace(model, limits=JointLimits.unlimited(1), supervises_load=False)
     lasts = min(len(references), int((_SETTLED / dynamics.gain + _SETTLED * dynamics.dead_time(cycle)) / cycle) + 1)
     to_step = _responses(free, dynamics.settings, cycle, lasts, False)
     changes = np.diff(references, axis=0, prepend=references[:1])

@@ -23,7 +23,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, YUMI_LIMITS, Joints, Side, joints
 from abb_runtime.parameters import ParameterFileEntry
-from abb_runtime.udp import is_loopback, resolve
+from abb_runtime.udp import address_of_host, is_loopback
 from yumi import __version__
 from yumi.api.connect import controllers_for
 from yumi.api.joint_positions import TimedPosition
@@ -286,7 +286,7 @@ def examine(settings: Settings) -> Examined:
         YumiError: the controller cannot be asked.
     """
     where = settings.robot
-    remote = resolve(where.address)
+    remote = address_of_host(where.address)
     listen, addresses = settings.egm.listen_for(remote), settings.egm.addresses(remote)
     with where.client() as client:
         findings = [*examine_controller(client, addresses), *examine_machine(remote, addresses)]

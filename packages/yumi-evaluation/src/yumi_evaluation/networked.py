@@ -35,7 +35,6 @@ from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.process.realtime import paused_collector
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from abb_runtime.rws.login import PASSWORD_VARIABLE
-from abb_runtime.rws.transport import HttpTransport
 from abb_runtime.udp import free_port
 from yumi.control.motion.robot_response import DELAY
 from yumi.control.motion.setpoint import largest_difference
@@ -569,8 +568,10 @@ def join_recorded(goals: Sequence[SentGoal], states: Sequence[HeardState], recor
 
 def state_machine_client(plan: NetworkedPlan, address: str) -> RwsClient:
     """A client without request pacing for a virtual controller, with it for a real one; not connected yet."""
-    transport = address if plan.robot else HttpTransport(address, request_interval=0.0)
-    return RwsClient(transport, user=plan.user, password=plan.password)
+    client = RwsClient(address, user=plan.user, password=plan.password)
+    if not plan.robot:
+        client.lift_pace()
+    return client
 
 
 def service_trips(node: EvaluationNode, count: int) -> tuple[float, ...]:

@@ -149,9 +149,10 @@ def test_mechanical_units_tell_which_is_part_of_which(controller: Irc5) -> None:
 
 
 def test_configuration_is_stock_and_ours_together(controller: Irc5) -> None:
-    assert [one.name for one in controller.cfg("sys", "mechanical_unit_group")] == ["rob_r", "rob_l"]
-    assert [one.name for one in controller.cfg("MOC", "EXT_MOTION_DATA")][:3] == ["default", "ROB_R", "ROB_R_RAW"]
-    assert controller.cfg("MOC", "NOTHING") == ()
+    instances = controller.configuration.instances
+    assert [one.name for one in instances("sys", "mechanical_unit_group")] == ["rob_r", "rob_l"]
+    assert [one.name for one in instances("MOC", "EXT_MOTION_DATA")][:3] == ["default", "ROB_R", "ROB_R_RAW"]
+    assert instances("MOC", "NOTHING") == ()
 
 
 def test_options_are_those_clients_look_for(controller: Irc5) -> None:

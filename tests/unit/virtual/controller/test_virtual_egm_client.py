@@ -19,10 +19,10 @@ from virtual_irc5.mechanics.egm_client import (
     EgmClientState,
     EgmOptions,
     EgmOutcome,
-    InvalidReference,
-    RobotWare,
+    EgmRobotWare,
+    InvalidEgmReference,
 )
-from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun, EgmStopMode, ExternalMotionData, same_band
+from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmRun, EgmStopMode, ExternalMotionData, same_egm_band
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)
@@ -138,12 +138,12 @@ def test_clocks_of_a_datagram_agree(bench):
     assert message.planned_time - message.measured_time == pytest.approx(0.016, abs=1e-6)
 
 
-@pytest.mark.parametrize(("robotware", "size"), [(RobotWare.RW_6_09, 381), (RobotWare.RW_6_10, 392)])
+@pytest.mark.parametrize(("robotware", "size"), [(EgmRobotWare.RW_6_09, 381), (EgmRobotWare.RW_6_10, 392)])
 def test_datagram_has_the_size_of_its_robotware(robotware, size):
     bench = Bench(EgmOptions(robotware)).prepare().run()
     bench.cycle()
     assert len(bench.raw[0]) == pytest.approx(size, abs=2)  # varints of the clock
-    assert (bench.sent[0].utilization is None) == (robotware is RobotWare.RW_6_09)
+    assert (bench.sent[0].utilization is None) == (robotware is EgmRobotWare.RW_6_09)
 
 
 def test_each_run_is_a_session_of_its_own(bench):
@@ -240,7 +240,7 @@ def test_reference_that_is_no_number_makes_the_controller_fail(bench, value):
 
 @pytest.mark.parametrize("value", [nan, inf])
 def test_reference_that_is_no_number_can_be_rejected(value):
-    bench = Bench(EgmOptions(invalid_reference=InvalidReference.REJECT)).prepare().run()
+    bench = Bench(EgmOptions(invalid_reference=InvalidEgmReference.REJECT)).prepare().run()
     bench.cycle(in_axes((value, *HOME[1:])))
     assert (bench.egm.outcome, bench.egm.ignored_datagrams) == (EgmOutcome.RUNNING, 1)
     assert bench.arm.egm.reference == HOME
@@ -272,7 +272,7 @@ def test_speed_that_leaves_the_range_switches_the_motors_off(bench):
 
 
 def test_utilization_tells_that_the_motion_is_slowed_down():
-    bench = Bench(EgmOptions(RobotWare.RW_6_10)).prepare(EgmActivation(lp_filter=0.0)).run()
+    bench = Bench(EgmOptions(EgmRobotWare.RW_6_10)).prepare(EgmActivation(lp_filter=0.0)).run()
     bench.converse(0.1, lambda _: bench.order(beside(0.2)))
     assert bench.sent[-1].utilization > 10.0
 
@@ -319,7 +319,7 @@ def test_convergence_waits_for_a_sensor(bench):
 
 
 def test_convergence_band_of_nothing_never_converges_while_moving(bench):
-    bench.egm.activate(EgmActivation(lp_filter=0.0, cond_min_max=same_band(0.0, 0.0)))
+    bench.egm.activate(EgmActivation(lp_filter=0.0, cond_min_max=same_egm_band(0.0, 0.0)))
     bench.run(cond_time=0.1).converse(0.5, lambda _: bench.order(beside(0.1)))
     assert bench.egm.outcome is EgmOutcome.RUNNING
 

@@ -14,7 +14,7 @@ from abb_runtime.faults import Fault, FaultDirection
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.egm_client import EgmClient
 from virtual_irc5.mechanics.egm_motion import EgmRun
-from virtual_irc5.mechanics.egm_network import EgmNetwork, Outgoing, field_borders
+from virtual_irc5.mechanics.egm_network import EgmNetwork, OutgoingDatagram, field_borders
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 
@@ -28,7 +28,7 @@ class Bench:
         self._clients = {side: _client(side) for side in Side}
         self._cycle = 0
 
-    def run(self, cycles: int) -> list[list[Outgoing]]:
+    def run(self, cycles: int) -> list[list[OutgoingDatagram]]:
         """What leaves in each of the next cycles."""
         return [self._run() for _ in range(cycles)]
 
@@ -36,7 +36,7 @@ class Bench:
         """The numbers of what goes to the port of an arm in each of the next cycles."""
         return [[_read(each.datagram).seqno for each in leaving if each.side is side] for leaving in self.run(cycles)]
 
-    def _run(self) -> list[Outgoing]:
+    def _run(self) -> list[OutgoingDatagram]:
         self._cycle += 1
         self.network.advance(CYCLE)
         arriving = self.network.arriving({LEFT: (b"%d" % self._cycle,)})
@@ -194,9 +194,9 @@ def test_fields_end_where_protocol_buffers_say(bench: Bench) -> None:
     assert field_borders(b"") == [0]
 
 
-def _left(cycles: Sequence[Sequence[Outgoing]]) -> list[bytes]:
+def _left(cycles: Sequence[Sequence[OutgoingDatagram]]) -> list[bytes]:
     return _of(LEFT, cycles)
 
 
-def _of(side: Side, cycles: Sequence[Sequence[Outgoing]]) -> list[bytes]:
+def _of(side: Side, cycles: Sequence[Sequence[OutgoingDatagram]]) -> list[bytes]:
     return [each.datagram for leaving in cycles for each in leaving if each.side is side]

@@ -89,7 +89,8 @@ EIO_CROSS:
 
 def test_cross_connected_signal_follows_its_actors() -> None:
     changes: list[tuple[str, float]] = []
-    signals = Signals.configured(SystemConfiguration([CROSSED]), lambda name, old, new: changes.append((name, new)))
+    signals = Signals((), lambda name, old, new: changes.append((name, new)))
+    signals.configure(SystemConfiguration([CROSSED]))
     assert [signals.get(name).value for name in ("go", "stop", "echo")] == [0, 1, 1]
     changes.clear()
     signals.set("door", 1)
@@ -103,14 +104,16 @@ def test_cross_connected_signal_follows_its_actors() -> None:
 
 def test_cross_connection_in_a_circle_ends() -> None:
     circle = CROSSED + '      -Name "c4" -Res "bypass" -Act1 "go" -Act1_invert\n'
-    signals = Signals.configured(SystemConfiguration([circle]), lambda name, old, new: None)
+    signals = Signals((), lambda name, old, new: None)
+    signals.configure(SystemConfiguration([circle]))
     signals.set("door", 1)
     assert signals.get("door").value == 1
 
 
 def test_cross_connection_of_an_unknown_signal_is_rejected_and_logged() -> None:
     configuration = SystemConfiguration([CROSSED.replace('"door" -Oper1', '"nosuch" -Oper1')])
-    signals = Signals.configured(configuration, lambda *_: None)
+    signals = Signals((), lambda *_: None)
+    signals.configure(configuration)
     signals.set("part", 1)
     assert signals.get("go").value == 0
     assert signals.rejected == ["The cross connection of go names nosuch, which is no signal."]

@@ -18,7 +18,7 @@ from virtual_irc5.controller_log import Refused
 from virtual_irc5.mechanics.egm_motion import EgmRun
 from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.states import Execution
-from virtual_irc5.rws.rapid import get_task
+from virtual_irc5.rws.rapid import _get_task
 from virtual_irc5.rws.rws_call import RwsCall
 from virtual_irc5.world import World, WorldSettings
 
@@ -579,7 +579,7 @@ def test_only_tasks_without_one_in_their_foreground_are_in_it_over_rws(tmp_path:
     tasks = TASKS.replace('-Name "SERVER"', '-Name "SERVER" -TaskInForeground "T_ROB_L"')
     controller = controller_world(tmp_path, "", tasks).controller
     calls = [RwsCall("GET", ("rw", "rapid", "tasks", name), names={"task": name}) for name in ("SERVER", "T_ROB_L")]
-    shown = [dict(get_task(controller, call).states[0].fields)["task_in_forgnd"] for call in calls]
+    shown = [dict(_get_task(controller, call).states[0].fields)["task_in_forgnd"] for call in calls]
     assert shown == ["False", "True"]
 
 

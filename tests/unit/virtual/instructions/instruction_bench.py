@@ -12,10 +12,11 @@ from abb_protocols.robot.joints import CYCLE, Joints, Side
 from virtual_irc5.controller.signals import ControllerSignal, Signals
 from virtual_irc5.controller.tasks import TaskHost
 from virtual_irc5.controller_log import ControllerEventLog
+from virtual_irc5.instructions.multimove import SyncPoints
 from virtual_irc5.instructions.robot_library import robot_library
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.egm_client import EgmClient
-from virtual_irc5.mechanics.units import YUMI_UNITS, ArmUnit, SyncPoints
+from virtual_irc5.mechanics.units import YUMI_UNITS, ArmUnit
 from virtual_irc5.mechanics.virtual_gripper import VirtualGripper, Workpiece
 from virtual_irc5.rapid.states import Execution
 from virtual_irc5.rapid.task import Task

@@ -4,7 +4,7 @@ import pytest
 from instruction_bench import InstructionBench
 
 from abb_protocols.robot.joints import Side
-from virtual_irc5.mechanics.units import SyncPoints
+from virtual_irc5.instructions.multimove import SyncPoints
 
 MEET = "WaitSyncTask\\InPos,meeting,both\\TimeOut:=1; flag:=TRUE;"
 

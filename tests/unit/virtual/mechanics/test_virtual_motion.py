@@ -8,9 +8,9 @@ from math import exp, pi, radians
 
 import pytest
 
-from abb_protocols.robot.joints import ZERO, Joints, Side
+from abb_protocols.robot.joints import ZERO, JointLimits, Joints, Side
 from virtual_irc5.mechanics.arm import VirtualArm
-from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel, unlimited
+from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmMotion, EgmMotionParameters, EgmRun, ExternalMotionData
 from virtual_irc5.mechanics.servo import follow_references
 
@@ -128,7 +128,7 @@ def discrete_ramp(settings: EgmMotionParameters, taken: Sequence[float], delay: 
 
 @pytest.mark.parametrize(("count", "cycle"), [(6, 0.004), (7, 0.004032), (1, 0.004032)])
 def test_arm_follows_references_as_the_controllers_own_cycles_do(count: int, cycle: float) -> None:
-    model = ArmModel(unlimited(count), delay=4.0 * cycle, lag=0.0, reference_delay=2.0 * cycle)
+    model = ArmModel(JointLimits.unlimited(count), delay=4.0 * cycle, lag=0.0, reference_delay=2.0 * cycle)
     settings = EgmMotionParameters(gain=5.0, bandwidth=100.0, max_speed=FAST)
     ramp = [0.001 * number for number in range(300)]
     answer = follow_references([(value,) * count for value in ramp], (0.0,) * count, model, settings, cycle=cycle)
@@ -139,7 +139,7 @@ def test_arm_follows_references_as_the_controllers_own_cycles_do(count: int, cyc
 
 @pytest.mark.parametrize("delay", [0.0, 0.010, 0.050])
 def test_dead_time_inside_the_loop_leaves_the_lag_of_a_ramp_at_one_over_the_gain(delay: float) -> None:
-    model = ArmModel(unlimited(1), delay=delay, lag=0.0, reference_delay=0.0)
+    model = ArmModel(JointLimits.unlimited(1), delay=delay, lag=0.0, reference_delay=0.0)
     ramp = [(0.2 * number * CYCLE,) for number in range(1000)]
     settings = EgmMotionParameters(gain=5.0, bandwidth=20.0, max_speed=FAST)
     last = follow_references(ramp, (0.0,), model, settings)[-1].measured[0]

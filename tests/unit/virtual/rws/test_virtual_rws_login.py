@@ -30,7 +30,7 @@ def is_genuine(credentials: http.Credentials, target: str = "/rw", method: str =
 
 
 def test_challenge_is_the_one_a_controller_sends() -> None:
-    assert http.Challenge(NONCE).header() == CAPTURED
+    assert http.digest_challenge(NONCE) == CAPTURED
 
 
 @pytest.mark.parametrize(

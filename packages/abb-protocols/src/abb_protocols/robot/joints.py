@@ -255,6 +255,12 @@ class JointLimits:
     acceleration: Joints
     jerk: Joints
 
+    @classmethod
+    def unlimited(cls, count: int) -> JointLimits:
+        """Those of so many joints of which none are known."""
+        most = (inf,) * count
+        return cls((-inf,) * count, most, most, most, most)
+
     def slowed_to(self, speed: float) -> JointLimits:
         """The same joints none faster than ``speed`` [rad/s], as EGM's MaxSpeedDeviation limits them."""
         return replace(self, velocity=joints([min(top, speed) for top in self.velocity]))

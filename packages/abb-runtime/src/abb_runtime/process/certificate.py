@@ -43,25 +43,30 @@ def self_signed_context(host: str) -> ssl.SSLContext:
     return _loaded(_made("Virtual controller", (host,)), is_new=True).context
 
 
-def installation_certificate(hosts: Collection[str], folder: Path | None = None) -> Certificate:
+def installation_certificate(hosts: Collection[str], product: str, folder: Path | None = None) -> Certificate:
     """The certificate of this installation: a browser that has accepted it need not be asked again.
 
     It is made for ``hosts`` where there is none or it ends soon, in a file that only its user can read. A host that is
     new, such as another address of this machine, makes no other one: a browser asks about an address that the
     certificate does not name as it asks about any certificate that signs itself, and the other devices are not asked.
 
+    Args:
+        hosts: names and addresses of this machine.
+        product: the package that serves with it, in whose name it is made.
+        folder: of the file; that of the user's state without one.
+
     Raises:
         MissingPrerequisite: the package ``cryptography`` is not installed.
         SettingsError: the file cannot be read or written.
     """
-    _check_package("yumi-ros2")
+    _check_package(product)
     state = folder or Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "yumi"
     file = state / _FILE
     try:
         kept = file.read_bytes() if file.is_file() else b""
         is_new = not kept or _ends_soon(kept)
         if is_new:
-            kept = _made("yumi view", hosts)
+            kept = _made(product, hosts)
             state.mkdir(parents=True, exist_ok=True, mode=0o700)
             trial = file.with_suffix(f".{os.getpid()}")
             with open(trial, "wb", opener=lambda path, flags: os.open(path, flags | os.O_EXCL, 0o600)) as written:

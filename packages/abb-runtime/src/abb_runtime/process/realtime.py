@@ -1,4 +1,4 @@
-"""Real-time settings of a process: priority, memory that stays, no collector, short turns of threads."""
+"""Real-time settings: priority, memory that stays, no collector, short turns of threads, processors kept awake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A program that runs once for a user on a machine; a second one learns which process does."""
+"""A program that runs once for a user on a machine, by a lock; a second one learns which process does."""
 
 from __future__ import annotations
 

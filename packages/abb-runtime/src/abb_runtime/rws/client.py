@@ -50,8 +50,8 @@ from abb_protocols.rws.operations.users import LOGOUT, UsersService
 from abb_protocols.rws.request import BUSY, RwsRequest
 from abb_protocols.rws.values import PROTOCOL, Priority, Resource, RwsCode
 from abb_runtime.clock import Clock, SystemClock
-from abb_runtime.rws.session import RwsSession, Transport
-from abb_runtime.rws.transport import HttpTransport
+from abb_runtime.rws.session import RwsSession
+from abb_runtime.rws.transport import HttpTransport, Transport
 from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 
 log = logging.getLogger(__name__)
@@ -311,9 +311,11 @@ class RwsClient(
             ControllerRefused, LoginRefused: the first subscription is refused; later ones are tried again.
         """
         received: Queue[Change | Interruption] = Queue()
-        subscription: Subscription | None = self.subscribe(
-            resources, received.put, lambda reason: received.put(Interruption(reason))
-        )
+
+        def subscribed() -> Subscription:
+            return self.subscribe(resources, received.put, lambda reason: received.put(Interruption(reason)))
+
+        subscription: Subscription | None = subscribed()
         try:
             while True:
                 item = received.get()
@@ -325,9 +327,7 @@ class RwsClient(
                 subscription = None
                 while subscription is None:
                     try:
-                        subscription = self.subscribe(
-                            resources, received.put, lambda reason: received.put(Interruption(reason))
-                        )
+                        subscription = subscribed()
                     except (NoConnection, LoginRefused, ControllerRefused, ProtocolError) as error:
                         log.debug("not subscribed again yet: %s", error)
                         self._clock.wait(retry)

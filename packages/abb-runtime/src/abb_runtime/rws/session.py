@@ -21,7 +21,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
 from threading import Condition, Lock
-from typing import Protocol, TypeVar
 
 import httpx
 
@@ -30,7 +29,7 @@ from abb_protocols.errors import LoginRefused, NoConnection, ProtocolError
 from abb_protocols.rws.request import BUSY, RwsRequest
 from abb_protocols.rws.values import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 from abb_runtime.clock import Clock
-from abb_runtime.rws.transport import INTERVAL, ConnectionLost, ExchangeDeadline
+from abb_runtime.rws.transport import INTERVAL, ConnectionLost, ExchangeDeadline, Transport
 from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 
 BURST = 15
@@ -51,8 +50,6 @@ _REALM = re.compile(r'realm="([^"]*)"')
 _COOKIE = re.compile(rf"({SESSION_COOKIE}|{CONNECTION_COOKIE})=([!-:<-~]{{1,256}})\s*(?:;|$)")
 
 log = logging.getLogger(__name__)
-
-T = TypeVar("T")
 
 
 class RateLimit:
@@ -84,26 +81,6 @@ class RateLimit:
             now = self._clock.now()
             self._rested_at = max(self._rested_at, now) + self._interval
             return self._rested_at - now - BURST * self._interval
-
-
-class Transport(Protocol):
-    """Carries two exchanges at a time; :class:`abb_runtime.rws.transport.HttpTransport` is one."""
-
-    @property
-    def address(self) -> str: ...
-
-    @property
-    def request_interval(self) -> float:
-        """Shortest mean time between two requests [s]; 0 is no limit."""
-
-    def handle_request(self, request: httpx.Request) -> httpx.Response:
-        """The complete response; raises ConnectionLost, NoConnection or ProtocolError."""
-
-    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> OpenWebSocket:
-        """A WebSocket on a connection of its own, within ``timeout`` [s]."""
-
-    def close(self) -> None:
-        """Close the connections, and end the exchanges under way."""
 
 
 class RwsSession:

@@ -1,4 +1,4 @@
-"""HTTP to one controller; every exchange has one deadline for all that it does.
+"""The transport to one controller: HTTP, in which every exchange has one deadline for all that it does.
 
 The timeouts of HTTP libraries are for each read, so that a peer which sends a byte now and then is waited for
 endlessly. Here each operation on the socket gets what is left until the :class:`ExchangeDeadline` of the exchange. h11
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf
 from threading import Lock
+from typing import Protocol
 from urllib.parse import urlsplit
 
 import h11
@@ -22,7 +23,7 @@ import httpx
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import NoConnection, ProtocolError, SettingsError
 from abb_runtime.clock import Clock, SystemClock
-from abb_runtime.rws.web_socket import NO_DESCRIPTOR, Listener, WebSocket
+from abb_runtime.rws.web_socket import NO_DESCRIPTOR, Listener, OpenWebSocket, WebSocket
 
 INTERVAL = 0.051
 """Mean time between two requests [s]; a controller wants fewer than twenty a second (reference/rws.md §1.1)."""
@@ -60,6 +61,26 @@ class ExchangeDeadline:
         return min(self.end, last + self.stall)
 
 
+class Transport(Protocol):
+    """Carries two exchanges at a time; :class:`HttpTransport` is one."""
+
+    @property
+    def address(self) -> str: ...
+
+    @property
+    def request_interval(self) -> float:
+        """Shortest mean time between two requests [s]; 0 is no limit."""
+
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        """The complete response; raises ConnectionLost, NoConnection or ProtocolError."""
+
+    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> OpenWebSocket:
+        """A WebSocket on a connection of its own, within ``timeout`` [s]."""
+
+    def close(self) -> None:
+        """Close the connections, and end the exchanges under way."""
+
+
 class HttpTransport(httpx.BaseTransport):
     """Keep-alive connections to ``address``, which is a host name or IP address, with ``:port`` if not 80.
 
@@ -70,15 +91,15 @@ class HttpTransport(httpx.BaseTransport):
     Args:
         address: of the controller.
         clock: what deadlines are counted by.
-        request_interval: shortest mean time between two requests [s]; 0 is no limit.
 
     Raises:
         SettingsError: the address is not one.
     """
 
-    def __init__(self, address: str, clock: Clock | None = None, request_interval: float = INTERVAL) -> None:
+    request_interval = INTERVAL
+
+    def __init__(self, address: str, clock: Clock | None = None) -> None:
         self.address = address
-        self.request_interval = request_interval
         check_address(address)
         self._clock = clock or SystemClock()
         self._hosts: list[str] = []

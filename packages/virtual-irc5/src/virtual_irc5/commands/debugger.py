@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmd
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import IO, Any
 
 import click
@@ -424,18 +425,23 @@ class Debugger(cmd.Cmd):
             self._print(block, name)
 
     def _print(self, block: str, name: str) -> None:
-        try:
+        with self._known(block, name):
             self._say(f"{name} = {self._client.symbol(self._task, block, name)}")
+
+    @contextmanager
+    def _known(self, block: str, name: str) -> Iterator[None]:
+        """Say in our words that the controller has no such datum."""
+        try:
+            yield
         except ControllerRefused as error:
             if error.code not in _NO_SYMBOL:
                 raise
-            raise self._unknown(block, name) from error
-
-    def _unknown(self, block: str, name: str) -> CommandRefused:
-        module, routine, _ = next(self._frames(), ("", "", 0))
-        if module.lower() == block.lower():
-            return CommandRefused(message("no_datum_in_routine", name=name, module=module, routine=routine))
-        return CommandRefused(message("no_datum", name=name, block=block))
+            module, routine, _ = next(self._frames(), ("", "", 0))
+            raise CommandRefused(
+                message("no_datum_in_routine", name=name, module=module, routine=routine)
+                if module.lower() == block.lower()
+                else message("no_datum", name=name, block=block)
+            ) from error
 
     def _data(self, module: str) -> list[str]:
         form = (("view", "block"), ("blockurl", f"RAPID/{self._task}/{module}"), ("symtyp", "var,per,con"))
@@ -449,12 +455,8 @@ class Debugger(cmd.Cmd):
         if not literal:
             raise CommandRefused(message("datum_and_value_expected"))
         block, name = self._find(target)
-        try:
+        with self._known(block, name):
             found = self._client.symbol_properties(self._task, block, name)
-        except ControllerRefused as error:
-            if error.code not in _NO_SYMBOL:
-                raise
-            raise self._unknown(block, name) from error
         if found.is_read_only:
             raise CommandRefused(
                 message("loop_variable_not_set" if found.kind is SymbolKind.FOR else "constant_not_set", name=name)

@@ -61,7 +61,7 @@ def main() -> None:
 @robot_option(default="127.0.0.1")
 @user_option(DEFAULT_USER)
 @password_options
-def debug(task: str, yes: bool, once: bool, robot: str, user: str, password: str | None) -> None:
+def _debug(task: str, yes: bool, once: bool, robot: str, user: str, password: str | None) -> None:
     """Step through the RAPID of a task on a controller.
 
     Commands are typed, or come from standard input; help explains them. All tasks that are selected on the task panel

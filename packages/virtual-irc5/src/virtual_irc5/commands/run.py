@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import click
@@ -27,6 +28,7 @@ from abb_runtime.options import (
 from abb_runtime.process.command_process import CONTROLLER_READY
 from abb_runtime.rws.client import DEFAULT_PASSWORD
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
+from abb_runtime.udp import address_of_host
 
 _WIDTH = OptionNumber("width", 0.0, 2.0 * TRAVEL, is_open=True)
 _LEAK = OptionNumber("leak", 0.0, 1.0, is_open=False)
@@ -166,23 +168,29 @@ def controller(
         read_backup,
         with_programs,
     )
-    from virtual_irc5.server import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
+    from virtual_irc5.mechanics.egm_parameters import EgmParameters, read_egm_parameters  # noqa: PLC0415
+    from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece  # noqa: PLC0415
+    from virtual_irc5.server import VirtualController  # noqa: PLC0415 - a quick --help
+    from virtual_irc5.world import WorldSettings  # noqa: PLC0415
 
     if once and not start:
         raise click.UsageError("--once is for --start: give both.")
     kind = ROBOTS[model]
     delivered = factory_system(kind) if factory else delivered_system(kind)
     begin = read_backup(system, kind) if system else delivered
-    settings = world_settings(
+    widths = {Side.LEFT: left_object, Side.RIGHT: right_object}
+    leaks = {Side.LEFT: left_leak, Side.RIGHT: right_leak}
+    settings = WorldSettings(
         robot_name=robot_name or f"Virtual_{kind.system_name}",
-        egm_host=egm_host,
+        egm_host=address_of_host(egm_host),  # once, since looking a name up takes longer than a cycle
         egm_ports={Side.LEFT: left_egm_port, Side.RIGHT: right_egm_port},
-        objects={Side.LEFT: left_object, Side.RIGHT: right_object},
-        grippers={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},
-        leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
-        are_calibrated=calibrated,
+        workpieces={side: Workpiece(width) for side, width in widths.items() if width is not None},
+        gripper_modules={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},
+        cup_objects={side: CupObject(leak) for side, leak in leaks.items() if leak is not None},
+        grippers_are_calibrated=calibrated,
+        start_time=time.time(),
         system=with_programs(begin, _programs(programs), cfg),
-        dynamics=dynamics,
+        egm_parameters=EgmParameters() if dynamics is None else read_egm_parameters(dynamics),
     )
     chosen = password or DEFAULT_PASSWORD
     virtual = VirtualController(
@@ -195,17 +203,13 @@ def controller(
         speed=real_time_factor,
         is_started=start,
         runs_once=once,
-        show=_show if show else None,
+        show=(lambda task, line: click.echo(f"[{task}] {line}")) if show else None,
         rapid_sockets=rapid_sockets,
         is_robotware_7=robotware == "7",
     )
     scheme = "https" if robotware == "7" else "http"
     is_over = end_flag(until_stdin_closes)
     virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}{scheme}://{listen}:{port}"))
-
-
-def _show(task: str, line: str) -> None:
-    click.echo(f"[{task}] {line}")
 
 
 def _programs(given: tuple[str, ...]) -> dict[str, list[Path]]:

@@ -29,7 +29,7 @@ def decoded_file_text(content: bytes) -> str:
         return content.decode(ENCODING)
 
 
-def encoded(text: str) -> bytes:
+def _encoded(text: str) -> bytes:
     """A file with the text: Latin-1 where it has the characters, UTF-8 otherwise."""
     try:
         return text.encode(ENCODING)
@@ -56,6 +56,11 @@ class File:
         """The last part of the path."""
         return self.path.rpartition("/")[2]
 
+    @property
+    def size(self) -> int:
+        """Of its content [bytes]."""
+        return len(self.content or b"")
+
 
 class FileStore(MutableMapping[str, str]):
     """Files, found in any letter case; as a mapping it shows their texts.
@@ -71,7 +76,7 @@ class FileStore(MutableMapping[str, str]):
         for device in DEVICES:
             self._put(f"{device}:", None)
         for path, given in files.items():
-            self.write(path, given if isinstance(given, bytes) else encoded(given))
+            self.write(path, given if isinstance(given, bytes) else _encoded(given))
 
     def __getitem__(self, path: str) -> str:
         content = self._files[_key(path)].content
@@ -80,7 +85,7 @@ class FileStore(MutableMapping[str, str]):
         return decoded_file_text(content)
 
     def __setitem__(self, path: str, text: str) -> None:
-        self.write(path, encoded(text))
+        self.write(path, _encoded(text))
 
     def __delitem__(self, path: str) -> None:
         del self._files[_key(path)]
@@ -94,7 +99,7 @@ class FileStore(MutableMapping[str, str]):
     @property
     def used(self) -> int:
         """Of the capacity [bytes]."""
-        return sum(map(size_of, self._files.values()))
+        return sum(file.size for file in self._files.values())
 
     def get_file(self, path: str) -> File:
         """A file or directory.
@@ -129,7 +134,7 @@ class FileStore(MutableMapping[str, str]):
         if known is None:
             self._check_space(len(content))
         else:
-            self._check_space(len(content) - size_of(known), files=0)
+            self._check_space(len(content) - known.size, files=0)
         self.make_directory(clean_path(path).rpartition("/")[0])
         self._put(path, content)
         return known is None
@@ -170,7 +175,7 @@ class FileStore(MutableMapping[str, str]):
         """
         source, target = clean_path(self.get_file(path).path), clean_path(to)
         inside = [file for key, file in self._files.items() if f"{key}/".startswith(f"{_key(source)}/")]
-        self._check_space(sum(map(size_of, inside)), len(inside))
+        self._check_space(sum(file.size for file in inside), len(inside))
         for file in inside:
             moved = f"{target}{clean_path(file.path)[len(source) :]}"
             self._files[_key(moved)] = replace(file, path=moved, changed=self._now())
@@ -190,10 +195,6 @@ class FileStore(MutableMapping[str, str]):
         if content is None and self._files.get(_key(path)) is None:
             self._check_space(0)
         self._files[_key(path)] = File(clean_path(path), content, self._now())
-
-
-def size_of(file: File) -> int:
-    return len(file.content or b"")
 
 
 def clean_path(path: str) -> str:

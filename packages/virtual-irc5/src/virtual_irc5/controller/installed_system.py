@@ -22,7 +22,7 @@ from abb_protocols.robot.joints import Side
 from abb_protocols.robot.yumi_arms import irb14050, yumi_arm
 from virtual_irc5.controller.file_store import DEVICES, decoded_file_text
 from virtual_irc5.controller.task_settings import TaskSettings, task_settings
-from virtual_irc5.mechanics.units import YUMI_UNITS, MechanicalUnit, mechanical_unit, seven_axes
+from virtual_irc5.mechanics.units import YUMI_UNITS, MechanicalUnit, mechanical_unit, seven_axis_units
 from virtual_irc5.system_parameters import SystemConfiguration
 
 ROBOTWARE_6 = "6.13.00.00"
@@ -125,7 +125,7 @@ ROBOTS: Mapping[str, InstalledRobot] = {
             "IRB 14050-0.5/0.5",
             "IRB_14050",
             {Side.RIGHT: irb14050},
-            seven_axes("ROB_1", Side.RIGHT, "T_ROB1"),
+            seven_axis_units("ROB_1", Side.RIGHT, "T_ROB1"),
             (*_OPTIONS, "Leadthrough", "Drive System IRB 14050", "Hall Sensor Calibration", "IRB 14050-0.5/0.5"),
             _STOCK / "stock_irb14050",
         ),

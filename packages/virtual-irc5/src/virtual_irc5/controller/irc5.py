@@ -21,16 +21,18 @@ from virtual_irc5.controller.signals import DRIVE_SIGNALS, Signals
 from virtual_irc5.controller.task_settings import TaskSettings, event_routines, task_settings
 from virtual_irc5.controller.tasks import InstalledTask, RapidExecution, TaskHost
 from virtual_irc5.controller_log import ControllerEventLog, RefusalReason, Refused
+from virtual_irc5.instructions.multimove import SyncPoints
 from virtual_irc5.instructions.robot_data import JointTarget, jointtarget
 from virtual_irc5.instructions.robot_library import robot_library
 from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.contacts import Contact
 from virtual_irc5.mechanics.egm_client import EgmOutcome
-from virtual_irc5.mechanics.units import ArmUnit, Contact, MechanicalUnit, MotionSystemState, SyncPoints
+from virtual_irc5.mechanics.units import ArmUnit, MechanicalUnit, UnitsState
 from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.program import Program
 from virtual_irc5.rapid.states import Execution, SystemEvent
 from virtual_irc5.rapid.task import MOST_RETRIES, Task
-from virtual_irc5.system_parameters import Instance, SystemConfiguration
+from virtual_irc5.system_parameters import SystemConfiguration
 
 log = logging.getLogger(__name__)
 
@@ -124,7 +126,7 @@ class Irc5:
         self.started_at = self.energy_reset_at = start_time
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
-        self.motion = MotionSystemState()
+        self.motion = UnitsState()
         self._discards_programs = False
         self._programs: dict[str, tuple[Program, int]] = {}
         self._program_names: dict[str, str] = {}
@@ -132,14 +134,12 @@ class Irc5:
         self._restart_time = RESTART_TIME
         self.units: tuple[MechanicalUnit, ...] = system.robot.units
         self.events = ControllerEventLog(lambda: self.time)
-        self.signals = Signals.configured(configuration, self._signal_changed)
+        self.signals = Signals((), self._signal_changed)
+        self.signals.configure(configuration)
         self._report_rejected_signals()
         self._system = system
         self.configuration = configuration
-        self.effective = SystemConfiguration()
-        self.effective.become(configuration)
-        self.installed = SystemConfiguration()
-        self.installed.become(configuration)
+        self.effective, self.installed = configuration.copy(), configuration.copy()
         self._arms = {unit.side: unit for unit in arms}
         for unit in arms:
             unit.led = self.motion.lead_through
@@ -205,7 +205,7 @@ class Irc5:
     @property
     def screens(self) -> Mapping[str, tuple[str, ...]]:
         """The lines each task wrote to the FlexPendant, oldest first."""
-        return self.execution.screens
+        return {name: tuple(each.host.lines) for name, each in self.execution.installed.items()}
 
     def joint_target(self, unit: str) -> JointTarget:
         """Position of the arm that ``unit`` belongs to, as RAPID's jointtarget [deg].
@@ -240,10 +240,6 @@ class Irc5:
     def program_loaded(self, task: str) -> None:
         """Another program has been loaded into a task: its event routines of RESET run."""
         self.tasks[task].begin_event(SystemEvent.RESET)
-
-    def cfg(self, domain: str, type: str) -> tuple[Instance, ...]:
-        """The instances of a configuration type; none when there is no such type."""
-        return self.configuration.instances(domain, type)
 
     # What clients ask for
 
@@ -322,14 +318,6 @@ class Irc5:
             raise Refused(RefusalReason.NO_FILE, f"{path} is a directory.")
         self.execution.load_module(task, self.files[path], path, replace=replace)
 
-    def unload_module(self, task: str, name: str) -> None:
-        """Remove a module from ``task``.
-
-        Raises:
-            Refused: NOT_STOPPED or NO_MODULE.
-        """
-        self.execution.unload_module(task, name)
-
     def replace_program(self, files: Mapping[str, str]) -> None:
         """Load another program into the motion tasks, or that of the configuration when ``files`` is empty.
 
@@ -337,7 +325,8 @@ class Irc5:
         """
         self.execution.stop("Another program is loaded.")
         self.files.update(files)
-        configured = [module.attributes["File"] for module in self.cfg("SYS", "CAB_TASK_MODULES")]
+        listed = self.configuration.instances("SYS", "CAB_TASK_MODULES")
+        configured = [module.attributes["File"] for module in listed]
         kept = [] if any(map(is_user_module, files.values())) else [each for each in configured if each == USER_MODULE]
         paths = [*kept, *files] if files else configured
         self.execution.replace_program({path: self.files[path] for path in paths})
@@ -466,14 +455,10 @@ class Irc5:
             self.signals.drive(signal, float(holds()))
         for unit in self._arms.values():
             unit.observe()
-            if unit.zone_fault:
-                self.events.append(80001, "World zone", unit.zone_fault, EventType.ERROR)
-                self.execution.stop(unit.zone_fault)
-                unit.zone_fault = ""
-            if unit.observer_fault:
-                self.events.append(40228, "Execution error", unit.observer_fault, EventType.ERROR)
-                self.execution.stop(unit.observer_fault)
-                unit.observer_fault = ""
+            for code, title, sentence in unit.faults:
+                self.events.append(code, title, sentence, EventType.ERROR)
+                self.execution.stop(sentence)
+            unit.faults.clear()
             values = unit.gripper.signals()
             if values != self._gripper_signals.get(unit.side):  # in most cycles nothing has changed
                 self._gripper_signals[unit.side] = values

@@ -28,6 +28,11 @@ class Job:
     is_done: bool = False
     failure: str = ""
 
+    @property
+    def state(self) -> str:
+        """In the words of RWS."""
+        return "Pending" if not self.is_done else f"Error: {self.failure}" if self.failure else "Ready"
+
 
 class Jobs:
     """The jobs of a controller; it remembers the latest ones after their end."""

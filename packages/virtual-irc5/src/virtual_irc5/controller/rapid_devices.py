@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from abb_protocols.rws.values import EventType
-from virtual_irc5.controller.file_store import CAPACITY, File, FileStore, clean_path, size_of
+from virtual_irc5.controller.file_store import CAPACITY, File, FileStore, clean_path
 from virtual_irc5.controller.identity import Identity
 from virtual_irc5.controller.installed_system import InstalledRobot
 from virtual_irc5.controller.signals import Signals
@@ -49,14 +49,13 @@ class RapidDisk:
 
     def entry(self, path: str) -> DiskEntry:
         """The file or directory of that path."""
-        file = self._find(path)
-        return DiskEntry(file.name, file.content is None, size_of(file), file.changed)
+        return _entry(self._find(path))
 
     def entries(self, path: str) -> tuple[DiskEntry, ...]:
         """What is in a directory."""
         if self._find(path).content is not None:
             raise NotADirectoryError(f"{path} is a file.")
-        return tuple(DiskEntry(e.name, e.content is None, size_of(e), e.changed) for e in self._files.entries(path))
+        return tuple(map(_entry, self._files.entries(path)))
 
     def make_directory(self, path: str) -> None:
         """Create a directory in another one."""
@@ -100,6 +99,10 @@ class RapidDisk:
         except Refused:
             return
         raise FileExistsError(f"{path} exists already.")
+
+
+def _entry(file: File) -> DiskEntry:
+    return DiskEntry(file.name, file.content is None, file.size, file.changed)
 
 
 @contextmanager

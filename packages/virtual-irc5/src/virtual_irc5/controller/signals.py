@@ -113,13 +113,6 @@ class Signals:
         self.stopped: set[str] = set()
         self._defaults = {signal.name: signal.value for signal in self._signals.values()}
 
-    @classmethod
-    def configured(cls, configuration: SystemConfiguration, on_change: OnChange) -> Signals:
-        """The signals the configuration declares, at their default values."""
-        signals = cls((), on_change)
-        signals.configure(configuration)
-        return signals
-
     def configure(self, configuration: SystemConfiguration) -> None:
         """Become the signals the configuration declares, at their default values; those on a device keep theirs."""
         devices = [(kind, device) for kind in NETWORKS for device in configuration.instances("EIO", kind)]
@@ -148,7 +141,7 @@ class Signals:
         self._crosses, self.rejected = {}, []
         crosses = []
         for cross in (CrossConnection.of(each.attributes) for each in configuration.instances("EIO", "EIO_CROSS")):
-            unknown = [name for name in (cross.resultant, *sorted(cross.actors)) if not self.has(name)]
+            unknown = [name for name in (cross.resultant, *sorted(cross.actors)) if name not in self]
             if unknown:
                 self.rejected.append(
                     f"The cross connection of {cross.resultant} names {unknown[0]}, which is no signal."
@@ -248,10 +241,6 @@ class Signals:
         finally:
             self._depth -= 1
 
-    def has(self, name: str) -> bool:
-        """Whether there is a signal of that name."""
-        return name.lower() in self._signals
-
     def restore_defaults(self) -> None:
         """Give the signals that are on no device the value they start with."""
         for name, value in self._defaults.items():
@@ -259,7 +248,7 @@ class Signals:
                 self.drive(name, value)
 
 
-def path_of(signal: ControllerSignal) -> str:
+def signal_path(signal: ControllerSignal) -> str:
     """Network, device and name, as far as it has them."""
     return "/".join(part for part in (signal.network, signal.device, signal.name) if part)
 

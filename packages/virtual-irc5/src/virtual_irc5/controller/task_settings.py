@@ -9,7 +9,7 @@ from operator import itemgetter
 
 from abb_protocols.errors import SettingsError
 from virtual_irc5.rapid.states import SystemEvent
-from virtual_irc5.system_parameters import Instance, SystemConfiguration
+from virtual_irc5.system_parameters import SystemConfiguration
 
 
 class TaskType(Enum):
@@ -69,7 +69,7 @@ def task_settings(configuration: SystemConfiguration) -> tuple[TaskSettings, ...
         tasks.append(
             TaskSettings(
                 instance.name,
-                _task_type(instance),
+                _task_type(instance.name, given.get("type", TaskType.SEMISTATIC.name)),
                 is_motion_task,
                 group.attributes.get("Robot", "") if group else "",
                 given.get("entry") or "main",
@@ -80,13 +80,12 @@ def task_settings(configuration: SystemConfiguration) -> tuple[TaskSettings, ...
     return tuple(tasks)
 
 
-def _task_type(instance: Instance) -> TaskType:
-    given = {name.lower(): value for name, value in instance.attributes.items()}.get("type", "SEMISTATIC")
+def _task_type(task: str, given: str) -> TaskType:
     try:
         return TaskType[given.upper().replace("-", "").replace("_", "")]
     except KeyError:
         allowed = ", ".join(each.name for each in TaskType)
-        raise SettingsError(f"the task {instance.name} has the type {given!r}; there are {allowed}.") from None
+        raise SettingsError(f"the task {task} has the type {given!r}; there are {allowed}.") from None
 
 
 _TRUE = ("TRUE", "YES", "1", "")  # an attribute without a value is set

@@ -199,11 +199,6 @@ class RapidExecution:
         for each in tasks:
             each.task.program.shared = partial(self._shared, each.task)
 
-    @property
-    def screens(self) -> Mapping[str, tuple[str, ...]]:
-        """The lines each task wrote to the FlexPendant, oldest first."""
-        return {name: tuple(each.host.lines) for name, each in self.installed.items()}
-
     def _shared(self, task: Task, name: str) -> Variable | None:
         """The persistent of a name that another task has; all tasks share its value.
 
@@ -407,10 +402,7 @@ class RapidExecution:
         Raises:
             Refused: NOT_STOPPED, or NO_PROGRAM_POINTER when a module that was loaded meanwhile does not fit.
         """
-        if self.is_running:
-            raise Refused(
-                RefusalReason.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first."
-            )
+        self._check_pointers_may_move()
         tasks = [each.task for each in self._selected]
         for task in tasks:  # all or none
             try:
@@ -431,10 +423,7 @@ class RapidExecution:
         Raises:
             Refused: NOT_STOPPED, or NO_PROGRAM_POINTER when there is no such procedure or the program does not fit.
         """
-        if self.is_running:
-            raise Refused(
-                RefusalReason.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first."
-            )
+        self._check_pointers_may_move()
         try:
             self.tasks[task].move_pp_to_routine(routine, module)
         except (RapidReferenceError, UnknownSymbol, RobotNotReady) as error:
@@ -442,6 +431,12 @@ class RapidExecution:
         unit = self.installed[task].unit
         if unit is not None:
             unit.begin_program()
+
+    def _check_pointers_may_move(self) -> None:
+        if self.is_running:
+            raise Refused(
+                RefusalReason.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first."
+            )
 
     def load_module(self, task: str, text: str, path: str, *, replace: bool) -> None:
         """Load a module into ``task``.

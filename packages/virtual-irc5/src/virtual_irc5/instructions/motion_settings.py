@@ -13,7 +13,7 @@ from abb_protocols.robot.kinematics import compose, inverse
 from virtual_irc5.instructions.moves import FATAL, MOVES, MoveInstructions, check_may_move, standing
 from virtual_irc5.instructions.robot_data import NOT_PRESENT, chain_order, jointtarget, rapid_from_pose, unit_quaternion
 from virtual_irc5.mechanics.arm import STOPPED, VirtualArm
-from virtual_irc5.mechanics.path import Acceleration
+from virtual_irc5.mechanics.path import PathAcceleration
 from virtual_irc5.mechanics.path_geometry import CircleMode, LegFrames
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
@@ -113,7 +113,7 @@ class MotionSettingInstructions:
     def _accelerate(self, along: float) -> None:
         acceleration, ramp, _ = self._unit.settings.accelerations
         factor = max(acceleration / 100.0, _SMALLEST_FACTOR) * max(ramp / 100.0, _SMALLEST_FACTOR) ** 0.5
-        self._unit.arm.path.acceleration = Acceleration(min(factor, 1.0), along)
+        self._unit.arm.path.acceleration = PathAcceleration(min(factor, 1.0), along)
 
     @SETTINGS.instruction("VelSet", "num Override, num Max")
     def set_velocity(self, call: Call) -> None:

@@ -35,13 +35,13 @@ from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.path import Offset, Passage
 from virtual_irc5.mechanics.path_geometry import (
     STOP,
+    CornerZone,
     Leg,
     LegFrames,
+    LegSpeed,
     MotionFault,
     MotionRefused,
-    Piece,
-    Speed,
-    Zone,
+    PathPiece,
     circle,
     corner,
     joint_leg,
@@ -54,7 +54,7 @@ from virtual_irc5.rapid.builtins.information import OF_TASK
 from virtual_irc5.rapid.task import task_of_argument
 
 SpeedRatio = Callable[[], float]
-Build = Callable[[Joints, Zone], Leg]
+Build = Callable[[Joints, CornerZone], Leg]
 """Plans a leg from joint positions [rad], after a zone."""
 
 FATAL = "ERR_MOTION"
@@ -161,23 +161,23 @@ class MoveInstructions:
             Confdata(round(conf.cf1), round(conf.cf4), round(conf.cf6), round(conf.cfx)),
         )
 
-    def speed(self, call: Call, speed: Any) -> Speed:
+    def speed(self, call: Call, speed: Any) -> LegSpeed:
         """The programmed speed with VelSet."""
         settings = self.unit.settings
         factor = settings.speed_percent / 100.0
         tool = min(call.get("V", speed.v_tcp) * factor, settings.most_speed) * 1e-3
-        return Speed(
+        return LegSpeed(
             max(min(tool, self.arm.kinematics.tool_speed), _SLOWEST),
             max(radians(speed.v_ori) * factor, _SLOWEST),
             call.get("T", 0.0),
         )
 
-    def zone(self, call: Call) -> Zone:
+    def zone(self, call: Call) -> CornerZone:
         """How near the arm comes to the target; a search comes to a stop."""
         zone = call.get("Zone")
         if zone is None or zone.finep or call.get("Inpos") is not None:
             return STOP
-        return Zone(call.get("Z", zone.pzone_tcp) * 1e-3, radians(zone.zone_ori))
+        return CornerZone(call.get("Z", zone.pzone_tcp) * 1e-3, radians(zone.zone_ori))
 
     # Moves --------------------------------------------------------------------------------------------------------
 
@@ -202,7 +202,7 @@ class MoveInstructions:
         if offset and not call.present("NoEOffs") and target.extax[0] < NOT_PRESENT:
             target = target._replace(extax=target.extax._replace(eax_a=target.extax[0] + offset))
 
-        def build(start: Joints, entry: Zone) -> Leg:
+        def build(start: Joints, entry: CornerZone) -> Leg:
             end = chain_from_jointtarget(target, start, kinematics.limits)
             return joint_leg(kinematics, start, end, frames, speed, zone, entry)
 
@@ -223,13 +223,13 @@ class MoveInstructions:
         frames = self.frames(_predefined(call, "tool0"), None)
         fastest, time = call["Speed"].v_reax, call.get("T", 0.0)
 
-        def build(start: Joints, entry: Zone) -> Leg:
+        def build(start: Joints, entry: CornerZone) -> Leg:
             robax, _ = jointtarget(start)
             target = call["ToJointPos"]._replace(robax=call["ToJointPos"].robax._make(robax))
             end = chain_from_jointtarget(target, start, kinematics.limits)
             turn = max((abs(a - b) for a, b in zip(end, start, strict=True)), default=0.0)
             return joint_leg(
-                kinematics, start, end, frames, Speed(duration=time or turn / radians(fastest)), zone, entry
+                kinematics, start, end, frames, LegSpeed(duration=time or turn / radians(fastest)), zone, entry
             )
 
         return build
@@ -239,7 +239,7 @@ class MoveInstructions:
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
         is_checked = self.unit.settings.checks_joints
 
-        def build(start: Joints, entry: Zone) -> Leg:
+        def build(start: Joints, entry: CornerZone) -> Leg:
             end = posture(kinematics, target, frames, start, is_checked=is_checked)
             return joint_leg(kinematics, start, end, frames, speed, zone, entry)
 
@@ -250,7 +250,7 @@ class MoveInstructions:
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
         is_checked, passes = self.unit.settings.checks_lines, self.unit.settings.wrist_may_turn
 
-        def build(start: Joints, entry: Zone) -> Leg:
+        def build(start: Joints, entry: CornerZone) -> Leg:
             here = place_of(kinematics, start, frames)
             there = (target.point, target.rotation, _angle(target, here[2]))
             leg = tool_leg(kinematics, start, line(here, there), frames, speed, zone, entry, passes_wrist=passes)
@@ -265,7 +265,7 @@ class MoveInstructions:
         settings = self.unit.settings
         is_checked, mode, passes = settings.checks_lines, settings.circles, settings.wrist_may_turn
 
-        def build(start: Joints, entry: Zone) -> Leg:
+        def build(start: Joints, entry: CornerZone) -> Leg:
             here = place_of(kinematics, start, frames)
             there = (target.point, target.rotation, _angle(target, here[2]))
             place = circle(here, (via.point, via.rotation), there, mode)
@@ -487,7 +487,7 @@ _BUILDS: Mapping[str, Callable[[MoveInstructions, Call], Build]] = {
 }
 
 
-def _planned(arm: KinematicArm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, Piece | None]:
+def _planned(arm: KinematicArm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, PathPiece | None]:
     """A leg, with the corner from the one before where there is room for one."""
     leg = build(start, STOP if before is None else before.zone)
     has_corner = before is not None and before.out < len(before.shares) - 1 and leg.into > 0

@@ -2,14 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 
 from virtual_irc5.instructions.moves import standing
 from virtual_irc5.instructions.robot_data import ROBOT_DATA
-from virtual_irc5.mechanics.units import ArmUnit, SyncPoints
+from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 
 MULTIMOVE = Library(ROBOT_DATA)
+
+
+class SyncPoints:
+    """Points where RAPID tasks wait for one another: the n-th arrival of one task meets the n-th of each other."""
+
+    def __init__(self) -> None:
+        self._arrivals: Counter[tuple[str, str]] = Counter()
+
+    def arrive(self, point: str, task: str) -> int:
+        """Count an arrival of a task at a point; its number."""
+        self._arrivals[point, task] += 1
+        return self._arrivals[point, task]
+
+    def have_met(self, point: str, arrival: int, tasks: Iterable[str]) -> bool:
+        """Whether every task has come to the point at least ``arrival`` times."""
+        return all(self._arrivals[point, task] >= arrival for task in tasks)
+
+    def leave(self, point: str, task: str) -> None:
+        """Take an arrival back: the task waits no longer."""
+        self._arrivals[point, task] -= 1
 
 
 class MultiMoveInstructions:

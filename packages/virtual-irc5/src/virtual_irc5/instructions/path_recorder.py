@@ -12,14 +12,14 @@ import numpy as np
 
 from abb_protocols.robot.joints import Joints
 from virtual_irc5.instructions.moves import MOVES, MoveInstructions, standing
-from virtual_irc5.mechanics.path_geometry import Leg, Speed, Zone, followed, retraced_leg
+from virtual_irc5.mechanics.path_geometry import CornerZone, Leg, LegSpeed, followed, retraced_leg
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 
 MOST_RECORDED = 50_000  # positions: what is older is forgotten
 _RECORDED_STEP = radians(0.1)  # between two positions, of the axis that moves most
 _RECORDER = "path recorder"
 _OFFSET_SHARE = 0.1  # of the way: within it \ToolOffs is reached
-_RETRACING_SPEED = Speed(0.25, radians(90.0))  # without \Speed
+_RETRACING_SPEED = LegSpeed(0.25, radians(90.0))  # without \Speed
 
 
 @dataclass(eq=False, slots=True)
@@ -145,7 +145,7 @@ class PathRecorder:
         speed = self._motion.speed(call, call["Speed"]) if call.present("Speed") else _RETRACING_SPEED
         frames = self._motion.read_frames(call)
 
-        def build(start: Joints, entry: Zone) -> Leg:
+        def build(start: Joints, entry: CornerZone) -> Leg:
             joints = np.array(way if len(way) > 1 else way * 2)
             if any(offset):
                 # The way back comes beside the path by even parts, so that it begins where the arm stands.

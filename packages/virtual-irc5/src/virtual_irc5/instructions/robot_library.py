@@ -11,7 +11,7 @@ from virtual_irc5.instructions.measurements import MEASUREMENTS, MeasurementInst
 from virtual_irc5.instructions.mechanical_units import UNITS, UnitInstructions
 from virtual_irc5.instructions.motion_settings import SETTINGS, MotionSettingInstructions
 from virtual_irc5.instructions.moves import MOVES, MOVING, SYNCHRONIZED, MoveInstructions, SpeedRatio, refuse_motion
-from virtual_irc5.instructions.multimove import MULTIMOVE, MultiMoveInstructions
+from virtual_irc5.instructions.multimove import MULTIMOVE, MultiMoveInstructions, SyncPoints
 from virtual_irc5.instructions.path_corrections import CORRECTIONS, PathCorrections
 from virtual_irc5.instructions.path_recorder import RECORDER, PathRecorder
 from virtual_irc5.instructions.poses import POSES
@@ -19,7 +19,7 @@ from virtual_irc5.instructions.robot_data import ROBOT_DATA
 from virtual_irc5.instructions.smart_gripper import GRIPPER, GripperInstructions
 from virtual_irc5.instructions.triggers import TRIGGERS, TriggerInstructions
 from virtual_irc5.instructions.world_zones import ZONES, WorldZoneInstructions
-from virtual_irc5.mechanics.units import ArmUnit, MechanicalUnit, SyncPoints
+from virtual_irc5.mechanics.units import ArmUnit, MechanicalUnit
 from virtual_irc5.rapid import InstructionSet, Library
 from virtual_irc5.system_parameters import SystemConfiguration
 

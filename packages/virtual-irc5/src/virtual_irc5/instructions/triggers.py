@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 
 from virtual_irc5.instructions.moves import FATAL, FRAMES, MOVES, MoveInstructions
-from virtual_irc5.mechanics.path import Passage, Trigger
-from virtual_irc5.mechanics.units import Contact
+from virtual_irc5.mechanics.contacts import Contact
+from virtual_irc5.mechanics.path import Passage, PathTrigger
 from virtual_irc5.rapid import Call, Library, Wait
 from virtual_irc5.rapid.builtins.strings import RELATIONS
 from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, RapidSignalType, resolved
@@ -348,7 +348,7 @@ class TriggerInstructions:
                 action(call)
                 continue
             happens = partial(call.task.attempt, partial(action, call))
-            run.triggers.append(Trigger(passage, at, event.lead + event.time, happens))
+            run.triggers.append(PathTrigger(passage, at, event.lead + event.time, happens))
 
     def set_at_end(self, call: Call) -> Wait:
         """A signal is set at the end of a move, in the middle of a corner there."""

@@ -14,7 +14,15 @@ from abb_protocols.robot.joints import Joints, Vector, chain_from_abb
 from virtual_irc5.instructions.moves import FATAL
 from virtual_irc5.instructions.robot_data import ROBOT_DATA
 from virtual_irc5.mechanics.units import ArmUnit
-from virtual_irc5.mechanics.watched_zones import JointRange, Outside, Shape, Sphere, UprightCylinder, WorldZone, ZoneBox
+from virtual_irc5.mechanics.watched_zones import (
+    WorldZone,
+    ZoneBox,
+    ZoneCylinder,
+    ZoneJoints,
+    ZoneOutside,
+    ZoneShape,
+    ZoneSphere,
+)
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError
 
 _SMALLEST_ZONE_M = 0.01  # ABB's limit
@@ -25,7 +33,7 @@ _MOST_ZONES = 20
 class ShapeData:
     """A shapedata; None until it is defined."""
 
-    shape: Shape | None = None
+    shape: ZoneShape | None = None
 
 
 @dataclass(eq=False, slots=True)
@@ -60,26 +68,26 @@ class WorldZoneInstructions:
     @ZONES.instruction("WZSphDef", f"{_SHAPE}, pos CentrePoint, num Radius")
     def define_sphere(self, call: Call) -> None:
         self._check_size(call, call["Radius"] * 1e-3)
-        self._define(call, Sphere(_metres(call["CentrePoint"]), call["Radius"] * 1e-3))
+        self._define(call, ZoneSphere(_metres(call["CentrePoint"]), call["Radius"] * 1e-3))
 
     @ZONES.instruction("WZCylDef", f"{_SHAPE}, pos CentrePoint, num Radius, num Height")
     def define_cylinder(self, call: Call) -> None:
         radius, height = call["Radius"] * 1e-3, call["Height"] * 1e-3
         self._check_size(call, min(radius, abs(height)))
-        self._define(call, UprightCylinder(_metres(call["CentrePoint"]), radius, height))
+        self._define(call, ZoneCylinder(_metres(call["CentrePoint"]), radius, height))
 
     @ZONES.instruction("WZHomeJointDef", f"{_SHAPE}, jointtarget MiddleJointVal, jointtarget DeltaJointVal")
     def define_home(self, call: Call) -> None:
         """Joints beside a middle."""
         middle, delta = (self._joints(call[name]) for name in ("MiddleJointVal", "DeltaJointVal"))
         low, high = (tuple(m + sign * abs(d) for m, d in zip(middle, delta, strict=True)) for sign in (-1.0, 1.0))
-        self._define(call, JointRange(low, high))
+        self._define(call, ZoneJoints(low, high))
 
     @ZONES.instruction("WZLimJointDef", f"{_SHAPE}, jointtarget LowJointVal, jointtarget HighJointVal")
     def define_limits(self, call: Call) -> None:
         """Joints between two positions."""
         low, high = (self._joints(call[name]) for name in ("LowJointVal", "HighJointVal"))
-        self._define(call, JointRange(low, high))
+        self._define(call, ZoneJoints(low, high))
 
     @ZONES.instruction("WZLimSup", f"{_ZONE}, VAR shapedata Shape")
     def supervise(self, call: Call) -> None:
@@ -88,7 +96,8 @@ class WorldZoneInstructions:
 
         def changed(is_inside: bool) -> None:
             if is_inside:
-                unit.zone_fault = f"{unit.mechanical_unit} has come into the world zone {name}, which WZLimSup forbids."
+                sentence = f"{unit.mechanical_unit} has come into the world zone {name}, which WZLimSup forbids."
+                unit.faults.append((80001, "World zone", sentence))
 
         self._add(call, changed)
 
@@ -114,8 +123,8 @@ class WorldZoneInstructions:
         self._unit.zones.remove(self._zone(call))
         call["WorldZone"].zone = None
 
-    def _define(self, call: Call, shape: Shape) -> None:
-        call["Shape"].shape = Outside(shape) if call.present("Outside") else shape
+    def _define(self, call: Call, shape: ZoneShape) -> None:
+        call["Shape"].shape = ZoneOutside(shape) if call.present("Outside") else shape
 
     @staticmethod
     def _check_size(call: Call, smallest: float) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Protocol
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
@@ -59,20 +58,14 @@ class ArmModel:
         return self.delay + (self.filtering_delay if level > 0 else 0.0)
 
 
-def unlimited(count: int) -> JointLimits:
-    """The limits of so many joints of which none are known."""
-    most = (inf,) * count
-    return JointLimits((-inf,) * count, most, most, most, most)
-
-
-IRB_6640 = ArmModel(unlimited(6), reference_delay=0.00375, delay=0.010, lag=0.006, supervises_load=False)
+IRB_6640 = ArmModel(JointLimits.unlimited(6), reference_delay=0.00375, delay=0.010, lag=0.006, supervises_load=False)
 """How an IRB 6640 on an IRC5 follows, fitted to records of one: four starts and two turns under EGM at 250 Hz.
 
 The starts are met within 0.009° rms, the turns within 0.072° (docs/explanation/virtual-robot.md). Only the sum of delay
 and lag is in the records. Its limits are not: replace them by those of the arm.
 """
 
-ROBOTSTUDIO = ArmModel(unlimited(6), reference_delay=0.002, delay=0.0165, lag=0.006, supervises_load=False)
+ROBOTSTUDIO = ArmModel(JointLimits.unlimited(6), reference_delay=0.002, delay=0.0165, lag=0.006, supervises_load=False)
 """How ABB's virtual controller follows, fitted to a record of one run of an IRB 6640: start and end of it.
 
 The start is met within 0.002° rms, the end within 0.023°. Its cycle is 4 ms.
@@ -122,7 +115,7 @@ class Standstill:
     def advance(self, dt: float) -> None: ...
 
 
-class JerkLimitedMotion:
+class _JerkLimitedMotion:
     """A trajectory that is planned at its start."""
 
     def __init__(self, trajectory: Trajectory, target: Joints | None = None) -> None:
@@ -146,7 +139,7 @@ class JerkLimitedMotion:
         return MotionState(tuple(position), tuple(velocity), tuple(acceleration))
 
 
-def travel(start: MotionState, target: Joints, model: ArmModel, duration: float = 0.0) -> JerkLimitedMotion:
+def travel(start: MotionState, target: Joints, model: ArmModel, duration: float = 0.0) -> _JerkLimitedMotion:
     """A straight motion in joint space to ``target`` [rad], all joints arriving together.
 
     Args:
@@ -160,25 +153,25 @@ def travel(start: MotionState, target: Joints, model: ArmModel, duration: float 
     plan.max_velocity = model.limits.velocity
     plan.max_acceleration, plan.max_jerk = model.limits.acceleration, model.limits.jerk
     plan.synchronization = Synchronization.Phase
-    return JerkLimitedMotion(_trajectory(plan, duration), target)
+    return _JerkLimitedMotion(_trajectory(plan, duration), target)
 
 
-def stopping(start: MotionState, model: ArmModel, duration: float = 0.0) -> JerkLimitedMotion:
+def stopping(start: MotionState, model: ArmModel, duration: float = 0.0) -> _JerkLimitedMotion:
     """From the present speed to standstill, as fast as the drives allow or over ``duration`` [s]."""
     plan = _plan(start, model)
     plan.control_interface = ControlInterface.Velocity
     plan.max_acceleration, plan.max_jerk = model.limits.acceleration, model.limits.jerk
-    return JerkLimitedMotion(_trajectory(plan, duration))
+    return _JerkLimitedMotion(_trajectory(plan, duration))
 
 
-def braking(start: MotionState, model: ArmModel) -> JerkLimitedMotion:
+def braking(start: MotionState, model: ArmModel) -> _JerkLimitedMotion:
     """From the present speed to standstill by the brakes alone."""
     plan = _plan(replace(start, acceleration=MotionState.standing(start.position).acceleration), model)
     plan.control_interface = ControlInterface.Velocity
     count = len(start.position)
     plan.max_acceleration = [model.brake_deceleration] * count
     plan.max_jerk = [model.brake_deceleration / 1e-3] * count  # brakes bite within a millisecond
-    return JerkLimitedMotion(_trajectory(plan))
+    return _JerkLimitedMotion(_trajectory(plan))
 
 
 def _plan(start: MotionState, model: ArmModel) -> InputParameter:

@@ -1,4 +1,4 @@
-"""Contacts of the virtual robot's arms with each other and with the body.
+"""Contacts of the virtual robot's arms with each other and with the body, and the contact that ContactL seeks.
 
 The shapes that may touch are those of the URDF that the robot publishes, without padding, and MuJoCo places them by
 that URDF: nothing here is shared with the limiter that keeps the arms apart, so that a run without contact is the
@@ -8,6 +8,7 @@ limiter's doing. Links of one arm do not touch each other here.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from enum import Enum, auto
 from functools import cache
 from typing import Any
 
@@ -49,6 +50,13 @@ def _contact_model(*grippers: tuple[Side, GripperModules]) -> Any:
         for shape in shoulder.geoms:  # bolted to the body
             shape.contype, shape.conaffinity = _OF_SHOULDER[side], 0
     return spec.compile()
+
+
+class Contact(Enum):
+    """What ContactL waits for."""
+
+    SOUGHT = auto()
+    MADE = auto()
 
 
 class ContactDetector:

@@ -30,14 +30,14 @@ from virtual_irc5.mechanics.egm_motion import (
 from virtual_irc5.mechanics.path import Passage
 
 
-class RobotWare(Enum):
+class EgmRobotWare(Enum):
     """Whose datagrams the arm sends (reference/egm.md §1.4)."""
 
     RW_6_09 = auto()
     RW_6_10 = auto()
 
 
-class InvalidReference(Enum):
+class InvalidEgmReference(Enum):
     """Reaction to a reference that is not a finite number."""
 
     SYSTEM_FAILURE = auto()
@@ -59,13 +59,13 @@ class EgmOptions:
             is always undefined (reference/egm.md §3.3).
     """
 
-    robotware: RobotWare = RobotWare.RW_6_09
+    robotware: EgmRobotWare = EgmRobotWare.RW_6_09
     cycle_time: float = CYCLE
-    invalid_reference: InvalidReference = InvalidReference.SYSTEM_FAILURE
+    invalid_reference: InvalidEgmReference = InvalidEgmReference.SYSTEM_FAILURE
     sends_rapid_state: bool = True
 
 
-class EgmUse(Enum):
+class _EgmUse(Enum):
     """What the datagrams of a session are for."""
 
     STREAM = auto()
@@ -79,7 +79,7 @@ class EgmUse(Enum):
 
 
 @dataclass(slots=True)
-class EgmSession:
+class _EgmSession:
     """From the first datagram, number 0, to the last.
 
     Attributes:
@@ -96,7 +96,7 @@ class EgmSession:
         newest: the sensor's last datagram that no cycle has taken; None when there is none.
     """
 
-    use: EgmUse
+    use: _EgmUse
     cycles_per_datagram: int = 1
     cycle: int = -1
     seqno: int = 0
@@ -213,7 +213,7 @@ class EgmClient:
             lower=tuple(value - _LIMIT_ROUNDING for value in limits.lower),
             upper=tuple(value + _LIMIT_ROUNDING for value in limits.upper),
         )
-        self._session: EgmSession | None = None
+        self._session: _EgmSession | None = None
         self._comm_timeout = 1.0
         self._signals: Callable[[], PartialJoints] | None = None
         self._data = ExternalMotionData()
@@ -277,7 +277,7 @@ class EgmClient:
         self._arm.start_egm(EgmMotionParameters.of(self._data, self._activation, run))
         self._run = run
         self.outcome = EgmOutcome.RUNNING
-        self._begin(self._activation.sample_rate_ms, EgmUse.GUIDANCE)
+        self._begin(self._activation.sample_rate_ms, _EgmUse.GUIDANCE)
 
     def expect_path(self) -> None:
         """EGMMoveL, EGMMoveC: a leg that the sensor corrects will follow; without a session nothing is corrected yet.
@@ -308,7 +308,7 @@ class EgmClient:
         self.stream_stop()
         self._check_state(EgmClientState.CONNECTED)
         self.fault, self.outcome = "", EgmOutcome.RUNNING
-        self._begin(self._activation.sample_rate_ms, EgmUse.PATH_CORRECTION)
+        self._begin(self._activation.sample_rate_ms, _EgmUse.PATH_CORRECTION)
 
     def stop(self, mode: EgmStopMode = EgmStopMode.HOLD, ramp_out_time: float = 1.0) -> None:
         """EGMStop: end the run; with RAMP_DOWN the arm goes back to where it began, in ``ramp_out_time`` [s].
@@ -337,7 +337,7 @@ class EgmClient:
             RobotNotReady: there is no identity yet, or EGM runs.
         """
         self._check_state(EgmClientState.CONNECTED)
-        self._begin(sample_rate_ms, EgmUse.STREAM)
+        self._begin(sample_rate_ms, _EgmUse.STREAM)
 
     def stream_stop(self) -> None:
         """EGMStreamStop: end a position stream; a run goes on."""
@@ -382,12 +382,12 @@ class EgmClient:
     @property
     def is_streaming(self) -> bool:
         """Whether a position stream is going on."""
-        return self._uses(EgmUse.STREAM)
+        return self._uses(_EgmUse.STREAM)
 
     @property
     def is_correcting(self) -> bool:
         """Whether the sensor corrects the path of the program."""
-        return self._uses(EgmUse.PATH_CORRECTION)
+        return self._uses(_EgmUse.PATH_CORRECTION)
 
     @property
     def has_path(self) -> bool:
@@ -439,13 +439,13 @@ class EgmClient:
             self._accept_newest(session)
         return datagram
 
-    def _uses(self, use: EgmUse) -> bool:
+    def _uses(self, use: _EgmUse) -> bool:
         return self._session is not None and self._session.use is use and not self._session.is_over
 
-    def _run_session(self) -> EgmSession | None:
+    def _run_session(self) -> _EgmSession | None:
         """The session of which the sensor moves the arm."""
         session = self._session
-        return session if session is not None and session.use is not EgmUse.STREAM and not session.is_over else None
+        return session if session is not None and session.use is not _EgmUse.STREAM and not session.is_over else None
 
     def _check_state(self, needed: EgmClientState) -> None:
         if self.state is not needed:
@@ -454,11 +454,11 @@ class EgmClient:
                 f"it has to be {needed.name.lower()} for this."
             )
 
-    def _begin(self, sample_rate_ms: int, use: EgmUse) -> None:
-        self._session = EgmSession(
+    def _begin(self, sample_rate_ms: int, use: _EgmUse) -> None:
+        self._session = _EgmSession(
             use,
             cycles_per_datagram=max(1, sample_rate_ms // 4),
-            mci=MciState.STOPPED if use is EgmUse.STREAM else MciState.RUNNING,
+            mci=MciState.STOPPED if use is _EgmUse.STREAM else MciState.RUNNING,
         )
         self.state = EgmClientState.RUNNING
 
@@ -479,10 +479,10 @@ class EgmClient:
         self.outcome = outcome
         self.state = EgmClientState.CONNECTED
 
-    def _supervise(self, session: EgmSession) -> None:
+    def _supervise(self, session: _EgmSession) -> None:
         """End a run that ends without an instruction."""
-        egm, corrects = self._arm.egm, session.use is EgmUse.PATH_CORRECTION
-        if session.use is EgmUse.STREAM or session.is_over:
+        egm, corrects = self._arm.egm, session.use is _EgmUse.PATH_CORRECTION
+        if session.use is _EgmUse.STREAM or session.is_over:
             return
         if (egm is None and not corrects) or not self._arm.motors_on:
             self.fault = f"The {self._arm.kinematics.name} was stopped while EGM was running."
@@ -509,7 +509,7 @@ class EgmClient:
         else:
             self._check_convergence(session, egm.reference)
 
-    def _check_convergence(self, session: EgmSession, reference: Joints) -> None:
+    def _check_convergence(self, session: _EgmSession, reference: Joints) -> None:
         run, bands = self._run, self._activation.cond_min_max
         axes = zip(self._deviations(reference), bands, run.axes, strict=True)
         is_in_band = all(low <= deviation <= high for deviation, (low, high), is_selected in axes if is_selected)
@@ -520,19 +520,19 @@ class EgmClient:
         if counts and session.time_in_band >= run.cond_time:
             self._finish(EgmOutcome.CONVERGED, run.stop_mode, run.ramp_out_time)
 
-    def _accept_newest(self, session: EgmSession) -> None:
+    def _accept_newest(self, session: _EgmSession) -> None:
         datagram, session.newest = session.newest, None
         if datagram is None:
             return
         try:
-            if session.use is EgmUse.PATH_CORRECTION:
+            if session.use is _EgmUse.PATH_CORRECTION:
                 self._correct(session, self._codec.decode_correction(datagram).offset)
                 return
             message = self._codec.decode(datagram)
         except ProtocolError:
             self.ignored_datagrams += 1
             return
-        rejects = self._options.invalid_reference is InvalidReference.REJECT
+        rejects = self._options.invalid_reference is InvalidEgmReference.REJECT
         if rejects and not _is_finite(message.position, message.velocity):
             self.ignored_datagrams += 1
             return
@@ -542,21 +542,21 @@ class EgmClient:
         elif message.tool_position is not None:
             self._follow_pose(session, message.tool_position, message.tool_orientation)
 
-    def _correct(self, session: EgmSession, offset: Vector) -> None:
+    def _correct(self, session: _EgmSession, offset: Vector) -> None:
         """Let the path be corrected across its direction; what is along it is not used (reference/egm.md §2.5)."""
         if all(map(isfinite, offset)):
             session.note_sensor()
             self.offset = np.array((0.0, *offset[1:]))
-        elif self._options.invalid_reference is InvalidReference.REJECT:
+        elif self._options.invalid_reference is InvalidEgmReference.REJECT:
             self.ignored_datagrams += 1
         else:
             sentence = f"The {self._arm.kinematics.name} got a path correction that is not of finite numbers."
             self._shut_down(EgmOutcome.SYSTEM_FAILURE, sentence)
 
-    def _follow_pose(self, session: EgmSession, point: Vector, orientation: Quaternion | None) -> None:
+    def _follow_pose(self, session: _EgmSession, point: Vector, orientation: Quaternion | None) -> None:
         """Let the arm follow a pose of the tool in the sensor's frame; without an orientation it keeps its own."""
         egm, activation = self._arm.egm, self._activation
-        if egm is None or session.use is not EgmUse.GUIDANCE or activation.frame is None:
+        if egm is None or session.use is not _EgmUse.GUIDANCE or activation.frame is None:
             return
         if not all(map(isfinite, (*point, *(orientation or ())))):
             self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose that is not of finite numbers.")
@@ -591,10 +591,10 @@ class EgmClient:
         turn = matrix(self._goal.orientation).T @ matrix(own.orientation)
         return (*way, *rotation_vectors(turn[None])[0].tolist())
 
-    def _follow(self, session: EgmSession, position: PartialJoints | None, velocity: PartialJoints | None) -> None:
+    def _follow(self, session: _EgmSession, position: PartialJoints | None, velocity: PartialJoints | None) -> None:
         """Let the arm follow references [rad], [rad/s], unless they are out of bounds."""
         egm = self._arm.egm
-        if egm is None or session.use is not EgmUse.GUIDANCE:
+        if egm is None or session.use is not _EgmUse.GUIDANCE:
             return
         goal = None if position is None else _completed(position, egm.reference)
         speed = None if velocity is None else _completed(velocity, (0.0,) * len(egm.reference))
@@ -621,7 +621,7 @@ class EgmClient:
         self._arm.switch_motors_off()
         self._failure = EgmFailure(outcome, sentence)
 
-    def _datagram(self, session: EgmSession) -> bytes:
+    def _datagram(self, session: _EgmSession) -> bytes:
         """The next datagram of the session (reference/egm.md §3)."""
         arm, options = self._arm, self._options
         measured, planned = arm.position, arm.planned
@@ -644,7 +644,7 @@ class EgmClient:
             mci=session.mci,
             rapid=self.rapid if options.sends_rapid_state else RapidState.UNDEFINED,
             is_converged=session.is_in_band,
-            utilization=utilization if options.robotware is RobotWare.RW_6_10 else None,
+            utilization=utilization if options.robotware is EgmRobotWare.RW_6_10 else None,
         )
         return self._codec.encode(message)
 
@@ -656,8 +656,7 @@ class EgmClient:
 
 def _completed(values: PartialJoints, last: Joints) -> Joints:
     """Axes that the sensor leaves out keep their last value (reference/egm.md §10 item 18)."""
-    complete = tuple(old if new is None else new for new, old in zip(values, last, strict=True))
-    return complete
+    return tuple(old if new is None else new for new, old in zip(values, last, strict=True))
 
 
 def _is_finite(*parts: PartialJoints | None) -> bool:

@@ -1,4 +1,4 @@
-"""The motion of one arm under EGM.
+"""The motion of one arm under EGM, and the arguments of RAPID's EGM instructions that it follows from.
 
 EGM's controller makes the positions the arm plans from the sensor's references (reference/egm.md §6.1):
 ``speed = k·(pos_ref - pos) + speed_ref``, where ``pos`` is the position that the robot reports, late by the servo's
@@ -33,12 +33,12 @@ class EgmStopMode(Enum):
     RAMP_DOWN = 1
 
 
-def same_band(low: float, high: float) -> Bands:
+def same_egm_band(low: float, high: float) -> Bands:
     """One convergence band [rad] for all joints."""
     return ((low, high),) * JOINT_COUNT
 
 
-DEFAULT_BANDS = same_band(radians(-0.5), radians(0.5))
+DEFAULT_BANDS = same_egm_band(radians(-0.5), radians(0.5))
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +151,7 @@ class EgmMotion:
         model: how late references are used, and which speeds and accelerations cap them beside MaxSpeedDeviation.
 
     Attributes:
+        start: where EGM began [rad], (7,).
         reference: last position reference [rad], (7,).
         reference_velocity: speed last fed forward [rad/s], (7,).
         reported: where the robot reports to be [rad], (7,); the arm sets it before each step.
@@ -162,7 +163,7 @@ class EgmMotion:
     def __init__(self, position: Joints, settings: EgmMotionParameters, model: ArmModel) -> None:
         self._settings = settings
         self._model = model
-        self._start = position
+        self.start = position
         self._caps = tuple(min(settings.max_speed, most) for most in model.limits.velocity)
         self.state = MotionState.standing(position)
         self._filtered: tuple[float, ...] = self.state.velocity
@@ -172,11 +173,6 @@ class EgmMotion:
         self.reference_velocity = self.state.velocity
         self.reported = position
         self.utilization = 0.0
-
-    @property
-    def start(self) -> Joints:
-        """Where EGM began [rad], (7,)."""
-        return self._start
 
     def advance(self, dt: float) -> None:
         settings, before = self._settings, self.state
@@ -209,13 +205,12 @@ class EgmMotion:
                 speed = tuple([now + change / needed for now, change in zip(before.velocity, changes, strict=True)])
             self.utilization = max(self.utilization, needed)
         reach = settings.max_deviation
-        moved = tuple(
+        position = tuple(
             [
                 max(start - reach, min(start + reach, now + value * dt))
-                for start, now, value in zip(self._start, before.position, speed, strict=True)
+                for start, now, value in zip(self.start, before.position, speed, strict=True)
             ]
         )
-        position = moved
         velocity = _mean_rate(before.position, position, dt)  # less than asked for where the deviation is bounded
         self.state = MotionState(position, velocity, _mean_rate(before.velocity, velocity, dt))
 

@@ -39,7 +39,7 @@ _MS = 1e-3
 _TIME_TOLERANCE = 1e-6  # of times [s]
 
 
-class Outgoing(NamedTuple):
+class OutgoingDatagram(NamedTuple):
     """A datagram on its way to the driver.
 
     Attributes:
@@ -145,16 +145,16 @@ class EgmNetwork:
         """What of the driver's datagrams reaches the arms in this cycle."""
         return {side: self._deliver(FaultDirection.TO_ROBOT, side, inboxes.get(side, ())) for side in Side}
 
-    def leaving(self, datagrams: Mapping[Side, bytes]) -> list[Outgoing]:
+    def leaving(self, datagrams: Mapping[Side, bytes]) -> list[OutgoingDatagram]:
         """What goes to the driver in this cycle, in its order, when the arms send ``datagrams``."""
-        outgoing: list[Outgoing] = []
+        outgoing: list[OutgoingDatagram] = []
         for side in Side:
             fresh = self._made(side, datagrams[side]) if side in datagrams else ()
             to = side if self.amount(Fault.EGM_SWAP_ARMS, side) is None else side.other
             for datagram in self._deliver(FaultDirection.FROM_ROBOT, side, fresh):
                 if self.amount(Fault.EGM_FOREIGN_PORT, side) is not None:
-                    outgoing.append(Outgoing(to, datagram, is_foreign=True))
-                outgoing.append(Outgoing(to, datagram))
+                    outgoing.append(OutgoingDatagram(to, datagram, is_foreign=True))
+                outgoing.append(OutgoingDatagram(to, datagram))
         return outgoing
 
     def _made(self, side: Side, datagram: bytes) -> Iterable[bytes]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from abb_protocols.robot.joints import CYCLE, JointLimits, Joints
 from virtual_irc5.mechanics.arm_motion import MotionState
-from virtual_irc5.mechanics.path_geometry import Leg, Piece, Speed
+from virtual_irc5.mechanics.path_geometry import Leg, LegSpeed, PathPiece
 
 Array = NDArray[np.float64]
 SMOOTHING = 12  # cycles
@@ -57,14 +57,14 @@ class Passage:
     """
 
     leg: Leg
-    run: Run
+    run: PathRun
     begin: float
     end: float
     zone_begin: float = 0.0
     offset: Offset | None = None
 
 
-class Corrector(Protocol):
+class _Corrector(Protocol):
     """Moves the arm beside its path."""
 
     memory: Any
@@ -78,7 +78,7 @@ class Corrector(Protocol):
 
 
 @dataclass(slots=True)
-class Trigger:
+class PathTrigger:
     """What happens when the arm passes a place.
 
     Attributes:
@@ -101,7 +101,7 @@ class Trigger:
 
 
 @dataclass(slots=True)
-class Acceleration:
+class PathAcceleration:
     """What AccSet, PathAccLim and their like have set.
 
     Attributes:
@@ -130,7 +130,7 @@ NO_LIMIT = SpeedLimit()
 
 
 @dataclass(eq=False)
-class Run:
+class PathRun:
     """A part of the path between two stops: samples over the distance.
 
     Attributes:
@@ -148,7 +148,7 @@ class Run:
     """
 
     limits: JointLimits
-    acceleration: Acceleration
+    acceleration: PathAcceleration
     distance: Array
     joints: Array
     way: Array
@@ -161,7 +161,7 @@ class Run:
     rows: list[tuple[float, ...]] = field(default_factory=list)
     slopes: list[tuple[float, ...]] = field(default_factory=list)
     places: list[float] = field(default_factory=list)
-    triggers: list[Trigger] = field(default_factory=list)
+    triggers: list[PathTrigger] = field(default_factory=list)
 
     @property
     def length(self) -> float:
@@ -206,7 +206,7 @@ class Run:
 class StoredPath:
     """A path that is put aside, with where the arm stood on it."""
 
-    runs: tuple[Run, ...]
+    runs: tuple[PathRun, ...]
     passages: tuple[Passage, ...]
     shown: float
     position: Joints
@@ -239,16 +239,16 @@ class PathMotion:
         self.state = MotionState.standing(position)
         self.override = 1.0
         self.speed_limit = NO_LIMIT
-        self.acceleration = Acceleration()
+        self.acceleration = PathAcceleration()
         self.holds: set[str] = set()
         self.is_abandoned = False
         self.prefetch = PREFETCH
-        self.corrector: Corrector | None = None
+        self.corrector: _Corrector | None = None
         self.nominal = position
         self.reaction_time = 0.0
         self._passed: list[list[Any]] = []  # triggers whose place the plan has passed: time left [s], action
         self._limits = limits
-        self._runs: deque[Run] = deque()
+        self._runs: deque[PathRun] = deque()
         self._passages: deque[Passage] = deque()
         self._at = 0.0  # distance on the run that is passed now, before it is averaged
         self._speed = 0.0
@@ -301,7 +301,7 @@ class PathMotion:
             return False
         return run is not self._runs[0] or self._at < last.zone_begin - _SAME_DISTANCE
 
-    def append(self, leg: Leg, rounded: Piece | None = None) -> Passage:
+    def append(self, leg: Leg, rounded: PathPiece | None = None) -> Passage:
         """Add a leg at the end of the path, behind a stop or, with a corner, on the run.
 
         Args:
@@ -311,7 +311,7 @@ class PathMotion:
         if rounded is None:
             pieces, begin, zero = [leg.piece], 0.0, np.zeros(1)
             joints = leg.piece.joints
-            run = Run(self._limits, self.acceleration, np.zeros(1), joints[:1], zero, zero, zero, zero)
+            run = PathRun(self._limits, self.acceleration, np.zeros(1), joints[:1], zero, zero, zero, zero)
             if not np.any(self._steps(leg.piece) > _SAME_DISTANCE):  # nothing to do: passed at once
                 run.places = [0.0]
                 return Passage(leg, run, 0.0, 0.0)
@@ -335,7 +335,7 @@ class PathMotion:
         self._passages.append(passage)
         return passage
 
-    def _extend(self, run: Run, piece: Piece, speed: Speed) -> None:
+    def _extend(self, run: PathRun, piece: PathPiece, speed: LegSpeed) -> None:
         steps = self._steps(piece)
         keep = steps > _SAME_DISTANCE
         distances = float(run.distance[-1]) + np.cumsum(steps[keep])
@@ -356,7 +356,7 @@ class PathMotion:
         run.tool_speed = np.concatenate([run.tool_speed, tool])
         run.turn_speed = np.concatenate([run.turn_speed, turn])
 
-    def _forget_passed(self, run: Run) -> None:
+    def _forget_passed(self, run: PathRun) -> None:
         """Drop samples that lie behind the arm; distances stay."""
         passed = int(np.searchsorted(run.distance, self._shown)) - 3
         if passed > 0:
@@ -365,13 +365,13 @@ class PathMotion:
         self._index = self._shown_index = 0
 
     @staticmethod
-    def _steps(piece: Piece) -> Array:
+    def _steps(piece: PathPiece) -> Array:
         """Distances between the samples: the way of the tool, with its turns and those of the joints."""
         joints = np.max(np.abs(np.diff(piece.joints, axis=0)), 1)
         turn = _TURN_WEIGHT * np.diff(piece.turned)
         return np.asarray(np.sqrt(np.diff(piece.way) ** 2 + turn**2 + (_JOINT_WEIGHT * joints) ** 2))
 
-    def _length(self, piece: Piece) -> float:
+    def _length(self, piece: PathPiece) -> float:
         return float(np.sum(self._steps(piece)))
 
     def store(self) -> StoredPath:
@@ -532,7 +532,7 @@ class PathMotion:
         """Whether everything has happened at the places that the plan has passed."""
         return not self._passed
 
-    def _go(self, run: Run, dt: float) -> float:
+    def _go(self, run: PathRun, dt: float) -> float:
         """How far on the run the arm is after ``dt``, before that is averaged: a step of the speed law."""
         if self._back is not None:
             place, back = self._back
@@ -558,7 +558,7 @@ class PathMotion:
         return ahead
 
     @staticmethod
-    def _cap(run: Run, at: float, index: int) -> float:
+    def _cap(run: PathRun, at: float, index: int) -> float:
         """The speed that is possible at a distance, so that the arm can still slow down to that at the next sample."""
         places, possible = run.places, run.possible
         if at >= places[-1]:
@@ -570,7 +570,7 @@ class PathMotion:
             return min(here, sqrt(there * there + 2.0 * run.along[index] * left))
         return sqrt(there * there - (there * there - here * here) * left / (places[index + 1] - places[index]))
 
-    def _position(self, run: Run, at: float) -> Joints:
+    def _position(self, run: PathRun, at: float) -> Joints:
         """Between two samples: the cubic with their slopes."""
         places, index = run.places, self._shown_index
         while index < len(places) - 2 and places[index + 1] <= at:

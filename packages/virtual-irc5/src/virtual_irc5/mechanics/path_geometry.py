@@ -1,4 +1,4 @@
-"""The geometry of RAPID's moves: legs of a path, straight lines, circles and joint motions, and corners between them.
+"""The geometry of RAPID's moves: legs (lines, circles, motions of joints), their corners, and why one is refused.
 
 What one move instruction describes is a `Leg`: a straight line, a circle or a joint motion, and the corner to the next,
 sampled close enough that what lies between two samples follows from them; :mod:`virtual_irc5.mechanics.path` adds the
@@ -93,7 +93,7 @@ def _parts(pose: Pose) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, slots=True)
-class Speed:
+class LegSpeed:
     """How fast a leg is.
 
     Attributes:
@@ -108,7 +108,7 @@ class Speed:
 
 
 @dataclass(frozen=True, slots=True)
-class Zone:
+class CornerZone:
     """How near the tool comes to the end of a leg before it turns to the next one.
 
     Attributes:
@@ -124,11 +124,11 @@ class Zone:
         return self.radius <= 0.0
 
 
-STOP = Zone()
+STOP = CornerZone()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Piece:
+class PathPiece:
     """A part of the path; where another one follows, its first sample is this one's last.
 
     Attributes:
@@ -141,12 +141,12 @@ class Piece:
     joints: Array
     way: Array
     turned: Array
-    speed: Speed
+    speed: LegSpeed
 
-    def part(self, first: int, last: int) -> Piece:
+    def part(self, first: int, last: int) -> PathPiece:
         """The samples from ``first`` to ``last``, both in it."""
         part = slice(first, last + 1)
-        return Piece(
+        return PathPiece(
             self.joints[part], self.way[part] - self.way[first], self.turned[part] - self.turned[first], self.speed
         )
 
@@ -170,9 +170,9 @@ class Leg:
     """
 
     frames: LegFrames
-    zone: Zone
+    zone: CornerZone
     shares: Array
-    piece: Piece
+    piece: PathPiece
     place: Place | None
     into: int
     out: int
@@ -189,7 +189,13 @@ class Leg:
 
 
 def joint_leg(
-    arm: KinematicArm, start: Joints, end: Joints, frames: LegFrames, speed: Speed, zone: Zone, entry: Zone = STOP
+    arm: KinematicArm,
+    start: Joints,
+    end: Joints,
+    frames: LegFrames,
+    speed: LegSpeed,
+    zone: CornerZone,
+    entry: CornerZone = STOP,
 ) -> Leg:
     """All joints from start to end together: MoveAbsJ and MoveJ.
 
@@ -216,17 +222,16 @@ def joint_leg(
     joints = np.array(start) + shares[:, None] * along
     joints[-1] = end
     way, turned = _distances(arm, joints, frames)
-    piece = Piece(joints, way, turned, speed)
+    piece = PathPiece(joints, way, turned, speed)
     into, out = int(np.searchsorted(shares, begin)), int(np.searchsorted(shares, leave))
     return Leg(frames, zone, shares, piece, None, into, out)
 
 
-def retraced_leg(arm: KinematicArm, joints: Array, frames: LegFrames, speed: Speed) -> Leg:
+def retraced_leg(arm: KinematicArm, joints: Array, frames: LegFrames, speed: LegSpeed) -> Leg:
     """Through positions that the arm has been at [rad], (n, k), to a stop."""
     way, turned = _distances(arm, joints, frames)
-    return Leg(
-        frames, STOP, np.linspace(0.0, 1.0, len(joints)), Piece(joints, way, turned, speed), None, 0, len(joints) - 1
-    )
+    piece = PathPiece(joints, way, turned, speed)
+    return Leg(frames, STOP, np.linspace(0.0, 1.0, len(joints)), piece, None, 0, len(joints) - 1)
 
 
 def line(start: tuple[Array, Array, float], end: tuple[Array, Array, float]) -> Place:
@@ -323,9 +328,9 @@ def tool_leg(
     start: Joints,
     place: Place,
     frames: LegFrames,
-    speed: Speed,
-    zone: Zone,
-    entry: Zone = STOP,
+    speed: LegSpeed,
+    zone: CornerZone,
+    entry: CornerZone = STOP,
     *,
     passes_wrist: bool = False,
 ) -> Leg:
@@ -351,10 +356,10 @@ def tool_leg(
         raise MotionRefused(MotionFault.SINGULAR, sentence)
     way, turned = _cumulated(np.linalg.norm(np.diff(points, axis=0), axis=1)), _cumulated(_turns(rotations))
     into, out = int(np.searchsorted(shares, begin)), int(np.searchsorted(shares, leave))
-    return Leg(frames, zone, shares, Piece(joints, way, turned, speed), place, into, out)
+    return Leg(frames, zone, shares, PathPiece(joints, way, turned, speed), place, into, out)
 
 
-def corner(arm: KinematicArm, before: Leg, after: Leg) -> Piece:
+def corner(arm: KinematicArm, before: Leg, after: Leg) -> PathPiece:
     """From where the zone at the end of a leg begins to where it ends on the next leg: C1, inside the zone.
 
     Both legs are passed slower and slower towards the corner point, the second one backwards, and added: of two lines
@@ -380,7 +385,7 @@ def corner(arm: KinematicArm, before: Leg, after: Leg) -> Piece:
         check_limits(arm, joints)
         way, turned = _distances(arm, joints, after.frames)
     joints[0], joints[-1] = before.piece.joints[before.out], after.piece.joints[after.into]
-    return Piece(joints, way, turned, before.piece.speed)
+    return PathPiece(joints, way, turned, before.piece.speed)
 
 
 def followed(
@@ -431,7 +436,9 @@ def _shares(length: float, turn: float, joint_turn: float) -> Array:
     return np.linspace(0.0, 1.0, max(4, min(_MOST_SAMPLES, count)) + 1)
 
 
-def _corner_shares(shares: Array, way: Array, turned: Array, entry: Zone, zone: Zone) -> tuple[float, float]:
+def _corner_shares(
+    shares: Array, way: Array, turned: Array, entry: CornerZone, zone: CornerZone
+) -> tuple[float, float]:
     """Where the corner at the beginning ends, and where that at the end begins; each has half the leg at most."""
     by_way = float(way[-1]) > _NO_LENGTH
     measure = way if by_way else turned

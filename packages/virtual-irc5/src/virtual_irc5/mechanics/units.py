@@ -1,16 +1,13 @@
 """The controller's mechanical units, with what their programs set.
 
 The YuMi's units are those of reference/statemachine.md §9: each arm is one of six axes, and one of its own for the
-seventh. An `ArmUnit` is one arm with its EGM client and gripper, as its RAPID task sees it; tasks that wait for one
-another (WaitSyncTask) meet in `SyncPoints`.
+seventh. An `ArmUnit` is one arm with its EGM client and gripper, as its RAPID task sees it.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from enum import Enum, auto
 from typing import Any
 
 from abb_protocols.errors import RapidError
@@ -19,9 +16,10 @@ from abb_protocols.robot.kinematics import compose
 from abb_protocols.rws.operations.motion import MechanicalUnitState
 from abb_protocols.rws.values import Coordinates, JogMode
 from virtual_irc5.mechanics.arm import VirtualArm
+from virtual_irc5.mechanics.contacts import Contact
 from virtual_irc5.mechanics.dynamics import ArmDynamics
 from virtual_irc5.mechanics.egm_client import EgmClient
-from virtual_irc5.mechanics.path import NO_LIMIT, Acceleration, SpeedLimit, StoredPath
+from virtual_irc5.mechanics.path import NO_LIMIT, PathAcceleration, SpeedLimit, StoredPath
 from virtual_irc5.mechanics.path_geometry import CircleMode
 from virtual_irc5.mechanics.virtual_gripper import VirtualGripper
 from virtual_irc5.mechanics.watched_zones import WorldZone
@@ -64,7 +62,7 @@ def mechanical_unit(
     )
 
 
-def seven_axes(name: str, side: Side, task: str) -> tuple[MechanicalUnit, MechanicalUnit]:
+def seven_axis_units(name: str, side: Side, task: str) -> tuple[MechanicalUnit, MechanicalUnit]:
     """The two units of an arm with seven axes: six of one, and the seventh integrated in it."""
     seventh = f"{name}_7"
     return (
@@ -73,7 +71,7 @@ def seven_axes(name: str, side: Side, task: str) -> tuple[MechanicalUnit, Mechan
     )
 
 
-_SIX_AXES, _SEVENTH_AXES = zip(*(seven_axes(side.unit, side, side.task) for side in Side), strict=True)
+_SIX_AXES, _SEVENTH_AXES = zip(*(seven_axis_units(side.unit, side, side.task) for side in Side), strict=True)
 YUMI_UNITS: tuple[MechanicalUnit, ...] = (*_SIX_AXES, *_SEVENTH_AXES)
 
 
@@ -93,7 +91,7 @@ class UnitSupervision:
 
 
 @dataclass(slots=True)
-class MotionSystemState:
+class UnitsState:
     """What ``/rw/motionsystem`` shows and sets beside the mechanical units.
 
     Attributes:
@@ -113,28 +111,8 @@ class MotionSystemState:
     is_non_motion: bool = False
 
 
-class SyncPoints:
-    """Points where RAPID tasks wait for one another: the n-th arrival of one task meets the n-th of each other."""
-
-    def __init__(self) -> None:
-        self._arrivals: Counter[tuple[str, str]] = Counter()
-
-    def arrive(self, point: str, task: str) -> int:
-        """Count an arrival of a task at a point; its number."""
-        self._arrivals[point, task] += 1
-        return self._arrivals[point, task]
-
-    def have_met(self, point: str, arrival: int, tasks: Iterable[str]) -> bool:
-        """Whether every task has come to the point at least ``arrival`` times."""
-        return all(self._arrivals[point, task] >= arrival for task in tasks)
-
-    def leave(self, point: str, task: str) -> None:
-        """Take an arrival back: the task waits no longer."""
-        self._arrivals[point, task] -= 1
-
-
 @dataclass(slots=True)
-class MotionSettings:
+class _MotionSettings:
     """What a program sets for the motions that follow; each PP to main restores the defaults.
 
     Attributes:
@@ -182,13 +160,6 @@ class MotionSettings:
     speed_limit: SpeedLimit = NO_LIMIT
 
 
-class Contact(Enum):
-    """What ContactL waits for."""
-
-    SOUGHT = auto()
-    MADE = auto()
-
-
 @dataclass(slots=True)
 class ArmUnit:
     """What the instructions of one task act on.
@@ -203,13 +174,12 @@ class ArmUnit:
         tool, wobj: RAPID values of the last motion's tool and work object; None until there was one.
         settings: what the program has set for its motions.
         zones: the world zones that are watched.
-        zone_fault: why a world zone stops the arm; empty when none does.
         synchronized_tasks: whose moves begin together with its own (SyncMoveOn), its own among them.
         suspended_tasks: the same while synchronization is suspended (SyncMoveSuspend).
         stored_paths: what StorePath has put aside, until RestoPath.
         led: the mechanical units that are led by hand (SetLeadThrough), of all arms.
         observers: called in each cycle, such as those of test signals, by what they are for.
-        observer_fault: why an observer was removed, which stops RAPID; empty when none was.
+        faults: what stops RAPID, as a world zone or the removal of an observer: number and title of the event, and why.
         beginnings: called when the program begins at main, by what they are for.
         limits_speed: whether the system input LimitSpeed is set.
         contact: of ContactL, while it moves the arm; None otherwise.
@@ -225,15 +195,14 @@ class ArmUnit:
     egm_device: str = ""
     tool: Any = None
     wobj: Any = None
-    settings: MotionSettings = field(default_factory=MotionSettings)
+    settings: _MotionSettings = field(default_factory=_MotionSettings)
     zones: list[WorldZone] = field(default_factory=list)
-    zone_fault: str = ""
     synchronized_tasks: tuple[str, ...] = ()
     suspended_tasks: tuple[str, ...] = ()
     stored_paths: list[StoredPath] = field(default_factory=list)
     led: set[str] = field(default_factory=set)
     observers: dict[str, Callable[[], None]] = field(default_factory=dict)
-    observer_fault: str = ""
+    faults: list[tuple[int, str, str]] = field(default_factory=list)
     beginnings: dict[str, Callable[[], None]] = field(default_factory=dict)
     limits_speed: bool = False
     contact: Contact | None = None
@@ -245,7 +214,7 @@ class ArmUnit:
 
     def begin_program(self) -> None:
         """The program begins at main: its motion settings are the default ones, and what was planned is forgotten."""
-        self.settings = MotionSettings()
+        self.settings = _MotionSettings()
         self.zones.clear()
         self.synchronized_tasks = self.suspended_tasks = ()
         self.stored_paths.clear()
@@ -253,7 +222,7 @@ class ArmUnit:
             begin()
         path = self.arm.path
         path.holds.clear()
-        path.acceleration = Acceleration()
+        path.acceleration = PathAcceleration()
         self.arm.tune()
         self.limit_speed()
         if self.arm.is_stationary:
@@ -287,7 +256,7 @@ class ArmUnit:
                 observer()
             except RapidError as error:  # such as a signal that a restart has taken away; the cycle goes on
                 del self.observers[name]
-                self.observer_fault = f"The {name} are no longer followed: {error}"
+                self.faults.append((40228, "Execution error", f"The {name} are no longer followed: {error}"))
         if not self.zones:
             return
         planned = self.arm.planned

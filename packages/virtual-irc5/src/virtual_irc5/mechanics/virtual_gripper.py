@@ -63,7 +63,7 @@ class Workpiece:
         return max(0.0, GRAVITY - 2.0 * self.friction * force / self.mass)
 
 
-class Fingers:
+class _Fingers:
     """Position, speed and force of the fingers; the motor keeps both at the same distance from the middle.
 
     Attributes:
@@ -121,7 +121,7 @@ STALL_TIME = 0.5
 """How long a free move may push against an obstacle before it is an error [s]."""
 
 
-class Action:
+class _Action:
     """One thing the motor does.
 
     Attributes:
@@ -137,12 +137,12 @@ class Action:
         """The action is over, in a state."""
         self.state, self.is_over = state, True
 
-    def advance(self, fingers: Fingers, dt: float) -> float:
+    def advance(self, fingers: _Fingers, dt: float) -> float:
         """Let ``dt`` [s] pass; what is left of it when the action was over sooner."""
         raise NotImplementedError
 
 
-class FreeMove(Action):
+class _FreeMove(_Action):
     """Go to a position; an obstacle is an error."""
 
     def __init__(self, state: ServoState, target: float, speed: float) -> None:
@@ -150,7 +150,7 @@ class FreeMove(Action):
         self._target, self._speed = target, speed
         self._stalled = 0.0
 
-    def advance(self, fingers: Fingers, dt: float) -> float:
+    def advance(self, fingers: _Fingers, dt: float) -> float:
         left = fingers.drive(self._target, self._speed, MAX_FORCE, dt)
         if fingers.opening == self._target:
             self.end(ServoState.ACTION_COMPLETED)
@@ -161,7 +161,7 @@ class FreeMove(Action):
         return 0.0
 
 
-class Grip(Action):
+class _Grip(_Action):
     """Close in on something and hold it; to reach the end of the travel means that there was nothing."""
 
     def __init__(self, state: ServoState, target: float, speed: float, force: float) -> None:
@@ -169,7 +169,7 @@ class Grip(Action):
         self._gripping = state
         self._target, self._speed, self._force = target, speed, force
 
-    def advance(self, fingers: Fingers, dt: float) -> float:
+    def advance(self, fingers: _Fingers, dt: float) -> float:
         left = fingers.drive(self._target, self._speed, self._force, dt)
         if fingers.opening == self._target:
             self.end(ServoState.ACTION_COMPLETED)
@@ -179,7 +179,7 @@ class Grip(Action):
         return 0.0
 
 
-class Jog(Action):
+class _Jog(_Action):
     """Open or close, calibrated or not, until stopped or, if asked, until the fingers stand."""
 
     def __init__(self, *, opens: bool, ends_at_standstill: bool = False) -> None:
@@ -187,7 +187,7 @@ class Jog(Action):
         self._target = TRAVEL if opens else 0.0
         self._ends_at_standstill = ends_at_standstill
 
-    def advance(self, fingers: Fingers, dt: float) -> float:
+    def advance(self, fingers: _Fingers, dt: float) -> float:
         left = fingers.drive(self._target, JOG_SPEED, MAX_FORCE, dt)
         if fingers.speed != 0.0 or not self._ends_at_standstill:
             return 0.0
@@ -195,7 +195,7 @@ class Jog(Action):
         return left
 
 
-class GripperPause(Action):
+class _GripperPause(_Action):
     """Stand still in a state for a time [s], then do ``at_end``."""
 
     def __init__(
@@ -209,7 +209,7 @@ class GripperPause(Action):
         super().__init__(state)
         self._left, self._state_after, self._at_end = duration, state_after, at_end
 
-    def advance(self, fingers: Fingers, dt: float) -> float:
+    def advance(self, fingers: _Fingers, dt: float) -> float:
         fingers.rest()
         self._left -= dt
         if self._left > 0.0:
@@ -311,16 +311,17 @@ class VirtualGripper:
         self,
         workpiece: Workpiece | None = None,
         modules: GripperModules = GripperModules.SERVO,
+        under_cups: CupObject | None = None,
         *,
         is_calibrated: bool = False,
     ) -> None:
         self.modules = modules
-        self.cups = {channel: VacuumCup() for channel in modules.vacuum_channels}
+        self.cups = {channel: VacuumCup(under_cups) for channel in modules.vacuum_channels}
         self.is_calibrated = is_calibrated
         self.max_speed = TOP_SPEED
         self.hold_force = MAX_FORCE
         self.physical_limit = TRAVEL
-        self._fingers = Fingers(workpiece)
+        self._fingers = _Fingers(workpiece)
         self._zero = 0.0
         self._min_position, self._max_position = 0.0, TRAVEL
         self._state = ServoState.READY
@@ -328,7 +329,7 @@ class VirtualGripper:
         self._signals: Mapping[str, int] = {}
         self._command_shown = ServoCommand.NONE
         self._error = 0
-        self._actions: deque[Action] = deque()
+        self._actions: deque[_Action] = deque()
 
     @property
     def state(self) -> ServoState:
@@ -427,9 +428,9 @@ class VirtualGripper:
 
     def calibrate(self, *, jog: bool = True) -> None:
         """g_Calibrate: with ``jog`` the fingers close first; where they are then becomes 0. It takes seconds."""
-        closing: tuple[Action, ...] = (
-            Jog(opens=False, ends_at_standstill=True),
-            GripperPause(ServoState.READY, SETTLING_TIME, state_after=ServoState.READY),
+        closing: tuple[_Action, ...] = (
+            _Jog(opens=False, ends_at_standstill=True),
+            _GripperPause(ServoState.READY, SETTLING_TIME, state_after=ServoState.READY),
         )
         self._begin(*(closing if jog else ()), self._zeroing(ServoState.READY))
         self._command_shown = ServoCommand.GO_TO_READY
@@ -551,13 +552,13 @@ class VirtualGripper:
             max(0.0, min(TRAVEL, position + self._zero)) for position in (self._min_position, self._max_position)
         )
         speed, force = self.max_speed, self.hold_force
-        actions: dict[ServoCommand, Action] = {
-            ServoCommand.JOG_OPEN: Jog(opens=True),
-            ServoCommand.JOG_CLOSE: Jog(opens=False),
-            ServoCommand.FREE_MOVE_TO_MAX_POS: FreeMove(ServoState.FREE_MOVE_TO_MAX_POS, wide, speed),
-            ServoCommand.FREE_MOVE_TO_MIN_POS: FreeMove(ServoState.FREE_MOVE_TO_MIN_POS, narrow, speed),
-            ServoCommand.AGILE_GRIP_INWARD: Grip(ServoState.AGILE_GRIP_INWARD, narrow, speed, force),
-            ServoCommand.AGILE_GRIP_OUTWARD: Grip(ServoState.AGILE_GRIP_OUTWARD, wide, speed, force),
+        actions: dict[ServoCommand, _Action] = {
+            ServoCommand.JOG_OPEN: _Jog(opens=True),
+            ServoCommand.JOG_CLOSE: _Jog(opens=False),
+            ServoCommand.FREE_MOVE_TO_MAX_POS: _FreeMove(ServoState.FREE_MOVE_TO_MAX_POS, wide, speed),
+            ServoCommand.FREE_MOVE_TO_MIN_POS: _FreeMove(ServoState.FREE_MOVE_TO_MIN_POS, narrow, speed),
+            ServoCommand.AGILE_GRIP_INWARD: _Grip(ServoState.AGILE_GRIP_INWARD, narrow, speed, force),
+            ServoCommand.AGILE_GRIP_OUTWARD: _Grip(ServoState.AGILE_GRIP_OUTWARD, wide, speed, force),
             ServoCommand.GO_TO_CALIBRATION: self._zeroing(ServoState.ACTION_COMPLETED),
         }
         if command in actions:
@@ -566,20 +567,20 @@ class VirtualGripper:
             self._begin()
             self._state = ServoState.ERROR if command is ServoCommand.GO_TO_ERROR else ServoState.READY
 
-    def _begin(self, *actions: Action) -> None:
+    def _begin(self, *actions: _Action) -> None:
         self._actions = deque(actions)
         self._fingers.rest()
         if actions:
             self._state = actions[0].state
 
-    def _zeroing(self, state_after: ServoState) -> GripperPause:
+    def _zeroing(self, state_after: ServoState) -> _GripperPause:
         """Take the position for 0 after a while: calibrated, correctly if the fingers are closed."""
 
         def take_zero() -> None:
             self._zero = self._fingers.opening
             self.is_calibrated = True
 
-        return GripperPause(ServoState.CALIBRATION, CALIBRATION_TIME, state_after=state_after, at_end=take_zero)
+        return _GripperPause(ServoState.CALIBRATION, CALIBRATION_TIME, state_after=state_after, at_end=take_zero)
 
 
 def _check_position(position: float, limit: float) -> None:

@@ -10,7 +10,7 @@ from typing import Protocol
 from abb_protocols.robot.joints import Joints, Vector
 
 
-class Shape(Protocol):
+class ZoneShape(Protocol):
     """A volume of the tool's point or a range of the joints."""
 
     def contains(self, point: Vector, joints: Joints) -> bool:
@@ -29,7 +29,7 @@ class ZoneBox:
 
 
 @dataclass(frozen=True, slots=True)
-class Sphere:
+class ZoneSphere:
     """About a point, with a radius [m]."""
 
     centre: Vector
@@ -40,7 +40,7 @@ class Sphere:
 
 
 @dataclass(frozen=True, slots=True)
-class UprightCylinder:
+class ZoneCylinder:
     """From the middle of an end upwards along z, or downwards with a negative height [m]."""
 
     foot: Vector
@@ -54,7 +54,7 @@ class UprightCylinder:
 
 
 @dataclass(frozen=True, slots=True)
-class JointRange:
+class ZoneJoints:
     """Every joint between two positions [rad]."""
 
     low: Joints
@@ -65,10 +65,10 @@ class JointRange:
 
 
 @dataclass(frozen=True, slots=True)
-class Outside:
+class ZoneOutside:
     """All but a shape."""
 
-    shape: Shape
+    shape: ZoneShape
 
     def contains(self, point: Vector, joints: Joints) -> bool:
         return not self.shape.contains(point, joints)
@@ -84,7 +84,7 @@ class WorldZone:
         is_enabled: whether it is watched.
     """
 
-    shape: Shape
+    shape: ZoneShape
     changed: Callable[[bool], None]
     is_enabled: bool = True
     _is_inside: bool | None = field(default=None, init=False)

@@ -13,9 +13,9 @@ from virtual_irc5.controller.installed_system import DOMAINS
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 from virtual_irc5.system_parameters import Instance, SystemConfiguration, defaults_of
 
 _CFG_BASE = "/rw/cfg/"
@@ -48,12 +48,12 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.DOMAINS)
-def get_domains(controller: Irc5, call: RwsCall) -> Page:
-    return resource("cfg", _CFG_BASE, "", *(entry("cfg-domain-li", domain) for domain in DOMAINS))
+def _get_domains(controller: Irc5, call: RwsCall) -> Page:
+    return page_at("cfg", _CFG_BASE, "", *(page_entry("cfg-domain-li", domain) for domain in DOMAINS))
 
 
 @ROUTES.answer(table.TYPES)
-def get_types(controller: Irc5, call: RwsCall) -> Page:
+def _get_types(controller: Irc5, call: RwsCall) -> Page:
     """The types of a domain, in pages of 70."""
     domain = _domain(call)
     types = controller.configuration.types(domain)
@@ -61,22 +61,22 @@ def get_types(controller: Irc5, call: RwsCall) -> Page:
     size = min(call.number_option("limit", _MOST_TYPES), _MOST_TYPES)
     shown = types[(number - 1) * size : number * size]
     more = f"{domain}?start={number + 1}&limit={size}" if number * size < len(types) else None
-    return resource(
-        "cfg", _CFG_BASE, domain, *(entry("cfg-dt-li", name, f"{domain}/{name}") for name in shown), next_href=more
+    return page_at(
+        "cfg", _CFG_BASE, domain, *(page_entry("cfg-dt-li", name, f"{domain}/{name}") for name in shown), next_href=more
     )
 
 
 @ROUTES.answer(table.TYPE)
-def get_type(controller: Irc5, call: RwsCall) -> Page:
+def _get_type(controller: Irc5, call: RwsCall) -> Page:
     place, found = _place(call), _instances(controller, call)
-    attributes = entry("cfg-dt-attributes-li", "attributes", f"{place}/attributes")
-    instances = entry("cfg-dt-instances-li", "instances", f"{place}/instances")
+    attributes = page_entry("cfg-dt-attributes-li", "attributes", f"{place}/attributes")
+    instances = page_entry("cfg-dt-instances-li", "instances", f"{place}/instances")
     size = table.TYPE.answered.state(place.rpartition("/")[2], (len(_attributes(found)), len(found)))
-    return resource("cfg", _CFG_BASE, place, size, attributes, instances)
+    return page_at("cfg", _CFG_BASE, place, size, attributes, instances)
 
 
 @ROUTES.answer(table.ATTRIBUTES)
-def get_attributes(controller: Irc5, call: RwsCall) -> Mapping[str, table.CfgAttribute]:
+def _get_attributes(controller: Irc5, call: RwsCall) -> Mapping[str, table.CfgAttribute]:
     """What instances of a type have, as far as those that exist show it."""
     place, found = _place(call), _instances(controller, call)
     domain, type_name = place.split("/")
@@ -94,7 +94,7 @@ def _attributes(instances: Iterable[Instance]) -> list[str]:
 
 
 @ROUTES.answer(table.INSTANCES)
-def get_instances(controller: Irc5, call: RwsCall) -> Page:
+def _get_instances(controller: Irc5, call: RwsCall) -> Page:
     place = _place(call)
     found = list(enumerate(_instances(controller, call)))
     start, limit = call.number_option("start", 0), call.number_option("limit", len(found))
@@ -102,11 +102,11 @@ def get_instances(controller: Irc5, call: RwsCall) -> Page:
     shown = found[start : start + limit] if is_paged else found
     more = f"{place}/instances?start={start + limit}&limit={limit}" if is_paged and start + limit < len(found) else None
     states = (_instance_state("cfg-dt-instance-li", place, index, each) for index, each in shown)
-    return resource("cfg", _CFG_BASE, f"{place}/instances", *states, next_href=more)
+    return page_at("cfg", _CFG_BASE, f"{place}/instances", *states, next_href=more)
 
 
 @ROUTES.answer(table.CREATE_INSTANCE)
-def create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
+def _create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
     """An instance with the default values of its type."""
     place, name, found = _place(call), call.required("name"), _instances(controller, call)
     domain, type_name = place.split("/")
@@ -120,33 +120,32 @@ def create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
     if type_name == "EIO_SIGNAL":
         values["SignalType"] = "DI"
     controller.configuration.put(domain, type_name, values)
-    instances = f"{place}/instances/{name}"
-    return HttpReply(201, (("Location", f"/rw/cfg/{instances}"), ("Content-Type", "application/xhtml+xml")))
+    return HttpReply.at(f"/rw/cfg/{place}/instances/{name}", 201)
 
 
 @ROUTES.answer(table.RESET_INSTANCES)
-def reset_instances(controller: Irc5, call: RwsCall) -> None:
+def _reset_instances(controller: Irc5, call: RwsCall) -> None:
     _instances(controller, call)
     _reset(controller.configuration, *_place(call).split("/"))
 
 
 @ROUTES.answer(table.RESET_DOMAIN)
-def reset_domain(controller: Irc5, call: RwsCall) -> None:
+def _reset_domain(controller: Irc5, call: RwsCall) -> None:
     _reset(controller.configuration, _domain(call))
 
 
 @ROUTES.answer(table.VALIDATE_REMOVAL)
-def validate_removal(controller: Irc5, call: RwsCall) -> None:
+def _validate_removal(controller: Irc5, call: RwsCall) -> None:
     """Refuse to remove an instance that another one names."""
     _check_unused(controller, call.required("name"))
 
 
 @ROUTES.answer(table.VALIDATE_INSTANCES)
-def validate_instances(controller: Irc5, call: RwsCall) -> None:
+def _validate_instances(controller: Irc5, call: RwsCall) -> None:
     domain, type_name = call.required("cfgdomain").upper(), call.required("cfgtype").upper()
     names = [name for name in call.required("instances").split(",") if name]
     if len(names) != call.number("instancescount"):
-        raise invalid("instancescount is not the number of instances")
+        raise bad_call("instancescount is not the number of instances")
     for name in names:
         is_there = controller.configuration.find(domain, type_name, name) is not None
         if call.parameter("operation", "0") == "1":
@@ -171,32 +170,32 @@ def _check_unused(controller: Irc5, name: str) -> None:
 
 
 @ROUTES.answer(table.KEYLESS)
-def refuse_keyless(controller: Irc5, call: RwsCall) -> None:
+def _refuse_keyless(controller: Irc5, call: RwsCall) -> None:
     raise CallFailure(403, RwsCode.MODE_REJECT, "the motors are switched on with the button on the controller")
 
 
 @ROUTES.answer(table.INSTANCE)
-def get_instance(controller: Irc5, call: RwsCall) -> Page:
+def _get_instance(controller: Irc5, call: RwsCall) -> Page:
     place, name = _place(call), call.names["instance"]
     for index, each in enumerate(_instances(controller, call)):
         if each.name == name:
             state = _instance_state("cfg-dt-instance", place, index, each)
-            return resource("cfg", _CFG_BASE, f"{place}/instances/{name}", state)
+            return page_at("cfg", _CFG_BASE, f"{place}/instances/{name}", state)
     raise CallFailure(400, RwsCode.CFG_INSTANCE_INVALID, f"{place} has no instance {name}")
 
 
 @ROUTES.answer(table.SET_INSTANCE)
-def set_instance(controller: Irc5, call: RwsCall) -> None:
+def _set_instance(controller: Irc5, call: RwsCall) -> None:
     domain, type_name, name = _existing_place(controller, call)
     known = _instances(controller, call)[0].attributes
     for attribute, _ in call.form:
         if attribute not in known:
-            raise invalid(f"{domain}/{type_name} has no attribute {attribute}")
+            raise bad_call(f"{domain}/{type_name} has no attribute {attribute}")
     controller.configuration.change(domain, type_name, name, dict(call.form))
 
 
 @ROUTES.answer(table.REMOVE_INSTANCE)
-def remove_instance(controller: Irc5, call: RwsCall) -> None:
+def _remove_instance(controller: Irc5, call: RwsCall) -> None:
     domain, type_name, name = _existing_place(controller, call)
     if (domain, type_name) in _OF_ROBOT:
         raise CallFailure(403, RwsCode.REJECT, f"{domain}/{type_name} describes the robot; nothing is removed from it")
@@ -204,23 +203,21 @@ def remove_instance(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.LOAD_FILE)
-def load_file(controller: Irc5, call: RwsCall) -> None:
+def _load_file(controller: Irc5, call: RwsCall) -> None:
     """Load a file: all of it, or nothing."""
     controller.configuration.become(_with_file(controller, call))
 
 
 @ROUTES.answer(table.VALIDATE_FILE)
-def validate_file(controller: Irc5, call: RwsCall) -> Page:
+def _validate_file(controller: Irc5, call: RwsCall) -> Page:
     _with_file(controller, call)
-    return resource("cfg", "/rw/", "cfg", RwsState("cfg-validate", "validate", {"status": "OK"}))
+    return page_at("cfg", "/rw/", "cfg", RwsState("cfg-validate", "validate", {"status": "OK"}))
 
 
 def _with_file(controller: Irc5, call: RwsCall) -> SystemConfiguration:
     """The configuration with a file loaded as the call says: added, replacing, or in the place of what was added."""
     mode = call.parameter("action-type", "add")
-    path = path_of_file(call.required("filepath"))
-    loaded = SystemConfiguration()
-    loaded.become(controller.configuration)
+    path, loaded = path_of_file(call.required("filepath")), controller.configuration.copy()
     try:
         text = controller.files[path]
         if mode == "add-with-reset":
@@ -229,7 +226,7 @@ def _with_file(controller: Irc5, call: RwsCall) -> SystemConfiguration:
     except KeyError as error:
         raise CallFailure(400, RwsCode.FILE_NOT_FOUND, f"there is no file {path}") from error
     except SettingsError as error:
-        raise invalid(str(error)) from error
+        raise bad_call(str(error)) from error
     return loaded
 
 
@@ -243,7 +240,7 @@ def _reset(configuration: SystemConfiguration, domain: str, type_name: str = "")
 
 
 @ROUTES.answer(table.SAVE_DOMAIN)
-def save_domain(controller: Irc5, call: RwsCall) -> None:
+def _save_domain(controller: Irc5, call: RwsCall) -> None:
     domain = _domain(call)
     controller.files[path_of_file(call.required("filepath"))] = controller.configuration.text(domain)
 
@@ -267,15 +264,13 @@ def _place(call: RwsCall) -> str:
 
 
 def _instances(controller: Irc5, call: RwsCall) -> tuple[Instance, ...]:
-    domain, type_name = call.names["domain"].upper(), call.names["type"].upper()
-    if domain not in DOMAINS:
-        raise CallFailure(400, RwsCode.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain}")
+    domain, type_name = _domain(call), call.names["type"].upper()
     if (domain, type_name) == ("SYS", "PRESENT_OPTIONS"):
         # The options once more as system parameters: number and description apart, in this order.
         split = ((_NUMBERED_OPTION.fullmatch(option), option) for option in controller.identity.options)
         pairs = (numbered.groups() if numbered else (option, option) for numbered, option in split)
         return tuple(Instance(name, {"name": name, "desc": description}) for name, description in pairs)
-    found = tuple(controller.cfg(domain, type_name))
+    found = controller.configuration.instances(domain, type_name)
     if not found:
         raise CallFailure(400, RwsCode.CFG_TYPE_INVALID, f"domain {domain} has no type {type_name} with instances")
     listed = _LISTED_DEFAULTS.get((domain, type_name), {})

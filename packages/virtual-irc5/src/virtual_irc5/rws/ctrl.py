@@ -21,9 +21,9 @@ from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes, absent_routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _BASE = "/ctrl/"
 _DURATION = 2.0  # of a backup and other jobs [s]
@@ -32,7 +32,7 @@ _DURATION = 2.0  # of a backup and other jobs [s]
 ROUTES = Routes()
 
 
-def identity_fields(controller: Irc5) -> Mapping[str, str]:
+def _identity_fields(controller: Irc5) -> Mapping[str, str]:
     name, is_virtual = controller.identity.controller_name, controller.identity.is_virtual
     return table.IDENTITY.answered.write(
         table.ControllerIdentity(name, "" if is_virtual else name, is_virtual=is_virtual)
@@ -40,36 +40,39 @@ def identity_fields(controller: Irc5) -> Mapping[str, str]:
 
 
 @ROUTES.answer(table.CONTROLLER)
-def get_controller(controller: Irc5, call: RwsCall) -> Page:
+def _get_controller(controller: Irc5, call: RwsCall) -> Page:
     links = (RwsLink("self", "identity"),)
     states = (
-        entry("ctrl-clock-info-li", "clock", **_time_fields(controller)),
-        RwsState("ctrl-identity-info-li", "identity", identity_fields(controller), links),
-        *(entry(f"ctrl-{name}-info-li", name) for name in ("system", "backup", "compress", "diagnostics", "safety")),
-        entry("ctrl-netw-li", "network"),
+        page_entry("ctrl-clock-info-li", "clock", **_time_fields(controller)),
+        RwsState("ctrl-identity-info-li", "identity", _identity_fields(controller), links),
+        *(
+            page_entry(f"ctrl-{name}-info-li", name)
+            for name in ("system", "backup", "compress", "diagnostics", "safety")
+        ),
+        page_entry("ctrl-netw-li", "network"),
     )
-    return resource("ctrl", _BASE, "", *states)
+    return page_at("ctrl", _BASE, "", *states)
 
 
 @ROUTES.answer(table.IDENTITY)
-def get_identity(controller: Irc5, call: RwsCall) -> Page:
-    fields = dict(identity_fields(controller))
+def _get_identity(controller: Irc5, call: RwsCall) -> Page:
+    fields = dict(_identity_fields(controller))
     if not controller.identity.is_virtual:
         fields["ctrl-mac"] = "00:00:00:00:00:00"
     fields["ctrl-level"] = "System Level"
-    return resource("ctrl", _BASE, "identity", RwsState("ctrl-identity-info", "identity", fields))
+    return page_at("ctrl", _BASE, "identity", RwsState("ctrl-identity-info", "identity", fields))
 
 
 @ROUTES.answer(table.SET_IDENTITY)
-def set_identity(controller: Irc5, call: RwsCall) -> None:
+def _set_identity(controller: Irc5, call: RwsCall) -> None:
     name = call.parameter("ctrl-name", "") or call.parameter("ctrl-id", "")
     if not name:
-        raise invalid("the body lacks ctrl-name and ctrl-id; give one of them")
+        raise bad_call("the body lacks ctrl-name and ctrl-id; give one of them")
     controller.identity = replace(controller.identity, controller_name=name)
 
 
 @ROUTES.answer(table.ENVIRONMENT)
-def get_environment(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
+def _get_environment(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     """What an environment variable stands for: our devices stand for themselves."""
     name = call.names["variable"].upper()
     if name not in DEVICES:
@@ -107,49 +110,49 @@ def _time_fields(controller: Irc5) -> Mapping[str, str]:
 
 
 @ROUTES.answer(table.CLOCK)
-def get_clock(controller: Irc5, call: RwsCall) -> Page:
-    links = (entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
+def _get_clock(controller: Irc5, call: RwsCall) -> Page:
+    links = (page_entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
     state = RwsState("ctrl-clock-info", "clock", _time_fields(controller))
-    return resource("ctrl", _BASE, "clock", state, *links)
+    return page_at("ctrl", _BASE, "clock", state, *links)
 
 
 @ROUTES.answer(table.SET_CLOCK)
-def set_clock(controller: Irc5, call: RwsCall) -> None:
+def _set_clock(controller: Irc5, call: RwsCall) -> None:
     parts = [call.number(f"sys-clock-{part}") for part in ("year", "month", "day", "hour", "min", "sec")]
     year, month, day, hour, minute, second = (int(part) for part in parts)
     try:
         controller.time = datetime(year, month, day, hour, minute, second, tzinfo=_zone(controller)).timestamp()
     except (ValueError, OverflowError) as error:
-        raise invalid(f"there is no such time: {error}") from error
+        raise bad_call(f"there is no such time: {error}") from error
 
 
 @ROUTES.answer(table.TIMEZONE)
-def get_timezone(controller: Irc5, call: RwsCall) -> str:
+def _get_timezone(controller: Irc5, call: RwsCall) -> str:
     return controller.own_settings.timezone or datetime.now().astimezone().tzname() or "UTC"
 
 
 @ROUTES.answer(table.SET_TIMEZONE_TOO, table.SET_TIMEZONE)
-def set_timezone(controller: Irc5, call: RwsCall) -> None:
+def _set_timezone(controller: Irc5, call: RwsCall) -> None:
     name = call.required("timezone")
     try:
         ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError) as error:
-        raise invalid(f"there is no time zone {name[:50]!r}") from error
+        raise bad_call(f"there is no time zone {name[:50]!r}") from error
     controller.own_settings.timezone = name
 
 
 @ROUTES.answer(table.TIMESERVER)
-def get_timeserver(controller: Irc5, call: RwsCall) -> str:
+def _get_timeserver(controller: Irc5, call: RwsCall) -> str:
     return controller.own_settings.timeserver
 
 
 @ROUTES.answer(table.SERVER_TIME)
-def get_server_time(controller: Irc5, call: RwsCall) -> Page:
+def _get_server_time(controller: Irc5, call: RwsCall) -> Page:
     raise CallFailure(400, RwsCode.TIMEOUT, f"no time server answers at {call.option('server-ip') or 'that address'}")
 
 
 @ROUTES.answer(table.SET_TIMESERVER)
-def set_timeserver(controller: Irc5, call: RwsCall) -> None:
+def _set_timeserver(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.timeserver = call.required("timeserver")
 
 
@@ -157,7 +160,7 @@ def set_timeserver(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.NETWORK)
-def get_network(controller: Irc5, call: RwsCall) -> Page:
+def _get_network(controller: Irc5, call: RwsCall) -> Page:
     own = controller.own_settings
     fields = {
         "addr": own.address,
@@ -168,17 +171,17 @@ def get_network(controller: Irc5, call: RwsCall) -> Page:
     }
     service = {"addr": "192.168.125.1", "mask": "255.255.255.0", "name": "Service Port"}
     states = (RwsState("ctrl-netw", "Service Port", service), RwsState("ctrl-netw", "LAN", fields))
-    return resource("ctrl", _BASE, "network", *states)
+    return page_at("ctrl", _BASE, "network", *states)
 
 
 @ROUTES.answer(table.SET_NETWORK)
-def set_network(controller: Irc5, call: RwsCall) -> HttpReply:
+def _set_network(controller: Irc5, call: RwsCall) -> HttpReply:
     own, method = controller.own_settings, call.required("method")
     if method == "fixip":
         own.address, own.mask = _address(call, "address"), _address(call, "mask")
         own.gateway = _address(call, "gateway")
     own.method = method
-    return HttpReply(202, (("Location", "/ctrl?action=show"), ("Content-Type", "application/xhtml+xml")))
+    return HttpReply.at("/ctrl?action=show")
 
 
 def _address(call: RwsCall, name: str) -> str:
@@ -186,32 +189,32 @@ def _address(call: RwsCall, name: str) -> str:
     try:
         return str(ipaddress.IPv4Address(text))
     except ValueError as error:
-        raise invalid(f"{name} is an IPv4 address, not {text[:50]!r}") from error
+        raise bad_call(f"{name} is an IPv4 address, not {text[:50]!r}") from error
 
 
 @ROUTES.answer(table.DNS)
-def get_dns(controller: Irc5, call: RwsCall) -> Page:
+def _get_dns(controller: Irc5, call: RwsCall) -> Page:
     fields = {"name": controller.identity.controller_name, "addr": controller.own_settings.dns, "port": "53"}
-    return resource("ctrl", "/ctrl/network/", "dns", RwsState("ctrl-netw", "dns", fields))
+    return page_at("ctrl", "/ctrl/network/", "dns", RwsState("ctrl-netw", "dns", fields))
 
 
 @ROUTES.answer(table.ROUTES)
-def get_routes(controller: Irc5, call: RwsCall) -> Mapping[str, table.NetworkRoute]:
+def _get_routes(controller: Irc5, call: RwsCall) -> Mapping[str, table.NetworkRoute]:
     return {
         destination: table.NetworkRoute(destination, via) for destination, via in controller.own_settings.routes.items()
     }
 
 
 @ROUTES.answer(table.ADD_ROUTE)
-def add_route(controller: Irc5, call: RwsCall) -> None:
+def _add_route(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.routes[_destination(call)] = _address(call, "gateway")
 
 
 @ROUTES.answer(table.REMOVE_ROUTE)
-def remove_route(controller: Irc5, call: RwsCall) -> HttpReply:
+def _remove_route(controller: Irc5, call: RwsCall) -> HttpReply:
     if controller.own_settings.routes.pop(_destination(call), None) is None:
-        raise invalid("there is no route to that destination")
-    return HttpReply(202, (("Location", "/ctrl?action=show"), ("Content-Type", "application/xhtml+xml")))
+        raise bad_call("there is no route to that destination")
+    return HttpReply.at("/ctrl?action=show")
 
 
 def _destination(call: RwsCall) -> str:
@@ -219,14 +222,14 @@ def _destination(call: RwsCall) -> str:
     try:
         return str(ipaddress.IPv4Network(text))
     except ValueError as error:
-        raise invalid(f"destination is an IPv4 address or network, not {text[:50]!r}") from error
+        raise bad_call(f"destination is an IPv4 address or network, not {text[:50]!r}") from error
 
 
 @ROUTES.answer(table.ADD_ROUTE_OPTIONS, table.REMOVE_ROUTE_OPTIONS)
-def get_route_options(controller: Irc5, call: RwsCall) -> Page:
+def _get_route_options(controller: Irc5, call: RwsCall) -> Page:
     names = ("destination", "gateway") if call.path[-1] == "add" else ("destination",)
     fields = {"method": "POST", **dict.fromkeys(names, "")}
-    return resource("ctrl", "/ctrl/network/route/", call.path[-1], RwsState("form", f"{call.path[-1]}route", fields))
+    return page_at("ctrl", "/ctrl/network/route/", call.path[-1], RwsState("form", f"{call.path[-1]}route", fields))
 
 
 # Jobs: backup, compression, diagnostics
@@ -234,48 +237,44 @@ def get_route_options(controller: Irc5, call: RwsCall) -> Page:
 
 def _begin(controller: Irc5, work: Callable[[], None]) -> HttpReply:
     """Begin a job; the answer says where its progress shows."""
-    job = controller.jobs.begin(work, _DURATION)
-    headers = (("Location", f"/progress/{job.number}"), ("Content-Type", "application/xhtml+xml"))
-    return HttpReply(202, headers)
+    return HttpReply.at(f"/progress/{controller.jobs.begin(work, _DURATION).number}")
 
 
 @ROUTES.answer(table.PROGRESS)
-def get_progress(controller: Irc5, call: RwsCall) -> Mapping[str, table.Progress]:
+def _get_progress(controller: Irc5, call: RwsCall) -> Mapping[str, table.Progress]:
     job = controller.jobs.find(call.names["job"])
     if job is None:
         raise CallFailure(404, RwsCode.FAIL, f"there is no job {call.names['job'][:20]!r}")
-    code, state = (table.JOB_DONE, "Ready") if job.is_done else (table.JOB_PENDING, "Pending")
-    if job.failure:
-        code, state = int(RwsCode.FAIL), f"Error: {job.failure}"
-    return {str(job.number): table.Progress(code, state)}
+    code = int(RwsCode.FAIL) if job.failure else table.JOB_DONE if job.is_done else table.JOB_PENDING
+    return {str(job.number): table.Progress(code, job.state)}
 
 
 @ROUTES.answer(table.PROGRESS_LIST)
-def get_progress_list(controller: Irc5, call: RwsCall) -> Page:
-    return resource("progress", "/", "progress")
+def _get_progress_list(controller: Irc5, call: RwsCall) -> Page:
+    return page_at("progress", "/", "progress")
 
 
-def _backup_path(call: RwsCall, text: str) -> str:
+def _backup_path(text: str) -> str:
     path = path_of_file(text)
     if path.upper().startswith("HOME:") or "/" not in path:
-        raise invalid("a backup is a directory of its own, such as /fileservice/$BACKUP/monday, and not in HOME")
+        raise bad_call("a backup is a directory of its own, such as /fileservice/$BACKUP/monday, and not in HOME")
     return path
 
 
 @ROUTES.answer(table.BACKUP)
-def get_backup(controller: Irc5, call: RwsCall) -> Page:
-    state = entry("ctrl-backup-li", "backup", "backup", backup_state=controller.own_settings.backup_state)
-    return resource("ctrl", _BASE, "backup", state)
+def _get_backup(controller: Irc5, call: RwsCall) -> Page:
+    state = page_entry("ctrl-backup-li", "backup", "backup", backup_state=controller.own_settings.backup_state)
+    return page_at("ctrl", _BASE, "backup", state)
 
 
 @ROUTES.answer(table.BACKUP_STATE)
-def get_backup_state(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
+def _get_backup_state(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     return {"backup-state": controller.own_settings.backup_state}
 
 
 @ROUTES.answer(table.BACK_UP)
-def back_up(controller: Irc5, call: RwsCall) -> HttpReply:
-    path = _backup_path(call, call.required("backup"))
+def _back_up(controller: Irc5, call: RwsCall) -> HttpReply:
+    path = _backup_path(call.required("backup"))
     own = controller.own_settings
     if own.backup_state == "Backup in Progress":
         raise CallFailure(409, RwsCode.RESOURCE_HELD, "another backup is under way; wait for its end")
@@ -292,55 +291,55 @@ def back_up(controller: Irc5, call: RwsCall) -> HttpReply:
 
 
 @ROUTES.answer(table.RESTORE)
-def restore(controller: Irc5, call: RwsCall) -> None:
+def _restore(controller: Irc5, call: RwsCall) -> None:
     """Become as in a backup; then the controller restarts. The backup stays unless ``delete-dir`` is true."""
-    path = _backup_path(call, call.required("backup"))
+    path = _backup_path(call.required("backup"))
     if controller.is_running:
         raise Refused(RefusalReason.NOT_STOPPED, "a backup is restored while RAPID is stopped: stop it first.")
-    _check_restore(controller, call, path, call.parameter("ignore", "none"))
+    _check_origin(controller, path, call.parameter("ignore", "none"))
     include = call.parameter("include", "all")
     try:
         restore_backup(controller, path, cfg=include != "modules", modules=include != "cfg")
     except (SettingsError, RapidError) as error:
-        raise invalid(f"the backup cannot be restored: {error}") from error
+        raise bad_call(f"the backup cannot be restored: {error}") from error
     if call.parameter("delete-dir", "false").lower() == "true":
         controller.files.remove(path)
     controller.restart()
 
 
-def _check_restore(controller: Irc5, call: RwsCall, path: str, ignored: str) -> None:
+def _check_origin(controller: Irc5, path: str, ignored: str) -> None:
     name = check_backup(controller, path)
     if ignored not in ("all", "system-id") and name != controller.identity.system_name:
-        raise invalid(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
+        raise bad_call(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
 
 
 @ROUTES.answer(table.CHECK_RESTORE)
-def check_restore(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
-    path = _backup_path(call, call.option("backup") or "")
-    _check_restore(controller, call, path, call.option("ignore") or "none")
+def _check_restore(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
+    path = _backup_path(call.option("backup") or "")
+    _check_origin(controller, path, call.option("ignore") or "none")
     return {"check-restore": True}
 
 
 @ROUTES.answer(table.BACKUP_INFO)
-def get_backup_info(controller: Irc5, call: RwsCall) -> Page:
+def _get_backup_info(controller: Irc5, call: RwsCall) -> Page:
     asked = call.option("backup-path") or ""
-    fields = {"system-name": check_backup(controller, _backup_path(call, asked))}
-    return resource("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", RwsState("ctrl-backup-info", "info", fields))
+    fields = {"system-name": check_backup(controller, _backup_path(asked))}
+    return page_at("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", RwsState("ctrl-backup-info", "info", fields))
 
 
 @ROUTES.answer(table.COMPRESSION)
-def get_compress(controller: Irc5, call: RwsCall) -> Page:
-    return resource("ctrl", _BASE, "compress", entry("ctrl-compress-li", "compress"))
+def _get_compress(controller: Irc5, call: RwsCall) -> Page:
+    return page_at("ctrl", _BASE, "compress", page_entry("ctrl-compress-li", "compress"))
 
 
 @ROUTES.answer(table.COMPRESS)
-def compress(controller: Irc5, call: RwsCall) -> HttpReply:
+def _compress(controller: Irc5, call: RwsCall) -> HttpReply:
     """Pack a file or directory; the archive has the format of our own, since ABB's is not known."""
     source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
     files = controller.files
     found = files.get_file(source)
     if found.content is None and source.upper() == "HOME:":
-        raise invalid("HOME itself is not compressed")
+        raise bad_call("HOME itself is not compressed")
 
     def work() -> None:
         packed = bytes_io.BytesIO()
@@ -354,11 +353,11 @@ def compress(controller: Irc5, call: RwsCall) -> HttpReply:
 
 
 @ROUTES.answer(table.DECOMPRESS)
-def decompress(controller: Irc5, call: RwsCall) -> HttpReply:
+def _decompress(controller: Irc5, call: RwsCall) -> HttpReply:
     source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
     content = controller.files.get_file(source).content
     if content is None or not zipfile.is_zipfile(bytes_io.BytesIO(content)):
-        raise invalid(f"{source} is not a compressed file")
+        raise bad_call(f"{source} is not a compressed file")
 
     def work() -> None:
         with zipfile.ZipFile(bytes_io.BytesIO(content)) as archive:
@@ -376,12 +375,12 @@ def _is_directory(controller: Irc5, path: str) -> bool:
 
 
 @ROUTES.answer(table.DIAGNOSTICS)
-def get_diagnostics(controller: Irc5, call: RwsCall) -> Page:
-    return resource("ctrl", _BASE, "diagnostics", entry("ctrl-diagnostics-li", "diagnostics"))
+def _get_diagnostics(controller: Irc5, call: RwsCall) -> Page:
+    return page_at("ctrl", _BASE, "diagnostics", page_entry("ctrl-diagnostics-li", "diagnostics"))
 
 
 @ROUTES.answer(table.SAVE_DIAGNOSTICS)
-def save_diagnostics(controller: Irc5, call: RwsCall) -> HttpReply:
+def _save_diagnostics(controller: Irc5, call: RwsCall) -> HttpReply:
     target = path_of_file(call.required("dstpath"))
 
     def work() -> None:
@@ -401,13 +400,13 @@ def save_diagnostics(controller: Irc5, call: RwsCall) -> HttpReply:
 
 
 @ROUTES.answer(table.SYSTEMS)
-def get_systems(controller: Irc5, call: RwsCall) -> Page:
+def _get_systems(controller: Irc5, call: RwsCall) -> Page:
     name = controller.identity.system_name
-    return resource("ctrl", _BASE, "system", entry("ctrl-system-li", name, f"system/{name}"))
+    return page_at("ctrl", _BASE, "system", page_entry("ctrl-system-li", name, f"system/{name}"))
 
 
 @ROUTES.answer(table.SYSTEM)
-def get_one_system(controller: Irc5, call: RwsCall) -> table.InstalledSystem:
+def _get_one_system(controller: Irc5, call: RwsCall) -> table.InstalledSystem:
     _check_system(controller, call)
     own = controller.identity
     return table.InstalledSystem(own.system_name, own.system_id, own.robotware)
@@ -419,53 +418,53 @@ def _check_system(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.RENAME_SYSTEM)
-def rename_system(controller: Irc5, call: RwsCall) -> None:
+def _rename_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
     controller.identity = replace(controller.identity, system_name=call.required("newname"))
 
 
 @ROUTES.answer(table.ACTIVATE_SYSTEM)
-def activate_system(controller: Irc5, call: RwsCall) -> None:
+def _activate_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
     raise CallFailure(409, RwsCode.INVALID_STATE, "the system is active already")
 
 
 @ROUTES.answer(table.DELETE_SYSTEM)
-def delete_system(controller: Irc5, call: RwsCall) -> None:
+def _delete_system(controller: Irc5, call: RwsCall) -> None:
     _check_system(controller, call)
-    raise invalid("the active system cannot be deleted")
+    raise bad_call("the active system cannot be deleted")
 
 
 @ROUTES.answer(table.OPTIONS)
-def get_options(controller: Irc5, call: RwsCall) -> None:
+def _get_options(controller: Irc5, call: RwsCall) -> None:
     """Whether there are options: which, is asked one by one."""
 
 
 @ROUTES.answer(table.OPTION)
-def get_option(controller: Irc5, call: RwsCall) -> Page | HttpReply:
+def _get_option(controller: Irc5, call: RwsCall) -> Page | HttpReply:
     """An option that is installed; no content (204) says that it is not."""
     name = call.names["option"]
     if name not in controller.identity.options:
         return HttpReply(204)
-    return resource("ctrl", "/ctrl/options/", name, RwsState("ctrl-option", name, {"option": name}))
+    return page_at("ctrl", "/ctrl/options/", name, RwsState("ctrl-option", name, {"option": name}))
 
 
 @ROUTES.answer(table.COMPATIBLE, table.COMPATIBILITY)
-def get_compatible(controller: Irc5, call: RwsCall) -> Page:
+def _get_compatible(controller: Irc5, call: RwsCall) -> Page:
     """Whether a version of RobotWare runs on this controller: an IRC5 runs RobotWare 5 and 6."""
     version = call.names.get("version", controller.identity.robotware)
     major = version.partition(".")[0]
     if not major.isdecimal():
-        raise invalid(f"{version[:50]!r} is not a version of RobotWare")
+        raise bad_call(f"{version[:50]!r} is not a version of RobotWare")
     compatible = "TRUE" if major in ("5", "6") else "FALSE"
     state = RwsState("ctrl-compatibility", version, {"compatible": compatible})
-    return resource("ctrl", "/ctrl/compatibility/", version, state)
+    return page_at("ctrl", "/ctrl/compatibility/", version, state)
 
 
 @ROUTES.answer(table.SAFETY)
-def get_safety(controller: Irc5, call: RwsCall) -> Page:
+def _get_safety(controller: Irc5, call: RwsCall) -> Page:
     """A robot without a safety controller has the resource and nothing in it."""
-    return resource("ctrl", _BASE, "safety")
+    return page_at("ctrl", _BASE, "safety")
 
 
 ROUTES += absent_routes(table.ABSENT)

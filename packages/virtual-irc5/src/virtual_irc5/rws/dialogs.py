@@ -9,9 +9,9 @@ from abb_protocols.rws.values import RwsCode
 from abb_runtime.faults import DISPLAY_PATH
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rapid.devices import DeviceDialog
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _BASE = "/rw/rapid/"
 _DISPLAYED = 30  # lines of a task
@@ -23,12 +23,12 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.DIALOGS)
-def get_dialogs(controller: Irc5, call: RwsCall) -> Page:
-    return resource("rapid", _BASE, "uiinstr", entry("rap-uiactive-li", "active", "uiinstr/active"))
+def _get_dialogs(controller: Irc5, call: RwsCall) -> Page:
+    return page_at("rapid", _BASE, "uiinstr", page_entry("rap-uiactive-li", "active", "uiinstr/active"))
 
 
 @ROUTES.answer(table.ACTIVE_DIALOG)
-def get_active_dialog(controller: Irc5, call: RwsCall) -> table.Dialog:
+def _get_active_dialog(controller: Irc5, call: RwsCall) -> table.Dialog:
     """The newest question without an answer."""
     found = controller.devices.pendant.active
     if found is None:
@@ -43,20 +43,20 @@ def shown_dialog(dialog: DeviceDialog) -> table.Dialog:
 
 
 @ROUTES.answer(table.DIALOG_PARAMETERS)
-def get_dialog_parameters(controller: Irc5, call: RwsCall) -> Page:
+def _get_dialog_parameters(controller: Irc5, call: RwsCall) -> Page:
     """What the question shows, and the parameter that takes the answer."""
     values = _dialog_values(_dialog_at(controller, call.names["stack"]))
     states = (RwsState("rap-uiparam-li", name, {"name": name, "value": value}) for name, value in values.items())
-    return resource("rapid", f"{_BASE}uiinstr/active/", f"params/{call.names['stack']}", *states)
+    return page_at("rapid", f"{_BASE}uiinstr/active/", f"params/{call.names['stack']}", *states)
 
 
 @ROUTES.answer(table.DIALOG_PARAMETER)
-def get_dialog_parameter(controller: Irc5, call: RwsCall) -> Page:
+def _get_dialog_parameter(controller: Irc5, call: RwsCall) -> Page:
     stack, _, parameter = call.names["stack"].rpartition("/")
     for name, value in _dialog_values(_dialog_at(controller, stack)).items():
         if name.lower() == parameter.lower():
             state = table.DIALOG_PARAMETER.answered.state(name, value)
-            return resource("rapid", f"{_BASE}uiinstr/active/", f"param/{stack}/{name}", state)
+            return page_at("rapid", f"{_BASE}uiinstr/active/", f"param/{stack}/{name}", state)
     raise CallFailure(404, RwsCode.NO_SUCH_SYMBOL, f"the question has no parameter {parameter[:50]!r}")
 
 
@@ -80,16 +80,16 @@ def _dialog_values(dialog: DeviceDialog) -> dict[str, str]:
 
 
 @ROUTES.answer(table.ANSWER_DIALOG)
-def answer_dialog(controller: Irc5, call: RwsCall) -> None:
+def _answer_dialog(controller: Irc5, call: RwsCall) -> None:
     """Answer the question."""
     stack, _, parameter = call.names["stack"].rpartition("/")
     dialog = _dialog_at(controller, stack)
     if parameter.lower() != _ANSWER.lower():
-        raise invalid(f"the answer to {dialog.instruction} is the parameter {_ANSWER}, not {parameter!r}")
+        raise bad_call(f"the answer to {dialog.instruction} is the parameter {_ANSWER}, not {parameter!r}")
     try:
         dialog.give(call.required("value").removeprefix('"').removesuffix('"'))
     except ValueError as error:
-        raise invalid(str(error)) from error
+        raise bad_call(str(error)) from error
 
 
 def _dialog_stack(dialog: DeviceDialog) -> str:
@@ -104,7 +104,7 @@ def _dialog_at(controller: Irc5, stack: str) -> DeviceDialog:
 
 
 @ROUTES.answer(get(DISPLAY_PATH))
-def get_display(controller: Irc5, call: RwsCall) -> Page:
+def _get_display(controller: Irc5, call: RwsCall) -> Page:
     """What each task wrote to the FlexPendant last (TPWrite), lines numbered from 1; no ABB controller has this."""
     states = (
         RwsState("display-line", f"{name}/{first + index}", {"task": name, "number": str(first + index), "text": text})
@@ -113,4 +113,4 @@ def get_display(controller: Irc5, call: RwsCall) -> Page:
         for first in [each.host.line_count - len(lines) + 1]
         for index, text in enumerate(lines)
     )
-    return resource("virtual", "/virtual/", "display", *states)
+    return page_at("virtual", "/virtual/", "display", *states)

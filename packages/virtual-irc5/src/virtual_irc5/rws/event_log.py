@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime, timezone
 
-from abb_protocols.rws.documents import Form, Page, RwsArgument, RwsLink, RwsState
+from abb_protocols.rws.documents import Page, RwsArgument, RwsLink, RwsState
 from abb_protocols.rws.operations import event_log as table
 from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import ControllerLogEvent
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import resource
+from virtual_irc5.rws.render import page_at
 from virtual_irc5.rws.router import Routes
 from virtual_irc5.rws.rws_call import CallFailure, RwsCall
 
@@ -40,7 +40,7 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.LOGS)
-def get_logs(controller: Irc5, call: RwsCall) -> Page:
+def _get_logs(controller: Irc5, call: RwsCall) -> Page:
     states = []
     for number, name in _LOG_DOMAINS.items():
         fields = {} if call.option("lang") is None else {"domain-name": name}
@@ -48,11 +48,11 @@ def get_logs(controller: Irc5, call: RwsCall) -> Page:
             fields["numevts"] = str(len(controller.events.entries(number)))
         fields["buffsize"] = "20" if number else "1000"
         states.append(RwsState("elog-domain-li", str(number), fields, (RwsLink("self", str(number)),)))
-    return resource("Elog", _LOG_BASE, "", *states)
+    return page_at("Elog", _LOG_BASE, "", *states)
 
 
 @ROUTES.answer(table.EVENTS)
-def get_events(controller: Irc5, call: RwsCall) -> Page:
+def _get_events(controller: Irc5, call: RwsCall) -> Page:
     """Newest first, in pages counted from 1."""
     domain = _log_domain(call)
     entries = controller.events.entries(domain)
@@ -61,7 +61,7 @@ def get_events(controller: Irc5, call: RwsCall) -> Page:
         fields = {"numevts": str(len(entries))}
         if asked == "info":
             fields["buffsize"] = "20" if domain else "1000"
-        return resource("Elog", _LOG_BASE, str(domain), RwsState("elog-domain", str(domain), fields))
+        return page_at("Elog", _LOG_BASE, str(domain), RwsState("elog-domain", str(domain), fields))
     if since >= 0:
         entries = tuple(event for event in entries if event.number >= since)
     ordered = tuple(reversed(entries)) if call.option("order") == "fifo" else entries
@@ -71,16 +71,16 @@ def get_events(controller: Irc5, call: RwsCall) -> Page:
     asked_for = "".join(f"{name}={text}&" for name, text in call.query if name in ("lang", "order", "resource"))
     more = f"{domain}?{asked_for}start={number + 1}&limit={size}" if number * size < len(ordered) else None
     states = (_event_state("elog-message-li", domain, event, call) for event in shown)
-    return resource("Elog", _LOG_BASE, str(domain), *states, next_href=more)
+    return page_at("Elog", _LOG_BASE, str(domain), *states, next_href=more)
 
 
 @ROUTES.answer(table.EVENT)
-def get_event(controller: Irc5, call: RwsCall) -> Page:
+def _get_event(controller: Irc5, call: RwsCall) -> Page:
     domain, number = _log_domain(call), call.names["number"]
     for event in controller.events.entries(domain):
         if str(event.number) == number:
             state = _event_state("elog-message", domain, event, call)
-            return resource("Elog", _LOG_BASE, f"{domain}/{number}", state)
+            return page_at("Elog", _LOG_BASE, f"{domain}/{number}", state)
     raise CallFailure(404, RwsCode.FAIL, f"domain {domain} has no message {number}")
 
 
@@ -110,7 +110,7 @@ def _event_state(type: str, domain: int, event: ControllerLogEvent, call: RwsCal
 
 
 @ROUTES.answer(table.SAVE_EVENTS)
-def save_events(controller: Irc5, call: RwsCall) -> HttpReply:
+def _save_events(controller: Irc5, call: RwsCall) -> HttpReply:
     path = path_of_file(call.required("path"))
 
     def work() -> None:
@@ -118,15 +118,14 @@ def save_events(controller: Irc5, call: RwsCall) -> HttpReply:
         lines = (f"{e.number} {e.time:.3f} {int(e.type)} {e.code} {e.title} {e.description}" for e in events)
         controller.files[path] = "\n".join(lines) + "\n"
 
-    job = controller.jobs.begin(work, 1.0)
-    return HttpReply(202, (("Location", f"/progress/{job.number}"), ("Content-Type", Form.XHTML.value)))
+    return HttpReply.at(f"/progress/{controller.jobs.begin(work, 1.0).number}")
 
 
 @ROUTES.answer(table.CLEAR_ALL)
-def clear_all(controller: Irc5, call: RwsCall) -> None:
+def _clear_all(controller: Irc5, call: RwsCall) -> None:
     controller.events.clear()
 
 
 @ROUTES.answer(table.CLEAR)
-def clear(controller: Irc5, call: RwsCall) -> None:
+def _clear(controller: Irc5, call: RwsCall) -> None:
     controller.events.clear(_log_domain(call))

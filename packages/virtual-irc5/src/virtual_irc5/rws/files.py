@@ -11,9 +11,9 @@ from virtual_irc5.controller.file_store import CAPACITY, DEVICES, File
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, bad_call
 
 _FILES_BASE = "/fileservice/"
 _OCTETS = (("Content-Type", "application/octet-stream"),)
@@ -24,25 +24,24 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.DISKS)
-def get_disks(controller: Irc5, call: RwsCall) -> Page:
-    free = CAPACITY - sum(len(controller.files.get_file(path).content or b"") for path in controller.files)
+def _get_disks(controller: Irc5, call: RwsCall) -> Page:
     states = (
-        entry(
+        page_entry(
             "fs-device",
             f"${device.lower()}",
             fs_device_type="ramdisk" if device == "RAMDISK" else "fixed",
             fs_total_space=str(CAPACITY),
-            fs_free_space=str(free),
+            fs_free_space=str(CAPACITY - controller.files.used),
             fs_enabled="TRUE",
             fs_readonly="FALSE",
         )
         for device in DEVICES
     )
-    return resource("File Service", _FILES_BASE, "", *states)
+    return page_at("File Service", _FILES_BASE, "", *states)
 
 
 @ROUTES.answer(table.FILE)
-def get_file(controller: Irc5, call: RwsCall) -> Shown:
+def _get_file(controller: Irc5, call: RwsCall) -> Shown:
     """The content of a file, or the list of a directory."""
     file = _file_of(controller, call)
     if file.content is not None:
@@ -52,44 +51,44 @@ def get_file(controller: Irc5, call: RwsCall) -> Shown:
         time = datetime.fromtimestamp(each.changed, timezone.utc).strftime("%Y-%m-%d T %H:%M:%S")
         fields = {"fs-cdate": time, "fs-mdate": time}
         if each.content is not None:
-            fields |= {"fs-size": str(len(each.content)), "fs-readonly": "false"}
+            fields |= {"fs-size": str(each.size), "fs-readonly": "false"}
         kind = "fs-dir" if each.content is None else "fs-file"
         states.append(RwsState(kind, each.name, fields, (RwsLink("self", each.name),)))
-    return resource("File Service", f"{_FILES_BASE}{call.names['path']}/", "", *states)
+    return page_at("File Service", f"{_FILES_BASE}{call.names['path']}/", "", *states)
 
 
 @ROUTES.answer(table.HEAD_FILE)
-def head_file(controller: Irc5, call: RwsCall) -> None:
+def _head_file(controller: Irc5, call: RwsCall) -> None:
     _file_of(controller, call)
 
 
 @ROUTES.answer(table.PUT_FILE)
-def put_file(controller: Irc5, call: RwsCall) -> HttpReply:
+def _put_file(controller: Irc5, call: RwsCall) -> HttpReply:
     is_new = controller.files.write(_path_of(call), call.content)
     return HttpReply(_CREATED if is_new else _OK, _OCTETS)
 
 
 @ROUTES.answer(table.DELETE_FILE)
-def delete_file(controller: Irc5, call: RwsCall) -> None:
+def _delete_file(controller: Irc5, call: RwsCall) -> None:
     controller.files.remove(_file_of(controller, call).path)
 
 
 @ROUTES.answer(table.CHANGE_FILE)
-def change_file(controller: Irc5, call: RwsCall) -> HttpReply | None:
+def _change_file(controller: Irc5, call: RwsCall) -> HttpReply | None:
     """Create a directory in one, copy or rename; the body names the action."""
     if call.option("fs-action") is not None:
-        raise invalid("Invalid/No Query Parameter: fs-action belongs into the body")
+        raise bad_call("Invalid/No Query Parameter: fs-action belongs into the body")
     action, name = call.required("fs-action"), call.required("fs-newname").rstrip("/")
     file = _file_of(controller, call)
     folder = file.path.rpartition("/")[0]
     if not name or ".." in name.split("/"):
-        raise invalid("fs-newname is a name, or a path from /fileservice")
+        raise bad_call("fs-newname is a name, or a path from /fileservice")
     if action == "create":
         controller.files.make_directory(f"{file.path}/{name}")
         return HttpReply(_CREATED, _OCTETS)
     target = path_of_file(name) if name.startswith("/fileservice/") else f"{folder}/{name}"
     if action == "rename" and "/" in name:
-        raise invalid(f"fs-newname is a name without a path, not {name[:50]!r}")
+        raise bad_call(f"fs-newname is a name without a path, not {name[:50]!r}")
     is_taken = target.lower() in (entry.path.lower() for entry in controller.files.entries(target.rpartition("/")[0]))
     if is_taken and call.parameter("fs-overwrite", "false") != "true":
         raise CallFailure(409, RwsCode.INVALIDARG, f"{target} exists")
@@ -119,5 +118,5 @@ def path_of_file(text: str) -> str:
     if name not in DEVICES:
         raise CallFailure(404, RwsCode.FAIL, f"there is no device {device}")
     if ".." in rest.split("/"):
-        raise invalid("a path does not lead upwards")
+        raise bad_call("a path does not lead upwards")
     return f"{name}:/{rest}".rstrip("/")

@@ -12,12 +12,13 @@ from base64 import b64decode, b64encode
 from binascii import Error as Base64Error
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from hashlib import md5
 from hmac import compare_digest
 from urllib.parse import unquote
 
 from abb_protocols.errors import ProtocolError, YumiError
-from abb_protocols.rws.documents import Pairs, decode_form
+from abb_protocols.rws.documents import Form, Pairs, decode_form
 from abb_protocols.rws.values import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 
 Headers = tuple[tuple[str, str], ...]
@@ -63,6 +64,20 @@ class HttpRequest:
         """All values of ``name`` in any case."""
         return self._values.get(name.lower(), ())
 
+    def form(self) -> Pairs:
+        """The form in the body; that of a module's text takes longer than a cycle the first time."""
+        return _long_form(self.body) if len(self.body) > _LONG_FORM else _form(self.body)
+
+
+_LONG_FORM = 4096  # bytes
+
+
+def _form(body: bytes) -> Pairs:
+    return decode_form(body.decode("utf-8", "replace"))
+
+
+_long_form = lru_cache(2)(_form)
+
 
 @dataclass(frozen=True, slots=True)
 class HttpReply:
@@ -72,6 +87,11 @@ class HttpReply:
     headers: Headers = ()
     body: bytes = b""
 
+    @classmethod
+    def at(cls, location: str, status: int = 202) -> HttpReply:
+        """What was made, or is under way, is to be found at another address."""
+        return cls(status, (("Location", location), ("Content-Type", Form.XHTML.value)))
+
     def header(self, name: str) -> str | None:
         """The first value of ``name`` in any case, or None."""
         return next((value for key, value in self.headers if key.lower() == name.lower()), None)
@@ -79,7 +99,6 @@ class HttpReply:
 
 # The login
 
-OPAQUE = "799d5"
 NONCE_LIFE = 300.0  # [s]; Appweb calls a nonce stale after five minutes
 
 _DIGEST_FIELDS = ("username", "realm", "nonce", "uri", "response")
@@ -88,22 +107,12 @@ _PATH_PARAMETERS = re.compile(r";[^/]*$")  # of the last segment of a path
 _DIGEST_PARAMETER = re.compile(r'([A-Za-z][\w-]*)\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s,"]+))')
 
 
-@dataclass(frozen=True, slots=True)
-class Challenge:
-    """What a server asks for in ``WWW-Authenticate``."""
-
-    nonce: str
-    realm: str = REALM
-    opaque: str = OPAQUE
-    is_stale: bool = False
-
-    def header(self) -> str:
-        """The header's value, in the order and quoting of an IRC5."""
-        stale = "TRUE" if self.is_stale else "FALSE"
-        return (
-            f'Digest realm="{self.realm}", domain="/", qop="auth", nonce="{self.nonce}", '
-            f'opaque="{self.opaque}", algorithm="MD5", stale="{stale}"'
-        )
+def digest_challenge(nonce: str, *, is_stale: bool = False) -> str:
+    """What a server asks for in ``WWW-Authenticate``, in the order and quoting of an IRC5."""
+    return (
+        f'Digest realm="{REALM}", domain="/", qop="auth", nonce="{nonce}", '
+        f'opaque="799d5", algorithm="MD5", stale="{"TRUE" if is_stale else "FALSE"}"'
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +198,7 @@ def _bytes(text: str) -> bytes:
 # Cookies and sessions
 
 
-def set_cookie(name: str, value: str) -> str:
+def _set_cookie(name: str, value: str) -> str:
     """A ``Set-Cookie`` value; always the same path, or clients see two cookies of one name."""
     return f"{name}={value}; path=/; httponly"
 
@@ -296,8 +305,8 @@ class SessionTable:
         number = str(_FIRST_CONNECTION + self._connections)
         self._connections += 1
         session.connections[peer] = number
-        connection = set_cookie(CONNECTION_COOKIE, number)
-        return (set_cookie(SESSION_COOKIE, session.id), connection) if is_new else (connection,)
+        connection = _set_cookie(CONNECTION_COOKIE, number)
+        return (_set_cookie(SESSION_COOKIE, session.id), connection) if is_new else (connection,)
 
     def _forget_idle(self, now: float) -> None:
         for session in [each for each in self._sessions.values() if _is_idle(each, now)]:

@@ -9,10 +9,10 @@ from abb_protocols.rws.documents import Page, Pairs, RwsLink, RwsState, first_va
 from abb_protocols.rws.operations import io as table
 from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller.signals import ControllerSignal, path_of, printed_signal
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.controller.signals import ControllerSignal, printed_signal, signal_path
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes, absent_routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _IO_BASE = "/rw/iosystem/"
 _DEFAULT_LIMIT = 100
@@ -27,7 +27,7 @@ ROUTES = Routes()
 
 
 @dataclass(frozen=True, slots=True)
-class Device:
+class _Device:
     """One I/O device: its network and address as the configuration says."""
 
     name: str
@@ -36,20 +36,22 @@ class Device:
 
 
 @ROUTES.answer(table.IO_SYSTEM)
-def get_io_system(controller: Irc5, call: RwsCall) -> Page:
+def _get_io_system(controller: Irc5, call: RwsCall) -> Page:
     names = ("networks", "devices", "signals")
-    return resource("io", "/rw/", "iosystem", *(entry(f"ios-{name}-li", name, f"iosystem/{name}") for name in names))
+    return page_at(
+        "io", "/rw/", "iosystem", *(page_entry(f"ios-{name}-li", name, f"iosystem/{name}") for name in names)
+    )
 
 
 # Networks and devices
 
 
-def _devices(controller: Irc5) -> list[Device]:
-    found = [Device(name, _LOCAL) for name in _LOCAL_DEVICES]
+def _devices(controller: Irc5) -> list[_Device]:
+    found = [_Device(name, _LOCAL) for name in _LOCAL_DEVICES]
     for kind in _DEVICE_TYPES:
         for each in controller.effective.instances("EIO", kind):
             network = each.attributes.get("Network") or kind.partition("_")[0].capitalize()
-            found.append(Device(each.name, network, each.attributes.get("Address") or "-"))
+            found.append(_Device(each.name, network, each.attributes.get("Address") or "-"))
     return found
 
 
@@ -68,23 +70,23 @@ def _network_state(controller: Irc5, name: str, type: str) -> RwsState:
 
 
 @ROUTES.answer(table.NETWORKS)
-def get_networks(controller: Irc5, call: RwsCall) -> Page:
+def _get_networks(controller: Irc5, call: RwsCall) -> Page:
     states = (_network_state(controller, name, "ios-network-li") for name in _networks(controller))
-    return resource("io", _IO_BASE, "networks", *states)
+    return page_at("io", _IO_BASE, "networks", *states)
 
 
 @ROUTES.answer(table.SEARCH_NETWORKS)
-def search_networks(controller: Irc5, call: RwsCall) -> Page:
+def _search_networks(controller: Irc5, call: RwsCall) -> Page:
     name, state = call.parameter("name", ""), call.parameter("state", "")
     if not name and not state:
-        raise invalid("a search needs name or state")
+        raise bad_call("a search needs name or state")
     states = [_network_state(controller, each, "ios-network-li") for each in _networks(controller)]
     found = (
         each
         for each in states
         if name.lower() in each.title.lower() and state in ("", each.fields["pstate"], each.fields["lstate"])
     )
-    return resource("io", _IO_BASE, "networks", *found)
+    return page_at("io", _IO_BASE, "networks", *found)
 
 
 def _network(controller: Irc5, call: RwsCall) -> str:
@@ -96,13 +98,13 @@ def _network(controller: Irc5, call: RwsCall) -> str:
 
 
 @ROUTES.answer(table.NETWORK)
-def get_network(controller: Irc5, call: RwsCall) -> Page:
+def _get_network(controller: Irc5, call: RwsCall) -> Page:
     name = _network(controller, call)
-    return resource("io", _IO_BASE, f"networks/{name}", _network_state(controller, name, "ios-network"))
+    return page_at("io", _IO_BASE, f"networks/{name}", _network_state(controller, name, "ios-network"))
 
 
 @ROUTES.answer(table.SET_NETWORK)
-def set_network(controller: Irc5, call: RwsCall) -> None:
+def _set_network(controller: Irc5, call: RwsCall) -> None:
     name = _network(controller, call)
     if call.required("lstate") == "start":
         controller.signals.stopped.discard(name)
@@ -113,20 +115,20 @@ def set_network(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.NETWORK_CONFIG)
-def get_network_config(controller: Irc5, call: RwsCall) -> Page:
+def _get_network_config(controller: Irc5, call: RwsCall) -> Page:
     name = _network(controller, call)
     fields = {"networkname": name, "networktype": name[:3].upper(), "networkaddress": "-"}
-    return resource("io", _IO_BASE, f"networks/{name}", RwsState("ios-network-config-runtime", name, fields))
+    return page_at("io", _IO_BASE, f"networks/{name}", RwsState("ios-network-config-runtime", name, fields))
 
 
 @ROUTES.answer(table.CONFIGURE_NETWORK)
-def configure_network(controller: Irc5, call: RwsCall) -> None:
+def _configure_network(controller: Irc5, call: RwsCall) -> None:
     """Ask a network to write its configuration anew: ours is always that of the system parameters."""
     _network(controller, call)
     call.required("config-type")
 
 
-def _device_state(controller: Irc5, device: Device, type: str) -> RwsState:
+def _device_state(controller: Irc5, device: _Device, type: str) -> RwsState:
     disabled, stopped = device.name in controller.signals.disabled, device.network in controller.signals.stopped
     fields = {
         "name": device.name,
@@ -139,16 +141,16 @@ def _device_state(controller: Irc5, device: Device, type: str) -> RwsState:
 
 
 @ROUTES.answer(table.DEVICES)
-def get_devices(controller: Irc5, call: RwsCall) -> Page:
+def _get_devices(controller: Irc5, call: RwsCall) -> Page:
     states = (_device_state(controller, device, "ios-device-li") for device in _devices(controller))
-    return resource("io", _IO_BASE, "devices", *states)
+    return page_at("io", _IO_BASE, "devices", *states)
 
 
 @ROUTES.answer(table.SEARCH_DEVICES)
-def search_devices(controller: Irc5, call: RwsCall) -> Page:
+def _search_devices(controller: Irc5, call: RwsCall) -> Page:
     name, state, network = (call.parameter(each, "").lower() for each in ("name", "lstate", "network"))
     if not name and not state:
-        raise invalid("a search needs name or lstate")
+        raise bad_call("a search needs name or lstate")
     states = [_device_state(controller, device, "ios-device-li") for device in _devices(controller)]
     found = (
         each
@@ -157,10 +159,10 @@ def search_devices(controller: Irc5, call: RwsCall) -> Page:
         and state in ("", each.fields["lstate"])
         and network in ("", each.title.partition("/")[0].lower())
     )
-    return resource("io", _IO_BASE, "devices", *found)
+    return page_at("io", _IO_BASE, "devices", *found)
 
 
-def _device(controller: Irc5, call: RwsCall) -> Device:
+def _device(controller: Irc5, call: RwsCall) -> _Device:
     name = call.names["device"].rpartition("/")[2]
     for device in _devices(controller):
         if device.name.lower() == name.lower():
@@ -169,7 +171,7 @@ def _device(controller: Irc5, call: RwsCall) -> Device:
 
 
 @ROUTES.answer(table.DEVICE)
-def get_device(controller: Irc5, call: RwsCall) -> Page:
+def _get_device(controller: Irc5, call: RwsCall) -> Page:
     """The device with its data: each signal's bits where DeviceMap has them."""
     device = _device(controller, call)
     state = _device_state(controller, device, "ios-device")
@@ -189,7 +191,7 @@ def get_device(controller: Irc5, call: RwsCall) -> Page:
         "outdata": data[True].hex(),
         "outmask": used[True].hex(),
     }
-    return resource("io", _IO_BASE, f"devices/{state.title}", replace(state, fields={**state.fields, **contents}))
+    return page_at("io", _IO_BASE, f"devices/{state.title}", replace(state, fields={**state.fields, **contents}))
 
 
 def _bits(controller: Irc5, signal: ControllerSignal) -> Sequence[int]:
@@ -200,7 +202,7 @@ def _bits(controller: Irc5, signal: ControllerSignal) -> Sequence[int]:
 
 
 @ROUTES.answer(table.SET_DEVICE)
-def set_device(controller: Irc5, call: RwsCall) -> None:
+def _set_device(controller: Irc5, call: RwsCall) -> None:
     device = _device(controller, call)
     if call.required("lstate") == "enable":
         controller.signals.disabled.discard(device.name)
@@ -211,7 +213,7 @@ def set_device(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.DEVICE_CONFIG)
-def get_device_config(controller: Irc5, call: RwsCall) -> Page:
+def _get_device_config(controller: Irc5, call: RwsCall) -> Page:
     device = _device(controller, call)
     signals = [signal for signal in _signals(controller) if signal.device == device.name]
     bits = {
@@ -228,17 +230,17 @@ def get_device_config(controller: Irc5, call: RwsCall) -> Page:
         "denydeactivate": "TRUE" if device.network == _LOCAL else "FALSE",
     }
     path = f"devices/{device.network}/{device.name}"
-    return resource("io", _IO_BASE, path, RwsState("ios-device-config-runtime", device.name, fields))
+    return page_at("io", _IO_BASE, path, RwsState("ios-device-config-runtime", device.name, fields))
 
 
 @ROUTES.answer(table.UPGRADE)
-def get_upgrade(controller: Irc5, call: RwsCall) -> None:
+def _get_upgrade(controller: Irc5, call: RwsCall) -> None:
     """No firmware is waiting for a device."""
     _device(controller, call)
 
 
 @ROUTES.answer(table.SET_INPUTDATA, table.SET_OUTPUTDATA)
-def refuse_data(controller: Irc5, call: RwsCall) -> None:
+def _refuse_data(controller: Irc5, call: RwsCall) -> None:
     _device(controller, call)
     raise CallFailure(
         400, RwsCode.SERVICE_NOT_SUPPORTED, "the data of a device are set in RobotStudio's controllers alone"
@@ -253,7 +255,7 @@ def _signals(controller: Irc5) -> Iterable[ControllerSignal]:
 
 
 @ROUTES.answer(table.SIGNALS)
-def get_signals(controller: Irc5, call: RwsCall) -> Page:
+def _get_signals(controller: Irc5, call: RwsCall) -> Page:
     """All signals, or one page of them where the client asks for pages."""
     return _listed(controller, call, list(_signals(controller)), "signals")
 
@@ -269,17 +271,17 @@ def _listed(
     entries = (
         RwsState(
             "ios-signal-li",
-            path_of(one),
+            signal_path(one),
             {**_signal_fields(one), **(_physical_fields(one) | {"write-access-level": one.access} if is_full else {})},
-            (RwsLink("self", f"signals/{path_of(one)}"),),
+            (RwsLink("self", f"signals/{signal_path(one)}"),),
         )
         for one in shown
     )
-    return resource("io", _IO_BASE, href, *entries, next_href=more)
+    return page_at("io", _IO_BASE, href, *entries, next_href=more)
 
 
 @ROUTES.answer(table.SIGNAL_SEARCH, table.SIGNAL_SEARCHEX)
-def search_signals(controller: Irc5, call: RwsCall) -> Page:
+def _search_signals(controller: Irc5, call: RwsCall) -> Page:
     """The signals that fit; two sets of conditions may be given, one of them inverted."""
     found = [
         signal
@@ -308,23 +310,23 @@ def _fits(controller: Irc5, signal: ControllerSignal, form: Pairs, suffix: str) 
 
 
 @ROUTES.answer(table.UNBLOCK_SIGNALS)
-def unblock_signals(controller: Irc5, call: RwsCall) -> None:
+def _unblock_signals(controller: Irc5, call: RwsCall) -> None:
     controller.signals.end_simulations()
     controller.settle()
 
 
 @ROUTES.answer(table.SIGNAL)
-def get_signal(controller: Irc5, call: RwsCall) -> Page:
+def _get_signal(controller: Irc5, call: RwsCall) -> Page:
     signal = controller.signals.get(_signal_name(call))
     fields = {**_signal_fields(signal), "unitnm": signal.device, **_physical_fields(signal)}
     links = (RwsLink("device", f"devices/{signal.device}"),) if signal.device else ()
-    return resource(
-        "io", _IO_BASE, f"signals/{path_of(signal)}", RwsState("ios-signal", path_of(signal), fields, links)
+    return page_at(
+        "io", _IO_BASE, f"signals/{signal_path(signal)}", RwsState("ios-signal", signal_path(signal), fields, links)
     )
 
 
 @ROUTES.answer(table.SIGNAL_CONFIG)
-def get_signal_config(controller: Irc5, call: RwsCall) -> Page:
+def _get_signal_config(controller: Irc5, call: RwsCall) -> Page:
     signal = controller.signals.get(_signal_name(call))
     may_write = signal.access.upper() == "ALL"
     rights = table.AccessRights(True, True, may_write, may_write, may_write)
@@ -334,13 +336,13 @@ def get_signal_config(controller: Irc5, call: RwsCall) -> Page:
         **table.SIGNAL_CONFIG.answered.write(rights),
         "setbydevicetransfer": "FALSE",
     }
-    return resource(
-        "io", _IO_BASE, f"signals/{path_of(signal)}", RwsState("ios-signal-config-runtime", signal.name, fields)
+    return page_at(
+        "io", _IO_BASE, f"signals/{signal_path(signal)}", RwsState("ios-signal-config-runtime", signal.name, fields)
     )
 
 
 @ROUTES.answer(table.SET_SIGNAL)
-def set_signal(controller: Irc5, call: RwsCall) -> None:
+def _set_signal(controller: Irc5, call: RwsCall) -> None:
     """Write a signal or simulate it; the interrupts of its edge run before the answer."""
     signals = controller.signals
     signal = signals.get(_signal_name(call))
@@ -357,7 +359,7 @@ def set_signal(controller: Irc5, call: RwsCall) -> None:
         raise CallFailure(403, RwsCode.UNBLOCKED_INSIGNAL, f"input signal {signal.name} is not simulated")
     mode = call.parameter("mode", "value")
     if mode in ("invert", "toggle", "pulse") and signal.type.value.startswith("A"):
-        raise invalid(f"an analog signal is not {mode}d")
+        raise bad_call(f"an analog signal is not {mode}d")
     if mode in ("toggle", "pulse") and first_value(call.form, "Pulses") is not None:
         _pulse(controller, call, signal)
         return
@@ -377,7 +379,7 @@ def _pulse(controller: Irc5, call: RwsCall, signal: ControllerSignal) -> None:
     """Pulse a signal: it becomes its opposite, or what ``lvalue`` says, and back again."""
     count = int(call.number("Pulses"))
     if not 1 <= count <= _MOST_PULSES:
-        raise invalid(f"Pulses is 1 to {_MOST_PULSES}")
+        raise bad_call(f"Pulses is 1 to {_MOST_PULSES}")
     is_toggle = call.parameter("mode", "value") == "toggle"
     active = _inverted(controller, signal) if is_toggle else call.number("lvalue")
     passive = signal.value if active != signal.value else _inverted(controller, signal)
@@ -409,7 +411,7 @@ def _milliseconds(call: RwsCall, name: str) -> float:
     """A time of the body [s]."""
     value = call.number(name) if first_value(call.form, name) is not None else 0.0
     if not 0.0 <= value <= _LONGEST_TIME_MS:
-        raise invalid(f"{name} is 0 to {_LONGEST_TIME_MS:.0f} ms")
+        raise bad_call(f"{name} is 0 to {_LONGEST_TIME_MS:.0f} ms")
     return value * 1e-3
 
 

@@ -11,7 +11,7 @@ from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.users import User
 from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Route
 from virtual_irc5.rws.rws_call import CallFailure, RwsCall
 from virtual_irc5.rws.users import VirtualUsers, refuse_in_manual_mode
@@ -60,7 +60,7 @@ class Mastership:
             is_implicit: whether the client takes the mastership for this operation alone.
 
         Raises:
-            Failure: 403.
+            CallFailure: 403.
         """
         domain = self._domains.get(operation.needs_mastership or operation.respects_mastership, "")
         if domain:
@@ -77,15 +77,15 @@ class Mastership:
             raise CallFailure(403, RwsCode.RESOURCE_HELD, f"Requested resource is held by someone else: {domain}")
 
     def get_domains(self, controller: Irc5, call: RwsCall) -> Page:
-        return resource(
-            "MasterShip", _MASTERSHIP_BASE, "", *(entry("msh-resource-li", domain) for domain in self.names)
+        return page_at(
+            "MasterShip", _MASTERSHIP_BASE, "", *(page_entry("msh-resource-li", domain) for domain in self.names)
         )
 
     def get_domain(self, controller: Irc5, call: RwsCall) -> Page:
         domain = self._domain(call)
         is_own = self._holders.get(domain) == call.session
         fields = {**self.fields(domain), "mastershipheldbyme": "TRUE" if is_own else "FALSE"}
-        return resource("MasterShip", _MASTERSHIP_BASE, domain, RwsState("msh-resource", domain, fields))
+        return page_at("MasterShip", _MASTERSHIP_BASE, domain, RwsState("msh-resource", domain, fields))
 
     def fields(self, domain: str) -> dict[str, str]:
         """Who holds a domain."""
@@ -113,7 +113,7 @@ class Mastership:
         """Refuse a mastership, for one request or until it is released.
 
         Raises:
-            Failure: 403.
+            CallFailure: 403.
         """
         self._users.check_grant(table.GRANT)
         refuse_in_manual_mode(controller, call, "the mastership")

@@ -16,10 +16,10 @@ from virtual_irc5.rapid.loaded_modules import LoadedModule
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import Variable
 from virtual_irc5.rws.files import path_of_file
-from virtual_irc5.rws.rapid import find_task, prepare_modules
-from virtual_irc5.rws.render import resource
+from virtual_irc5.rws.rapid import prepare_modules, rws_task
+from virtual_irc5.rws.render import page_at
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 from virtual_irc5.rws.symbols import routine_state, symbol_state
 
 _BASE = "/rw/rapid/"
@@ -28,7 +28,7 @@ ROUTES = Routes()
 
 
 def _module(controller: Irc5, call: RwsCall) -> tuple[Task, LoadedModule]:
-    task = find_task(controller, call.option("task") or call.parameter("task", "") or call.names.get("task", ""))
+    task = rws_task(controller, call.option("task") or call.parameter("task", "") or call.names.get("task", ""))
     name = call.names["module"]
     module = task.program.modules.get(name.lower())
     if module is None:
@@ -38,12 +38,12 @@ def _module(controller: Irc5, call: RwsCall) -> tuple[Task, LoadedModule]:
 
 def _module_page(task: Task, module: LoadedModule, state: RwsState) -> Page:
     """A page of a module; its address names the task, without which there is no such module."""
-    return resource("rapid", f"{_BASE}modules/", f"{module.name}?task={task.name}", state)
+    return page_at("rapid", f"{_BASE}modules/", f"{module.name}?task={task.name}", state)
 
 
 @ROUTES.answer(table.MODULES)
-def get_modules(controller: Irc5, call: RwsCall) -> Page:
-    task = find_task(controller, call.option("task") or "")
+def _get_modules(controller: Irc5, call: RwsCall) -> Page:
+    task = rws_task(controller, call.option("task") or "")
     states = (
         table.MODULES.answered.state(
             module.name,
@@ -52,11 +52,11 @@ def get_modules(controller: Irc5, call: RwsCall) -> Page:
         )
         for module in task.modules
     )
-    return resource("rapid", _BASE, f"modules?task={task.name}", *states)
+    return page_at("rapid", _BASE, f"modules?task={task.name}", *states)
 
 
 @ROUTES.answer(table.MODULE)
-def get_module(controller: Irc5, call: RwsCall) -> Page:
+def _get_module(controller: Irc5, call: RwsCall) -> Page:
     """Attributes of a module, a range of its text, or where a text is."""
     task, module = _module(controller, call)
     name, text = module.name, module.syntax.text
@@ -67,7 +67,7 @@ def get_module(controller: Irc5, call: RwsCall) -> Page:
         begin, end = _range(text, call)
         return _module_page(task, module, table.TEXT_PART.state(name, text[begin:end]))
     if call.option("startrow") is not None:
-        return _module_page(task, module, _object(task, module, call))
+        return _module_page(task, module, _object(module, call))
     attributes = sorted(each.lower().removesuffix("ule") for each in module.syntax.attributes)
     details = table.ModuleDetails(name, module.syntax.filename.rpartition("/")[2], tuple(attributes))
     return _module_page(task, module, table.MODULE.answered.state(name, details))
@@ -87,7 +87,7 @@ def _offset(text: str, row: int, column: int) -> int:
 def _position(call: RwsCall, name: str) -> int:
     text = call.option(name) or call.parameter(name, "")
     if not re.fullmatch(r"-1|\d{1,7}", text):
-        raise invalid(f"{name} is a whole number, not {text[:20]!r}")
+        raise bad_call(f"{name} is a whole number, not {text[:20]!r}")
     return int(text)
 
 
@@ -113,7 +113,7 @@ def _search(text: str, wanted: str, call: RwsCall) -> tuple[int, int]:
 _DECLARED = {s.Record: "Record", s.Alias: "Alias", s.Data: "Data", s.Routine: "Routine"}
 
 
-def _object(task: Task, module: LoadedModule, call: RwsCall) -> RwsState:
+def _object(module: LoadedModule, call: RwsCall) -> RwsState:
     """What stands at a row: the declaration it is in."""
     row = _position(call, "startrow")
     _position(call, "startcol")
@@ -136,7 +136,7 @@ def _object(task: Task, module: LoadedModule, call: RwsCall) -> RwsState:
 
 
 @ROUTES.answer(table.MODULE_TEXT)
-def get_module_text(controller: Irc5, call: RwsCall) -> Page:
+def _get_module_text(controller: Irc5, call: RwsCall) -> Page:
     """The text, URL-encoded."""
     task, module = _module(controller, call)
     fields = {
@@ -149,14 +149,14 @@ def get_module_text(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.MODULE_CHANGES)
-def get_module_changes(controller: Irc5, call: RwsCall) -> Page:
+def _get_module_changes(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     count = controller.program_changes(task.name)
     return _module_page(task, module, table.MODULE_CHANGES.answered.state(module.name, count))
 
 
 @ROUTES.answer(table.EXTENSION)
-def get_extension(controller: Irc5, call: RwsCall) -> Page:
+def _get_extension(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     lines = module.syntax.text.splitlines()
     fields = {
@@ -167,28 +167,28 @@ def get_extension(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SYNC_STATUS)
-def get_sync_status(controller: Irc5, call: RwsCall) -> Page:
+def _get_sync_status(controller: Irc5, call: RwsCall) -> Page:
     """Whether the text has the present values of its persistents."""
     task, module = _module(controller, call)
     return _module_page(task, module, table.SYNC_STATUS.answered.state(module.name, 0))
 
 
 @ROUTES.answer(table.SAVE_MODULE)
-def save_module(controller: Irc5, call: RwsCall) -> None:
+def _save_module(controller: Irc5, call: RwsCall) -> None:
     _, module = _module(controller, call)
     name, folder = call.required("name"), path_of_file(call.required("path"))
     if not re.fullmatch(r"\w{1,80}", name):
-        raise invalid(f"name is a name, not {name[:50]!r}")
+        raise bad_call(f"name is a name, not {name[:50]!r}")
     controller.files.write(f"{folder}/{name}.mod", module.syntax.text.encode("latin-1", "replace"))
 
 
-def prepare_module_text(controller: Irc5, call: RwsCall) -> Callable[[], None]:
+def _prepare_module_text(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     task, module = _module(controller, call)
     return functools.partial(prepare_modules, task, {module.syntax.filename: call.required("text")})
 
 
-@ROUTES.answer(table.SET_MODULE_TEXT, prepare=prepare_module_text)
-def set_module_text(controller: Irc5, call: RwsCall) -> None:
+@ROUTES.answer(table.SET_MODULE_TEXT, prepare=_prepare_module_text)
+def _set_module_text(controller: Irc5, call: RwsCall) -> None:
     _replace_text(controller, *_module(controller, call), call.required("text"))
 
 
@@ -198,13 +198,13 @@ def _replace_text(controller: Irc5, task: Task, module: LoadedModule, text: str)
     controller.execution.load_module(task.name, text, module.syntax.filename, replace=True)
 
 
-def prepare_text_range(controller: Irc5, call: RwsCall) -> Callable[[], None]:
+def _prepare_text_range(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     task, module = _module(controller, call)
     return functools.partial(prepare_modules, task, {module.syntax.filename: _changed_text(module, call)})
 
 
-@ROUTES.answer(table.SET_TEXT_RANGE, prepare=prepare_text_range)
-def set_text_range(controller: Irc5, call: RwsCall) -> None:
+@ROUTES.answer(table.SET_TEXT_RANGE, prepare=_prepare_text_range)
+def _set_text_range(controller: Irc5, call: RwsCall) -> None:
     """Replace a range of a module's text, or put a text before or after it."""
     task, module = _module(controller, call)
     text = _changed_text(module, call)
@@ -230,20 +230,20 @@ def _changed_text(module: LoadedModule, call: RwsCall) -> str:
     modes = {"Before": (begin, begin), "After": (end, end), "Replace": (begin, end)}
     mode = call.required("replace-mode")
     if mode not in modes:
-        raise invalid(f"replace-mode is {' or '.join(modes)}, not {mode[:50]!r}")
+        raise bad_call(f"replace-mode is {' or '.join(modes)}, not {mode[:50]!r}")
     begin, end = modes[mode]
     return text[:begin] + new + text[end:]
 
 
 @ROUTES.answer(table.ROUTINES)
-def get_routines(controller: Irc5, call: RwsCall) -> Page:
+def _get_routines(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     states = (routine_state(task, each, "-li") for each in module.routines)
-    return resource("rapid", f"{_BASE}modules/{task.name}/{module.name}/", "routines", *states)
+    return page_at("rapid", f"{_BASE}modules/{task.name}/{module.name}/", "routines", *states)
 
 
 @ROUTES.answer(table.ROUTINE_AT)
-def get_routine_at(controller: Irc5, call: RwsCall) -> Page:
+def _get_routine_at(controller: Irc5, call: RwsCall) -> Page:
     """The routine that a row is in."""
     task, module = _module(controller, call)
     row = _position(call, "row")
@@ -254,7 +254,7 @@ def get_routine_at(controller: Irc5, call: RwsCall) -> Page:
     state = routine_state(task, found)
     names = ("name", "symtyp", "named", "local", "npar")
     fields = {name: state.fields[name] for name in names}
-    return resource(
+    return page_at(
         "rapid",
         f"{_BASE}modules/{module.name}/",
         f"routine?task={task.name}&row={row}",
@@ -263,7 +263,7 @@ def get_routine_at(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.SYMBOL_AT)
-def get_symbol_at(controller: Irc5, call: RwsCall) -> Page:
+def _get_symbol_at(controller: Irc5, call: RwsCall) -> Page:
     """The symbol whose name stands at a row and column."""
     task, module = _module(controller, call)
     lines = module.syntax.text.splitlines()
@@ -285,5 +285,5 @@ def get_symbol_at(controller: Irc5, call: RwsCall) -> Page:
 
 
 @ROUTES.answer(table.MOD_POSSIBLE_ALL, table.MODIFY_ALL_POSITION, table.MOD_POSSIBLE, table.MODIFY_POSITION)
-def refuse_positions(controller: Irc5, call: RwsCall) -> Page:
+def _refuse_positions(controller: Irc5, call: RwsCall) -> Page:
     raise CallFailure(400, RwsCode.SERVICE_NOT_SUPPORTED, "positions are modified on the FlexPendant")

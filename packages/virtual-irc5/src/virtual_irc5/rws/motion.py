@@ -21,9 +21,9 @@ from virtual_irc5.instructions.robot_data import pose_from_rapid, robtarget, wob
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.units import MechanicalUnit, UnitSupervision
 from virtual_irc5.rapid.types import Variable
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 from virtual_irc5.rws.users import refuse_in_manual_mode
 
 _BASE = "/rw/motionsystem/"
@@ -38,21 +38,21 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.MOTION_SYSTEM)
-def get_motion_system(controller: Irc5, call: RwsCall) -> Page:
+def _get_motion_system(controller: Irc5, call: RwsCall) -> Page:
     shown = table.MotionSystem(controller.motion.changes, _active(controller).name)
     fields = table.MOTION_SYSTEM.answered.write(shown)
     asked = call.option("resource")
     if asked is not None:
-        return resource("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", {asked: fields[asked]}))
+        return page_at("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", {asked: fields[asked]}))
     links = (
-        entry("ms-change-count-li", "checkchangecount", "motionsystem/checkchangecount"),
-        entry("ms-mechunit-li", "mechunits", "motionsystem/mechunits"),
-        entry("ms-errorstate-li", "errorstate", "motionsystem/errorstate"),
-        entry("ms-motionsupervision-li", "motionsupervision", "motionsystem/motionsupervision"),
-        entry("ms-pathsupervision-li", "pathsupervision", "motionsystem/pathsupervision"),
-        entry("ms-nonmotion-execution-mode-li", "nonmotionexecution", "motionsystem/nonmotionexecution"),
+        page_entry("ms-change-count-li", "checkchangecount", "motionsystem/checkchangecount"),
+        page_entry("ms-mechunit-li", "mechunits", "motionsystem/mechunits"),
+        page_entry("ms-errorstate-li", "errorstate", "motionsystem/errorstate"),
+        page_entry("ms-motionsupervision-li", "motionsupervision", "motionsystem/motionsupervision"),
+        page_entry("ms-pathsupervision-li", "pathsupervision", "motionsystem/pathsupervision"),
+        page_entry("ms-nonmotion-execution-mode-li", "nonmotionexecution", "motionsystem/nonmotionexecution"),
     )
-    return resource("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", fields), *links)
+    return page_at("motionsystem", "/rw/", "motionsystem", RwsState("ms", "motionsystem", fields), *links)
 
 
 def _active(controller: Irc5) -> MechanicalUnit:
@@ -83,20 +83,20 @@ def _changed(controller: Irc5) -> None:
 
 
 @ROUTES.answer(table.SET_ACTIVE)
-def set_active(controller: Irc5, call: RwsCall) -> None:
+def _set_active(controller: Irc5, call: RwsCall) -> None:
     controller.motion.active_unit = _unit(controller, call.required("mechunit-name")).name
     _changed(controller)
 
 
 @ROUTES.answer(table.JOG)
-def jog(controller: Irc5, call: RwsCall) -> None:
+def _jog(controller: Irc5, call: RwsCall) -> None:
     """Move the axes of the active unit by a step each; the axis values are the deflection of the joystick."""
     _check_jogging(controller, call)
     values = [call.number(f"axis{number}") for number in range(1, 7)]
     if max(map(abs, values)) > _FULL:
-        raise invalid(f"an axis is deflected by {-_FULL:.0f} to {_FULL:.0f}")
+        raise bad_call(f"an axis is deflected by {-_FULL:.0f} to {_FULL:.0f}")
     if call.number("ccount") != controller.motion.changes:
-        raise invalid("ccount is not the change count of the motion system; read it again")
+        raise bad_call("ccount is not the change count of the motion system; read it again")
     unit = _active(controller)
     arm = controller.arm_of(unit)
     mode = call.parameter("inc-mode", "")
@@ -135,13 +135,13 @@ def _move(arm: VirtualArm, target: Joints) -> None:
     try:
         arm.move_to(target)
     except CommandRefused as error:
-        raise invalid(str(error)) from error
+        raise bad_call(str(error)) from error
     except RobotNotReady as error:
         raise CallFailure(403, RwsCode.INVALID_STATE, str(error)) from error
 
 
 @ROUTES.answer(table.POSITION_TARGET, table.SET_TARGET)
-def go_to_position(controller: Irc5, call: RwsCall) -> None:
+def _go_to_position(controller: Irc5, call: RwsCall) -> None:
     """Move the active unit to a robtarget in its base."""
     _check_jogging(controller, call)
     position = [call.number(f"pos-{axis}") * 1e-3 for axis in "xyz"]
@@ -157,10 +157,10 @@ def go_to_position(controller: Irc5, call: RwsCall) -> None:
 
 
 def _pose(position: list[float], orientation: list[float]) -> Pose:
-    """A pose in metres; raises Failure for an orientation that is no unit quaternion."""
+    """A pose in metres; raises CallFailure for an orientation that is no unit quaternion."""
     length = sum(value * value for value in orientation) ** 0.5
     if abs(length - 1.0) > _UNIT_TOLERANCE:
-        raise invalid("the orientation is not a unit quaternion")
+        raise bad_call("the orientation is not a unit quaternion")
     (x, y, z), (w, i, j, k) = position, (value / length for value in orientation)
     return Pose((x, y, z), (w, i, j, k))
 
@@ -178,12 +178,12 @@ def _nearest(kinematics: KinematicArm, pose: Pose, angle: float, near: Joints) -
 
 
 @ROUTES.answer(table.CHANGE_COUNT)
-def get_change_count(controller: Irc5, call: RwsCall) -> bool:
+def _get_change_count(controller: Irc5, call: RwsCall) -> bool:
     return call.number_option("changecount", 0) != controller.motion.changes
 
 
 @ROUTES.answer(table.ERROR_STATE)
-def get_error_state(controller: Irc5, call: RwsCall) -> table.MotionError:
+def _get_error_state(controller: Irc5, call: RwsCall) -> table.MotionError:
     return table.MotionError()
 
 
@@ -192,21 +192,21 @@ def _supervision(controller: Irc5, unit: MechanicalUnit) -> UnitSupervision:
 
 
 @ROUTES.answer(table.MOTION_SUPERVISION)
-def get_motion_supervision(controller: Irc5, call: RwsCall) -> Mapping[str, table.Supervision]:
+def _get_motion_supervision(controller: Irc5, call: RwsCall) -> Mapping[str, table.Supervision]:
     unit = _asked_unit(controller, call)
     found = _supervision(controller, unit)
     return {unit.name: table.Supervision(found.jogging, found.jog_level)}
 
 
 @ROUTES.answer(table.SET_MOTION_SUPERVISION)
-def set_motion_supervision(controller: Irc5, call: RwsCall) -> None:
+def _set_motion_supervision(controller: Irc5, call: RwsCall) -> None:
     unit = _unit(controller, call.required("mechunit-name"))
     _supervision(controller, unit).jogging = call.required("mode").lower() == "true"
     _changed(controller)
 
 
 @ROUTES.answer(table.SET_MOTION_SENSITIVITY)
-def set_motion_sensitivity(controller: Irc5, call: RwsCall) -> None:
+def _set_motion_sensitivity(controller: Irc5, call: RwsCall) -> None:
     unit = _unit(controller, call.required("mechunit-name"))
     _supervision(controller, unit).jog_level = _level(call, "sensitivity")
     _changed(controller)
@@ -215,47 +215,47 @@ def set_motion_sensitivity(controller: Irc5, call: RwsCall) -> None:
 def _level(call: RwsCall, name: str) -> int:
     level = call.number(name)
     if not 0 <= level <= 300:
-        raise invalid(f"{name} is 0 to 300")
+        raise bad_call(f"{name} is 0 to 300")
     return int(level)
 
 
 @ROUTES.answer(table.COLLISION_PREDICTION)
-def get_collision_prediction(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
+def _get_collision_prediction(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     return {"collision-prediction-mode": controller.motion.predicts_collisions}
 
 
 @ROUTES.answer(table.SET_COLLISION_PREDICTION)
-def set_collision_prediction(controller: Irc5, call: RwsCall) -> None:
+def _set_collision_prediction(controller: Irc5, call: RwsCall) -> None:
     controller.motion.predicts_collisions = call.required("mode") == "true"
     _changed(controller)
 
 
 @ROUTES.answer(table.PATH_SUPERVISION)
-def get_path_supervision(controller: Irc5, call: RwsCall) -> Mapping[str, table.Supervision]:
+def _get_path_supervision(controller: Irc5, call: RwsCall) -> Mapping[str, table.Supervision]:
     unit = _asked_unit(controller, call)
     found = _supervision(controller, unit)
     return {unit.name: table.Supervision(found.path, found.path_level)}
 
 
 @ROUTES.answer(table.SET_PATH_SUPERVISION)
-def set_path_supervision(controller: Irc5, call: RwsCall) -> None:
+def _set_path_supervision(controller: Irc5, call: RwsCall) -> None:
     _supervision(controller, _unit(controller, call.required("mechunit"))).path = call.required("mode") == "ON"
     _changed(controller)
 
 
 @ROUTES.answer(table.SET_PATH_LEVEL)
-def set_path_level(controller: Irc5, call: RwsCall) -> None:
+def _set_path_level(controller: Irc5, call: RwsCall) -> None:
     _supervision(controller, _unit(controller, call.required("mechunit"))).path_level = _level(call, "level")
     _changed(controller)
 
 
 @ROUTES.answer(table.NON_MOTION)
-def get_non_motion(controller: Irc5, call: RwsCall) -> bool:
+def _get_non_motion(controller: Irc5, call: RwsCall) -> bool:
     return controller.motion.is_non_motion
 
 
 @ROUTES.answer(table.SET_NON_MOTION, table.SET_NON_MOTION_TOO)
-def set_non_motion(controller: Irc5, call: RwsCall) -> None:
+def _set_non_motion(controller: Irc5, call: RwsCall) -> None:
     if call.required("mode") == "ON":
         raise CallFailure(400, RwsCode.NOTIMPL, "this virtual controller always moves its arms")
     controller.motion.is_non_motion = False
@@ -265,9 +265,9 @@ def set_non_motion(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.UNITS)
-def get_units(controller: Irc5, call: RwsCall) -> Page:
+def _get_units(controller: Irc5, call: RwsCall) -> Page:
     entries = (
-        entry(
+        page_entry(
             "ms-mechunit-li",
             unit.name,
             f"mechunits/{unit.name}",
@@ -277,7 +277,7 @@ def get_units(controller: Irc5, call: RwsCall) -> Page:
         )
         for unit in controller.units
     )
-    return resource("motionsystem", _BASE, "mechunits", *entries)
+    return page_at("motionsystem", _BASE, "mechunits", *entries)
 
 
 _SUB_RESOURCES = ("pjoints", "robtarget", "jointtarget", "cartesian", "axes", "baseframe", "calibrationinfo", "smbdata")
@@ -285,7 +285,7 @@ _STATIC_FIELDS = 6  # of a unit, which come first
 
 
 @ROUTES.answer(table.UNIT)
-def get_unit(controller: Irc5, call: RwsCall) -> Page:
+def _get_unit(controller: Irc5, call: RwsCall) -> Page:
     """A unit's fields: all, or the groups and single fields in ``resource``, joined by ``;``."""
     unit = _find(controller, call)
     members = list(table.UNIT.answered.write(unit).items())
@@ -294,7 +294,7 @@ def get_unit(controller: Irc5, call: RwsCall) -> Page:
     known = {*groups, *(_short(name) for members in groups.values() for name in members)}
     unknown = [each for each in asked if each not in known and f"{each}-name" not in known]
     if unknown:
-        raise invalid(f"a mechanical unit does not have the resource {unknown[0][:50]!r}")
+        raise bad_call(f"a mechanical unit does not have the resource {unknown[0][:50]!r}")
     fields = {
         name: text
         for group, members in groups.items()
@@ -303,7 +303,7 @@ def get_unit(controller: Irc5, call: RwsCall) -> Page:
     }
     links = () if call.option("resource") else tuple(RwsLink(name, f"{unit.name}/{name}") for name in _SUB_RESOURCES)
     state = RwsState("ms-mechunit", unit.name, fields, links)
-    return resource("motionsystem", f"{_BASE}mechunits/", unit.name, state)
+    return page_at("motionsystem", f"{_BASE}mechunits/", unit.name, state)
 
 
 def _short(name: str) -> str:
@@ -311,11 +311,11 @@ def _short(name: str) -> str:
 
 
 @ROUTES.answer(table.SET_UNIT)
-def set_unit(controller: Irc5, call: RwsCall) -> None:
+def _set_unit(controller: Irc5, call: RwsCall) -> None:
     """Change what jogging uses: tool, work object, loads, mode and coordinate system."""
     unit = _find(controller, call)
     if not call.form:
-        raise invalid("the body lacks tool, wobj, payload, total-payload, mode, jog-mode and coord-system; give one")
+        raise bad_call("the body lacks tool, wobj, payload, total-payload, mode, jog-mode and coord-system; give one")
     for kind in ("tool", "wobj"):
         if first_value(call.form, kind) is not None:
             _datum(controller, unit, call.required(kind), kind)
@@ -344,24 +344,24 @@ def _led_unit(controller: Irc5, call: RwsCall) -> MechanicalUnit:
 
 
 @ROUTES.answer(table.LEAD_THROUGH)
-def get_lead_through(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
+def _get_lead_through(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     unit = _led_unit(controller, call)
     return {unit.name: unit.name in controller.motion.lead_through}
 
 
 @ROUTES.answer(table.SET_LEAD_THROUGH)
-def set_lead_through(controller: Irc5, call: RwsCall) -> None:
+def _set_lead_through(controller: Irc5, call: RwsCall) -> None:
     """Let an arm be led by hand; no hand leads this one, so that it stands still all the same."""
     unit = _led_unit(controller, call)
     if unit.type != "TCPRobot":
-        raise invalid(f"{unit.name} is not a robot")
+        raise bad_call(f"{unit.name} is not a robot")
     led = controller.motion.lead_through
     led.add(unit.name) if call.required("status") == "active" else led.discard(unit.name)
     _changed(controller)
 
 
 @ROUTES.answer(table.FINE_CALIBRATE, table.UPDATE_REVOLUTION_COUNTER, table.SET_SMB_DATA, table.CLEAR_SMB_DATA)
-def refuse_calibration(controller: Irc5, call: RwsCall) -> None:
+def _refuse_calibration(controller: Irc5, call: RwsCall) -> None:
     """Calibration changes what the controller takes for the arm's zero; there is nothing to be calibrated here."""
     _find(controller, call)
     if controller.mode.value == "AUTO":
@@ -372,7 +372,7 @@ def refuse_calibration(controller: Irc5, call: RwsCall) -> None:
 # Positions
 
 
-def joint_target(controller: Irc5, unit: str) -> JointTarget:
+def unit_joint_target(controller: Irc5, unit: str) -> JointTarget:
     """Where the axes of a unit's arm stand."""
     robax, extax = controller.joint_target(unit)
     a1, a2, a3, a4, a5, a6 = robax
@@ -380,9 +380,9 @@ def joint_target(controller: Irc5, unit: str) -> JointTarget:
 
 
 @ROUTES.answer(table.JOINT_TARGET, table.PHYSICAL_JOINTS)
-def get_joint_target(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
+def _get_joint_target(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
     unit = _find(controller, call)
-    return {unit.name: joint_target(controller, unit.name)}
+    return {unit.name: unit_joint_target(controller, unit.name)}
 
 
 def _datum(controller: Irc5, unit: MechanicalUnit, name: str, kind: str) -> Any:
@@ -403,7 +403,7 @@ def _datum(controller: Irc5, unit: MechanicalUnit, name: str, kind: str) -> Any:
     return value
 
 
-def target(controller: Irc5, call: RwsCall, unit: MechanicalUnit) -> RobTarget:
+def unit_target(controller: Irc5, call: RwsCall, unit: MechanicalUnit) -> RobTarget:
     """The position of a unit's tool as the call asks for it."""
     tool = pose_from_rapid(_datum(controller, unit, call.option("tool") or unit.tool, "tool").tframe)
     system = call.option("coordinate") or unit.coordinates.value
@@ -416,14 +416,14 @@ def target(controller: Irc5, call: RwsCall, unit: MechanicalUnit) -> RobTarget:
 
 
 @ROUTES.answer(table.ROBTARGET)
-def get_robtarget(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
+def _get_robtarget(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     unit = _find(controller, call)
-    return {unit.name: target(controller, call, unit)}
+    return {unit.name: unit_target(controller, call, unit)}
 
 
 @ROUTES.answer(table.CARTESIAN)
-def get_cartesian(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
-    return {"cartesian": target(controller, call, _find(controller, call))}
+def _get_cartesian(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
+    return {"cartesian": unit_target(controller, call, _find(controller, call))}
 
 
 def _frame_instance(unit: MechanicalUnit) -> tuple[str, str, str]:
@@ -431,7 +431,7 @@ def _frame_instance(unit: MechanicalUnit) -> tuple[str, str, str]:
 
 
 @ROUTES.answer(table.BASE_FRAME)
-def get_base_frame(controller: Irc5, call: RwsCall) -> Mapping[str, Pose]:
+def _get_base_frame(controller: Irc5, call: RwsCall) -> Mapping[str, Pose]:
     """The base frame in the world, of the system parameters."""
     unit = _find(controller, call)
     instance = controller.effective.find(*_frame_instance(unit))
@@ -442,7 +442,7 @@ def get_base_frame(controller: Irc5, call: RwsCall) -> Mapping[str, Pose]:
 
 
 @ROUTES.answer(table.SET_BASE_FRAME)
-def set_base_frame(controller: Irc5, call: RwsCall) -> None:
+def _set_base_frame(controller: Irc5, call: RwsCall) -> None:
     """Change the system parameters of the base frame; they act after a restart."""
     unit = _find(controller, call)
     numbers = [call.number(f"q{number}") for number in range(1, 5)]
@@ -453,11 +453,11 @@ def set_base_frame(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.AXES)
-def get_axes(controller: Irc5, call: RwsCall) -> Page:
+def _get_axes(controller: Irc5, call: RwsCall) -> Page:
     unit = _find(controller, call)
     states = [RwsState("ms-mechunit-axes", "axes", table.AXES.answered.write(unit.axes))]
-    states += [entry("ms-mechunit-axis-li", str(number), f"axes/{number}") for number in range(1, unit.axes + 1)]
-    return resource("motionsystem", f"{_BASE}mechunits/{unit.name}/", "axes", *states)
+    states += [page_entry("ms-mechunit-axis-li", str(number), f"axes/{number}") for number in range(1, unit.axes + 1)]
+    return page_at("motionsystem", f"{_BASE}mechunits/{unit.name}/", "axes", *states)
 
 
 def _axis(controller: Irc5, call: RwsCall) -> tuple[MechanicalUnit, int]:
@@ -468,13 +468,13 @@ def _axis(controller: Irc5, call: RwsCall) -> tuple[MechanicalUnit, int]:
 
 
 @ROUTES.answer(table.AXIS)
-def get_axis(controller: Irc5, call: RwsCall) -> table.Axis:
+def _get_axis(controller: Irc5, call: RwsCall) -> table.Axis:
     unit, logical = _axis(controller, call)
     return table.Axis(unit.is_synchronized, int(call.names["axis"]), logical)
 
 
 @ROUTES.answer(table.AXIS_POSE)
-def get_axis_pose(controller: Irc5, call: RwsCall) -> Pose:
+def _get_axis_pose(controller: Irc5, call: RwsCall) -> Pose:
     """Where an axis is: the flange when all axes after it stand at zero, as the kinematic chain counts them."""
     unit, logical = _axis(controller, call)
     arm = controller.arm_of(unit)
@@ -484,20 +484,20 @@ def get_axis_pose(controller: Irc5, call: RwsCall) -> Pose:
 
 
 @ROUTES.answer(table.SET_AXIS_POSE, table.UPDATE_COMMUTATE, table.UPDATE_SYNC_COUNTER)
-def refuse_axis(controller: Irc5, call: RwsCall) -> None:
+def _refuse_axis(controller: Irc5, call: RwsCall) -> None:
     _axis(controller, call)
-    refuse_calibration(controller, call)
+    _refuse_calibration(controller, call)
 
 
 @ROUTES.answer(table.SET_POSITION)
-def set_position(controller: Irc5, call: RwsCall) -> None:
+def _set_position(controller: Irc5, call: RwsCall) -> None:
     """Put an arm somewhere while the motors are off; RobotStudio's controllers alone can."""
     _find(controller, call)
     raise CallFailure(400, RwsCode.SERVICE_NOT_SUPPORTED, "a position is set in RobotStudio's controllers alone")
 
 
 @ROUTES.answer(table.CALIBRATION)
-def get_calibration(controller: Irc5, call: RwsCall) -> Page:
+def _get_calibration(controller: Irc5, call: RwsCall) -> Page:
     unit = _find(controller, call)
     method = _HALL if _HALL in controller.identity.options else "Undefined"
     count = str(unit.axes)
@@ -509,14 +509,14 @@ def get_calibration(controller: Irc5, call: RwsCall) -> Page:
         shown = table.Calibration(method, joint=joint, factory_method=method, method=method)
         states.append(RwsState("ms-calibrationinfo-joint", str(number), table.CALIBRATION.answered.write(shown)))
     base = f"{_BASE}mechunits/{unit.name}/"
-    return resource("motionsystem", base, "calibrationinfo", RwsState("ms-calibrationinfo", unit.name, head), *states)
+    return page_at("motionsystem", base, "calibrationinfo", RwsState("ms-calibrationinfo", unit.name, head), *states)
 
 
 _SMB = ("sis", "abs_acc", "calib", "axis_cal")
 
 
 @ROUTES.answer(table.SMB_DATA)
-def get_smb_data(controller: Irc5, call: RwsCall) -> Page:
+def _get_smb_data(controller: Irc5, call: RwsCall) -> Page:
     """Controller and robot agree (0, SMB_VALID); there is no absolute accuracy (3, SMB_NOT_USED)."""
     unit = _find(controller, call)
     fields = {
@@ -524,13 +524,13 @@ def get_smb_data(controller: Irc5, call: RwsCall) -> Page:
         for place in ("controller", "robot")
         for kind in _SMB
     }
-    return resource(
+    return page_at(
         "motionsystem", f"{_BASE}mechunits/{unit.name}/", "smbdata", RwsState("ms-smbdata", unit.name, fields)
     )
 
 
 @ROUTES.answer(table.MOTOR_CALIBRATION)
-def get_motor_calibration(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
+def _get_motor_calibration(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     unit = _find(controller, call)
     prefix = unit.name.replace("ROB", "rob", 1).removesuffix("_7")
     numbers = range(1, unit.axes + 1) if unit.axes > 1 else (7,)
@@ -546,9 +546,9 @@ def _numbers(call: RwsCall, name: str, count: int) -> list[float]:
     try:
         value = decode(text)
     except ProtocolError as error:
-        raise invalid(f"{name} is {count} numbers in brackets, not {text[:50]!r}") from error
+        raise bad_call(f"{name} is {count} numbers in brackets, not {text[:50]!r}") from error
     if not isinstance(value, tuple) or len(value) != count or not all(isinstance(each, float) for each in value):
-        raise invalid(f"{name} is {count} numbers in brackets, not {text[:50]!r}")
+        raise bad_call(f"{name} is {count} numbers in brackets, not {text[:50]!r}")
     return [float(each) for each in value if isinstance(each, float)]
 
 
@@ -563,7 +563,7 @@ def _given(kinematics: KinematicArm, call: RwsCall, prefix: str = "") -> Joints:
 
 
 @ROUTES.answer(table.POSE_FROM_JOINTS, table.ROBTARGET_FROM_JOINTS)
-def pose_from_joints(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
+def _pose_from_joints(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     kinematics = controller.arm_of(_find(controller, call)).kinematics
     position = _given(kinematics, call)
     pose = compose(kinematics.tool0(position), _tool(call))
@@ -584,7 +584,7 @@ def _wanted(call: RwsCall) -> tuple[Pose, float, list[float]]:
 
 
 @ROUTES.answer(table.JOINTS_FROM_POSE, table.JOINTS_FROM_CARTESIAN)
-def joints_from_pose(controller: Irc5, call: RwsCall) -> Mapping[str, table.Solution]:
+def _joints_from_pose(controller: Irc5, call: RwsCall) -> Mapping[str, table.Solution]:
     """The posture nearest to the old one; the first extra axis of the pose is the arm angle."""
     kinematics = controller.arm_of(_find(controller, call)).kinematics
     pose, angle, _ = _wanted(call)
@@ -592,12 +592,12 @@ def joints_from_pose(controller: Irc5, call: RwsCall) -> Mapping[str, table.Solu
     outside = kinematics.limits.outside(near)
     if outside is not None:
         number = f"{outside + 1} of {kinematics.joint_count}"
-        raise invalid(f"old_rob_joints and old_ext_joints are outside of the range of joint {number}")
+        raise bad_call(f"old_rob_joints and old_ext_joints are outside of the range of joint {number}")
     return {"jointData": _solution(kinematics, _nearest(kinematics, pose, angle, near))}
 
 
 @ROUTES.answer(table.ALL_SOLUTIONS)
-def all_solutions(controller: Irc5, call: RwsCall) -> Mapping[str, table.Solution]:
+def _all_solutions(controller: Irc5, call: RwsCall) -> Mapping[str, table.Solution]:
     kinematics = controller.arm_of(_find(controller, call)).kinematics
     pose, angle, _ = _wanted(call)
     found = kinematics.postures(pose, angle)

@@ -12,9 +12,9 @@ from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.values import OperatingMode, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws import ctrl
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Route, Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _VALUES: Mapping[str, tuple[Operation[Any], Callable[[Irc5], object]]] = {
     "ctrlstate": (table.CONTROLLER_STATE, lambda controller: controller.controller_state),
@@ -32,16 +32,16 @@ ROUTES.answer(table.SET_LANGUAGE)(ctrl.set_language)
 
 
 @ROUTES.answer(table.PANEL)
-def get_panel(controller: Irc5, call: RwsCall) -> Page:
-    return resource("panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in _VALUES))
+def _get_panel(controller: Irc5, call: RwsCall) -> Page:
+    return page_at("panel", "/rw/", "panel", *(page_entry(f"pnl-{name}-li", name, f"panel/{name}") for name in _VALUES))
 
 
-def get_panel_value(controller: Irc5, call: RwsCall) -> Mapping[str, object]:
+def _get_panel_value(controller: Irc5, call: RwsCall) -> Mapping[str, object]:
     name = call.path[-1]
     return {TITLES.get(name, name): _VALUES[name][1](controller)}
 
 
-ROUTES += [Route(operation, get_panel_value) for operation, _ in _VALUES.values()]
+ROUTES += [Route(operation, _get_panel_value) for operation, _ in _VALUES.values()]
 
 
 def panel_text(controller: Irc5, name: str) -> str:
@@ -52,17 +52,17 @@ def panel_text(controller: Irc5, name: str) -> str:
 
 
 @ROUTES.answer(table.SET_CONTROLLER_STATE)
-def set_controller_state(controller: Irc5, call: RwsCall) -> None:
+def _set_controller_state(controller: Irc5, call: RwsCall) -> None:
     controller.set_motors(call.required("ctrl-state") == "motoron")
 
 
 @ROUTES.answer(table.SET_SPEED_RATIO)
-def set_speed_ratio(controller: Irc5, call: RwsCall) -> None:
+def _set_speed_ratio(controller: Irc5, call: RwsCall) -> None:
     controller.set_speed_ratio(int(call.number("speed-ratio")))
 
 
 @ROUTES.answer(table.ACKNOWLEDGE)
-def acknowledge(controller: Irc5, call: RwsCall) -> None:
+def _acknowledge(controller: Irc5, call: RwsCall) -> None:
     what = call.required("opmode")
     if what != "coldet":
         raise CallFailure(403, RwsCode.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
@@ -70,15 +70,15 @@ def acknowledge(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.MODE_LOCK)
-def get_mode_lock(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
+def _get_mode_lock(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     return {"lock-state": controller.own_settings.mode_lock}
 
 
 @ROUTES.answer(table.LOCK_MODE)
-def lock_mode(controller: Irc5, call: RwsCall) -> None:
+def _lock_mode(controller: Irc5, call: RwsCall) -> None:
     own, pin = controller.own_settings, call.required("pin")
     if not re.fullmatch(r"\d{4}", pin):
-        raise invalid("pin has four digits")
+        raise bad_call("pin has four digits")
     if own.mode_lock != "unlocked":
         raise CallFailure(403, RwsCode.DENIED, "the operating mode is locked already")
     own.pin = pin
@@ -86,17 +86,17 @@ def lock_mode(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.UNLOCK_MODE)
-def unlock_mode(controller: Irc5, call: RwsCall) -> None:
+def _unlock_mode(controller: Irc5, call: RwsCall) -> None:
     own = controller.own_settings
     if own.mode_lock == "unlocked":
-        raise invalid("the operating mode is not locked")
+        raise bad_call("the operating mode is not locked")
     if call.required("pin") != own.pin:
         raise CallFailure(403, RwsCode.DENIED, "the pin is another one")
     own.mode_lock, own.pin = "unlocked", ""
 
 
 @ROUTES.answer(table.SELECT_MODE)
-def select_mode(controller: Irc5, call: RwsCall) -> None:
+def _select_mode(controller: Irc5, call: RwsCall) -> None:
     """The mode is selected by a key on the controller; RobotStudio's controllers alone have none."""
     mode = _MODES[call.required("opmode")]
     if not controller.identity.is_virtual:

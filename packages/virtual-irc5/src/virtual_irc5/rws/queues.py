@@ -13,9 +13,9 @@ from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rapid.devices import LONGEST_MESSAGE, MOST_MESSAGES, Message
 from virtual_irc5.rapid.types import RapidRuntimeError
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Route
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _DIPC_BASE = "/rw/dipc/"
 _DIPC_TITLE = "RobAPI2 DIPC"
@@ -28,7 +28,7 @@ _RAPID_MESSAGE = re.compile(r"\s*(\w{1,32})\s*(?:\{([\d, ]{1,50})\})?\s*;(.*)", 
 
 
 @dataclass(frozen=True, slots=True)
-class DipcMessage:
+class _DipcMessage:
     """One message: its data as the sender wrote them, and who sent it."""
 
     data: str
@@ -39,7 +39,7 @@ class DipcMessage:
 
 
 @dataclass(slots=True)
-class DipcQueue:
+class _DipcQueue:
     """One queue.
 
     Attributes:
@@ -55,21 +55,21 @@ class DipcQueue:
     size: int
     largest: int
     slot: int
-    messages: deque[DipcMessage] = field(default_factory=deque)
+    messages: deque[_DipcMessage] = field(default_factory=deque)
     taken: int = 0
 
-    def take(self) -> DipcMessage:
+    def take(self) -> _DipcMessage:
         """The oldest message, which the queue has no longer."""
         self.taken += 1
         return self.messages.popleft()
 
 
-class MessageService:
+class DipcQueues:
     """The queues of all clients, which RAPID's tasks find and write to; a task's queue is ``RMQ_`` and its name."""
 
     def __init__(self, controller: Irc5) -> None:
         self._controller = controller
-        self._queues: dict[str, DipcQueue] = {}
+        self._queues: dict[str, _DipcQueue] = {}
         self._made = 0
         self.routes = (
             Route(table.QUEUES, self.get_queues),
@@ -85,34 +85,34 @@ class MessageService:
         for queue in [queue for queue in self._queues.values() if queue.session not in sessions]:
             self._forget(queue)
 
-    def find(self, name: str) -> DipcQueue | None:
+    def find(self, name: str) -> _DipcQueue | None:
         """The queue of that name, or None."""
         return self._queues.get(name.lower())
 
     def get_queues(self, controller: Irc5, call: RwsCall) -> Page:
-        sizes = entry("dipc-info-li", "info", "", max_body_size=str(MOST_DATA_BYTES), max_pkg_size="5000")
-        queues = (entry("dipc-queue-li", queue.name, f"dipc/{queue.name}") for queue in self._queues.values())
-        tasks = (entry("dipc-queue-li", f"RMQ_{name}", f"dipc/RMQ_{name}") for name in controller.tasks)
-        return resource(_DIPC_TITLE, "/rw/", "dipc", sizes, *tasks, *queues)
+        sizes = page_entry("dipc-info-li", "info", "", max_body_size=str(MOST_DATA_BYTES), max_pkg_size="5000")
+        queues = (page_entry("dipc-queue-li", queue.name, f"dipc/{queue.name}") for queue in self._queues.values())
+        tasks = (page_entry("dipc-queue-li", f"RMQ_{name}", f"dipc/RMQ_{name}") for name in controller.tasks)
+        return page_at(_DIPC_TITLE, "/rw/", "dipc", sizes, *tasks, *queues)
 
     def create(self, controller: Irc5, call: RwsCall) -> None:
         name = call.required("dipc-queue-name")
         size, largest = int(call.number("dipc-queue-size")), int(call.number("dipc-max-msg-size"))
         if not name or not 1 <= size <= 32767 or not 1 <= largest <= MOST_DATA_BYTES:
-            raise invalid(f"a queue has a name, a size of 1 to 32767 and messages of 1 to {MOST_DATA_BYTES} bytes")
+            raise bad_call(f"a queue has a name, a size of 1 to 32767 and messages of 1 to {MOST_DATA_BYTES} bytes")
         if self.find(name) is not None or name.lower() in (f"rmq_{task}".lower() for task in controller.tasks):
-            raise invalid(f"there is a queue {name} already")
+            raise bad_call(f"there is a queue {name} already")
         if len(self._queues) >= MOST_QUEUES:
             raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"there are {MOST_QUEUES} queues at most")
         self._made += 1
-        queue = self._queues[name.lower()] = DipcQueue(name, call.session, size, largest, self._made)
+        queue = self._queues[name.lower()] = _DipcQueue(name, call.session, size, largest, self._made)
 
         def receive(message: Message) -> bool:
             sizes = f"{{{','.join(map(str, message.sizes))}}}" if message.sizes else ""
             data = f"{message.type_name}{sizes};{message.text}"
             if len(queue.messages) >= queue.size:
                 raise RapidRuntimeError("ERR_RMQ_FULL", f"The message queue '{name}' holds {queue.size} messages.")
-            queue.messages.append(DipcMessage(data, f"{message.user_defined:g}", "1", "111", message.sender))
+            queue.messages.append(_DipcMessage(data, f"{message.user_defined:g}", "1", "111", message.sender))
             return True
 
         queues = controller.devices.queues
@@ -122,7 +122,7 @@ class MessageService:
     def get_queue(self, controller: Irc5, call: RwsCall) -> Mapping[str, table.QueueInfo]:
         for number, task in enumerate(controller.tasks, 1):
             if f"RMQ_{task}".lower() == call.names["queue"].lower():
-                shown = DipcQueue(f"RMQ_{task}", "", MOST_MESSAGES, LONGEST_MESSAGE, MOST_QUEUES + number)
+                shown = _DipcQueue(f"RMQ_{task}", "", MOST_MESSAGES, LONGEST_MESSAGE, MOST_QUEUES + number)
                 break
         else:
             shown = self._find(call)
@@ -146,7 +146,7 @@ class MessageService:
                 "queue-did": str(sender.slot if sender else 0),
             }
             states.append(RwsState("dipc-read-li", queue.name, fields))
-        return resource(_DIPC_TITLE, _DIPC_BASE, queue.name, *states)
+        return page_at(_DIPC_TITLE, _DIPC_BASE, queue.name, *states)
 
     def send(self, controller: Irc5, call: RwsCall) -> None:
         task = next((name for name in controller.tasks if f"RMQ_{name}".lower() == call.names["queue"].lower()), None)
@@ -155,11 +155,11 @@ class MessageService:
             return
         queue, data = self._find(call), call.required("dipc-data")
         if len(data.encode()) > queue.largest:
-            raise invalid(f"a message to {queue.name} has up to {queue.largest} bytes")
+            raise bad_call(f"a message to {queue.name} has up to {queue.largest} bytes")
         if len(queue.messages) >= queue.size:
             raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"the queue {queue.name} is full")
         queue.messages.append(
-            DipcMessage(
+            _DipcMessage(
                 data,
                 call.required("dipc-userdef"),
                 call.required("dipc-msgtype"),
@@ -174,7 +174,7 @@ class MessageService:
             raise CallFailure(403, RwsCode.DENIED, f"the queue {queue.name} belongs to another client")
         self._forget(queue)
 
-    def _forget(self, queue: DipcQueue) -> None:
+    def _forget(self, queue: _DipcQueue) -> None:
         queues = self._controller.devices.queues
         queues.listeners.pop(queue.name.lower(), None)
         queues.close(queue.name)
@@ -185,18 +185,18 @@ class MessageService:
         sender, user_defined = call.required("dipc-src-queue-name"), call.number("dipc-userdef")
         match = _RAPID_MESSAGE.fullmatch(call.required("dipc-data"))
         if match is None:
-            raise invalid('a RAPID task takes a type and a value, such as string;"text" or num{2};[1,2]')
+            raise bad_call('a RAPID task takes a type and a value, such as string;"text" or num{2};[1,2]')
         type_name, sizes, text = match.groups()
         dimensions = tuple(int(size) for size in (sizes or "").split(",") if size.strip().isdecimal())
         if len(text.encode()) > LONGEST_MESSAGE:
-            raise invalid(f"a message to {name} has up to {LONGEST_MESSAGE} bytes")
+            raise bad_call(f"a message to {name} has up to {LONGEST_MESSAGE} bytes")
         queues.open(name)
         try:
             queues.send(name, Message(type_name, dimensions, text, sender, user_defined))
         except RapidRuntimeError as error:
             raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, str(error)) from error
 
-    def _find(self, call: RwsCall) -> DipcQueue:
+    def _find(self, call: RwsCall) -> _DipcQueue:
         queue = self.find(call.names["queue"])
         if queue is None:
             raise CallFailure(404, RwsCode.UNRESOLVED_URL, f"there is no queue {call.names['queue'][:50]!r}")

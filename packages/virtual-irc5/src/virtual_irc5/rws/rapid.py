@@ -28,10 +28,10 @@ from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import RapidReferenceError
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.motion import joint_target, target
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.motion import unit_joint_target, unit_target
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _BASE = "/rw/rapid/"
 
@@ -48,8 +48,8 @@ def execution_of(controller: Irc5) -> table.ExecutionAnswer:
     return table.ExecutionAnswer(state, RunCycle(controller.cycle))
 
 
-def find_task(controller: Irc5, name: str) -> Task:
-    """The task of that name; raises Failure."""
+def rws_task(controller: Irc5, name: str) -> Task:
+    """The task of that name; raises CallFailure."""
     task = controller.tasks.get(name.upper())
     if task is None:
         raise CallFailure(404, RwsCode.FAIL, f"there is no task {name[:50]!r}")
@@ -57,7 +57,7 @@ def find_task(controller: Irc5, name: str) -> Task:
 
 
 def _task(controller: Irc5, call: RwsCall) -> Task:
-    return find_task(controller, call.names["task"])
+    return rws_task(controller, call.names["task"])
 
 
 def _installed(controller: Irc5, call: RwsCall) -> InstalledTask:
@@ -65,21 +65,21 @@ def _installed(controller: Irc5, call: RwsCall) -> InstalledTask:
 
 
 @ROUTES.answer(table.RAPID)
-def get_rapid(controller: Irc5, call: RwsCall) -> Page:
+def _get_rapid(controller: Irc5, call: RwsCall) -> Page:
     names = ("tasks", "modules", "symbols", "execution", "uiinstr", "taskselection", "aliasio")
-    return resource("rapid", "/rw/", "rapid", *(entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
+    return page_at("rapid", "/rw/", "rapid", *(page_entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
 
 
 # Execution
 
 
 @ROUTES.answer(table.EXECUTION)
-def get_execution(controller: Irc5, call: RwsCall) -> table.ExecutionAnswer:
+def _get_execution(controller: Irc5, call: RwsCall) -> table.ExecutionAnswer:
     return execution_of(controller)
 
 
 @ROUTES.answer(table.START)
-def start(controller: Irc5, call: RwsCall) -> None:
+def _start(controller: Irc5, call: RwsCall) -> None:
     cycle, mode = call.parameter("cycle", "asis"), call.parameter("execmode", "continue")
     step = None
     if mode != "continue":
@@ -90,7 +90,7 @@ def start(controller: Irc5, call: RwsCall) -> None:
     controller.start_rapid("" if cycle == "asis" else cycle, step, stop_at_breakpoints=is_stopping)
 
 
-def prepare_compiled(controller: Irc5, call: RwsCall) -> Callable[[], None]:
+def _prepare_compiled(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     """Compile the programs of all tasks, which moving a program pointer then finds done."""
     tasks = tuple(controller.tasks.values())
 
@@ -101,15 +101,15 @@ def prepare_compiled(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     return compile_all
 
 
-@ROUTES.answer(table.START_PRODUCTION, prepare=prepare_compiled)
-def start_production(controller: Irc5, call: RwsCall) -> None:
+@ROUTES.answer(table.START_PRODUCTION, prepare=_prepare_compiled)
+def _start_production(controller: Irc5, call: RwsCall) -> None:
     """Start from the production entry, which is the main of each task."""
     controller.move_pp_to_main()
     controller.start_rapid()
 
 
 @ROUTES.answer(table.SET_CYCLE)
-def set_cycle(controller: Irc5, call: RwsCall) -> None:
+def _set_cycle(controller: Irc5, call: RwsCall) -> None:
     cycle = call.required("cycle")
     if cycle != "asis":
         controller.execution.cycle = cycle
@@ -119,7 +119,7 @@ def set_cycle(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.HOLD_TO_RUN, table.HOLD_TASK_TO_RUN)
-def hold_to_run(controller: Irc5, call: RwsCall) -> None:
+def _hold_to_run(controller: Irc5, call: RwsCall) -> None:
     call.required("state")
     raise CallFailure(
         403, RwsCode.MODE_REJECT, "hold-to-run is pressed on the FlexPendant; RobotStudio alone has it here"
@@ -130,16 +130,16 @@ def hold_to_run(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.TASKS)
-def get_tasks(controller: Irc5, call: RwsCall) -> Page:
+def _get_tasks(controller: Irc5, call: RwsCall) -> Page:
     states = (
         table.TASKS.answered.state(name, _task_info(each), RwsLink("self", f"tasks/{name}"))
         for name, each in controller.execution.installed.items()
     )
-    return resource("rapid", _BASE, "tasks", *states)
+    return page_at("rapid", _BASE, "tasks", *states)
 
 
 @ROUTES.answer(table.TASK)
-def get_task(controller: Irc5, call: RwsCall) -> Page:
+def _get_task(controller: Irc5, call: RwsCall) -> Page:
     installed = _installed(controller, call)
     name, settings = installed.task.name, installed.settings
     links = (
@@ -160,7 +160,7 @@ def get_task(controller: Irc5, call: RwsCall) -> Page:
     )
     rest = {"bind_ref": "False", "task_in_forgnd": str(not settings.foreground)}
     state = RwsState("rap-task", name, {**table.TASK.answered.write(details), **rest}, links)
-    return resource("rapid", f"{_BASE}tasks/", name, state)
+    return page_at("rapid", f"{_BASE}tasks/", name, state)
 
 
 def _task_info(installed: InstalledTask) -> table.TaskInfo:
@@ -176,7 +176,7 @@ def _task_info(installed: InstalledTask) -> table.TaskInfo:
 
 
 @ROUTES.answer(table.ACTIVATE_ALL, table.DEACTIVATE_ALL, table.ACTIVATE, table.DEACTIVATE)
-def activate(controller: Irc5, call: RwsCall) -> None:
+def _activate(controller: Irc5, call: RwsCall) -> None:
     """Select a task on the task panel, or all."""
     tasks = [_installed(controller, call)] if "task" in call.names else controller.execution.installed.values()
     for each in tasks:
@@ -184,14 +184,14 @@ def activate(controller: Irc5, call: RwsCall) -> None:
             controller.execution.select(each.task.name, is_active=call.option("action") == "activate")
 
 
-def prepare_module(controller: Irc5, call: RwsCall) -> Callable[[], None] | None:
+def _prepare_module(controller: Irc5, call: RwsCall) -> Callable[[], None] | None:
     path = path_of_file(call.required("modulepath"))
     text = controller.files.get(path)
     return None if text is None else partial(prepare_modules, _task(controller, call), {path: text})
 
 
-@ROUTES.answer(table.LOAD_MODULE, prepare=prepare_module)
-def load_module(controller: Irc5, call: RwsCall) -> None:
+@ROUTES.answer(table.LOAD_MODULE, prepare=_prepare_module)
+def _load_module(controller: Irc5, call: RwsCall) -> None:
     is_replacing = call.parameter("replace", "false") == "true"
     path = path_of_file(call.required("modulepath"))
     controller.load_module(_task(controller, call).name, path, replace=is_replacing)
@@ -200,22 +200,22 @@ def load_module(controller: Irc5, call: RwsCall) -> None:
 def prepare_modules(task: Task, texts: Mapping[str, str], *, replaces_program: bool = False) -> None:
     """Parse, link and compile modules that are about to be loaded, in any thread; loading raises the same errors."""
     with suppress(RapidError):
-        task.prepare(*(parsed(text, path) for path, text in texts.items()), replaces_program=replaces_program)
+        task.prepare(*(_parsed(text, path) for path, text in texts.items()), replaces_program=replaces_program)
 
 
-def parsed(text: str, path: str) -> s.Module:
+def _parsed(text: str, path: str) -> s.Module:
     """The module, with its text encoded for clients that read it."""
     quoted_module_text(text)
     return parse_module(text, path)
 
 
 @ROUTES.answer(table.UNLOAD_MODULE)
-def unload_module(controller: Irc5, call: RwsCall) -> None:
-    controller.unload_module(_task(controller, call).name, call.required("module"))
+def _unload_module(controller: Irc5, call: RwsCall) -> None:
+    controller.execution.unload_module(_task(controller, call).name, call.required("module"))
 
 
 @ROUTES.answer(table.ABORT_LEVEL)
-def abort_level(controller: Irc5, call: RwsCall) -> None:
+def _abort_level(controller: Irc5, call: RwsCall) -> None:
     """Leave the execution level that a service routine or trap has: the normal one stays, as nothing is above it."""
     task = _task(controller, call)
     if task.execution is Execution.STARTED:
@@ -225,7 +225,7 @@ def abort_level(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.BUILD)
-def build(controller: Irc5, call: RwsCall) -> None:
+def _build(controller: Irc5, call: RwsCall) -> None:
     """Link a task; its errors are at ``program/builderror``."""
     faults = _task(controller, call).faults()
     if faults:
@@ -233,27 +233,27 @@ def build(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SYNC_STATE, table.TASK_SYNC_STATE)
-def get_sync_state(controller: Irc5, call: RwsCall) -> Page:
+def _get_sync_state(controller: Irc5, call: RwsCall) -> Page:
     """Whether the pointers of motion tasks are on synchronized motion, which this robot does not have."""
     states = (
         RwsState("rap-sync-state", task, {"Program-Pointer-State": "OFF", "Motion-Pointer-State": "OFF"})
         for task in ([_task(controller, call).name] if "task" in call.names else controller.tasks)
     )
-    return resource("rapid", _BASE, "tasks", *states)
+    return page_at("rapid", _BASE, "tasks", *states)
 
 
 @ROUTES.answer(table.SPY)
-def get_spy(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
+def _get_spy(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     return {"spy-status": False}
 
 
 @ROUTES.answer(table.START_SPY, table.STOP_SPY)
-def refuse_spy(controller: Irc5, call: RwsCall) -> None:
+def _refuse_spy(controller: Irc5, call: RwsCall) -> None:
     raise CallFailure(400, RwsCode.SERVICE_NOT_SUPPORTED, "execution is not logged statement by statement here")
 
 
 @ROUTES.answer(table.STACK_FRAME, table.ACTIVATION_RECORD)
-def get_stack_frame(controller: Irc5, call: RwsCall) -> Page:
+def _get_stack_frame(controller: Irc5, call: RwsCall) -> Page:
     """A routine under way: 1 is that of the program pointer."""
     task = _task(controller, call)
     number = call.number_option("stackframe", 1)
@@ -266,11 +266,11 @@ def get_stack_frame(controller: Irc5, call: RwsCall) -> Page:
         "Normal", _range(task, at), f"{url}/%{number}", routine_url=f"{url}/{at.module}/{at.routine}"
     )
     state = table.STACK_FRAME.answered.state(str(number), frame)
-    return resource("rapid", f"{_BASE}tasks/", task.name, state)
+    return page_at("rapid", f"{_BASE}tasks/", task.name, state)
 
 
-def text_of(task: Task, module: str) -> str:
-    """The text of a module of a task; raises Failure."""
+def _text_of(task: Task, module: str) -> str:
+    """The text of a module of a task; raises CallFailure."""
     for each in task.modules:
         if each.name.lower() == module.lower():
             return each.text
@@ -279,36 +279,36 @@ def text_of(task: Task, module: str) -> str:
 
 def _range(task: Task, at: StackEntry) -> table.Range:
     """Where a statement begins and ends: rows and columns from 1, the end of its line being its end."""
-    lines = text_of(task, at.module).splitlines()
+    lines = _text_of(task, at.module).splitlines()
     line = lines[at.line - 1] if 0 < at.line <= len(lines) else ""
     begin = len(line) - len(line.lstrip()) + 1
     return table.Range(at.line, begin, at.line, max(len(line.rstrip()), begin))
 
 
 @ROUTES.answer(table.CHANGE_COUNT_TOO, table.CHANGE_COUNT)
-def get_change_count(controller: Irc5, call: RwsCall) -> Page:
+def _get_change_count(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     count = controller.program_changes(task.name)
     fields = {"change-count": str(count), **table.CHANGE_COUNT.answered.write(count)}
     state = RwsState("task-struc-change-count", task.name, fields)
-    return resource("rapid", f"{_BASE}tasks/", task.name, state)
+    return page_at("rapid", f"{_BASE}tasks/", task.name, state)
 
 
 @ROUTES.answer(table.PREFERRED_TYPES)
-def get_preferred_types(controller: Irc5, call: RwsCall) -> Page:
+def _get_preferred_types(controller: Irc5, call: RwsCall) -> Page:
     """The data types a parameter of an instruction takes."""
     task = _task(controller, call)
     instruction, parameter = call.option("instruction") or "", call.option("parameter") or ""
     routine = task.library.routine(instruction)
     found = [each for each in routine.parameters if each.name.lower() == parameter.lower()] if routine else []
     if not found:
-        raise invalid(f"the instruction {instruction[:50]!r} has no parameter {parameter[:50]!r}")
+        raise bad_call(f"the instruction {instruction[:50]!r} has no parameter {parameter[:50]!r}")
     fields = {"name-prefdattype": parameter, **table.PREFERRED_TYPES.answered.write(found[0].type.name)}
-    return resource("rapid", f"{_BASE}tasks/", task.name, RwsState("task-pref-data-types", parameter, fields))
+    return page_at("rapid", f"{_BASE}tasks/", task.name, RwsState("task-pref-data-types", parameter, fields))
 
 
 @ROUTES.answer(table.ROUTINES_OF_TASK)
-def get_routines_of_task(controller: Irc5, call: RwsCall) -> Page:
+def _get_routines_of_task(controller: Irc5, call: RwsCall) -> Page:
     """The procedures that may be called as service routines: those without parameters."""
     task = _task(controller, call)
     routines = [each for each in task.program.routines if _is_entry(each)]
@@ -327,7 +327,7 @@ def get_routines_of_task(controller: Irc5, call: RwsCall) -> Page:
         )
         for each in shown
     )
-    return resource("rapid", f"{_BASE}tasks/", f"{task.name}/serviceroutine", *states, next_href=more)
+    return page_at("rapid", f"{_BASE}tasks/", f"{task.name}/serviceroutine", *states, next_href=more)
 
 
 def _is_entry(routine: UserRoutine) -> bool:
@@ -335,12 +335,12 @@ def _is_entry(routine: UserRoutine) -> bool:
 
 
 @ROUTES.answer(table.TASK_EXECUTION)
-def get_task_execution(controller: Irc5, call: RwsCall) -> Page:
+def _get_task_execution(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     fields = {"excstate": task.execution.value}
     if task.call_stack:
         fields |= table.TASK_EXECUTION.answered.write(table.TaskPlace(*astuple(task.call_stack[0])))
-    return resource(
+    return page_at(
         "rapid", f"{_BASE}tasks/", f"{task.name}/execution", RwsState("rap-task-execution", task.name, fields)
     )
 
@@ -357,7 +357,7 @@ def pointer_of(task: Task) -> table.Pointer | None:
 
 
 @ROUTES.answer(table.POINTERS)
-def get_pointers(controller: Irc5, call: RwsCall) -> Page:
+def _get_pointers(controller: Irc5, call: RwsCall) -> Page:
     """Both pointers: the motion pointer is where the program pointer is, as no motion runs ahead of it."""
     task = _task(controller, call)
     fields: Mapping[str, str] = {}
@@ -365,11 +365,11 @@ def get_pointers(controller: Irc5, call: RwsCall) -> Page:
     if (at := pointer_of(task)) is not None:
         fields, lost = {**table.POINTERS.answered.write(at), "changecount": "0", "executiontype": "Normal"}, ()
     states = (RwsState("pcp-info", name, fields, lost) for name in ("progpointer", "motionpointer"))
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "pcp", *states)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/", "pcp", *states)
 
 
-@ROUTES.answer(table.SET_PP_CURSOR, table.SET_PP_ROUTINE, table.SET_PP_ROUTINE_FROM_URL, prepare=prepare_compiled)
-def move_pp(controller: Irc5, call: RwsCall) -> None:
+@ROUTES.answer(table.SET_PP_CURSOR, table.SET_PP_ROUTINE, table.SET_PP_ROUTINE_FROM_URL, prepare=_prepare_compiled)
+def _move_pp(controller: Irc5, call: RwsCall) -> None:
     """Set the program pointer to a procedure; a line has to be one of its beginning, or it is refused."""
     task = _task(controller, call)
     module, routine = call.parameter("module", ""), call.required("routine").rpartition("/")[2]
@@ -391,7 +391,7 @@ def move_pp(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SET_PP_PREV_INST, table.SET_PP_NEXT_INST)
-def refuse_pp_step(controller: Irc5, call: RwsCall) -> None:
+def _refuse_pp_step(controller: Irc5, call: RwsCall) -> None:
     _task(controller, call)
     raise CallFailure(
         400, RwsCode.ILLEGAL_PCP_MOVE, "the pointer moves by steps of execution: start with execmode=stepover"
@@ -402,13 +402,13 @@ def refuse_pp_step(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.MOTION)
-def get_motion(controller: Irc5, call: RwsCall) -> Page:
+def _get_motion(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     unit = _unit_of(controller, task)
     names = ("robtarget", "jointtarget", "mechunit", "extjointstate")
-    states = (entry(f"rap-{name}-li", name, f"motion?resource={name}") for name in names)
+    states = (page_entry(f"rap-{name}-li", name, f"motion?resource={name}") for name in names)
     state = RwsState("rap-motion", task.name, {"mechunit-name": unit})
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", state, *states)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/", "motion", state, *states)
 
 
 def _unit_of(controller: Irc5, task: Task) -> str:
@@ -419,20 +419,20 @@ def _unit_of(controller: Irc5, task: Task) -> str:
 
 
 @ROUTES.answer(table.MOTION_TARGET)
-def get_motion_target(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
+def _get_motion_target(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     task = _task(controller, call)
     unit = next(each for each in controller.units if each.name == _unit_of(controller, task))
-    return {unit.name: target(controller, call, unit)}
+    return {unit.name: unit_target(controller, call, unit)}
 
 
 @ROUTES.answer(table.MOTION_JOINTS)
-def get_motion_joints(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
+def _get_motion_joints(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
     unit = _unit_of(controller, _task(controller, call))
-    return {unit: joint_target(controller, unit)}
+    return {unit: unit_joint_target(controller, unit)}
 
 
 @ROUTES.answer(table.MOTION_UNITS)
-def get_motion_units(controller: Irc5, call: RwsCall) -> Page:
+def _get_motion_units(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     states = (
         RwsState(
@@ -443,11 +443,11 @@ def get_motion_units(controller: Irc5, call: RwsCall) -> Page:
         for unit in controller.units
         if unit.task == task.name
     )
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", *states)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/", "motion", *states)
 
 
 @ROUTES.answer(table.EXTRA_JOINTS)
-def get_extra_joints(controller: Irc5, call: RwsCall) -> Mapping[str, tuple[str, ...]]:
+def _get_extra_joints(controller: Irc5, call: RwsCall) -> Mapping[str, tuple[str, ...]]:
     task = _task(controller, call)
     _unit_of(controller, task)
     return {task.name: ("rotating", *("not_active",) * 5)}
@@ -457,25 +457,25 @@ def get_extra_joints(controller: Irc5, call: RwsCall) -> Mapping[str, tuple[str,
 
 
 @ROUTES.answer(table.PROGRAM)
-def get_program(controller: Irc5, call: RwsCall) -> Page | HttpReply:
+def _get_program(controller: Irc5, call: RwsCall) -> Page | HttpReply:
     task = _task(controller, call)
     if not task.modules:
         return HttpReply(_NO_CONTENT)
     state = table.PROGRAM.answered.state("program", table.ProgramInfo(controller.program_name(task.name), task.entry))
     links = (
-        entry("rap-program-breakpoint-li", "breakpoint", "program/breakpoint"),
-        entry("rap-builderrs-li", "builderror", "program/builderror"),
+        page_entry("rap-program-breakpoint-li", "breakpoint", "program/breakpoint"),
+        page_entry("rap-builderrs-li", "builderror", "program/builderror"),
     )
-    return resource("rapid", f"{_BASE}tasks/{task.name}/", "program", state, *links)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/", "program", state, *links)
 
 
-def prepare_program(controller: Irc5, call: RwsCall) -> Callable[[], None]:
+def _prepare_program(controller: Irc5, call: RwsCall) -> Callable[[], None]:
     texts = _program_files(controller, path_of_file(call.required("progpath")))
     return partial(prepare_modules, _task(controller, call), texts, replaces_program=_is_replacing(call))
 
 
-@ROUTES.answer(table.LOAD_PROGRAM, prepare=prepare_program)
-def load_program(controller: Irc5, call: RwsCall) -> None:
+@ROUTES.answer(table.LOAD_PROGRAM, prepare=_prepare_program)
+def _load_program(controller: Irc5, call: RwsCall) -> None:
     """Load the modules that a program file (.pgf) lists, all or none, for the program modules or beside them."""
     task, path = _task(controller, call), path_of_file(call.required("progpath"))
     texts = _program_files(controller, path)
@@ -489,14 +489,14 @@ def _is_replacing(call: RwsCall) -> bool:
 
 
 def _program_files(controller: Irc5, path: str) -> dict[str, str]:
-    """The texts of the modules of a program file, by path; raises Failure."""
+    """The texts of the modules of a program file, by path; raises CallFailure."""
     text = controller.files.get(path)
     if text is None:
         raise CallFailure(400, RwsCode.FILE_NOT_FOUND, f"there is no file {path}")
     try:
         names = [(each.text or "").strip() for each in ElementTree.fromstring(text.encode()).iter("Module")]
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise invalid(f"{path} is not a program file: {error}") from error
+        raise bad_call(f"{path} is not a program file: {error}") from error
     paths = [f"{path.rpartition('/')[0]}/{name}" for name in names if name]
     texts = {each: controller.files.get(each) for each in paths}
     missing = [each for each, module in texts.items() if module is None]
@@ -506,15 +506,15 @@ def _program_files(controller: Irc5, path: str) -> dict[str, str]:
 
 
 @ROUTES.answer(table.UNLOAD_PROGRAM)
-def unload_program(controller: Irc5, call: RwsCall) -> None:
+def _unload_program(controller: Irc5, call: RwsCall) -> None:
     task = _task(controller, call)
     for module in task.modules:
         if not module.is_system:
-            controller.unload_module(task.name, module.name)
+            controller.execution.unload_module(task.name, module.name)
 
 
 @ROUTES.answer(table.SAVE_PROGRAM)
-def save_program(controller: Irc5, call: RwsCall) -> None:
+def _save_program(controller: Irc5, call: RwsCall) -> None:
     """Write the program modules and the program file that lists them into a directory."""
     task, folder = _task(controller, call), path_of_file(call.required("path"))
     name = controller.program_name(task.name)
@@ -527,12 +527,12 @@ def save_program(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SET_PROGRAM_NAME)
-def set_program_name(controller: Irc5, call: RwsCall) -> None:
+def _set_program_name(controller: Irc5, call: RwsCall) -> None:
     controller.name_program(_task(controller, call).name, call.required("name"))
 
 
 @ROUTES.answer(table.SET_ENTRY)
-def set_entry(controller: Irc5, call: RwsCall) -> None:
+def _set_entry(controller: Irc5, call: RwsCall) -> None:
     task, name = _task(controller, call), call.required("routine")
     if not any(_is_entry(each) and each.name.lower() == name.lower() for each in task.program.routines):
         raise CallFailure(
@@ -542,7 +542,7 @@ def set_entry(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.BUILD_ERRORS)
-def get_build_errors(controller: Irc5, call: RwsCall) -> Page:
+def _get_build_errors(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     faults = task.faults()
     start = max(call.number_option("start", 1), 1)
@@ -556,11 +556,11 @@ def get_build_errors(controller: Irc5, call: RwsCall) -> Page:
         )
         for number, fault in enumerate(shown, (start - 1) * limit + 1)
     )
-    return resource("rapid", f"{_BASE}tasks/{task.name}/program/", "builderror", *states, next_href=more)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/program/", "builderror", *states, next_href=more)
 
 
 @ROUTES.answer(table.BREAKPOINTS, table.TASK_BREAKPOINTS)
-def get_breakpoints(controller: Irc5, call: RwsCall) -> Page:
+def _get_breakpoints(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     names = {module.name.lower(): module.name for module in task.modules}
     places = [(names[module], line) for module, line in task.breakpoints if module in names]
@@ -570,15 +570,15 @@ def get_breakpoints(controller: Irc5, call: RwsCall) -> Page:
         )
         for number, (module, line) in enumerate(places, 1)
     )
-    return resource("rapid", f"{_BASE}tasks/{task.name}/program/", "breakpoint", *states)
+    return page_at("rapid", f"{_BASE}tasks/{task.name}/program/", "breakpoint", *states)
 
 
 @ROUTES.answer(table.SET_BREAKPOINT)
-def set_breakpoint(controller: Irc5, call: RwsCall) -> None:
+def _set_breakpoint(controller: Irc5, call: RwsCall) -> None:
     """Set a breakpoint on a line; one that is there stays."""
     task, module, row = _task(controller, call), call.required("module"), int(call.number("row"))
     call.number("column")
-    text_of(task, module)
+    _text_of(task, module)
     try:
         task.set_breakpoint(module, row)
     except RapidReferenceError as error:
@@ -589,21 +589,21 @@ def set_breakpoint(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.TASK_SELECTION)
-def get_task_selection(controller: Irc5, call: RwsCall) -> bool:
+def _get_task_selection(controller: Irc5, call: RwsCall) -> bool:
     return True
 
 
 @ROUTES.answer(table.ALIASES)
-def get_aliases(controller: Irc5, call: RwsCall) -> Page:
+def _get_aliases(controller: Irc5, call: RwsCall) -> Page:
     """Signals that programs call by other names (AliasIO); none is listed, as an alias is a name of one program."""
-    return resource("rapid", _BASE, "aliasio")
+    return page_at("rapid", _BASE, "aliasio")
 
 
 @ROUTES.answer(table.STOP)
-def stop(controller: Irc5, call: RwsCall) -> None:
+def _stop(controller: Irc5, call: RwsCall) -> None:
     controller.stop_rapid()
 
 
-@ROUTES.answer(table.MOVE_PP_TO_MAIN, prepare=prepare_compiled)
-def move_pp_to_main(controller: Irc5, call: RwsCall) -> None:
+@ROUTES.answer(table.MOVE_PP_TO_MAIN, prepare=_prepare_compiled)
+def _move_pp_to_main(controller: Irc5, call: RwsCall) -> None:
     controller.move_pp_to_main()

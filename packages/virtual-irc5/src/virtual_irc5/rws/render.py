@@ -26,14 +26,14 @@ MAX_EVENT = 1024
 """What the receive buffers of common clients hold [byte]."""
 
 
-def resource(title: str, base: str, href: str, *states: RwsState, next_href: str | None = None) -> Page:
+def page_at(title: str, base: str, href: str, *states: RwsState, next_href: str | None = None) -> Page:
     """A page with the links every resource has; ``base`` is a path, the service puts the host before it."""
     links = (RwsLink("self", href), RwsLink("action", f"{href}{'&' if '?' in href else '?'}action=show"))
     more = () if next_href is None else (RwsLink("next", next_href),)
     return Page(title, base, states, links + more)
 
 
-def entry(type: str, title: str, href: str | None = None, /, **fields: str) -> RwsState:
+def page_entry(type: str, title: str, href: str | None = None, /, **fields: str) -> RwsState:
     """An entry of a list that leads to ``href``, by default its title; ``_`` in field names stands for ``-``."""
     named = {name.replace("_", "-"): text for name, text in fields.items()}
     return RwsState(type, title, named, (RwsLink("self", title if href is None else href),))
@@ -61,7 +61,7 @@ def page_of(operation: Operation[Any], path: Sequence[str], values: Mapping[str,
     states = (answer.state(title, value) for title, value in values.items())
     address = "/".join(("", *segments))
     base = next((each for each in _BASES if address.startswith(each)), f"{address.rpartition('/')[0]}/")
-    return resource(_TITLES.get(operation.service, operation.service), base, address.removeprefix(base), *states)
+    return page_at(_TITLES.get(operation.service, operation.service), base, address.removeprefix(base), *states)
 
 
 def write_page(page: Page, form: Form) -> bytes:

@@ -13,7 +13,7 @@ from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import page_of
-from virtual_irc5.rws.rws_call import CallFailure, Handler, Preparation, RwsCall, Shown, invalid
+from virtual_irc5.rws.rws_call import CallFailure, Handler, Preparation, RwsCall, Shown, bad_call
 
 T = TypeVar("T")
 
@@ -114,7 +114,7 @@ class Router:
         """The route of a request, and the values of the placeholders in its path.
 
         Raises:
-            Failure: 404 for an unknown path, 405 for a method, 400 for an action it does not have.
+            CallFailure: 404 for an unknown path, 405 for a method, 400 for an action it does not have.
         """
         shown = "/" + "/".join(path)
         ends = list(self._ends(path))
@@ -128,12 +128,12 @@ class Router:
         if method != "POST":  # an action of POST changes something; elsewhere an unknown one is ignored
             fitting = fitting or [each for each in alternatives if each.operation.action is None]
         if not fitting:
-            raise invalid(f"{shown} {'needs an action' if action is None else f'does not have the action {action!r}'}")
+            raise bad_call(f"{shown} {'needs an action' if action is None else f'does not have the action {action!r}'}")
         for route in sorted(fitting, key=lambda each: each.operation.resource != asked):
             own = route.operation
             if own.resource == asked or (own.resource is None and "resource" in own.query):
                 return route, names
-        raise invalid(f"{shown} does not have the resource {asked!r}")
+        raise bad_call(f"{shown} does not have the resource {asked!r}")
 
     def actions(self, path: Sequence[str]) -> Sequence[Operation[Any]]:
         """What can be done with a path beside reading it."""

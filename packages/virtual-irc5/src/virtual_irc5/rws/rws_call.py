@@ -40,7 +40,7 @@ class CallFailure(YumiError):
         return Status(int(self.code), message)
 
 
-def invalid(sentence: str) -> CallFailure:
+def bad_call(sentence: str) -> CallFailure:
     """The failure for a parameter that makes no sense."""
     return CallFailure(400, RwsCode.INVALIDARG, sentence)
 
@@ -104,13 +104,13 @@ class RwsCall:
         """A parameter in the URL that is a whole number from 0.
 
         Raises:
-            Failure: it is not a number.
+            CallFailure: it is not a number.
         """
         text = self.option(name)
         if text is None:
             return default
         if not text.isdecimal() or len(text) > _MOST_DIGITS:
-            raise invalid(f"{name} is a whole number of up to {_MOST_DIGITS} digits, not {text[:50]!r}")
+            raise bad_call(f"{name} is a whole number of up to {_MOST_DIGITS} digits, not {text[:50]!r}")
         return int(text)
 
     def parameter(self, name: str, default: str) -> str:
@@ -121,18 +121,18 @@ class RwsCall:
         """A parameter in the body.
 
         Raises:
-            Failure: it is missing.
+            CallFailure: it is missing.
         """
         value = first_value(self.form, name)
         if value is None:
-            raise invalid(f"the body lacks {name}")
+            raise bad_call(f"the body lacks {name}")
         return value
 
     def number(self, name: str) -> float:
         """A parameter in the body that is a finite number.
 
         Raises:
-            Failure: it is missing or none.
+            CallFailure: it is missing or none.
         """
         text = self.required(name)
         try:
@@ -140,19 +140,19 @@ class RwsCall:
         except ValueError:
             value = nan
         if not isfinite(value):
-            raise invalid(f"{name} is a finite number, not {text!r}")
+            raise bad_call(f"{name} is a finite number, not {text!r}")
         return value
 
     def check(self, operation: Operation[Any]) -> None:
         """Refuse a parameter that is none of those an operation takes.
 
         Raises:
-            Failure: 400.
+            CallFailure: 400.
         """
         for pairs, values in ((self.form, operation.values), (self.query, operation.query)):
             for name, text in pairs:
                 if values.get(name) and text not in values[name]:
-                    raise invalid(f"{name} is {' or '.join(values[name])}, not {text[:50]!r}")
+                    raise bad_call(f"{name} is {' or '.join(values[name])}, not {text[:50]!r}")
 
 
 Shown = Page | HttpReply | None
@@ -161,11 +161,11 @@ Shown = Page | HttpReply | None
 Handler = Callable[[Irc5, RwsCall], object]
 """Answers a call with a value of its operation, with values by their titles, or with what is shown.
 
-It raises Failure or Refused.
+It raises CallFailure or Refused.
 """
 
 Preparation = Callable[[Irc5, RwsCall], Callable[[], object] | None]
 """Work that may be done while the robot goes on, and that the handler then finds done; None where nothing takes long.
 
-It reads the controller, raises Failure, and changes nothing; the work touches nothing that the robot changes.
+It reads the controller, raises CallFailure, and changes nothing; the work touches nothing that the robot changes.
 """

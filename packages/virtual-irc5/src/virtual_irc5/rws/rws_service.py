@@ -16,7 +16,7 @@ from math import inf
 from typing import Any
 
 from abb_protocols.errors import ProtocolError, RapidError, SettingsError
-from abb_protocols.rws.documents import FORM_TYPE, Form, Page, Pairs, RwsState, Status, decode_form, first_value
+from abb_protocols.rws.documents import FORM_TYPE, Form, Page, Pairs, RwsState, Status, first_value
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.users import LOGOUT
 from abb_protocols.rws.values import GRANTS, Grant, RwsCode
@@ -38,12 +38,12 @@ from virtual_irc5.rws import (
 )
 from virtual_irc5.rws.http import (
     NONCE_LIFE,
-    Challenge,
     HttpReply,
     HttpRequest,
     HttpSession,
     SessionTable,
     TooManySessions,
+    digest_challenge,
     is_genuine,
     make_nonce,
     nonce_age,
@@ -51,11 +51,11 @@ from virtual_irc5.rws.http import (
     read_credentials,
 )
 from virtual_irc5.rws.mastership import OWN_DOMAINS, Mastership
-from virtual_irc5.rws.queues import MessageService
-from virtual_irc5.rws.render import resource, write_page, write_status
+from virtual_irc5.rws.queues import DipcQueues
+from virtual_irc5.rws.render import page_at, write_page, write_status
 from virtual_irc5.rws.router import Route, Router
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, call_refusal, invalid
-from virtual_irc5.rws.subscriptions import Rules, Subscriptions, Upgrade
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, bad_call, call_refusal
+from virtual_irc5.rws.subscriptions import SubscriptionRules, Subscriptions, Upgrade
 from virtual_irc5.rws.users import VirtualUsers
 
 ROUTES = (
@@ -75,7 +75,6 @@ ROUTES = (
 """All that depend on the controller alone; mastership and subscriptions belong to the sessions of one server."""
 
 NO_CONTENT = 204
-_LONG_FORM = 4096  # bytes
 
 log = logging.getLogger(__name__)
 
@@ -95,7 +94,7 @@ class RwsService:
     scheme = "http"
     default_port = 80
     domains = OWN_DOMAINS
-    rules = Rules()
+    rules = SubscriptionRules()
 
     def __init__(
         self,
@@ -114,7 +113,7 @@ class RwsService:
         self._nonces = 0
         self._users = VirtualUsers(granted)
         self._mastership = Mastership(self._users, self.domains)
-        self._messages = MessageService(controller)
+        self._messages = DipcQueues(controller)
         self._subscriptions = Subscriptions(self._mastership, self._users, self._messages, self.rules)
         self.routes: tuple[Route, ...] = (
             *ROUTES,
@@ -222,7 +221,7 @@ class RwsService:
     def _challenge(self, now: float, *, is_stale: bool) -> str:
         """What a client without a session is asked for."""
         self._nonces += 1
-        return Challenge(make_nonce(self._nonce_secret, now, self._nonces), is_stale=is_stale).header()
+        return digest_challenge(make_nonce(self._nonce_secret, now, self._nonces), is_stale=is_stale)
 
     def _proven_age(self, request: HttpRequest, now: float) -> float | None:
         """Age of the nonce in genuine credentials [s]; None without such."""
@@ -242,10 +241,10 @@ class RwsService:
         """The route of a request, and its call, neither authorized nor checked; its form only where work is prepared.
 
         Raises:
-            Failure: there is none.
+            CallFailure: there is none.
         """
         route, names = self._router.find(request.method, request.path, request.query)
-        form = () if route.prepare is None else form_of(request.body)
+        form = () if route.prepare is None else request.form()
         return route, RwsCall(request.method, request.path, request.query, form, names)
 
     def _answer(self, request: HttpRequest, session: HttpSession) -> HttpReply | Upgrade:
@@ -263,7 +262,7 @@ class RwsService:
         except RapidError as error:
             failure = CallFailure(400, RwsCode.TASK_STATE, str(error))
         except SettingsError as error:
-            failure = invalid(str(error))
+            failure = bad_call(str(error))
         except Exception:  # whatever a client sends, the controller goes on
             log.exception("%s /%s met a fault of the virtual controller", request.method, "/".join(request.path))
             failure = CallFailure(400, RwsCode.FAIL, "a fault of the virtual controller")
@@ -311,14 +310,14 @@ class RwsService:
         """The form in the body.
 
         Raises:
-            Failure: 415, the body is of another type.
+            CallFailure: 415, the body is of another type.
         """
         if request.method == "PUT" and request.path[:1] == ("fileservice",):  # which is a file
             return ()
         kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
         if request.body and kind != FORM_TYPE:  # only a body that is there must have its type
             raise CallFailure(415, RwsCode.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
-        return form_of(request.body)
+        return request.form()
 
     def _wants_forms(self, request: HttpRequest) -> bool:
         """Whether a client asks what it can do with a resource."""
@@ -347,17 +346,7 @@ class RwsService:
         for each in operations:
             fields = {name: "|".join(allowed) for name, allowed in each.values.items()}
             states.append(RwsState("form", each.action or each.method.lower(), {"method": each.method, **fields}))
-        return resource(path[0], "/", "/".join(path), *states)
-
-
-def form_of(body: bytes) -> Pairs:
-    """The form in a body; that of a module's text takes longer than a cycle the first time."""
-    return _long_form(body) if len(body) > _LONG_FORM else decode_form(body.decode("utf-8", "replace"))
-
-
-@lru_cache(2)
-def _long_form(body: bytes) -> Pairs:
-    return decode_form(body.decode("utf-8", "replace"))
+        return page_at(path[0], "/", "/".join(path), *states)
 
 
 @lru_cache(64)

@@ -10,14 +10,14 @@ from abb_protocols.rws.documents import RwsLink, RwsState
 from abb_protocols.rws.operations.rapid import ACTIVE_DIALOG, range_in
 from abb_protocols.rws.values import Priority, Resource, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.controller.signals import path_of, printed_signal
+from virtual_irc5.controller.signals import printed_signal, signal_path
 from virtual_irc5.controller_log import Refused
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import UnknownSymbol
 from virtual_irc5.rws.dialogs import shown_dialog
 from virtual_irc5.rws.mastership import Mastership
 from virtual_irc5.rws.panel import TITLES, panel_text
-from virtual_irc5.rws.queues import MessageService
+from virtual_irc5.rws.queues import DipcQueues
 from virtual_irc5.rws.rapid import execution_of, pointer_of
 from virtual_irc5.rws.rws_call import CallFailure
 from virtual_irc5.rws.users import VirtualUsers
@@ -54,7 +54,7 @@ def find_source(
         rws1: its path in Robot Web Services 1.0, where it has another.
 
     Raises:
-        Failure: there is none, or not with this priority.
+        CallFailure: there is none, or not with this priority.
     """
     found_own = (own or {}).get(resource.path.lower())
     if found_own is not None:
@@ -77,26 +77,26 @@ def _field(path: str, type: str, name: str, title: str, read: Callable[[], str])
     return Source(read, lambda _, text: ((RwsState(type, title, {name: text}, links),),))
 
 
-def panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     name = names["name"].lower()
     return _field(path, f"pnl-{name}-ev", name, TITLES.get(name, name), lambda: panel_text(controller, name))
 
 
-def execution_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _execution_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     name = "ctrlexecstate"
     return _field(path, f"rap-{name}-ev", name, name, lambda: execution_of(controller).state.value)
 
 
-def cycle_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _cycle_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     return _field(path, "rap-execcycle-ev", "rapidexeccycle", "rapidexeccycle", lambda: controller.cycle)
 
 
-def task_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _task_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     task = _find_task(controller, path, names["task"])
     return _field(path, "rap-execstate-ev", "pgmtaskexec-state", task.name, lambda: task.execution.value)
 
 
-def signal_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _signal_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     signals = controller.signals
     try:
         signal = signals.get(names["signal"].rpartition("/")[2])
@@ -105,12 +105,12 @@ def signal_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sour
 
     def show(_: str | None, text: str) -> Sequence[Event]:
         fields = {"lvalue": text, "lstate": "simulated" if signals.get(signal.name).is_simulated else "not simulated"}
-        return ((RwsState("ios-signalstate-ev", path_of(signal), fields, (RwsLink("self", path),)),),)
+        return ((RwsState("ios-signalstate-ev", signal_path(signal), fields, (RwsLink("self", path),)),),)
 
     return Source(lambda: printed_signal(signals.get(signal.name).value), show)
 
 
-def variable_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _variable_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     task, name = _find_task(controller, path, names["task"]), names["name"]
     # A client may leave the module out.
     for module in [names["module"]] if names["module"] else [each.name for each in task.modules]:
@@ -137,7 +137,7 @@ def variable_source(controller: Irc5, path: str, names: Mapping[str, str]) -> So
     return Source(read, show)
 
 
-def event_log_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _event_log_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     domain = int(names["domain"])
 
     def read() -> str:
@@ -153,12 +153,12 @@ def event_log_source(controller: Irc5, path: str, names: Mapping[str, str]) -> S
     return Source(read, show)
 
 
-def hold_to_run_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _hold_to_run_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     """This controller's button is never held: the event does not come."""
     return _field(path, "rap-hdtr-ev", "hdtr-State", "hdtrun", lambda: "HdTREvent WaitLeft")
 
 
-def task_change_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _task_change_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     task = _find_task(controller, path, names["task"])
 
     def show(old: str | None, count: str) -> Sequence[Event]:
@@ -174,12 +174,12 @@ def task_change_source(controller: Irc5, path: str, names: Mapping[str, str]) ->
     return Source(lambda: str(controller.program_changes(task.name)), show)
 
 
-def sync_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _sync_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     task = _find_task(controller, path, names["task"])
     return _field(path, "rap-syncstate-ev", "sync-state", task.name, lambda: "off")
 
 
-def pointer_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _pointer_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     task = _find_task(controller, path, names["task"])
 
     def read() -> str:
@@ -196,7 +196,7 @@ def pointer_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sou
     return Source(read, show)
 
 
-def build_log_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _build_log_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     """One event for each change of a program, with the state of its links."""
 
     def read() -> str:
@@ -210,7 +210,7 @@ def build_log_source(controller: Irc5, path: str, names: Mapping[str, str]) -> S
     return Source(read, show)
 
 
-def task_panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _task_panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     def read() -> str:
         return "".join(str(int(each.is_active)) for each in controller.execution.installed.values())
 
@@ -221,7 +221,7 @@ def task_panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> 
     return Source(read, show)
 
 
-def dialog_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _dialog_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     """One event when a program asks something, and one when the question has gone."""
 
     def read() -> str:
@@ -236,7 +236,7 @@ def dialog_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sour
     return Source(read, show)
 
 
-def network_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _network_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     name, stopped = names["network"], controller.signals.stopped
 
     def show(_: str | None, text: str) -> Sequence[Event]:
@@ -246,7 +246,7 @@ def network_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sou
     return Source(lambda: "stopped" if name in stopped else "started", show)
 
 
-def device_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _device_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     name, disabled = names["device"].rpartition("/")[2], controller.signals.disabled
 
     def show(_: str | None, text: str) -> Sequence[Event]:
@@ -256,32 +256,28 @@ def device_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Sour
     return Source(lambda: "disabled" if name in disabled else "enabled", show)
 
 
-def cfg_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _cfg_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     return _field(path, "cfg-prop-ev", "cc", "cfg", lambda: str(controller.configuration.changes))
 
 
-def motion_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _motion_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     return _field(path, "motionsystem-ev", "change-count", "mechunits", lambda: str(controller.motion.changes))
 
 
-def error_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _error_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     return _field(path, "ms-errorstate-ev", "err-count", "errorstate", lambda: "0")
 
 
-def energy_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _energy_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     return _field(path, "sys-energy-ev", "change-count", "energy", lambda: "0")
 
 
-def job_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def _job_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     job = controller.jobs.find(names["job"])
     if job is None:
         raise CallFailure(400, RwsCode.UNRESOLVED_URL, f"Invalid resource URI in Create: {path}")
     found = job
-
-    def read() -> str:
-        return "Pending" if not found.is_done else f"Error: {found.failure}" if found.failure else "Ready"
-
-    return _field(path, "progress-ev", "state", str(found.number), read)
+    return _field(path, "progress-ev", "state", str(found.number), lambda: found.state)
 
 
 def _find_task(controller: Irc5, path: str, name: str) -> Task:
@@ -309,7 +305,7 @@ def rmmp_source(users: VirtualUsers, path: str) -> Source:
     return _field(path, "user-rmmp-ev", "state", "rmmp", lambda: users.state)
 
 
-def queue_source(messages: MessageService, path: str, name: str, *, with_message: bool) -> Source:
+def queue_source(messages: DipcQueues, path: str, name: str, *, with_message: bool) -> Source:
     """An event for the oldest message; with its data it is taken from the queue."""
 
     def read() -> str | None:
@@ -336,30 +332,30 @@ def queue_source(messages: MessageService, path: str, name: str, *, with_message
 
 _Find = Callable[[Irc5, str, Mapping[str, str]], Source]
 _KINDS: Sequence[tuple[str, _Find, Priority]] = (
-    (r"/rw/panel/(?P<name>ctrlstate|opmode|speedratio|coldetstate)(;\w+)?", panel_source, Priority.MEDIUM),
-    (r"/rw/rapid/execution;ctrlexecstate", execution_source, Priority.MEDIUM),
-    (r"/rw/rapid/execution;rapidexeccycle", cycle_source, Priority.MEDIUM),
-    (r"/rw/rapid/tasks/(?P<task>\w+);excstate", task_source, Priority.MEDIUM),
-    (r"/rw/iosystem/signals/(?P<signal>.+);state", signal_source, Priority.HIGH),
+    (r"/rw/panel/(?P<name>ctrlstate|opmode|speedratio|coldetstate)(;\w+)?", _panel_source, Priority.MEDIUM),
+    (r"/rw/rapid/execution;ctrlexecstate", _execution_source, Priority.MEDIUM),
+    (r"/rw/rapid/execution;rapidexeccycle", _cycle_source, Priority.MEDIUM),
+    (r"/rw/rapid/tasks/(?P<task>\w+);excstate", _task_source, Priority.MEDIUM),
+    (r"/rw/iosystem/signals/(?P<signal>.+);state", _signal_source, Priority.HIGH),
     (
         r"/rw/rapid/symbol/data/RAPID/(?P<task>\w+)/((?P<module>\w+)/)?(?P<name>[\w{},]+);value",
-        variable_source,
+        _variable_source,
         Priority.HIGH,
     ),
-    (r"/rw/elog/(?P<domain>\d{1,3})", event_log_source, Priority.MEDIUM),
-    (r"/rw/rapid/execution;hdtrun", hold_to_run_source, Priority.MEDIUM),
-    (r"/rw/rapid/tasks/(?P<task>\w+);taskchange", task_change_source, Priority.MEDIUM),
-    (r"/rw/rapid/tasks/(?P<task>\w+);syncstatechange", sync_source, Priority.MEDIUM),
-    (r"/rw/rapid/tasks/(?P<task>\w+)/pcp;(program|motion)pointerchange", pointer_source, Priority.MEDIUM),
-    (r"/rw/rapid/tasks;buildlogchange", build_log_source, Priority.MEDIUM),
-    (r"/rw/rapid/taskselection;taskpanelchange", task_panel_source, Priority.MEDIUM),
-    (r"/rw/rapid/uiinstr;uievent", dialog_source, Priority.MEDIUM),
-    (r"/rw/iosystem/networks/(?P<network>\w+);state", network_source, Priority.MEDIUM),
-    (r"/rw/iosystem/devices/(?P<device>[\w/]+);state", device_source, Priority.MEDIUM),
-    (r"/rw/cfg", cfg_source, Priority.MEDIUM),
-    (r"/rw/motionsystem/mechunits;mechunitmodechangecount", motion_source, Priority.MEDIUM),
-    (r"/rw/motionsystem/errorstate;erroreventchange", error_source, Priority.MEDIUM),
-    (r"/rw/system/energy", energy_source, Priority.MEDIUM),
-    (r"/progress/(?P<job>\d+)(;state)?", job_source, Priority.MEDIUM),
+    (r"/rw/elog/(?P<domain>\d{1,3})", _event_log_source, Priority.MEDIUM),
+    (r"/rw/rapid/execution;hdtrun", _hold_to_run_source, Priority.MEDIUM),
+    (r"/rw/rapid/tasks/(?P<task>\w+);taskchange", _task_change_source, Priority.MEDIUM),
+    (r"/rw/rapid/tasks/(?P<task>\w+);syncstatechange", _sync_source, Priority.MEDIUM),
+    (r"/rw/rapid/tasks/(?P<task>\w+)/pcp;(program|motion)pointerchange", _pointer_source, Priority.MEDIUM),
+    (r"/rw/rapid/tasks;buildlogchange", _build_log_source, Priority.MEDIUM),
+    (r"/rw/rapid/taskselection;taskpanelchange", _task_panel_source, Priority.MEDIUM),
+    (r"/rw/rapid/uiinstr;uievent", _dialog_source, Priority.MEDIUM),
+    (r"/rw/iosystem/networks/(?P<network>\w+);state", _network_source, Priority.MEDIUM),
+    (r"/rw/iosystem/devices/(?P<device>[\w/]+);state", _device_source, Priority.MEDIUM),
+    (r"/rw/cfg", _cfg_source, Priority.MEDIUM),
+    (r"/rw/motionsystem/mechunits;mechunitmodechangecount", _motion_source, Priority.MEDIUM),
+    (r"/rw/motionsystem/errorstate;erroreventchange", _error_source, Priority.MEDIUM),
+    (r"/rw/system/energy", _energy_source, Priority.MEDIUM),
+    (r"/progress/(?P<job>\d+)(;state)?", _job_source, Priority.MEDIUM),
 )
 """Path, how its source is found, highest priority."""

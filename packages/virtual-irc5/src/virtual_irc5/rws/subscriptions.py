@@ -1,4 +1,4 @@
-"""The virtual controller's answers on ``/subscription`` and ``/poll``: events of what changes (rws.md §14).
+"""The virtual controller's answers on ``/subscription`` and ``/poll``: events, and their WebSockets (rws.md §14).
 
 An event is sent at once when its resource has been quiet for as long as its priority asks, and else at the end of that
 time, with the last value. A group whose client is not connected (yet, or any more) sends the latest values when the
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
 
@@ -20,10 +20,10 @@ from abb_protocols.rws.values import PROTOCOL, Priority, Resource, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.mastership import Mastership
-from virtual_irc5.rws.queues import MessageService
+from virtual_irc5.rws.queues import DipcQueues
 from virtual_irc5.rws.render import render_event, write_group
 from virtual_irc5.rws.router import Route
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 from virtual_irc5.rws.sources import Event, Source, find_source, mastership_source, queue_source, rmmp_source
 from virtual_irc5.rws.users import VirtualUsers
 
@@ -103,7 +103,7 @@ POLL_PERIOD = 0.012
 
 
 @dataclass(frozen=True, slots=True)
-class Rules:
+class SubscriptionRules:
     """What differs between the versions of Robot Web Services.
 
     Attributes:
@@ -124,7 +124,7 @@ class Rules:
 
 
 @dataclass(slots=True)
-class Watch:
+class _Watch:
     """One resource of a group.
 
     Attributes:
@@ -155,7 +155,7 @@ class Watch:
 
 
 @dataclass(slots=True)
-class Group:
+class _Group:
     """What one client has subscribed to together.
 
     Attributes:
@@ -171,7 +171,7 @@ class Group:
     session: str
     root: str
     is_secure: bool = False
-    watches: dict[str, Watch] = field(default_factory=dict)
+    watches: dict[str, _Watch] = field(default_factory=dict)
     channel: SubscriptionChannel | None = None
     _polled_at: float = -inf
 
@@ -201,12 +201,14 @@ class Subscriptions:
         rules: of the version that the server speaks.
     """
 
-    def __init__(self, mastership: Mastership, users: VirtualUsers, messages: MessageService, rules: Rules) -> None:
+    def __init__(
+        self, mastership: Mastership, users: VirtualUsers, messages: DipcQueues, rules: SubscriptionRules
+    ) -> None:
         self._rules = rules
         self._mastership = mastership
         self._users = users
         self._messages = messages
-        self._groups: dict[int, Group] = {}
+        self._groups: dict[int, _Group] = {}
         self._opened = 0
         self.routes = (
             Route(table.CREATE, self.create),
@@ -246,11 +248,11 @@ class Subscriptions:
         """The WebSocket of ``/poll/{group}``; a client that leaves the number out gets its latest group.
 
         Raises:
-            Failure: the group is another client's, or there is none, or the sub-protocol is another.
+            CallFailure: the group is another client's, or there is none, or the sub-protocol is another.
         """
         protocol = self._rules.protocol
         if protocol not in (each.strip() for each in protocols.split(",")):
-            raise invalid(f"Unsupported Sec-WebSocket-Protocol {protocols!r}; it is {protocol}")
+            raise bad_call(f"Unsupported Sec-WebSocket-Protocol {protocols!r}; it is {protocol}")
         if len(path) > 1:
             group = self._find(path[1], session)
         else:
@@ -273,7 +275,7 @@ class Subscriptions:
             raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"a client has {most} subscriptions at most")
         watches = self._watches(controller, call)
         self._opened += 1
-        group = self._groups[self._opened] = Group(
+        group = self._groups[self._opened] = _Group(
             self._opened, call.session, call.host, self._rules.is_secure, watches
         )
         return _shown(group, 201)
@@ -298,12 +300,12 @@ class Subscriptions:
             del group.watches[path]
         return HttpReply(200, (("Content-Type", Form.XHTML.value),))
 
-    def _watches(self, controller: Irc5, call: RwsCall, old: Group | None = None) -> dict[str, Watch]:
+    def _watches(self, controller: Irc5, call: RwsCall, old: _Group | None = None) -> dict[str, _Watch]:
         """What a form asks for, within the limits of a group and of all clients together."""
         try:
             resources = read_resources(call.form)
         except ProtocolError as error:
-            raise invalid(str(error)) from error
+            raise bad_call(str(error)) from error
         if len(resources) > MAX_RESOURCES:
             raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"a subscription has {MAX_RESOURCES} resources at most")
         others = (group for group in self._groups.values() if group is not old)
@@ -314,7 +316,7 @@ class Subscriptions:
         for resource in resources:
             rws1 = self._rules.rws1_resource(resource.path)
             sources[resource] = find_source(controller, resource, self._own_sources(resource), rws1)
-        return {resource.path: Watch(resource, source, source.read()) for resource, source in sources.items()}
+        return {resource.path: _Watch(resource, source, source.read()) for resource, source in sources.items()}
 
     def _own_sources(self, resource: Resource) -> Mapping[str, Source]:
         """Sources of what belongs to sessions: masterships, the privilege of manual mode, message queues."""
@@ -328,7 +330,7 @@ class Subscriptions:
             sources[path.lower()] = queue_source(self._messages, path, queue[1], with_message=queue[2] is None)
         return sources
 
-    def _find(self, number: str, session: str) -> Group:
+    def _find(self, number: str, session: str) -> _Group:
         group = next((group for known, group in self._groups.items() if str(known) == number), None)
         if group is None:
             raise CallFailure(404, RwsCode.FAIL, f"there is no subscription {number}")
@@ -336,17 +338,17 @@ class Subscriptions:
             raise CallFailure(403, RwsCode.DENIED, f"Group {number} does not belong to this client")
         return group
 
-    def _close(self, group: Group) -> None:
+    def _close(self, group: _Group) -> None:
         self._groups.pop(group.number, None)
         group.disconnect(in_order=True)
 
 
-def _shown(group: Group, status: int) -> HttpReply:
+def _shown(group: _Group, status: int) -> HttpReply:
     """The group with the values its client knows from now on."""
     events: list[Event] = []
     for watch in group.watches.values():
         if watch.known is not None:
             events += watch.source.show(None, watch.known)
     scheme = "wss" if group.is_secure else "ws"
-    headers = (("Location", f"{scheme}://{group.root}/poll/{group.number}"), ("Content-Type", Form.XHTML.value))
-    return HttpReply(status, headers, write_group(group.root, group.number, events, is_secure=group.is_secure))
+    body = write_group(group.root, group.number, events, is_secure=group.is_secure)
+    return replace(HttpReply.at(f"{scheme}://{group.root}/poll/{group.number}", status), body=body)

@@ -22,10 +22,10 @@ from virtual_irc5.rapid.parser import parse_expression
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol, Variable
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.rapid import find_task
-from virtual_irc5.rws.render import resource
+from virtual_irc5.rws.rapid import rws_task
+from virtual_irc5.rws.render import page_at
 from virtual_irc5.rws.router import Routes
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, bad_call
 from virtual_irc5.rws.users import refuse_in_manual_mode
 
 T = TypeVar("T")
@@ -53,7 +53,7 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.SYMBOL)
-def get_symbol(controller: Irc5, call: RwsCall) -> Shown:
+def _get_symbol(controller: Irc5, call: RwsCall) -> Shown:
     url = call.names["symbol"]
     value = _at(controller, url, _read, missing=400)
     if call.option("value") == "raw" and call.option("json") == "1":  # a value of JSON, not its text
@@ -63,7 +63,7 @@ def get_symbol(controller: Irc5, call: RwsCall) -> Shown:
         }
         return HttpReply(200, (("Content-Type", Form.JSON.value),), json.dumps(document).encode())
     state = table.SYMBOL.answered.state(f"RAPID/{url}", value)
-    return resource("rapid", _BASE, f"symbol/data/RAPID/{url}", state)
+    return page_at("rapid", _BASE, f"symbol/data/RAPID/{url}", state)
 
 
 def _read(task: Task, block: str, name: str) -> str:
@@ -84,13 +84,13 @@ def _plain(text: str) -> RapidValue:
         return text
 
 
-def prepare_value(controller: Irc5, call: RwsCall) -> Callable[[], None] | None:
+def _prepare_value(controller: Irc5, call: RwsCall) -> Callable[[], None] | None:
     literal = call.required("value")
     return functools.partial(_parse, literal) if len(literal) > _LONG_VALUE else None
 
 
-@ROUTES.answer(table.SET_SYMBOL, prepare=prepare_value)
-def set_symbol(controller: Irc5, call: RwsCall) -> None:
+@ROUTES.answer(table.SET_SYMBOL, prepare=_prepare_value)
+def _set_symbol(controller: Irc5, call: RwsCall) -> None:
     refuse_in_manual_mode(controller, call, "writing RAPID data")
     literal = call.required("value")
     try:
@@ -107,20 +107,20 @@ def _parse(literal: str) -> None:
 
 
 @ROUTES.answer(table.SET_INITIAL_VALUE)
-def set_initial_value(controller: Irc5, call: RwsCall) -> None:
+def _set_initial_value(controller: Irc5, call: RwsCall) -> None:
     """The value a datum begins with: that of a persistent is its value at all times."""
     kind = _at(controller, call.names["symbol"], lambda task, module, name: task.kind_of(module, name), 404)
     if kind != "per":
         raise CallFailure(
             400, RwsCode.SYMBOL_NOT_PERSISTENT, "the initial value of a VAR or CONST is changed in its module's text"
         )
-    set_symbol(controller, call)
+    _set_symbol(controller, call)
 
 
 @ROUTES.answer(table.VALIDATE)
-def validate(controller: Irc5, call: RwsCall) -> None:
+def _validate(controller: Irc5, call: RwsCall) -> None:
     """Whether a literal is a value of a type."""
-    task, name = find_task(controller, call.required("task")), call.required("datatype")
+    task, name = rws_task(controller, call.required("task")), call.required("datatype")
     node = s.Name(name)
     try:
         modules = task.program.modules.values()
@@ -132,10 +132,10 @@ def validate(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.SYMBOL_PROPERTIES)
-def get_symbol_properties(controller: Irc5, call: RwsCall) -> Page:
+def _get_symbol_properties(controller: Irc5, call: RwsCall) -> Page:
     url = call.names["symbol"]
     state = _at(controller, url, symbol_state, missing=400)
-    return resource("rapid", _BASE, f"symbol/properties/{state.title}", state)
+    return page_at("rapid", _BASE, f"symbol/properties/{state.title}", state)
 
 
 def _is_routine(block: str) -> bool:
@@ -199,20 +199,20 @@ def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], T], missing:
 
 
 @ROUTES.answer(table.SYMBOLS)
-def get_symbols(controller: Irc5, call: RwsCall) -> Page:
+def _get_symbols(controller: Irc5, call: RwsCall) -> Page:
     """Nothing: symbols are searched, since a robot has thousands."""
-    return resource("rapid", _BASE, "symbols")
+    return page_at("rapid", _BASE, "symbols")
 
 
 @ROUTES.answer(table.SEARCH)
-def search(controller: Irc5, call: RwsCall) -> Page:
+def _search(controller: Irc5, call: RwsCall) -> Page:
     """The symbols of a block that fit; at least one parameter has to say which."""
     if not call.form:
-        raise invalid("a search needs a parameter, such as blockurl=RAPID/T_ROB_L")
+        raise bad_call("a search needs a parameter, such as blockurl=RAPID/T_ROB_L")
     parts = [part for part in call.parameter("blockurl", "RAPID").split("/") if part]
     if not parts or parts[0].upper() != "RAPID":
-        raise invalid("blockurl begins with RAPID")
-    tasks = [find_task(controller, parts[1])] if len(parts) > 1 else list(controller.tasks.values())
+        raise bad_call("blockurl begins with RAPID")
+    tasks = [rws_task(controller, parts[1])] if len(parts) > 1 else list(controller.tasks.values())
     if call.parameter("view", "block") == "stack":
         found = _symbols_of_frame(tasks[0], call) if len(parts) > 1 else []
     else:
@@ -232,7 +232,7 @@ def search(controller: Irc5, call: RwsCall) -> Page:
     ]
     # A search names the symbol before its address, its properties after it (reference/rws.md §6.6-6.7).
     named = (replace(state, fields={"name": state.fields["name"], **state.fields}) for state in fitting)
-    return resource("rapid", _BASE, "symbols", *named)
+    return page_at("rapid", _BASE, "symbols", *named)
 
 
 def _symbols_of_frame(task: Task, call: RwsCall) -> list[RwsState]:
@@ -297,8 +297,8 @@ def _pattern(text: str) -> re.Pattern[str]:
     """A regular expression of a client, without what may take for ever."""
     repeats = len(re.findall(r"[*+?{]", text))
     if len(text) > _LONGEST_PATTERN or repeats > _MOST_REPEATS or "(" in text:
-        raise invalid(f"regexp has up to {_LONGEST_PATTERN} characters and {_MOST_REPEATS} repeats, and no groups")
+        raise bad_call(f"regexp has up to {_LONGEST_PATTERN} characters and {_MOST_REPEATS} repeats, and no groups")
     try:
         return re.compile(text, re.IGNORECASE)
     except re.error as error:
-        raise invalid(f"regexp is not a regular expression: {error}") from error
+        raise bad_call(f"regexp is not a regular expression: {error}") from error

@@ -10,7 +10,7 @@ from abb_protocols.rws.operations import system as table
 from abb_protocols.rws.values import RwsCode, code_sentence
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import entry, resource
+from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Routes, absent_routes
 from virtual_irc5.rws.rws_call import CallFailure, RwsCall
 
@@ -39,17 +39,17 @@ ROUTES = Routes()
 
 
 @ROUTES.answer(table.ROOT)
-def get_root(controller: Irc5, call: RwsCall) -> Page:
-    return resource("", "/", "", *(entry("srvlst-service-li", name) for name in _ROOT_SERVICES))
+def _get_root(controller: Irc5, call: RwsCall) -> Page:
+    return page_at("", "/", "", *(page_entry("srvlst-service-li", name) for name in _ROOT_SERVICES))
 
 
 @ROUTES.answer(table.SERVICES)
-def get_services(controller: Irc5, call: RwsCall) -> Page:
-    return resource("rw", "/rw/", "", *(entry("rwservice-li", name) for name in _RW_SERVICES))
+def _get_services(controller: Irc5, call: RwsCall) -> Page:
+    return page_at("rw", "/rw/", "", *(page_entry("rwservice-li", name) for name in _RW_SERVICES))
 
 
 @ROUTES.answer(table.SYSTEM)
-def get_system(controller: Irc5, call: RwsCall) -> Page:
+def _get_system(controller: Irc5, call: RwsCall) -> Page:
     identity = controller.identity
     major, minor, revision, sub_revision = (*identity.robotware.split("."), "0", "0", "0")[:4]
     build = (
@@ -80,12 +80,12 @@ def get_system(controller: Irc5, call: RwsCall) -> Page:
     }
     products = RwsState("sys-products-li", "products", {}, (RwsLink("self", "system/products"),))
     states = (RwsState("sys-system-li", "system", fields), _option_list(controller, "system/options"), products)
-    return resource("system", "/rw/", "system", *states)
+    return page_at("system", "/rw/", "system", *states)
 
 
 @ROUTES.answer(table.OPTIONS)
-def get_options(controller: Irc5, call: RwsCall) -> Page:
-    return resource("system", "/rw/system/", "options", _option_list(controller, "options"))
+def _get_options(controller: Irc5, call: RwsCall) -> Page:
+    return page_at("system", "/rw/system/", "options", _option_list(controller, "options"))
 
 
 def _option_list(controller: Irc5, href: str) -> RwsState:
@@ -95,19 +95,19 @@ def _option_list(controller: Irc5, href: str) -> RwsState:
 
 
 @ROUTES.answer(table.ROBOT_TYPE)
-def get_robot_type(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
+def _get_robot_type(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     """The robots: their names are options of their system."""
     types = [option for option in controller.identity.options if option.startswith("IRB ")]
     return {str(number): name for number, name in enumerate(types, 1)}
 
 
 @ROUTES.answer(table.LICENSE)
-def get_license(controller: Irc5, call: RwsCall) -> str:
+def _get_license(controller: Irc5, call: RwsCall) -> str:
     return controller.identity.system_id.strip("{}")
 
 
 @ROUTES.answer(table.PRODUCTS)
-def get_products(controller: Irc5, call: RwsCall) -> Mapping[str, table.Product] | HttpReply:
+def _get_products(controller: Irc5, call: RwsCall) -> Mapping[str, table.Product] | HttpReply:
     """RobotWare and its add-ins; 204 for one that is not installed."""
     robotware = controller.identity.robotware
     products = {"RobotWare": robotware}
@@ -121,7 +121,7 @@ def get_products(controller: Irc5, call: RwsCall) -> Mapping[str, table.Product]
 
 
 @ROUTES.answer(table.ENERGY)
-def get_energy(controller: Irc5, call: RwsCall) -> Page:
+def _get_energy(controller: Irc5, call: RwsCall) -> Page:
     """What the arms use is not measured here: the state says so (-1), as of a robot without its last interval."""
     shown = datetime.fromtimestamp(controller.energy_reset_at).strftime("%Y-%m-%d T %H:%M:%S")
     fields = {
@@ -146,16 +146,16 @@ def get_energy(controller: Irc5, call: RwsCall) -> Page:
         )
         for unit in controller.units
     )
-    return resource("system", "/rw/system/", "energy", RwsState("sys-energy-state-li", "energy", fields, (), units))
+    return page_at("system", "/rw/system/", "energy", RwsState("sys-energy-state-li", "energy", fields, (), units))
 
 
 @ROUTES.answer(table.ENERGY_CHANGES)
-def get_energy_changes(controller: Irc5, call: RwsCall) -> int:
+def _get_energy_changes(controller: Irc5, call: RwsCall) -> int:
     return 0
 
 
 @ROUTES.answer(table.RESET_ENERGY)
-def reset_energy(controller: Irc5, call: RwsCall) -> None:
+def _reset_energy(controller: Irc5, call: RwsCall) -> None:
     controller.energy_reset_at = controller.time
 
 
@@ -163,15 +163,15 @@ def reset_energy(controller: Irc5, call: RwsCall) -> None:
 
 
 @ROUTES.answer(table.CODES)
-def get_codes(controller: Irc5, call: RwsCall) -> Page:
+def _get_codes(controller: Irc5, call: RwsCall) -> Page:
     """All return codes, or the one that is asked for."""
     asked = call.option("code")
     if asked is None:
-        return resource("retcode", "/rw/", "retcode", *(_code_state("err-desc-li", code) for code in RwsCode))
+        return page_at("retcode", "/rw/", "retcode", *(_code_state("err-desc-li", code) for code in RwsCode))
     known = next((code for code in RwsCode if str(int(code)) == asked), None)
     if known is None:
         raise CallFailure(404, RwsCode.NO_DATA, f"there is no return code {asked[:20]!r}")
-    return resource("retcode", "/rw/", f"retcode?code={asked}", _code_state("err-desc", known))
+    return page_at("retcode", "/rw/", f"retcode?code={asked}", _code_state("err-desc", known))
 
 
 def _code_state(type: str, code: RwsCode) -> RwsState:
@@ -196,19 +196,19 @@ def _device_tree(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
 
 
 @ROUTES.answer(table.DEVICES, table.DEVICE)
-def get_devices(controller: Irc5, call: RwsCall) -> Page:
+def _get_devices(controller: Irc5, call: RwsCall) -> Page:
     place = call.names.get("device", "").upper().strip("/")
     tree = _device_tree(controller)
     if place and place not in tree:
         raise CallFailure(404, RwsCode.FAIL, f"there is no device {place[:80]!r}")
     inside = [path for path in tree if path.rpartition("/")[0] == place]
-    children = tuple(entry("dev-id-li", path, f"devices/{path}", name=path.rpartition("/")[2]) for path in inside)
+    children = tuple(page_entry("dev-id-li", path, f"devices/{path}", name=path.rpartition("/")[2]) for path in inside)
     properties = tuple(
         RwsState("dev-propstr-li", name, {"name": name, "value": value, "unit": ""})
         for name, value in (tree[place] if place else {}).items()
     )
     state = RwsState("dev-id-li", place or "devices", {"name": place.rpartition("/")[2] or "devices"}, (), children)
-    return resource("devices", "/rw/", f"devices/{place}".rstrip("/"), state, *properties)
+    return page_at("devices", "/rw/", f"devices/{place}".rstrip("/"), state, *properties)
 
 
 ROUTES += absent_routes(table.ABSENT)

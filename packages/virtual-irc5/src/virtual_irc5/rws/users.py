@@ -14,9 +14,9 @@ from abb_protocols.rws.operations.users import User
 from abb_protocols.rws.values import GRANTS, Grant, OperatingMode, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.http import HttpReply
-from virtual_irc5.rws.render import resource
+from virtual_irc5.rws.render import page_at
 from virtual_irc5.rws.router import Route
-from virtual_irc5.rws.rws_call import CallFailure, RwsCall, invalid
+from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _USERS_BASE = "/users/"
 
@@ -120,7 +120,7 @@ class VirtualUsers:
     def get_users(self, controller: Irc5, call: RwsCall) -> Page:
         own = self.of(call.session)
         shown = [own] if call.option("user-type") == "self" else self._users.values()
-        return resource("ROBAPI2 User", "/", "users", *(table.USERS.answered.state(user.name, user) for user in shown))
+        return page_at("ROBAPI2 User", "/", "users", *(table.USERS.answered.state(user.name, user) for user in shown))
 
     def register(self, controller: Irc5, call: RwsCall) -> None:
         self._users[call.session] = User(
@@ -134,7 +134,7 @@ class VirtualUsers:
     def impersonate(self, controller: Irc5, call: RwsCall) -> None:
         uid = call.required("uid")
         if uid not in {str(user.uid) for user in self._users.values()}:
-            raise invalid(f"there is no user {uid[:20]!r}")
+            raise bad_call(f"there is no user {uid[:20]!r}")
 
     def set_locale(self, controller: Irc5, call: RwsCall) -> None:
         locale, own = call.required("type"), self.of(call.session)
@@ -146,13 +146,13 @@ class VirtualUsers:
 
     def get_grants(self, controller: Irc5, call: RwsCall) -> Page:
         names = [each.value for each in Grant if each in self.granted]
-        return resource("ROBAPI2 User", _USERS_BASE, "grants", *(RwsState("user-grant", name, {}) for name in names))
+        return page_at("ROBAPI2 User", _USERS_BASE, "grants", *(RwsState("user-grant", name, {}) for name in names))
 
     def check(self, operation: Operation[Any], controller: Irc5, call: RwsCall) -> None:
         """Refuse an operation that the user is not granted.
 
         Raises:
-            Failure: 403.
+            CallFailure: 403.
         """
         needed = operation.needs_grant
         if needed is Grant.REMOTE_WARMSTART:
@@ -168,7 +168,7 @@ class VirtualUsers:
         """Refuse what the user lacks a grant for.
 
         Raises:
-            Failure: 403.
+            CallFailure: 403.
         """
         if needed not in self.granted and Grant.FULL_ACCESS not in self.granted:
             raise CallFailure(403, RwsCode.UAS_REJECT, f"the user lacks the grant {needed.value}")
@@ -182,7 +182,7 @@ class VirtualUsers:
             "privilege": privilege,
             "rmmpheldbyme": "TRUE" if self.privilege(call.session) != "none" else "FALSE",
         }
-        return resource(
+        return page_at(
             "ROBAPI2 User", _USERS_BASE, "rmmp", RwsState("user-rmmp", "state", fields, (RwsLink("poll", "rmmp/poll"),))
         )
 
@@ -191,7 +191,7 @@ class VirtualUsers:
         if held is not None and held.session != call.session:
             raise CallFailure(403, RwsCode.RESOURCE_HELD, "another client has asked for the privilege or holds it")
         self._request = _PrivilegeRequest(call.session, call.required("privilege"), self._now, self._now)
-        return HttpReply(202, (("Location", "/users/rmmp/poll"), ("Content-Type", "application/xhtml+xml")))
+        return HttpReply.at("/users/rmmp/poll")
 
     def grant(self, controller: Irc5, call: RwsCall) -> None:
         held, privilege = self._request, call.required("privilege")
@@ -213,14 +213,14 @@ class VirtualUsers:
         if held is not None and held.session == call.session:
             held.polled_at, status = self._now, held.status
         state = RwsState("user-rmmp-poll", "poll", {"code": str(_POLL_CODES[status]), "status": status})
-        return resource("ROBAPI2 User", _USERS_BASE, "rmmp/poll", state)
+        return page_at("ROBAPI2 User", _USERS_BASE, "rmmp/poll", state)
 
 
 def refuse_in_manual_mode(controller: Irc5, call: RwsCall, what: str) -> None:
     """Refuse a change in manual mode to a client without the privilege.
 
     Raises:
-        Failure: 403.
+        CallFailure: 403.
     """
     if controller.mode.value != "AUTO" and call.privilege == "none":
         raise CallFailure(403, RwsCode.MASTER_REJECT, f"in manual mode {what} needs RMMP: request it at /users/rmmp")

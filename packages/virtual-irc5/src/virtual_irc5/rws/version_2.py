@@ -36,11 +36,11 @@ from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply, HttpRequest, HttpSession
 from virtual_irc5.rws.mastership import Domains
-from virtual_irc5.rws.render import resource, write_hal, write_hal_status, write_page, write_status
+from virtual_irc5.rws.render import page_at, write_hal, write_hal_status, write_page, write_status
 from virtual_irc5.rws.router import Route, Router
 from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown
-from virtual_irc5.rws.rws_service import RwsService, form_of
-from virtual_irc5.rws.subscriptions import Rules
+from virtual_irc5.rws.rws_service import RwsService
+from virtual_irc5.rws.subscriptions import SubscriptionRules
 
 XHTML = "application/xhtml+xml;v=2.0"
 HAL = "application/hal+json;v=2.0"
@@ -319,7 +319,7 @@ class Translation:
         if self.rws1.operation is LOAD_MODULE:  # which shows what it has loaded
             text = controller.files[path_of_file(rws1_call.required("modulepath"))]
             name = next(iter(re.findall(r"^\s*MODULE\s+(\w+)", text, re.MULTILINE | re.IGNORECASE)), "")
-            return resource("rapid", "/rw/rapid/", "tasks", RwsState("rap-task-module-li", name, {"name": name}))
+            return page_at("rapid", "/rw/rapid/", "tasks", RwsState("rap-task-module-li", name, {"name": name}))
         return answer
 
     def _prepare(self, controller: Irc5, call: RwsCall) -> Callable[[], object] | None:
@@ -330,7 +330,7 @@ class Translation:
         """The call of 1.0 that a call of 2.0 stands for.
 
         Raises:
-            Failure: 400, the body lacks what 1.0 has in the path.
+            CallFailure: 400, the body lacks what 1.0 has in the path.
         """
         templates = (self.rws1.operation.path, *(text for _, text in (*self.query, *self.form)))
         missing = {match[1] for text in templates for match in _PLACE.finditer(text)} - set(call.names)
@@ -445,7 +445,7 @@ def rws1_resource(path: str) -> str:
     return re.sub(r"^/rw/rapid/symbol/RAPID/(.+)/data;value$", r"/rw/rapid/symbol/data/RAPID/\1;value", path)
 
 
-RULES = Rules(
+RULES = SubscriptionRules(
     protocol=PROTOCOL,
     is_secure=True,
     max_groups=_MAX_GROUPS,
@@ -488,7 +488,7 @@ class RwsService2(RwsService):
     # Representations
 
     def _form(self, request: HttpRequest) -> Form:
-        form = preferred_form(request.header_values("Accept"))
+        form = _preferred_form(request.header_values("Accept"))
         if form is not None:
             return form
         if request.path[:1] == ("fileservice",) and request.method in ("GET", "HEAD"):
@@ -503,7 +503,7 @@ class RwsService2(RwsService):
         allowed = FILES if is_file else (FORM,)
         if (request.body or (kind and request.method in ("POST", "PUT"))) and kind not in allowed:
             raise CallFailure(415, RwsCode.INVALIDARG, f"a body is {' or '.join(allowed)}, not {kind or 'of no type'}")
-        return () if is_file else form_of(request.body)
+        return () if is_file else request.form()
 
     def _wants_forms(self, request: HttpRequest) -> bool:
         return request.method == "OPTIONS"
@@ -566,7 +566,7 @@ _FORMS = {XHTML: Form.XHTML, HAL: Form.JSON}
 """The representations by media type; the first is for a client that likes all of them alike."""
 
 
-def preferred_form(accepted: Sequence[str]) -> Form | None:
+def _preferred_form(accepted: Sequence[str]) -> Form | None:
     """The representation that the values of ``Accept`` prefer; None where they permit none.
 
     A media type needs its version; a range such as ``*/*`` or ``application/*`` does not. What fits a representation

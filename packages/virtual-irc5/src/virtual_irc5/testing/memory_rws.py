@@ -57,7 +57,6 @@ class MemoryRws:
     Args:
         controller: the virtual one.
         clock: of both ends.
-        request_interval: shortest mean time between two requests [s]; 0 is no limit.
 
     Attributes:
         adapter: the controller's end of it.
@@ -66,9 +65,9 @@ class MemoryRws:
     """
 
     address = "memory"
+    request_interval = 0.0
 
-    def __init__(self, controller: Irc5, clock: Clock, request_interval: float = 0.0) -> None:
-        self.request_interval = request_interval
+    def __init__(self, controller: Irc5, clock: Clock) -> None:
         self.adapter = RwsService(controller, user=DEFAULT_USER, password=DEFAULT_PASSWORD, hang_up=self.hang_up)
         self._clock = clock
         self._channels: list[MemoryChannel] = []

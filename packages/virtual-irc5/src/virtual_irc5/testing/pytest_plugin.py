@@ -48,10 +48,10 @@ def abb_controller(
 @pytest.fixture
 def virtual_robot(request: pytest.FixtureRequest) -> VirtualRobot:
     """A virtual IRC5 in memory and in virtual time: nothing moves until the test lets time pass."""
-    from virtual_irc5.testing.virtual_robot import VirtualRobot, robot_settings  # noqa: PLC0415 - see above
+    from virtual_irc5.testing.virtual_robot import VirtualRobot, virtual_robot_settings  # noqa: PLC0415 - see above
     from virtual_irc5.world import WorldSettings  # noqa: PLC0415
 
     mark = request.node.get_closest_marker("virtual_robot")
     given = dict(mark.kwargs) if mark else {}
     chosen = {name: given.pop(name) for name in ("model", "programs", "cfg") if name in given}
-    return VirtualRobot(robot_settings(**chosen, settings=WorldSettings(**given)))
+    return VirtualRobot(virtual_robot_settings(**chosen, settings=WorldSettings(**given)))

@@ -10,11 +10,12 @@ from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import memory_links
 from virtual_irc5.controller.installed_system import ROBOTS, delivered_system, with_programs
+from virtual_irc5.fault_injection import FaultInjection
 from virtual_irc5.testing.memory_rws import MemoryRws
-from virtual_irc5.world import FaultInjection, World, WorldSettings
+from virtual_irc5.world import World, WorldSettings
 
 
-def robot_settings(
+def virtual_robot_settings(
     model: str = "yumi",
     programs: Mapping[str, Sequence[Path]] | None = None,
     cfg: Sequence[Path] = (),

@@ -26,7 +26,7 @@ from abb_runtime.options import (
     yes_option,
 )
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import UdpServer, is_loopback, resolve
+from abb_runtime.udp import UdpServer, address_of_host, is_loopback
 from yumi.cli.driver_options import config_option, robot_options, settings_of
 from yumi.driver.launch_checks import EgmAddress
 
@@ -154,7 +154,7 @@ def controller_for_doctor(
 ) -> tuple[RwsClient, str, dict[Side, EgmAddress]]:
     """A client, not connected yet; the controller's IP address; and where each arm's datagrams are awaited."""
     settings = settings_of(config, options)
-    remote, client = resolve(settings.robot.address), settings.robot.client()
+    remote, client = address_of_host(settings.robot.address), settings.robot.client()
     if is_loopback(remote) and takes_faults(client.address):
         client.lift_rate_limit()
     return client, remote, settings.egm.addresses(remote)

@@ -36,7 +36,7 @@ from abb_runtime.process.realtime import release_process, settle_memory, short_s
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.process.supervision import Failures, SupervisedThread, start_thread
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import resolve
+from abb_runtime.udp import address_of_host
 from yumi.api.connection import commanded_robot, motion_executor, recorded_sources
 from yumi.api.motion_registry import MotionRegistry
 from yumi.cli.driver_options import (
@@ -171,7 +171,7 @@ def wait_for_controller(robot: RobotSettings, timeout: float, is_over: Flag) -> 
         NoConnection: none answers in time, or the address is unknown.
         YumiError: what answers refuses the user, or is not a controller.
     """
-    resolve(robot.address)  # an unknown name does not become known
+    address_of_host(robot.address)  # an unknown name does not become known
     end, is_reported = time.monotonic() + timeout, False
     while not is_over.is_set():
         client = robot.client()

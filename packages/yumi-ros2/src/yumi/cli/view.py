@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import platform
 import secrets
-import ssl
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -16,9 +14,18 @@ import click
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import RobotNotReady, SettingsError
-from abb_runtime.options import FILE, end_flag, listen_option, logs_option, robot_option, until_stdin_closes_option
+from abb_runtime.options import (
+    FILE,
+    end_flag,
+    https_option,
+    listen_option,
+    logs_option,
+    page_port_option,
+    robot_option,
+    until_stdin_closes_option,
+)
 from abb_runtime.process.command_process import CommandProcess
-from abb_runtime.rws.login import MAX_PORT, password_of_environment
+from abb_runtime.rws.login import password_of_environment
 from abb_runtime.udp import free_port, is_loopback
 from yumi.cli.driver_options import config_option, settings_of
 from yumi.driver.endpoint import find_driver
@@ -32,8 +39,8 @@ _READY_TIMEOUT = 60.0  # [s] for a driver or a virtual robot that `yumi view` st
 @robot_option()
 @click.option("--virtual", is_flag=True, help="Start a virtual robot with a driver, and show that one.")
 @click.option("--operate", is_flag=True, help="Let a page operate a real robot; a virtual one it may.")
-@click.option("--https", is_flag=True, help="Serve over HTTPS, with a certificate that this installation makes.")
-@click.option("--port", type=click.IntRange(0, MAX_PORT), default=8090, show_default=True, help="0 takes a free one.")
+@https_option
+@page_port_option
 @listen_option
 @logs_option("build/view")
 @config_option
@@ -70,7 +77,7 @@ def view(
     """
     from abb_view.controller_server import ControllerServer  # noqa: PLC0415 - a quick --help
     from abb_view.page_build import CONTROLLER_PAGE, page_folder  # noqa: PLC0415
-    from abb_view.page_server import PageSettings, serve  # noqa: PLC0415
+    from abb_view.page_server import PageSettings, page_tls, serve_pages  # noqa: PLC0415
     from yumi.web.page_build import ROBOT_PAGE  # noqa: PLC0415
     from yumi.web.page_recording import page_recording  # noqa: PLC0415
     from yumi.web.page_words import PROGRAM  # noqa: PLC0415
@@ -102,11 +109,11 @@ def view(
             shown = PageSettings(
                 host=listen,
                 port=port,
-                tls=_tls_of(listen) if https else None,
+                tls=page_tls(listen, "yumi-ros2", click.echo) if https else None,
                 token="" if is_loopback(listen) else secrets.token_urlsafe(18),
             )
             reopen = partial(reopen_controller, _robot_at(robot, config))
-            serve(ControllerServer(shown, PROGRAM, controller, reopen), is_over, click.echo)
+            serve_pages(ControllerServer(shown, PROGRAM, controller, reopen), is_over, click.echo)
             return
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
@@ -117,28 +124,12 @@ def view(
             host=listen,
             port=port,
             may_operate=may_operate,
-            tls=_tls_of(listen) if https else None,
+            tls=page_tls(listen, "yumi-ros2", click.echo) if https else None,
             show_code=lambda code: click.echo(f"Code for a page on another machine, for one page: {code}"),
             token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
             recording=None if recording is None else page_recording(recording),
         )
-        serve(ViewServer(settings), is_over, click.echo)
-
-
-def _tls_of(listen: str) -> ssl.SSLContext:
-    """With the certificate of this installation, for the names and addresses under which a page is opened."""
-    from abb_runtime.process.certificate import installation_certificate  # noqa: PLC0415 - a quick --help
-    from abb_view.page_server import ALL_ADDRESSES  # noqa: PLC0415
-
-    node = platform.node()
-    own = node.partition(".")[0]
-    hosts = ["127.0.0.1", "::1", node, own, f"{own}.local", *(() if listen in ALL_ADDRESSES else (listen,))]
-    certificate = installation_certificate([host for host in hosts if host])
-    click.echo(f"Certificate of this installation, SHA-256 {certificate.fingerprint}")
-    if certificate.is_new:
-        click.echo("It was made now, for a year: a device that has accepted an older one is asked again.")
-    click.echo("A browser warns of it until it is trusted: compare the fingerprint there.")
-    return certificate.context
+        serve_pages(ViewServer(settings), is_over, click.echo)
 
 
 def _has_driver(robot: str) -> bool:

@@ -33,7 +33,7 @@ from abb_runtime.parameters import (
 )
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
-from abb_runtime.udp import address_towards, is_loopback, resolve
+from abb_runtime.udp import address_of_host, address_towards, is_loopback
 from yumi.control.collisions import MARGIN
 from yumi.control.speed_scale import FULL
 from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
@@ -84,7 +84,7 @@ class RobotSettings:
     @property
     def is_on_this_machine(self) -> bool:
         """Whether it has an address of this machine, and is no real one unless a tunnel begins there."""
-        return ip_address(resolve(self.address)).is_loopback
+        return ip_address(address_of_host(self.address)).is_loopback
 
     @property
     def first_speed_scale(self) -> float:

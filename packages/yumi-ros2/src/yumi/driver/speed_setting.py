@@ -12,8 +12,7 @@ from abb_protocols.catalogue import Message, message, quoted
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
 from yumi.control.goals import Buffer
-from yumi.control.speed_scale import SpeedFactor
-from yumi.control.speed_scale import FULL
+from yumi.control.speed_scale import FULL, SpeedFactor
 
 LOWEST_SPEED_SCALE = 0.01
 """Slower than this, joints creep: a full turn would take hours."""

@@ -35,7 +35,7 @@ from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import takes_faults
 from abb_runtime.process.single_instance import SingleInstance
 from abb_runtime.rws.client import RwsClient
-from abb_runtime.udp import UdpServer, resolve
+from abb_runtime.udp import UdpServer, address_of_host
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.control.flight_recorder import FlightRecorder
@@ -206,7 +206,7 @@ def set_up_grippers(
 
 def only_at_robot(settings: Settings) -> SingleInstance:
     """What makes sure that one program of this machine drives the robot of ``settings``."""
-    address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
+    address = f"{address_of_host(settings.robot.address)}:{settings.robot.rws_port}"
     return SingleInstance(
         f"yumi-drives-{address}", lambda owner: message("robot_driven_by_another", address=address, owner=owner)
     )
@@ -259,7 +259,7 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         NoConnection: there is no way to the robot's address.
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
-    remote = resolve(settings.robot.address)
+    remote = address_of_host(settings.robot.address)
     ports = {side: settings.egm.port(side) for side in Side}
     motion = settings.egm_motion
     return EgmPlan(

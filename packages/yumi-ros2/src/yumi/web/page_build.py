@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from abb_view.page_build import Page, main
+from abb_view.page_build import PageSources, main
 
-ROBOT_PAGE = Page(Path(__file__).with_name("page"), Path(__file__).with_name("static"))
+ROBOT_PAGE = PageSources(Path(__file__).with_name("page"), Path(__file__).with_name("static"))
 """The page of a driver's robot, and of a recording."""
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import RobotNotReady, YumiError
 from abb_runtime.rws.client import RwsClient
-from abb_view.controller_reader import ControllerReader, Login, open_reader
+from abb_view.controller_reader import ControllerReader, open_reader
 from yumi.driver.launch_checks import LaunchChecks, other_robot
 from yumi.driver.settings import RobotSettings
 
@@ -21,8 +21,8 @@ def open_controller(robot: RobotSettings) -> ControllerReader | None:
     Raises:
         YumiError: nothing answers there, or it is not a controller of RobotWare 6, or it does not let us in.
     """
-    login = Login(robot.host_and_port, robot.user, robot.password, robot.timeout)
-    client = login.connect()
+    client = robot.client()
+    client.connect()
     try:
         why = _why_no_driver(client)
     except YumiError:
@@ -31,7 +31,7 @@ def open_controller(robot: RobotSettings) -> ControllerReader | None:
     if why is None:
         client.close()
         return None
-    reader = open_reader(login, client)
+    reader = open_reader(client)
     reader.why_view_only = why_view_only(reader, why)
     return reader
 

@@ -1,8 +1,8 @@
 /** The state of the page of a controller, and what messages change of it. */
 
-import type { Verdict } from "./banner";
+import type { Verdict } from "abb-view/banner";
 import { armsOf, type ArmName, type ControllerKind, type ControllerMessage, type ControllerViewMessage, type LogLine, type Model } from "./messages";
-import { CONNECTING, newestFirst } from "./store";
+import { CONNECTING, newestFirst } from "abb-view/store";
 
 export interface ControllerPage {
   model: Model;

@@ -1,17 +1,17 @@
 /** The page of a controller: messages change its state, and views show the state. */
 
-import { chip, measureBand, panelChips, showVerdict, speedChip } from "./banner";
-import { Connection } from "./connection";
+import { chip, measureBand, panelChips, showVerdict, speedChip } from "abb-view/banner";
+import { Connection } from "abb-view/connection";
 import { initialPage, isOther, nameOf, ofLog, ofLoss, ofView, verdict, type ControllerPage } from "./controller";
-import { at, make, text } from "./dom";
-import { FaultPanel } from "./fault_panel";
-import { JointTable } from "./joint_table";
+import { at, make, text } from "abb-view/dom";
+import { FaultPanel } from "abb-view/fault_panel";
+import { JointTable } from "abb-view/joint_table";
 import { armsOf, type ArmName, type ControllerServerMessage, type Model } from "./messages";
-import { coordinates } from "./numbers";
+import { coordinates } from "abb-view/numbers";
 import { bindRapid } from "./rapid_panel";
-import { Stage } from "./stage";
-import { Store } from "./store";
-import { closeToast, toast } from "./toast";
+import { Stage } from "abb-view/stage";
+import { Store } from "abb-view/store";
+import { closeToast, toast } from "abb-view/toast";
 
 const ARMS: Record<string, string> = { right: "Right arm", left: "Left arm" };
 

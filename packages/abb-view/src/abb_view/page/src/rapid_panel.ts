@@ -1,9 +1,9 @@
 /** A controller: its RAPID tasks with the lines around their program pointers, and its log. */
 
 import type { ControllerPage } from "./controller";
-import { at, make, text } from "./dom";
+import { at, make, text } from "abb-view/dom";
 import type { LogLine, Pointer, RapidTask } from "./messages";
-import type { Store } from "./store";
+import type { Store } from "abb-view/store";
 
 const RUNS: Record<string, string> = { started: "running", ready: "ready", stopped: "stopped", uninitialized: "no program" };
 

@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { initialPage, isOther, nameOf, ofLog, ofLoss, ofView, verdict, type ControllerPage } from "../src/controller";
 import type { ControllerKind, ControllerMessage, ControllerViewMessage, Model } from "../src/messages";
-import { CONNECTING } from "../src/store";
+import { CONNECTING } from "abb-view/store";
 
 const CONTROLLER: ControllerKind = { address: "127.0.0.1:80", robot: "IRB 120", units: ["ROB_1"], is_drawn: true };
 

@@ -1,10 +1,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { explanation, faultGroups, GROUPS } from "../src/faults";
-import { rotate, seenFrom, shortened } from "../src/frames";
-import { coordinates, fixed, indexAt } from "../src/numbers";
-import { Store } from "../src/store";
+import { explanation, faultGroups, GROUPS } from "abb-view/faults";
+import { rotate, seenFrom, shortened } from "abb-view/frames";
+import { coordinates, fixed, indexAt } from "abb-view/numbers";
+import { Store } from "abb-view/store";
 
 const QUARTER: [number, number, number, number] = [0, 0, Math.SQRT1_2, Math.SQRT1_2]; // about z
 const near = (one: readonly number[], other: readonly number[]) => one.forEach((value, index) => assert.ok(Math.abs(value - other[index]!) < 1e-9, `${one}`));
