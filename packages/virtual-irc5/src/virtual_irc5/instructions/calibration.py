@@ -13,6 +13,7 @@ from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
 from virtual_irc5.instructions.moves import FATAL, MOVES, MoveInstructions
 from virtual_irc5.instructions.robot_data import NOT_PRESENT, chain_from_jointtarget, unit_quaternion
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
+from virtual_irc5.rapid.builtins.maths import fitted_circle
 
 Array = NDArray[np.float64]
 
@@ -235,17 +236,10 @@ def _chosen_targets(call: Call) -> Sequence[Any]:
 def _axis_frame(call: Call, targets: Sequence[Any], sense: Any) -> Any:
     """The frame of the circle through targets: z the axis, x through the first one; writes the errors [mm]."""
     points = np.array([target.trans for target in targets])
-    middle = points.mean(axis=0)
-    axes = np.linalg.svd(points - middle)[2]
-    flat = (points - middle) @ axes[:2].T
-    equations = np.column_stack([2.0 * flat, np.ones(len(points))])
-    if np.linalg.matrix_rank(equations, tol=_SHORTEST_MM) < 3:
+    circle = fitted_circle(points, _SHORTEST_MM)
+    if circle is None:
         raise RapidRuntimeError("ERR_FRAME", f"{call.name}: the targets are in a line, or too near to each other.")
-    x, y, rest = np.linalg.lstsq(equations, (flat**2).sum(axis=1), rcond=None)[0]
-    centre, normal = middle + x * axes[0] + y * axes[1], axes[2]
+    centre, _, normal, errors = circle
     normal = normal if sense(centre, normal) >= 0.0 else -normal
-    errors = np.hypot(
-        np.hypot(flat[:, 0] - x, flat[:, 1] - y) - np.sqrt(rest + x * x + y * y), (points - middle) @ normal
-    )
     call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
     return tuple(centre.tolist()), _axes(call, normal, points[0] - centre)

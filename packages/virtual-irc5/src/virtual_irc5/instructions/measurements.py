@@ -1,4 +1,4 @@
-"""RAPID's measurements of one arm: joint data, test signals, counters of axes, the length of the path."""
+"""RAPID's measurements of one arm: joint data, torques, test signals, counters of axes, the length of the path."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import degrees, dist
 
-from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, abb_from_chain
+from abb_protocols.robot.joints import Joints, Pose, Side
 from abb_protocols.robot.kinematics import compose
-from virtual_irc5.instructions.robot_data import ROBOT_DATA, pose_from_rapid
+from virtual_irc5.instructions.robot_data import ROBOT_DATA, axis_index, pose_from_rapid
 from virtual_irc5.mechanics.dynamics import ArmDynamics
 from virtual_irc5.mechanics.units import ArmUnit, unit_of
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError
@@ -68,27 +68,27 @@ class MeasurementInstructions:
 
     def _axis(self, call: Call, name: str) -> int:
         """Index in chain order of an axis in ABB's numbering."""
-        number, count = call[name], self._unit.arm.kinematics.joint_count
-        if number != int(number) or not 1 <= number <= count:
-            raise RapidRuntimeError(
-                "ERR_AXIS_PAR", f"{call.name}: the robot has the axes 1 to {count}, not {number:g}."
-            )
-        if count < JOINT_COUNT:
-            return int(number) - 1
-        robax, eax_a = abb_from_chain((0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
-        return int((*robax, eax_a)[int(number) - 1])
+        return axis_index(call, name, self._unit.arm.kinematics)
 
     def _named(self, call: Call, name: str = "MechUnit") -> ArmUnit:
         """The arm whose mechanical unit the call names, the task's own without one."""
         return unit_of(call[name].name, self._unit, self._robots) if call.present(name) else self._unit
 
-    def _torque(self, call: Call, index: int, unit: ArmUnit) -> float:
-        arm = unit.arm
-        if not arm.kinematics.is_of_yumi:
+    def _dynamics_of(self, call: Call, unit: ArmUnit) -> ArmDynamics:
+        if not unit.arm.kinematics.is_of_yumi:
             raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the torques of this robot are not known.")
         if unit.side not in self._dynamics:
             self._dynamics[unit.side] = unit.dynamics
-        return self._dynamics[unit.side].torque(arm.position, arm.velocity)[index]
+        return self._dynamics[unit.side]
+
+    def _torque(self, call: Call, index: int, unit: ArmUnit) -> float:
+        return self._dynamics_of(call, unit).torque(unit.arm.position, unit.arm.velocity)[index]
+
+    @MEASUREMENTS.function("GetMotorTorque", r"\mecunit MecUnit, num AxisNo", "num")
+    def motor_torque(self, call: Call) -> float:
+        """Of an axis [N m]: what holds the arm where it is."""
+        unit = self._named(call, "MecUnit")
+        return self._dynamics_of(call, unit).torque(unit.arm.position)[self._axis(call, "AxisNo")]
 
     @MEASUREMENTS.instruction(
         "GetJointData",

@@ -52,6 +52,7 @@ from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 from virtual_irc5.rapid.builtins.information import OF_TASK
 from virtual_irc5.rapid.task import task_of_argument
+from virtual_irc5.rapid.types import raised_as
 
 SpeedRatio = Callable[[], float]
 Build = Callable[[Joints, Zone], Leg]
@@ -87,8 +88,7 @@ MOVES.record(
         "checkvalue": "num",
     },
 )
-for _number, _name in enumerate(("inpos", "stoptime", "fllwtime"), start=1):
-    MOVES.data(_name, "stoppoint", float(_number))
+MOVES.constants("stoppoint", "inpos=1 stoptime fllwtime")
 for _percent in (20, 50, 100):
     MOVES.data(f"inpos{_percent}", "stoppointdata", (1, True, (_percent, _percent, 0, 2), 0, 0, "", 0, 0))
 for _time in (0.5, 1.0, 1.5):
@@ -220,7 +220,7 @@ class MoveInstructions:
 
     def _external(self, call: Call) -> Build:
         kinematics, zone = self.arm.kinematics, self.zone(call)
-        frames = self.frames(_predefined(call, "tool0"), None)
+        frames = self.frames(call.task.library.value("tool0"), None)
         fastest, time = call["Speed"].v_reax, call.get("T", 0.0)
 
         def build(start: Joints, entry: Zone) -> Leg:
@@ -353,20 +353,16 @@ class MoveInstructions:
     def go_on(self) -> None:
         """The program runs: the arm follows the path, also after a stop."""
         self.override_speed()
-        try:
+        with raised_as("ERR_PATH_STOP", RobotNotReady):
             self.arm.follow_path()
-        except RobotNotReady as error:
-            raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
 
     def override_speed(self) -> None:
         """Follow the speed override of the controller and of the program."""
         self.unit.override_speed(self._speed_ratio())
 
     def _check_ready(self) -> None:
-        try:
+        with raised_as("ERR_PATH_STOP", RobotNotReady):
             self.arm.check_ready()
-        except RobotNotReady as error:
-            raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
 
     @MOVES.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")
     def wait_rob(self, call: Call) -> Wait:
@@ -376,7 +372,8 @@ class MoveInstructions:
     # Where the robot is -------------------------------------------------------------------------------------------
 
     def read_frames(self, call: Call) -> LegFrames:
-        tool, wobj = self.unit.tool or _predefined(call, "tool0"), self.unit.wobj or _predefined(call, "wobj0")
+        library, unit = call.task.library, self.unit
+        tool, wobj = unit.tool or library.value("tool0"), unit.wobj or library.value("wobj0")
         return self.frames(call.get("Tool", tool), call.get("WObj", wobj))
 
     @MOVES.function("CJointT", OF_TASK, "jointtarget")
@@ -400,12 +397,12 @@ class MoveInstructions:
     @MOVES.function("CTool", OF_TASK, "tooldata")
     def tool(self, call: Call) -> Any:
         """The tool of the last motion."""
-        return self._of_task(call).unit.tool or _predefined(call, "tool0")
+        return self._of_task(call).unit.tool or call.task.library.value("tool0")
 
     @MOVES.function("CWObj", OF_TASK, "wobjdata")
     def wobj(self, call: Call) -> Any:
         """The work object of the last motion."""
-        return self._of_task(call).unit.wobj or _predefined(call, "wobj0")
+        return self._of_task(call).unit.wobj or call.task.library.value("wobj0")
 
     def robtarget(self, position: Joints, frames: LegFrames) -> tuple[Any, ...]:
         """RAPID's robtarget of the tool at joint positions [rad]."""
@@ -597,9 +594,3 @@ def standing(arm: VirtualArm) -> Wait:
     """Until the arm stands."""
     while not arm.is_stationary:
         yield None
-
-
-def _predefined(call: Call, name: str) -> Any:
-    datum = call.task.library.datum(name)
-    assert datum is not None, f"RAPID predefines {name}"
-    return datum.value

@@ -26,7 +26,7 @@ from abb_protocols.robot.joints import (
 from abb_protocols.robot.kinematics import compose, inverse, upper_half
 from virtual_irc5.mechanics.egm_client import EgmClientState
 from virtual_irc5.mechanics.egm_motion import EgmStopMode
-from virtual_irc5.rapid import STANDARD, Library, RapidRuntimeError
+from virtual_irc5.rapid import STANDARD, Call, Library, RapidRuntimeError
 from virtual_irc5.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
 
 T = TypeVar("T")
@@ -126,6 +126,15 @@ def chain_from_jointtarget(target: Any, now: Joints, limits: JointLimits) -> Joi
         for value_deg, is_now, low, high in zip(chain_deg, now, limits.lower, limits.upper, strict=True)
     ]
     return tuple(position)
+
+
+def axis_index(call: Call, name: str, arm: KinematicArm) -> int:
+    """Index in chain order of the axis whose number an argument is; raises ERR_AXIS_PAR."""
+    number = call[name]
+    if number not in arm.axes:
+        sentence = f"{call.name}: the robot has the axes 1 to {arm.joint_count}, not {number:g}."
+        raise RapidRuntimeError("ERR_AXIS_PAR", sentence)
+    return arm.axes.index(number)
 
 
 def chain_order(axes: Sequence[T]) -> tuple[T, T, T, T, T, T, T]:

@@ -66,7 +66,7 @@ def robot_library(
     library.include(CALIBRATION, CalibrationInstructions(moves))
     library.include(RECORDER, PathRecorder(moves))
     library.include(CORRECTIONS, corrections)
-    library.include(UNITS, UnitInstructions(unit, units, robots))
+    library.include(UNITS, UnitInstructions(unit, units))
     library.include(MULTIMOVE, multimove)
     if is_motion_task:
         library.include(EGM, EgmInstructions(moves, corrections, configuration))

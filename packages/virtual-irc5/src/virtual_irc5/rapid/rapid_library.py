@@ -206,6 +206,15 @@ class Library:
         type_ = self.type(type_name)
         self._data[name.lower()] = Variable(name, type_, type_.convert(value), Storage.CONST, is_local=False)
 
+    def constants(self, type_name: str, names: str) -> None:
+        """Register predefined constants in their order: ``LT=1 LTEQ EQ`` counts on from the number given last."""
+        number = 0
+        for entry in names.split():
+            name, _, given = entry.partition("=")
+            number = int(given or number)
+            self.data(name, type_name, number)
+            number += 1
+
     def persistent(self, name: str, type_name: str, value: Any) -> None:
         """Register a predefined persistent, which a program may pass on and not change."""
         type_ = self.type(type_name)
@@ -272,6 +281,10 @@ class Library:
 
     def datum(self, name: str) -> Variable | None:
         return self._data.get(name.lower())
+
+    def value(self, name: str) -> Any:
+        """The value of a predefined datum, which must be registered."""
+        return self._data[name.lower()].value
 
     def error_number(self, name: str) -> float | None:
         return self._errors.get(name.lower())

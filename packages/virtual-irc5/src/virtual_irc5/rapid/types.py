@@ -25,7 +25,8 @@ import math
 import operator
 import struct
 from collections import namedtuple
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -121,6 +122,15 @@ class RapidRuntimeError(RapidError):
         super().__init__(sentence)
         self.name = name
         self.number: float | None = None
+
+
+@contextmanager
+def raised_as(name: str, *kinds: type[Exception], before: str = "") -> Iterator[None]:
+    """Let an error of another kind be an execution error, with `before` in front of its sentence."""
+    try:
+        yield
+    except kinds as error:
+        raise RapidRuntimeError(name, f"{before}{error}") from error
 
 
 # ABB does not publish the values, and programs compare names only; the library counts them up from here.

@@ -11,6 +11,7 @@ import ipaddress
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
 from typing import Any, TypeVar
@@ -38,6 +39,7 @@ class SocketStatus(IntEnum):
     CLOSED = 5
 
 
+@dataclass(eq=False, slots=True)
 class SocketDevice:
     """What a socketdev stands for.
 
@@ -47,12 +49,9 @@ class SocketDevice:
         is_datagram: whether it is UDP.
     """
 
-    __slots__ = ("is_datagram", "socket", "status")
-
-    def __init__(self) -> None:
-        self.socket: Socket | None = None
-        self.status = SocketStatus.CLOSED
-        self.is_datagram = False
+    socket: Socket | None = None
+    status: SocketStatus = SocketStatus.CLOSED
+    is_datagram: bool = False
 
     def opened(self, socket: Socket, status: SocketStatus, *, is_datagram: bool = False) -> None:
         self.close()
