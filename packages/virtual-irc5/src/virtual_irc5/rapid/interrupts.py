@@ -55,7 +55,7 @@ class TimerOrder:
 
 @dataclass(slots=True)
 class ChangeOrder:
-    """IPers, and whatever else reports by itself that its interrupt has come: see `Interrupts.occurred`."""
+    """IPers, and whatever else reports by itself that its interrupt has come: see `Interrupts.occur`."""
 
     is_single: bool
 
@@ -107,10 +107,6 @@ class Interrupts:
         connection = self.connections.get(number)
         return connection is not None and connection.order is order
 
-    def occurred(self, number: int) -> None:
-        """The interrupt has come."""
-        self._enqueue(number, self._connection(number))
-
     def delete(self, number: int) -> None:
         """Remove an interrupt and what is queued of it; unknown numbers are none."""
         self.connections.pop(number, None)
@@ -129,7 +125,7 @@ class Interrupts:
                 self._enqueue(number, connection)
 
     def occur(self, number: int) -> None:
-        """Let an interrupt come that no order brings, such as TriggInt's; unknown numbers are none."""
+        """Let an interrupt come that no signal or timer brings, such as TriggInt's; unknown numbers are none."""
         connection = self.connections.get(number)
         if connection is not None:
             self._enqueue(number, connection)
