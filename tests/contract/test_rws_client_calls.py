@@ -10,7 +10,8 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused
-from abb_protocols.rws.documents import RwsEvent, RwsSignal
+from abb_protocols.rws.operations.event_log import RwsEvent
+from abb_protocols.rws.operations.io import RwsSignal
 from abb_protocols.rws.operations.modules import ModuleInfoAnswer
 from abb_protocols.rws.operations.rapid import TaskInfo
 from abb_protocols.rws.values import (

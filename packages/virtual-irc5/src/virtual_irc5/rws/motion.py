@@ -13,8 +13,9 @@ from abb_protocols.errors import CommandRefused, ProtocolError, RobotNotReady
 from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_from_abb
 from abb_protocols.robot.kinematics import compose, inverse, matrix
-from abb_protocols.rws.documents import JointTarget, Page, RobTarget, RwsLink, RwsState, first_value
+from abb_protocols.rws.documents import Page, RwsLink, RwsState, first_value
 from abb_protocols.rws.operations import motion as table
+from abb_protocols.rws.operations.motion import JointTarget, RobTarget
 from abb_protocols.rws.values import Coordinates, JogMode, RwsCode, decode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.instructions.robot_data import pose_from_rapid, robtarget, wobj_from_rapid

@@ -9,11 +9,12 @@ from typing import Annotated, Any
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, NoConnection, ProtocolError
-from abb_protocols.rws.documents import RwsState, SystemInfo
+from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.files import file_path
 from abb_protocols.rws.operations.operation import TRUTH, Operation, absent, delete, get, post, put
 from abb_protocols.rws.operations.operation_answer import TEXT, TEXT_OR_NONE, Spelling, choice, flag, record, single
 from abb_protocols.rws.operations.service import OnProgress, Service
+from abb_protocols.rws.operations.system import SystemInfo
 from abb_protocols.rws.values import Grant
 
 _TIME = "%Y-%m-%d T %H:%M:%S"

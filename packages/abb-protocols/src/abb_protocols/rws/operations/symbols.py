@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from abb_protocols.errors import ControllerRefused
-from abb_protocols.rws import documents
-from abb_protocols.rws.documents import RwsState, whole_number
+from abb_protocols.catalogue import message
+from abb_protocols.errors import ControllerRefused, ProtocolError
+from abb_protocols.rws.documents import Page, RwsState, whole_number
 from abb_protocols.rws.operations.operation import UPPER_TRUTH, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, single
 from abb_protocols.rws.operations.service import Service
@@ -56,6 +56,14 @@ VALIDATE = post(f"{_SYMBOL}/data", "validate", "task, value, datatype")
 SYMBOL_PROPERTIES = get(f"{_SYMBOL}/properties/RAPID/{{symbol:.+}}")
 
 
+def read_symbol_type(page: Page) -> str:
+    """``/rw/rapid/symbol/properties``: the name of the RAPID type."""
+    for state in page.states:
+        if state.type.startswith("rap-symprop"):
+            return state.text("dattyp")
+    raise ProtocolError(message("answer_without_properties"))
+
+
 class SymbolsService(Service):
     """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``.
 
@@ -82,7 +90,7 @@ class SymbolsService(Service):
     def symbol_type(self, task: str, module: str, name: str) -> str:
         """Name of a RAPID symbol's type."""
         what = f"reading the type of {module}/{name} of {task}"
-        return documents.read_symbol_type(self._shown(what, SYMBOL_PROPERTIES, f"{task}/{module}/{name}"))
+        return read_symbol_type(self._shown(what, SYMBOL_PROPERTIES, f"{task}/{module}/{name}"))
 
     def set_symbol(self, task: str, module: str, name: str, literal: str) -> None:
         """Write a RAPID symbol; ``abb_protocols.rws.values`` encodes a literal."""
