@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmd
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import IO, Any
 
 import click
@@ -405,37 +406,45 @@ class Debugger(cmd.Cmd):
         block, slash, name = argument.rpartition("/")
         if slash:
             return block, name
+        module = self._module()
+        own = {key.lower(): each for key, each in self._locals().items()}
+        return own.get(name.partition("{")[0].lower(), module), name
+
+    def _module(self) -> str:
+        """The module of the routine that is executed."""
         module = next(self._frames(), ("", "", 0))[0]
         if not module:
             raise CommandRefused(message("datum_needs_module", reason=self._no_pointer))
-        own = {key.lower(): each for key, each in self._locals().items()}
-        return own.get(name.partition("{")[0].lower(), module), name
+        return module
 
     def do_print(self, argument: str) -> None:
         """Print [NAME]: a datum of the routine that is executed or of its module, or MODULE/NAME; alone, all."""
         if argument:
             self._print(*self._find(argument))
             return
-        module = next(self._frames(), ("", "", 0))[0]
-        if not module:
-            raise CommandRefused(message("datum_needs_module", reason=self._no_pointer))
+        module = self._module()
         found = self._locals()
         for name, block in [*found.items(), *((each, module) for each in self._data(module))]:
             self._print(block, name)
 
     def _print(self, block: str, name: str) -> None:
-        try:
+        with self._existing(block, name):
             self._say(f"{name} = {self._client.symbol(self._task, block, name)}")
+
+    @contextmanager
+    def _existing(self, block: str, name: str) -> Iterator[None]:
+        """Say where a datum is missing that the controller does not find meanwhile."""
+        try:
+            yield
         except ControllerRefused as error:
             if error.code not in _NO_SYMBOL:
                 raise
-            raise self._unknown(block, name) from error
-
-    def _unknown(self, block: str, name: str) -> CommandRefused:
-        module, routine, _ = next(self._frames(), ("", "", 0))
-        if module.lower() == block.lower():
-            return CommandRefused(message("no_datum_in_routine", name=name, module=module, routine=routine))
-        return CommandRefused(message("no_datum", name=name, block=block))
+            module, routine, _ = next(self._frames(), ("", "", 0))
+            if module.lower() == block.lower():
+                said = message("no_datum_in_routine", name=name, module=module, routine=routine)
+            else:
+                said = message("no_datum", name=name, block=block)
+            raise CommandRefused(said) from error
 
     def _data(self, module: str) -> list[str]:
         form = (("view", "block"), ("blockurl", f"RAPID/{self._task}/{module}"), ("symtyp", "var,per,con"))
@@ -449,12 +458,8 @@ class Debugger(cmd.Cmd):
         if not literal:
             raise CommandRefused(message("datum_and_value_expected"))
         block, name = self._find(target)
-        try:
+        with self._existing(block, name):
             found = self._client.symbol_properties(self._task, block, name)
-        except ControllerRefused as error:
-            if error.code not in _NO_SYMBOL:
-                raise
-            raise self._unknown(block, name) from error
         if found.is_read_only:
             raise CommandRefused(
                 message("loop_variable_not_set" if found.kind is SymbolKind.FOR else "constant_not_set", name=name)

@@ -223,17 +223,17 @@ class Raise(Node):
 
 @dataclass(slots=True)
 class Exit(Node):
-    pass
+    """`EXIT;` ends the execution of the program."""
 
 
 @dataclass(slots=True)
 class Retry(Node):
-    pass
+    """`RETRY;` begins the statement that failed again."""
 
 
 @dataclass(slots=True)
 class TryNext(Node):
-    pass
+    """`TRYNEXT;` goes on behind the statement that failed."""
 
 
 @dataclass(slots=True)
