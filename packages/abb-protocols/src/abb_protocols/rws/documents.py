@@ -24,7 +24,7 @@ from xml.etree.ElementTree import Element
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, ProtocolError
-from abb_protocols.rws.values import meaning_of, name_of
+from abb_protocols.rws.values import code_meaning, code_name
 
 E = TypeVar("E", bound=Enum)
 
@@ -324,9 +324,9 @@ def refusal(address: str, what: str, status: int, content_type: str, body: bytes
     except ProtocolError:  # a body of another kind, which gateways and old versions send
         said = message("rws_refused_without_code", address=address, what=what, status=status)
         return ControllerRefused(said, status=status)
-    reason = meaning_of(known.code)
+    reason = code_meaning(known.code)
     if reason is None:
         reason = message("text", text=known.message) if known.message else message("rws_no_reason")
-    name = f"{name_of(known.code)} {known.code}".strip()
+    name = f"{code_name(known.code)} {known.code}".strip()
     said = message("rws_refused", address=address, what=what, reason=reason, status=status, name=name)
     return ControllerRefused(said, status=status, code=known.code)

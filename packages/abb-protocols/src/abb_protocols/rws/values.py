@@ -417,19 +417,19 @@ _MEANINGS: Mapping[int | None, Message] = {
 }
 
 
-def name_of(code: int) -> str:
+def code_name(code: int) -> str:
     """ABB's name of ``code``, or "" for one we do not know."""
     return next((known.name for known in RwsCode if known == code), "")
 
 
-def meaning_of(code: int | None) -> Message | None:
+def code_meaning(code: int | None) -> Message | None:
     """What ``code`` means and what to do about it, or None when we have no words of our own for it."""
     return _MEANINGS.get(code)
 
 
 def code_sentence(code: int | None) -> str | None:
     """The same as a text, as the virtual controller describes its return codes."""
-    meaning = meaning_of(code)
+    meaning = code_meaning(code)
     return None if meaning is None else "; ".join(filter(None, (clause(meaning), remedy_of(meaning))))
 
 

@@ -21,7 +21,7 @@ from abb_protocols.rws.values import (
     Step,
     SymbolKind,
     TaskExecution,
-    meaning_of,
+    code_meaning,
 )
 from abb_runtime.clock import Clock, SystemClock, comes_true
 from abb_runtime.rws.client import RwsClient
@@ -163,7 +163,7 @@ class Debugger(cmd.Cmd):
                 return self._no_pointer
             if others := [each for each in self._selected() if each not in with_pointer]:
                 return message("tasks_without_pointer", tasks=tuple(others))
-        reason = meaning_of(error.code) or message("event_log_may_tell")
+        reason = code_meaning(error.code) or message("event_log_may_tell")
         return message("controller_refuses_it", reason=reason)
 
     @property

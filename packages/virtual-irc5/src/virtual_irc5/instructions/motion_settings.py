@@ -18,7 +18,7 @@ from virtual_irc5.mechanics.path_geometry import CircleMode, LegFrames
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 from virtual_irc5.rapid.states import SystemEvent
-from virtual_irc5.rapid.task import frame_of
+from virtual_irc5.rapid.task import task_of
 from virtual_irc5.rapid.types import raised_as
 
 STOP_MOVE = "StopMove"
@@ -383,10 +383,10 @@ class MotionSettingInstructions:
     @SETTINGS.instruction("StartMoveRetry")
     def start_and_retry(self, call: Call) -> None:
         """StartMove and RETRY in one, so that nothing comes between them."""
-        if frame_of(call).clause != "ERR":
+        if task_of(call).frame.clause != "ERR":
             raise RapidRuntimeError(FATAL, "StartMoveRetry: it is an instruction of error handlers.")
         self.start_move(call)
-        frame_of(call).retry()
+        task_of(call).frame.retry()
 
     @SETTINGS.instruction("StopMoveReset", _ALL_TASKS)
     def reset_stop(self, call: Call) -> None:

@@ -14,7 +14,7 @@ from virtual_irc5.rapid.builtins.disk_files import FILES
 from virtual_irc5.rapid.builtins.execution import EXECUTION
 from virtual_irc5.rapid.builtins.flexpendant import DIALOGS
 from virtual_irc5.rapid.builtins.information import INFORMATION
-from virtual_irc5.rapid.builtins.interrupt_orders import INTERRUPTS
+from virtual_irc5.rapid.builtins.interrupt_instructions import INTERRUPTS
 from virtual_irc5.rapid.builtins.io_signals import SIGNALS
 from virtual_irc5.rapid.builtins.maths import MATHS, MATRICES
 from virtual_irc5.rapid.builtins.message_queues import QUEUES

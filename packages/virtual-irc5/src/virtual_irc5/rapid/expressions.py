@@ -30,10 +30,10 @@ from virtual_irc5.rapid.types import (
     SWITCH,
     UNSET,
     ArrayType,
+    DatumPart,
     NotProvided,
     ObjectType,
     OpenType,
-    Part,
     ProtectedVariable,
     RapidReferenceError,
     RapidRuntimeError,
@@ -371,12 +371,12 @@ class Expressions:
         get_whole, type_ = self.reference(node.base)
         if isinstance(node, s.Field):
             index, component = self.component(type_, node)
-            return lambda frame: Part(get_whole(frame), (index,), component), component
+            return lambda frame: DatumPart(get_whole(frame), (index,), component), component
         path, element = self.index(type_, node)
 
         def get_element(frame: RoutineFrame) -> Reference:
             whole = get_whole(frame)
-            return Part(whole, path(frame, whole.value), element)
+            return DatumPart(whole, path(frame, whole.value), element)
 
         return get_element, element
 

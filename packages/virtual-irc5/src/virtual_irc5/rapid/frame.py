@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from virtual_irc5.rapid.call import RunningTask
 from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.states import SystemEvent
-from virtual_irc5.rapid.types import ABSENT, ALL_ERRORS, RapidRuntimeError, RapidValueError, Reference
+from virtual_irc5.rapid.types import ABSENT, ALL_ERRORS, Propagated, RapidRuntimeError, RapidValueError, Reference
 
 Step = Callable[["Stack", "RoutineFrame"], None]
 Evaluate = Callable[["RoutineFrame"], Any]
@@ -94,19 +94,6 @@ class Stack(Protocol):
     def raise_again(self, frame: RoutineFrame) -> None: ...
 
     def connect(self, reference: Reference, trap: UserRoutine) -> None: ...
-
-
-class Propagated(Exception):
-    """An error handler passes its error on to the caller (RAISE in an ERROR clause).
-
-    Attributes:
-        is_long_jump: whether only handlers that list the number may take it.
-    """
-
-    def __init__(self, error: RapidRuntimeError, *, is_long_jump: bool) -> None:
-        super().__init__(str(error))
-        self.error = error
-        self.is_long_jump = is_long_jump
 
 
 @dataclass(eq=False, repr=False, slots=True)

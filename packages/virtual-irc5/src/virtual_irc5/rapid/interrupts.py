@@ -1,4 +1,4 @@
-"""The interrupts of a task: their traps, what orders them, and those that have come and wait."""
+"""The interrupts of a task: traps, orders (a signal, a time, a change), and interrupts that have come and wait."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from virtual_irc5.rapid.call import RunningTask
 from virtual_irc5.rapid.compiler import MOST_VALUES, compile_routine, link_module
-from virtual_irc5.rapid.frame import Code, Propagated, RoutineFrame, execution_error
+from virtual_irc5.rapid.frame import Code, RoutineFrame, execution_error
 from virtual_irc5.rapid.interrupts import Interrupts
 from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.program import Program
@@ -23,6 +23,7 @@ from virtual_irc5.rapid.states import EventKind, SystemEvent
 from virtual_irc5.rapid.types import (
     FIRST_BOOKED_NUMBER,
     LARGEST_OWN_NUMBER,
+    Propagated,
     RapidReferenceError,
     RapidRuntimeError,
     RapidValueError,

@@ -151,6 +151,11 @@ class Task(TaskData):
     def interrupts(self) -> Interrupts:
         return self.machine.interrupts
 
+    @property
+    def frame(self) -> RoutineFrame:
+        """The routine that is executed now."""
+        return self.machine.frames[-1]
+
     # Modules ------------------------------------------------------------------------------------------------------
 
     @property
@@ -575,7 +580,7 @@ class Task(TaskData):
         return next(numbers, None) or interrupts.connect(0, found)
 
     def _procedure(self, name: str) -> UserRoutine:
-        found = self.program.find(name, self.machine.frames[-1].routine.module)
+        found = self.program.find(name, self.frame.routine.module)
         if not isinstance(found, UserRoutine) or found.syntax.kind is not s.RoutineKind.PROC:
             raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{name}' to call.")
         return found
@@ -592,7 +597,7 @@ class Task(TaskData):
 
     def stopped_by_program(self, kind: EventKind) -> None:
         """The instructions Stop and SystemStopAction."""
-        frame = self.machine.frames[-1]
+        frame = self.frame
         self._leaves_event = self.is_event_alone
         if self._leaves_event and kind is EventKind.STOP and self._execution is not Execution.STARTED:
             self.stop()  # the program stands already: only the routine ends
@@ -657,11 +662,6 @@ class Task(TaskData):
     def is_settled(self, call: Call) -> bool:
         r"""Whether the robot stands as the call's \InPos demands."""
         return not call.present("InPos") or self.in_position()
-
-
-def frame_of(call: Call) -> RoutineFrame:
-    """The routine that executes a call."""
-    return task_of(call).machine.frames[-1]
 
 
 def task_of(call: Call) -> Task:

@@ -1,4 +1,4 @@
-"""RAPID's data types, data in memory and operators, and the errors of the language.
+"""RAPID's data types, data in memory (variables and parts of them), operators, and the errors of the language.
 
 Values are immutable Python values: num and dnum are `float`, bool is `bool`, string is `str`, a record is a named
 tuple with its components as attributes (`target.robax.rax_1`), an array is a tuple. A type has a default and checks
@@ -122,6 +122,19 @@ class RapidRuntimeError(RapidError):
         super().__init__(sentence)
         self.name = name
         self.number: float | None = None
+
+
+class Propagated(Exception):
+    """An error handler passes its error on to the caller (RAISE in an ERROR clause).
+
+    Attributes:
+        is_long_jump: whether only handlers that list the number may take it.
+    """
+
+    def __init__(self, error: RapidRuntimeError, *, is_long_jump: bool) -> None:
+        super().__init__(str(error))
+        self.error = error
+        self.is_long_jump = is_long_jump
 
 
 @contextmanager
@@ -544,7 +557,7 @@ class ProtectedVariable(Variable):
         self.watchers.append(watcher)
 
 
-class Part:
+class DatumPart:
     """A component or element of another datum; writing it replaces the whole value there."""
 
     __slots__ = ("path", "type", "whole")

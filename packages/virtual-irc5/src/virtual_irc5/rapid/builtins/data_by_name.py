@@ -19,7 +19,7 @@ from virtual_irc5.rapid.expressions import Expressions, Scope
 from virtual_irc5.rapid.loaded_modules import LoadedModule
 from virtual_irc5.rapid.parser import parse_reference
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.task import frame_of, task_of, task_of_argument
+from virtual_irc5.rapid.task import task_of, task_of_argument
 from virtual_irc5.rapid.types import (
     UNSET,
     ArrayType,
@@ -181,7 +181,7 @@ def _named_datum(call: Call) -> Reference:
     program = task.program
     owner = program.modules.get(call["Block"].module.lower()) if call.present("Block") else None
     if owner is None and task is call.task:
-        owner = frame_of(call).routine.module
+        owner = task_of(call).frame.routine.module
     root = name.partition("{")[0].partition(".")[0]
     found = program.find(root, owner)
     if not isinstance(found, Variable) or found.value is UNSET:

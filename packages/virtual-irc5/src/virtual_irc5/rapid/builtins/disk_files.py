@@ -227,7 +227,7 @@ def write_raw_bytes(call: Call) -> None:
 
 
 @FILES.instruction("WriteAnyBin", "VAR iodev IODevice, anytype Data")
-def write_any(call: Call) -> None:
+def write_any_to_file(call: Call) -> None:
     """The value as ReadAnyBin reads it back: its length, its type, then its literal."""
     type_ = call.reference("Data").type
     literal = format_value(type_, call["Data"]).encode(ENCODING, "replace")
@@ -309,7 +309,7 @@ def read_raw_bytes(call: Call) -> None:
 
 
 @FILES.instruction("ReadAnyBin", r"VAR iodev IODevice, INOUT anytype Data, \num Time")
-def read_any(call: Call) -> None:
+def read_any_from_file(call: Call) -> None:
     """What WriteAnyBin wrote; ERR_RANYBIN_EOF at the end, ERR_RANYBIN_CHK for a value of another type."""
     file, type_ = _file(call, to_read=True), call.reference("Data").type
     header = file.take(3)

@@ -10,7 +10,7 @@ from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.pauses import StackEntry
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind
-from virtual_irc5.rapid.task import CyclicBool, Task, frame_of, task_of, tasks_of
+from virtual_irc5.rapid.task import CyclicBool, Task, task_of, tasks_of
 from virtual_irc5.rapid.types import ABSENT, RapidRuntimeError, Reference, Variable, raised_as
 
 EXECUTION = Library(CONSTANTS)
@@ -112,17 +112,17 @@ def exit_cycle(call: Call) -> None:
 
 @EXECUTION.function("RemainingRetries", "", "num")
 def remaining_retries(call: Call) -> float:
-    return frame_of(call).remaining_retries
+    return task_of(call).frame.remaining_retries
 
 
 @EXECUTION.instruction("ResetRetryCount")
 def reset_retries(call: Call) -> None:
-    frame_of(call).reset_retries()
+    task_of(call).frame.reset_retries()
 
 
 @EXECUTION.function("ExecHandler", "", "handler_type")
 def executing_handler(call: Call) -> Any:
-    return CONSTANTS.value(f"HANDLER_{frame_of(call).clause}")
+    return CONSTANTS.value(f"HANDLER_{task_of(call).frame.clause}")
 
 
 @EXECUTION.function("ExecLevel", "", "exec_level")

@@ -11,14 +11,14 @@ from virtual_irc5.rapid.ast import Storage
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call, Wait, whole_argument
 from virtual_irc5.rapid.devices import ConfigurationDevice
-from virtual_irc5.rapid.frame import Propagated
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Execution, Severity
 from virtual_irc5.rapid.task import task_named, task_of
 from virtual_irc5.rapid.types import (
     BOOL,
     LONGEST_STRING,
-    Part,
+    DatumPart,
+    Propagated,
     RapidRuntimeError,
     Reference,
     Variable,
@@ -123,7 +123,7 @@ def module_time(call: Call) -> float:
 
 
 def _storage(reference: Reference) -> Storage | None:
-    while isinstance(reference, Part):
+    while isinstance(reference, DatumPart):
         reference = reference.whole
     return reference.storage if isinstance(reference, Variable) else None
 

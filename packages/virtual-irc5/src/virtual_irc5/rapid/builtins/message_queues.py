@@ -1,4 +1,4 @@
-"""RAPID's message queues: each task has RMQ_ and its name, and clients of RWS have theirs, too."""
+"""RAPID's message queues, whose messages may order interrupts: RMQ_ and its name for a task, and those of clients."""
 
 from __future__ import annotations
 

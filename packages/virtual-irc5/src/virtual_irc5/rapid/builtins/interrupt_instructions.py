@@ -1,4 +1,4 @@
-"""RAPID's instructions of interrupts: what orders them (signals, time, data, events), and when they may come."""
+"""RAPID's instructions of interrupts: orders (ISignalDI, ITimer, IPers, IError), IDelete, ISleep and their like."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.devices import LoggedEvent
 from virtual_irc5.rapid.interrupts import ChangeOrder, Edge, SignalOrder, TimerOrder
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.types import LONGEST_STRING, Part, RapidRuntimeError, Variable
+from virtual_irc5.rapid.types import LONGEST_STRING, DatumPart, RapidRuntimeError, Variable
 
 INTERRUPTS = Library(CONSTANTS)
 
@@ -83,7 +83,7 @@ def order_change(call: Call) -> None:
     """An interrupt whenever the value of a persistent changes, whichever task writes it."""
     task, number = call.task, int(call["Interrupt"])
     variable: Any = call.reference("Name")
-    while isinstance(variable, Part):
+    while isinstance(variable, DatumPart):
         variable = variable.whole
     if not isinstance(variable, Variable):
         raise RapidRuntimeError("ERR_ARGNOTPER", "IPers takes a persistent.")
@@ -112,7 +112,7 @@ _CONDITIONS: Mapping[float, Callable[[float, float, float], bool]] = {
 
 
 @dataclass(slots=True)
-class AnalogChange:
+class AnalogInterruptChange:
     """When an analog signal orders its interrupt: it fulfils the condition and has changed by more than `delta`.
 
     Technical reference manual, ISignalAI: the change counts from the value at the order, then from each interrupt.
@@ -141,7 +141,7 @@ def _order_analog(call: Call) -> None:
         raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name} takes AIO_ABOVE_HIGH and the like as condition.")
     signal, direction = call["Signal"].name, 1 if call.present("DPos") else -1 if call.present("DNeg") else 0
     limits, reference = (call["LowValue"], call["HighValue"], call["DeltaValue"]), call.task.read_signal(signal)
-    change = AnalogChange(is_fulfilled, *limits, direction, reference)
+    change = AnalogInterruptChange(is_fulfilled, *limits, direction, reference)
     call.task.interrupts.order(int(call["Interrupt"]), SignalOrder(signal, change, _is_single(call)))
 
 
