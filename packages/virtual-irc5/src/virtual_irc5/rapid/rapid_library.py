@@ -25,11 +25,13 @@ is closed.
 from __future__ import annotations
 
 import inspect
+import re
 from collections import ChainMap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache, partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from virtual_irc5.rapid.ast import Mode, Storage
@@ -43,7 +45,6 @@ from virtual_irc5.rapid.types import (
     BOOL,
     DI_OR_BOOL,
     DNUM,
-    ERROR_NAMES,
     FIRST_ERROR_NUMBER,
     NUM,
     STRING,
@@ -60,6 +61,14 @@ from virtual_irc5.rapid.types import (
     Type,
     Variable,
 )
+
+_TEXT = Path(__file__).parent.joinpath("builtins", "names.txt").read_text(encoding="ascii")
+ROBOTWARE_NAMES = {title: tuple(names.split()) for title, names in re.findall(r"^\[(\w+)\]([^\[]+)", _TEXT, re.M)}
+"""The names that RobotWare 6 base has, provided or not, by the sections of `names.txt`."""
+
+# Of errors, the manuals have three more.
+_CONSTANTS = sorted((*ROBOTWARE_NAMES["constants"], "ERR_CONCAT", "ERR_UI_BUTTONS", "ERR_UI_MAXTIME"))
+ERROR_NAMES = [name for prefix in ("ERR_", "CORR_", "SYS_ERR_") for name in _CONSTANTS if name.startswith(prefix)]
 
 _parsed = cache(parse_parameters)  # each task has a library, and all have the same signatures
 Implementation = TypeVar("Implementation", bound=Callable[..., Any])
