@@ -193,8 +193,7 @@ class CalibrationInstructions:
         xx, _, _, yy, _, zz = payload.inertia
         centre = tool.tload.cog._make(value * 1e3 for value in payload.centre)
         call["Tool"] = tool._replace(tload=tool.tload._replace(mass=payload.mass, cog=centre, ix=xx, iy=yy, iz=zz))
-        if call.present("Accuracy"):
-            call["Accuracy"] = 100.0
+        call.give("Accuracy", 100.0)
 
 
 def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:

@@ -98,14 +98,11 @@ class MeasurementInstructions:
         """Position [deg], speed [deg/s], torque [N m] and external torque of an axis, which is none."""
         index, unit = self._axis(call, "Axis"), self._named(call)
         arm = unit.arm
-        if call.present("Position"):
-            call["Position"] = degrees(arm.position[index])
-        if call.present("Speed"):
-            call["Speed"] = degrees(arm.velocity[index])
+        call.give("Position", degrees(arm.position[index]))
+        call.give("Speed", degrees(arm.velocity[index]))
         if call.present("Torque"):
             call["Torque"] = self._torque(call, index, unit)
-        if call.present("ExtTorque"):
-            call["ExtTorque"] = 0.0
+        call.give("ExtTorque", 0.0)
 
     @MEASUREMENTS.function("ReadMotor", r"\mecunit MecUnit, num Axis", "num")
     def motor_angle(self, call: Call) -> float:

@@ -52,8 +52,7 @@ class UnitInstructions:
             "OKToDeact": False,
         }
         for name, value in facts.items():
-            if call.present(name):
-                call[name] = value
+            call.give(name, value)
         return True
 
     @UNITS.function("IsMechUnitActive", "mecunit MechUnit", "bool")
@@ -67,8 +66,7 @@ class UnitInstructions:
         type_name = call.reference("DestObject").type.name
         value, name = self._system_data(call, type_name)
         call["DestObject"] = value
-        if call.present("ObjectName"):
-            call["ObjectName"] = name
+        call.give("ObjectName", name)
 
     @UNITS.instruction("SetSysData", r"anytype SourceObject, \string ObjectName")
     def set_system_data(self, call: Call) -> None:

@@ -432,8 +432,7 @@ class MoveInstructions:
         work = call.task.planning(lambda: posture(kinematics, target, frames, self.arm.planned, is_checked=True))
         while not work.done():
             yield None
-        if call.present("ErrorNumber"):
-            call["ErrorNumber"] = 0.0
+        call.give("ErrorNumber", 0.0)
         try:
             robax, extax = jointtarget(work.result())
         except MotionRefused as refused:

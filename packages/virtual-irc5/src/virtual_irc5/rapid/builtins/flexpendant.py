@@ -186,8 +186,7 @@ def message_box(call: Call) -> Wait:
         call.task.host.devices.pendant.messages[call.task.name] = (call.get("Header", ""), *shown)
         return
     answer = yield from _asked(call, _dialog(call, DialogKind.BUTTON, shown, choices=buttons))
-    if call.present("Result"):
-        call["Result"] = float(BUTTON_RESULTS["Unkwn"]) if answer is None else answer
+    call.give("Result", float(BUTTON_RESULTS["Unkwn"]) if answer is None else answer)
 
 
 @DIALOGS.function(
@@ -219,8 +218,7 @@ def list_view(call: Call) -> Any:
     more = {"choices": items, "buttons": _button_set(call) if has_buttons else (), "initial": default}
     dialog = _dialog(call, DialogKind.LIST, (), **more)
     answer = yield from _asked(call, dialog)
-    if call.present("Result"):
-        call["Result"] = float(BUTTON_RESULTS["Unkwn"]) if dialog.button is None else dialog.button
+    call.give("Result", float(BUTTON_RESULTS["Unkwn"]) if dialog.button is None else dialog.button)
     return default if answer is None else answer
 
 

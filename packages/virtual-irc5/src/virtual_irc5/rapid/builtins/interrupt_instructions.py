@@ -206,5 +206,4 @@ def event_data(call: Call) -> None:
     call["ErrorType"] = float(event.severity.value)
     texts = (event.title, *event.arguments)
     for name, text in zip(("Title", "Str1", "Str2", "Str3", "Str4", "Str5"), (*texts, *[""] * 5), strict=False):
-        if call.present(name):
-            call[name] = text[:LONGEST_STRING]
+        call.give(name, text[:LONGEST_STRING])

@@ -211,5 +211,4 @@ def fit_circle(call: Call) -> None:
         ("MaxErr", float(errors.max())),
         ("IndexWorst", float(errors.argmax() + 1)),
     ):
-        if call.present(name):
-            call[name] = value
+        call.give(name, value)

@@ -151,8 +151,7 @@ def message_header(call: Call) -> None:
         call["Header"] = (message.type_name, len(message.sizes), *sizes)
     if call.present("SenderId"):
         call["SenderId"].name = message.sender
-    if call.present("UserDef"):
-        call["UserDef"] = message.user_defined
+    call.give("UserDef", message.user_defined)
 
 
 @QUEUES.instruction("IRMQMessage", "anytype InterruptDataType, VAR intnum Interrupt")

@@ -191,8 +191,7 @@ def accept_connection(call: Call) -> Wait:
 
     connection, address = yield from _wait_for(call, end, ask)
     call["ClientSocket"].opened(connection, SocketStatus.CONNECTED)
-    if call.present("ClientAddress"):
-        call["ClientAddress"] = address
+    call.give("ClientAddress", address)
 
 
 @SOCKETS.instruction("SocketConnect", r"VAR socketdev Socket, string Address, num Port, \num Time")
@@ -256,8 +255,7 @@ def _write_received(call: Call, content: bytes) -> None:
         values = list(reference.value)
         values[: len(content)] = [float(byte) for byte in content]
         reference.value = tuple(values)
-    if call.present("NoRecBytes"):
-        call["NoRecBytes"] = float(len(content))
+    call.give("NoRecBytes", float(len(content)))
 
 
 @SOCKETS.instruction("SocketSend", rf"VAR socketdev Socket, {_SENT}")
