@@ -17,7 +17,7 @@ from abb_protocols.robot.kinematics import compose
 from abb_protocols.rws.values import EventType
 from virtual_irc5.instructions.moves import MOVES, SPEED, MoveInstructions, check_may_move, standing
 from virtual_irc5.instructions.path_corrections import PathCorrections
-from virtual_irc5.instructions.robot_data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
+from virtual_irc5.instructions.robot_data import FRAME_TYPES, pose_from_rapid, wobj_from_rapid
 from virtual_irc5.mechanics.egm_client import EgmOutcome
 from virtual_irc5.mechanics.egm_motion import Band, EgmActivation, EgmRun, EgmStopMode, ExternalMotionData
 from virtual_irc5.mechanics.path import Offset, Passage
@@ -223,7 +223,7 @@ class EgmInstructions:
 
     def _ordered(self, axes: Sequence[Any]) -> tuple[Any, ...]:
         """One thing per axis in chain order."""
-        return chain_order(axes) if self._count == JOINT_COUNT else tuple(axes)
+        return tuple(axes[number - 1] for number in self._motion.arm.kinematics.axes)
 
     @EGM.instruction(
         "EGMActPose",

@@ -64,7 +64,7 @@ Order = SignalOrder | TimerOrder | ChangeOrder
 
 
 @dataclass(slots=True)
-class Connection:
+class InterruptConnection:
     """An interrupt number with its trap; asleep, what comes is dropped."""
 
     trap: UserRoutine
@@ -83,7 +83,7 @@ class Interrupts:
 
     def clear(self) -> None:
         """Forget all connections and everything queued, as PP to main does."""
-        self.connections: dict[int, Connection] = {}
+        self.connections: dict[int, InterruptConnection] = {}
         self.queue: deque[int] = deque()
         self.is_disabled = False
         self._next_number = 1
@@ -96,7 +96,7 @@ class Interrupts:
             raise RapidRuntimeError("ERR_INOMAX", f"A task may have {MOST_INTERRUPTS} interrupts.")
         new = self._next_number
         self._next_number += 1
-        self.connections[new] = Connection(trap)
+        self.connections[new] = InterruptConnection(trap)
         return new
 
     def order(self, number: int, order: Order) -> None:
@@ -149,13 +149,13 @@ class Interrupts:
         number = self.queue.popleft()
         return number, self.connections[number].trap
 
-    def _enqueue(self, number: int, connection: Connection) -> None:
+    def _enqueue(self, number: int, connection: InterruptConnection) -> None:
         if connection.order is not None and connection.order.is_single:
             connection.order = None
         if not connection.is_asleep and len(self.queue) < LONGEST_QUEUE:
             self.queue.append(number)
 
-    def _connection(self, number: int) -> Connection:
+    def _connection(self, number: int) -> InterruptConnection:
         found = self.connections.get(number)
         if found is None:
             raise RapidRuntimeError("ERR_UNKINO", f"The interrupt {number} has no trap; CONNECT it first.")
