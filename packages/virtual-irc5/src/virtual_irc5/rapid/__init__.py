@@ -57,9 +57,6 @@ for _part in (
 ):
     STANDARD.include(_part)
 
-for _names in ROBOTWARE_NAMES.values():
-    STANDARD.missing(*_names)  # except those that are provided
-
 
 class InstructionSet(Library):
     """The names every module of a task sees: RAPID's own, and what the host registers on top of them."""

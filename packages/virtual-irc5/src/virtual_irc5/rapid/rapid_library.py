@@ -66,6 +66,14 @@ _TEXT = Path(__file__).parent.joinpath("builtins", "names.txt").read_text(encodi
 ROBOTWARE_NAMES = {title: tuple(names.split()) for title, names in re.findall(r"^\[(\w+)\]([^\[]+)", _TEXT, re.M)}
 """The names that RobotWare 6 base has, provided or not, by the sections of `names.txt`."""
 
+_LOWER_NAMES = frozenset(name.lower() for names in ROBOTWARE_NAMES.values() for name in names)
+
+
+def is_robotware_name(name: str) -> bool:
+    """Whether RobotWare has a name; a program that uses one which no library provides runs up to there."""
+    return name.lower() in _LOWER_NAMES
+
+
 # Of errors, the manuals have three more.
 _CONSTANTS = sorted((*ROBOTWARE_NAMES["constants"], "ERR_CONCAT", "ERR_UI_BUTTONS", "ERR_UI_MAXTIME"))
 ERROR_NAMES = [name for prefix in ("ERR_", "CORR_", "SYS_ERR_") for name in _CONSTANTS if name.startswith(prefix)]
@@ -134,7 +142,6 @@ class Library:
         self._types: ChainMap[str, Type] = base._types.new_child() if base else _Names()
         self._data: ChainMap[str, Variable] = base._data.new_child() if base else _Names()
         self._errors: ChainMap[str, float] = base._errors.new_child() if base else ChainMap()
-        self._missing: ChainMap[str, None] = base._missing.new_child() if base else ChainMap()
         self._next_error: int = base._next_error if base else FIRST_ERROR_NUMBER
 
     # Registering --------------------------------------------------------------------------------------------------
@@ -241,13 +248,6 @@ class Library:
         self.data(name, "errnum", number)
         return number
 
-    def missing(self, *names: str) -> None:
-        """Register names of RobotWare's instructions and functions; a program may use those that no library provides.
-
-        It is loaded, and stops where it executes one.
-        """
-        self._missing.update(dict.fromkeys(name.lower() for name in names))
-
     def wrap(self, names: Iterable[str], wrapped: Callable[[Callable[..., Any]], Callable[..., Any]]) -> None:
         """Let routines that are registered do something around, or instead of, what they did."""
         for name in names:
@@ -268,15 +268,11 @@ class Library:
         self._types.update(other._types.maps[0])
         self._data.update(other._data.maps[0])
         self._errors.update(other._errors.maps[0])
-        self._missing.update(other._missing.maps[0])
 
     # Looking up ---------------------------------------------------------------------------------------------------
 
     def routine(self, name: str) -> LibraryRoutine | None:
         return self._routines.get(name.lower())
-
-    def is_missing(self, name: str) -> bool:
-        return name.lower() in self._missing
 
     def find_type(self, name: str) -> Type | None:
         return self._types.get(name.lower())
