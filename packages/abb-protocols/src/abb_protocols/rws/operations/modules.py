@@ -36,7 +36,7 @@ class RoutineInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class ModuleInfoAnswer:
+class ModuleInfo:
     """One RAPID module; type is ``ProgMod`` or ``SysMod``."""
 
     name: str
@@ -67,7 +67,7 @@ def _read_text(state: RwsState, name: str) -> str:
     return decode(text, encoding="latin-1")
 
 
-MODULES = get(_MODULES, "task").shows(record("rap-module-info-li", ModuleInfoAnswer))
+MODULES = get(_MODULES, "task").shows(record("rap-module-info-li", ModuleInfo))
 MOD_POSSIBLE_ALL = get(_MODULES, resource="mod-possible-all", status=400)
 MODIFY_ALL_POSITION = post(_MODULES, "modify-all-position", _POSITIONS, grant=Grant.RAPID_MODPOS, status=400)
 MODULE = get(
@@ -113,7 +113,7 @@ ROUTINES = get(f"{_MODULES}/{{task}}/{{module}}/routines")
 class ModulesService(Service):
     """``/rw/rapid/modules``; RAPID must be stopped while they are changed."""
 
-    def modules(self, task: str) -> tuple[ModuleInfoAnswer, ...]:
+    def modules(self, task: str) -> tuple[ModuleInfo, ...]:
         """The RAPID modules loaded in ``task``."""
         states = self._listed(f"reading the modules of {task}", MODULES, task=task)
         read = MODULES.answered
