@@ -117,19 +117,17 @@ SET_SIGNAL = post(
     "ActivePulse, PassivePulse, userlog=true|false, InputAsPhysical=true|false",
     grant=Grant.IO_WRITE,
 )
-ABSENT = (
-    *absent(
-        "PROFINET",
-        "GET /rw/iosystem/devices/{network}/{device}/implicitdata"
-        " | POST /rw/iosystem/devices/{network}/{device}/implicitdata"
-        " | OPTIONS /rw/iosystem/devices/{network}/{device}/implicitdata"
-        " | GET /rw/iosystem/devices/{network}/{device}/explicitdata"
-        " | POST /rw/iosystem/devices/{network}/{device}/explicitdata"
-        " | OPTIONS /rw/iosystem/devices/{network}/{device}/explicitdata"
-        " | POST /rw/iosystem/devices/{network}/{device}/alarms/clear"
-        " | OPTIONS /rw/iosystem/devices/{network}/{device}/alarms/clear"
-        " | GET /rw/iosystem/devices/{network}/{device}/alarms",
-    ),
+ABSENT = absent(
+    "PROFINET",
+    "GET /rw/iosystem/devices/{network}/{device}/implicitdata"
+    " | POST /rw/iosystem/devices/{network}/{device}/implicitdata"
+    " | OPTIONS /rw/iosystem/devices/{network}/{device}/implicitdata"
+    " | GET /rw/iosystem/devices/{network}/{device}/explicitdata"
+    " | POST /rw/iosystem/devices/{network}/{device}/explicitdata"
+    " | OPTIONS /rw/iosystem/devices/{network}/{device}/explicitdata"
+    " | POST /rw/iosystem/devices/{network}/{device}/alarms/clear"
+    " | OPTIONS /rw/iosystem/devices/{network}/{device}/alarms/clear"
+    " | GET /rw/iosystem/devices/{network}/{device}/alarms",
 )
 """What this robot lacks."""
 

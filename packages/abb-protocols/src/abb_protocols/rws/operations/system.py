@@ -74,16 +74,14 @@ RESET_ENERGY = post("/rw/system/energy", "reset")
 CODES = get("/rw/retcode", "code").shows(record("err-desc-li", ReturnCode))
 DEVICES = get("/rw/devices", "Lang")
 DEVICE = get("/rw/devices/{device:.+}", "Lang")
-ABSENT = (
-    *absent(
-        "integrated vision",
-        "GET /rw/vision?resource | GET /rw/vision/{name} | POST /rw/vision?action=restart"
-        " | POST /rw/vision?action=flash-led | POST /rw/vision?action=set-state"
-        " | POST /rw/vision?action=refresh | POST /rw/vision?action=set-hostname"
-        " | POST /rw/vision?action=set-dhcp | POST /rw/vision?action=set-dns-settings"
-        " | POST /rw/vision?action=set-cameraname | POST /rw/vision?action=set-user-credential"
-        " | POST /rw/vision?action=set-ip-settings | POST /rw/vision/{name}?action=trigger",
-    ),
+ABSENT = absent(
+    "integrated vision",
+    "GET /rw/vision?resource | GET /rw/vision/{name} | POST /rw/vision?action=restart"
+    " | POST /rw/vision?action=flash-led | POST /rw/vision?action=set-state"
+    " | POST /rw/vision?action=refresh | POST /rw/vision?action=set-hostname"
+    " | POST /rw/vision?action=set-dhcp | POST /rw/vision?action=set-dns-settings"
+    " | POST /rw/vision?action=set-cameraname | POST /rw/vision?action=set-user-credential"
+    " | POST /rw/vision?action=set-ip-settings | POST /rw/vision/{name}?action=trigger",
 )
 """What this robot lacks."""
 
