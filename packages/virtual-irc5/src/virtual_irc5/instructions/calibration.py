@@ -58,9 +58,8 @@ class CalibrationInstructions:
         """The tool's point from four jointtargets that bring it to one place."""
         self._check_hold(call, is_held=True)
         places = [self._place(call[f"Pos{number}"]) for number in range(1, 5)]
-        tip, _, errors = _common_point(call, places)
+        tip, _ = _common_point(call, places)
         self._set_tool(call, trans=tip)
-        call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
 
     @CALIBRATION.instruction("SToolTCPCalib", f"{_four('robtarget')}, INOUT tooldata Tool, {_ERRORS}")
     def fixed_tool_point(self, call: Call) -> None:
@@ -68,9 +67,8 @@ class CalibrationInstructions:
         self._check_hold(call, is_held=False)
         targets = [call[f"Pos{number}"] for number in range(1, 5)]
         places = [(np.array(target.trans), matrix(unit_quaternion(target.rot))) for target in targets]
-        _, point, errors = _common_point(call, places)
+        _, point = _common_point(call, places)
         self._set_tool(call, trans=point)
-        call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
 
     @CALIBRATION.instruction("MToolRotCalib", _frame("jointtarget"))
     def moving_tool_rotation(self, call: Call) -> None:
@@ -196,8 +194,8 @@ class CalibrationInstructions:
         call.give("Accuracy", 100.0)
 
 
-def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
-    """The point of tool0 that is in one place at all positions, that place, and the distances from it [mm]."""
+def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """The point of tool0 that is in one place at all positions, and that place; writes the distances from it [mm]."""
     rows = np.concatenate([np.hstack([rotation, -np.eye(3)]) for _, rotation in places])
     wanted = -np.concatenate([point for point, _ in places])
     solution, _, rank, values = np.linalg.lstsq(rows, wanted, rcond=_LOWEST_RATIO)
@@ -206,7 +204,8 @@ def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Ar
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
     tip, place = solution[:3], solution[3:]
     errors = np.array([np.linalg.norm(point + rotation @ tip - place) for point, rotation in places])
-    return tip, place, errors
+    call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
+    return tip, place
 
 
 def _axes(call: Call, z: Array, x: Array) -> Any:

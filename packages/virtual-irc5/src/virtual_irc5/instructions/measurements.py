@@ -57,8 +57,8 @@ class MeasurementInstructions:
         self._robots = robots
         self._dynamics: dict[Side, ArmDynamics] = {}
         self._channels: dict[int, Channel] = {}
-        self._moved: tuple[float, ...] = ()  # of each axis since it was reset [rad], (7,) in chain order
-        self._moving_time: tuple[float, ...] = ()  # [s]
+        self._moved: list[float] = []  # of each axis since it was reset [rad], (7,) in chain order
+        self._moving_time: list[float] = []  # [s]
         self._observed_at = 0.0
         self._observed: Joints | None = None
         self._way = 0.0  # of the tool's point [m]
@@ -168,17 +168,16 @@ class MeasurementInstructions:
         dt, self._observed, self._observed_at = now - self._observed_at, position, now
         if before is None or dt <= 0.0:
             return
-        steps = [abs(a - b) for a, b in zip(position, before, strict=True)]
-        self._moved = tuple(total + step for total, step in zip(self._moved, steps, strict=True))
-        self._moving_time = tuple(
-            total + (dt if step > _STANDING * dt else 0.0) for total, step in zip(self._moving_time, steps, strict=True)
-        )
+        for axis, (a, b) in enumerate(zip(position, before, strict=True)):
+            self._moved[axis] += abs(a - b)
+            self._moving_time[axis] += dt if abs(a - b) > _STANDING * dt else 0.0
 
     def _counting(self, call: Call) -> int:
         """The axis of a call, whose counters run from the first call on."""
         index = self._axis(call, "AxisNo")
         if not self._moved:
-            self._moved = self._moving_time = (0.0,) * self._unit.arm.kinematics.joint_count
+            for totals in (self._moved, self._moving_time):
+                totals.extend([0.0] * self._unit.arm.kinematics.joint_count)
             self._observed, self._observed_at = self._unit.arm.position, call.task.now
             task = call.task
             self._unit.observers[f"counters of axes of {task.name}"] = lambda: self._count(task.now)
@@ -187,24 +186,20 @@ class MeasurementInstructions:
     @MEASUREMENTS.function("GetAxisDistance", _AXIS, "num")
     def axis_distance(self, call: Call) -> float:
         """How far an axis has turned since it was reset [deg]."""
-        index = self._counting(call)
-        return degrees(self._moved[index])
+        return degrees(self._moved[self._counting(call)])
 
     @MEASUREMENTS.function("GetAxisMoveTime", _AXIS, "num")
     def axis_time(self, call: Call) -> float:
         """How long it has moved [s]."""
-        index = self._counting(call)
-        return self._moving_time[index]
+        return self._moving_time[self._counting(call)]
 
     @MEASUREMENTS.instruction("ResetAxisDistance", _AXIS)
     def reset_distance(self, call: Call) -> None:
-        index = self._counting(call)
-        self._moved = (*self._moved[:index], 0.0, *self._moved[index + 1 :])
+        self._moved[self._counting(call)] = 0.0
 
     @MEASUREMENTS.instruction("ResetAxisMoveTime", _AXIS)
     def reset_time(self, call: Call) -> None:
-        index = self._counting(call)
-        self._moving_time = (*self._moving_time[:index], 0.0, *self._moving_time[index + 1 :])
+        self._moving_time[self._counting(call)] = 0.0
 
     # The path -----------------------------------------------------------------------------------------------------
 

@@ -40,6 +40,7 @@ from virtual_irc5.mechanics.path_geometry import (
     MotionFault,
     MotionRefused,
     Piece,
+    Place,
     Speed,
     Zone,
     circle,
@@ -57,6 +58,9 @@ from virtual_irc5.rapid.types import raised_as
 SpeedRatio = Callable[[], float]
 Build = Callable[[Joints, Zone], Leg]
 """Plans a leg from joint positions [rad], after a zone."""
+
+TipPlace = tuple[NDArray[np.float64], NDArray[np.float64], float]
+"""Point [m], rotation and arm angle [rad] of the tool in the work object."""
 
 FATAL = "ERR_MOTION"
 """Stops the program at once; not registered, so that no error handler gets it."""
@@ -246,30 +250,22 @@ class MoveInstructions:
         return build
 
     def _line(self, call: Call) -> Build:
+        return self._along(call, line)
+
+    def _circle(self, call: Call) -> Build:
+        via, mode = self.target(call["CirPoint"]), self.unit.settings.circles
+        return self._along(call, lambda here, there: circle(here, (via.point, via.rotation), there, mode))
+
+    def _along(self, call: Call, between: Callable[[TipPlace, TipPlace], Place]) -> Build:
+        """The tool moves on a path from where it is to the target."""
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
         is_checked, passes = self.unit.settings.checks_lines, self.unit.settings.wrist_may_turn
 
         def build(start: Joints, entry: Zone) -> Leg:
             here = place_of(kinematics, start, frames)
-            there = (target.point, target.rotation, _angle(target, here[2]))
-            leg = tool_leg(kinematics, start, line(here, there), frames, speed, zone, entry, passes_wrist=passes)
-            return _with_configuration(kinematics, leg, target) if is_checked else leg
-
-        return build
-
-    def _circle(self, call: Call) -> Build:
-        kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
-        frames = self.frames(call["Tool"], call.get("WObj"))
-        via, target = self.target(call["CirPoint"]), self.target(call["ToPoint"])
-        settings = self.unit.settings
-        is_checked, mode, passes = settings.checks_lines, settings.circles, settings.wrist_may_turn
-
-        def build(start: Joints, entry: Zone) -> Leg:
-            here = place_of(kinematics, start, frames)
-            there = (target.point, target.rotation, _angle(target, here[2]))
-            place = circle(here, (via.point, via.rotation), there, mode)
-            leg = tool_leg(kinematics, start, place, frames, speed, zone, entry, passes_wrist=passes)
+            path = between(here, (target.point, target.rotation, _angle(target, here[2])))
+            leg = tool_leg(kinematics, start, path, frames, speed, zone, entry, passes_wrist=passes)
             return _with_configuration(kinematics, leg, target) if is_checked else leg
 
         return build
@@ -524,10 +520,8 @@ def posture(arm: KinematicArm, target: MoveTarget, frames: LegFrames, near: Join
     return min(fitting, key=lambda each: sum((a - b) ** 2 for a, b in zip(each, near, strict=True)))
 
 
-def place_of(
-    arm: KinematicArm, position: Joints, frames: LegFrames
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Point [m], rotation and arm angle [rad] of the tool in the work object, at joint positions [rad]."""
+def place_of(arm: KinematicArm, position: Joints, frames: LegFrames) -> TipPlace:
+    """Where the tool is in the work object at joint positions [rad]."""
     joints = np.array([position])
     points, rotations = frames.tip(*arm.forward(joints))
     return points[0], rotations[0], float(arm.angles(joints)[0])

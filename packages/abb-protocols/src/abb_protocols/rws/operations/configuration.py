@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
-from abb_protocols.errors import ControllerRefused
 from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.files import file_path
-from abb_protocols.rws.operations.operation import Operation, delete, get, post
+from abb_protocols.rws.operations.operation import delete, get, post
 from abb_protocols.rws.operations.operation_answer import flag, pair, record
 from abb_protocols.rws.operations.service import Service, request
 from abb_protocols.rws.values import Grant
 
 _TYPE = "/rw/cfg/{domain}/{type}"
 _DOMAIN = "/rw/cfg/{domain}"
-_REFUSED = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,15 +144,6 @@ class ConfigurationService(Service):
     def can_remove_cfg(self, name: str) -> bool:
         """Whether an instance may be removed, as no other one names it."""
         return self._is_valid(f"checking {name}", VALIDATE_REMOVAL, name=name)
-
-    def _is_valid(self, what: str, operation: Operation[Any], /, **arguments: object) -> bool:
-        try:
-            self._call(what, operation, **arguments)
-        except ControllerRefused as error:
-            if error.status != _REFUSED:
-                raise
-            return False
-        return True
 
     def reset_cfg(self, domain: str, type: str = "") -> None:
         """Make a domain, or one type of it, as a new system has it; it acts after the next restart."""

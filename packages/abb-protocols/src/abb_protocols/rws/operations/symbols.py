@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from abb_protocols.catalogue import message
-from abb_protocols.errors import ControllerRefused, ProtocolError
+from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import Page, RwsState, whole_number
 from abb_protocols.rws.operations.operation import UPPER_TRUTH, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, single
@@ -15,7 +15,6 @@ from abb_protocols.rws.values import Grant, RapidValue, SymbolKind, decode, enco
 _SYMBOL = "/rw/rapid/symbol"
 _SYMBOLS = "/rw/rapid/symbols"
 _DATUM = f"{_SYMBOL}/data/RAPID/{{symbol:.+}}"
-_BAD_VALUE = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,13 +108,7 @@ class SymbolsService(Service):
 
     def is_value_of(self, task: str, literal: str, type: str) -> bool:
         """Whether a literal is a value of a RAPID type that is known in a task."""
-        try:
-            self._call(f"checking a value of {type}", VALIDATE, task=task, value=literal, datatype=type)
-        except ControllerRefused as error:
-            if error.status != _BAD_VALUE:
-                raise
-            return False
-        return True
+        return self._is_valid(f"checking a value of {type}", VALIDATE, task=task, value=literal, datatype=type)
 
     def find_symbols(
         self,
