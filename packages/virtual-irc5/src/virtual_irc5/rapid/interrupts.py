@@ -100,7 +100,7 @@ class Interrupts:
         return new
 
     def order(self, number: int, order: Order) -> None:
-        self._connection(number).order = order
+        self.connection(number).order = order
 
     def is_ordered(self, number: int, order: Order) -> bool:
         """Whether the order still stands."""
@@ -111,12 +111,6 @@ class Interrupts:
         """Remove an interrupt and what is queued of it; unknown numbers are none."""
         self.connections.pop(number, None)
         self.queue = deque(n for n in self.queue if n != number)
-
-    def sleep(self, number: int) -> None:
-        self._connection(number).is_asleep = True
-
-    def watch(self, number: int) -> None:
-        self._connection(number).is_asleep = False
 
     def signal_changed(self, signal: str, old: float, new: float) -> None:
         for number, connection in list(self.connections.items()):
@@ -155,7 +149,8 @@ class Interrupts:
         if not connection.is_asleep and len(self.queue) < LONGEST_QUEUE:
             self.queue.append(number)
 
-    def _connection(self, number: int) -> InterruptConnection:
+    def connection(self, number: int) -> InterruptConnection:
+        """The interrupt with its trap; raises ERR_UNKINO."""
         found = self.connections.get(number)
         if found is None:
             raise RapidRuntimeError("ERR_UNKINO", f"The interrupt {number} has no trap; CONNECT it first.")

@@ -20,7 +20,6 @@ from virtual_irc5.rapid.types import (
     DatumPart,
     Propagated,
     RapidRuntimeError,
-    Reference,
     Variable,
     is_numeric,
     raised_as,
@@ -38,13 +37,9 @@ def _clock(call: Call) -> datetime:
 
 
 @INFORMATION.function("CTime", "", "string")
-def time_text(call: Call) -> str:
-    return _clock(call).strftime("%H:%M:%S")
-
-
 @INFORMATION.function("CDate", "", "string")
-def date_text(call: Call) -> str:
-    return _clock(call).strftime("%Y-%m-%d")
+def time_text(call: Call) -> str:
+    return _clock(call).strftime("%H:%M:%S" if call.name == "CTime" else "%Y-%m-%d")
 
 
 _TIMES = {"WDay": "%u", "Year": "%Y", "Month": "%m", "MDay": "%d", "Hour": "%H", "Min": "%M", "Sec": "%S"}
@@ -122,20 +117,14 @@ def module_time(call: Call) -> float:
 # Data -------------------------------------------------------------------------------------------------------------
 
 
-def _storage(reference: Reference) -> Storage | None:
-    while isinstance(reference, DatumPart):
-        reference = reference.whole
-    return reference.storage if isinstance(reference, Variable) else None
-
-
 @INFORMATION.function("IsPers", "INOUT anytype DatObj", "bool")
-def is_persistent(call: Call) -> bool:
-    return _storage(call.reference("DatObj")) is Storage.PERS
-
-
 @INFORMATION.function("IsVar", "INOUT anytype DatObj", "bool")
-def is_variable(call: Call) -> bool:
-    return _storage(call.reference("DatObj")) is Storage.VAR
+def is_stored_so(call: Call) -> bool:
+    """Whether a datum, or the one it is a part of, is a persistent or a variable."""
+    datum = call.reference("DatObj")
+    while isinstance(datum, DatumPart):
+        datum = datum.whole
+    return isinstance(datum, Variable) and datum.storage is (Storage.PERS if call.name == "IsPers" else Storage.VAR)
 
 
 @INFORMATION.function("Type", r"anytype Data, \switch BaseName", "string")

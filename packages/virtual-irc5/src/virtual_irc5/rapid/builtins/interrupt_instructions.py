@@ -59,23 +59,15 @@ def delete_interrupt(call: Call) -> None:
 
 
 @INTERRUPTS.instruction("ISleep", "VAR intnum Interrupt")
-def put_interrupt_to_sleep(call: Call) -> None:
-    call.task.interrupts.sleep(int(call["Interrupt"]))
-
-
 @INTERRUPTS.instruction("IWatch", "VAR intnum Interrupt")
 def watch_interrupt(call: Call) -> None:
-    call.task.interrupts.watch(int(call["Interrupt"]))
+    call.task.interrupts.connection(int(call["Interrupt"])).is_asleep = call.name == "ISleep"
 
 
 @INTERRUPTS.instruction("IDisable")
-def disable_interrupts(call: Call) -> None:
-    call.task.interrupts.is_disabled = True
-
-
 @INTERRUPTS.instruction("IEnable")
 def enable_interrupts(call: Call) -> None:
-    call.task.interrupts.is_disabled = False
+    call.task.interrupts.is_disabled = call.name == "IDisable"
 
 
 @INTERRUPTS.instruction("IPers", f"{_SINGLE}, PERS anytype Name, VAR intnum Interrupt")

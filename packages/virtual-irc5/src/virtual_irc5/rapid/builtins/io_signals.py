@@ -37,13 +37,9 @@ def _write_signal(call: Call, value: float) -> None:
 
 
 @SIGNALS.instruction("Set", "VAR signaldo Signal")
-def set_output(call: Call) -> None:
-    _write_signal(call, 1.0)
-
-
 @SIGNALS.instruction("Reset", "VAR signaldo Signal")
-def reset_output(call: Call) -> None:
-    _write_signal(call, 0.0)
+def switch_output(call: Call) -> None:
+    _write_signal(call, 1.0 if call.name == "Set" else 0.0)
 
 
 @SIGNALS.instruction("InvertDO", "VAR signaldo Signal")
@@ -58,12 +54,8 @@ def set_digital_output(call: Call) -> None:
 
 
 @SIGNALS.instruction("SetGO", r"\num SDelay, VAR signalgo Signal, anynum Value")
-def set_group_output(call: Call) -> None:
-    _write_signal(call, call["Value"])
-
-
 @SIGNALS.instruction("SetAO", "VAR signalao Signal, num Value")
-def set_analog_output(call: Call) -> None:
+def set_output_value(call: Call) -> None:
     _write_signal(call, call["Value"])
 
 

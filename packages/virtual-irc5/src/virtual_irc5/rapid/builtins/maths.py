@@ -110,13 +110,9 @@ def dimension(call: Call) -> float:
 
 
 @MATHS.instruction("Incr", "INOUT anynum Name")
-def increment(call: Call) -> None:
-    call["Name"] = call["Name"] + 1.0
-
-
 @MATHS.instruction("Decr", "INOUT anynum Name")
-def decrement(call: Call) -> None:
-    call["Name"] = call["Name"] - 1.0
+def count(call: Call) -> None:
+    call["Name"] = call["Name"] + (1.0 if call.name == "Incr" else -1.0)
 
 
 @MATHS.instruction("Add", "INOUT anynum Name, anynum AddValue")
