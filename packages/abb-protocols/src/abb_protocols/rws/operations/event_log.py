@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import RwsState, member, whole_number
 from abb_protocols.rws.operations.files import file_path
 from abb_protocols.rws.operations.operation import get, post
+from abb_protocols.rws.operations.operation_answer import Spelling, record
 from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.values import EventType, Grant
 
 _DOMAIN = "/rw/elog/{domain}"
 _EVENTS_PER_PAGE = 50
+_NUMBER: Spelling[int] = Spelling(lambda state, name: whole_number(name, state.title), lambda name, value: {})
 _STATES = ("elog-message-li", "elog-message")  # types of those that show an event
 
 
@@ -44,13 +47,13 @@ class RwsEvent:
 class EventDomain:
     """A part of the event log: how many messages it has, and can have."""
 
-    number: int
-    name: str
-    messages: int
-    capacity: int
+    number: Annotated[int, "domain", _NUMBER]
+    name: Annotated[str, "domain-name"]
+    messages: Annotated[int, "numevts"]
+    capacity: Annotated[int, "buffsize"]
 
 
-LOGS = get("/rw/elog", "lang, resource=count")
+LOGS = get("/rw/elog", "lang, resource=count").shows(record("elog-domain-li", EventDomain))
 CLEAR_ALL = post("/rw/elog", "clearall", grant=Grant.EVENTLOG_CLEAR)
 SAVE_EVENTS = post("/rw/elog", "saveraw", "path", grant=Grant.FTP_WRITE, status=202)
 EVENTS = get(_DOMAIN, "lang, resource=count|info|title, order=lifo|fifo, elogseqnum, start, limit")
@@ -96,16 +99,7 @@ class EventLogService(Service):
 
     def event_domains(self) -> tuple[EventDomain, ...]:
         """The domains of the event log; 0 holds all."""
-        states = self._listed("reading the event log", LOGS, lang="en", resource="count")
-        return tuple(
-            EventDomain(
-                whole_number("domain", state.title),
-                state.text("domain-name"),
-                state.whole("numevts"),
-                state.whole("buffsize"),
-            )
-            for state in states
-        )
+        return self._answers("reading the event log", LOGS, lang="en", resource="count")
 
     def event(self, number: int, domain: int = 0) -> RwsEvent:
         """One message, by its number."""
