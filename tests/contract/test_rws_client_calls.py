@@ -14,6 +14,7 @@ from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.operations.io import RwsSignal
 from abb_protocols.rws.operations.modules import ModuleInfo
 from abb_protocols.rws.operations.rapid import TaskInfo
+from abb_protocols.rws.rapid_values import encode
 from abb_protocols.rws.values import (
     ControllerState,
     EventType,
@@ -21,7 +22,6 @@ from abb_protocols.rws.values import (
     OperatingMode,
     SignalType,
     TaskExecution,
-    encode,
 )
 from abb_runtime.rws.client import RwsClient
 from contract.rws_bench import PlainController, serving

@@ -16,7 +16,8 @@ from abb_protocols.robot.kinematics import compose, inverse, matrix
 from abb_protocols.rws.documents import Page, RwsLink, RwsState, first_value
 from abb_protocols.rws.operations import motion as table
 from abb_protocols.rws.operations.motion import JointTarget, RobTarget
-from abb_protocols.rws.values import Coordinates, JogMode, RwsCode, decode
+from abb_protocols.rws.rapid_values import decode
+from abb_protocols.rws.values import Coordinates, JogMode, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.instructions.robot_data import pose_from_rapid, robtarget, wobj_from_rapid
 from virtual_irc5.mechanics.arm import VirtualArm

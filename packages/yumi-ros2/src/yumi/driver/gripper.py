@@ -46,7 +46,7 @@ from abb_protocols.robot.gripper_values import (
     speed_count,
 )
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_protocols.rws.values import Resource
 from abb_runtime.clock import POLL_PERIOD, Clock, comes_true, wait_until
 from abb_runtime.rws.client import Change, RwsClient, signal_state

@@ -17,7 +17,7 @@ import numpy as np
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, chain_from_abb, joint_names
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_runtime.rws.client import RwsClient
 from yumi.control.collisions import declared_margins
 from yumi.core.collision import CollisionModel

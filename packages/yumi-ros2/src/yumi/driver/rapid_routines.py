@@ -8,7 +8,7 @@ from collections.abc import Callable
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, ControllerRefused, RobotNotReady
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_runtime.clock import Clock, wait_until
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.controller_panel import RAPID_NAME, ControllerPanel

@@ -13,7 +13,7 @@ from threading import Event as Flag
 
 from abb_protocols.errors import ControllerRefused, YumiError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_runtime.parameters import bounded
 from abb_runtime.process.supervision import SupervisedThread
 from abb_runtime.rws.client import RwsClient

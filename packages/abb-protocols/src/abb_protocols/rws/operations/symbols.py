@@ -10,7 +10,8 @@ from abb_protocols.rws.documents import Page, RwsState, whole_number
 from abb_protocols.rws.operations.operation import UPPER_TRUTH, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, single
 from abb_protocols.rws.operations.service import Service
-from abb_protocols.rws.values import Grant, RapidValue, SymbolKind, decode, encode
+from abb_protocols.rws.rapid_values import RapidValue, decode, encode
+from abb_protocols.rws.values import Grant, SymbolKind
 
 _SYMBOL = "/rw/rapid/symbol"
 _SYMBOLS = "/rw/rapid/symbols"
@@ -70,7 +71,7 @@ class SymbolsService(Service):
     """
 
     def symbol(self, task: str, module: str, name: str) -> str:
-        """Value of a RAPID symbol as its literal; ``abb_protocols.rws.values`` decodes it."""
+        """Value of a RAPID symbol as its literal; ``abb_protocols.rws.rapid_values`` decodes it."""
         what = f"reading {module}/{name} of {task}"
         return self._answer(what, SYMBOL, f"{task}/{module}/{name}")
 
@@ -92,7 +93,7 @@ class SymbolsService(Service):
         return read_symbol_type(self._shown(what, SYMBOL_PROPERTIES, f"{task}/{module}/{name}"))
 
     def set_symbol(self, task: str, module: str, name: str, literal: str) -> None:
-        """Write a RAPID symbol; ``abb_protocols.rws.values`` encodes a literal."""
+        """Write a RAPID symbol; ``abb_protocols.rws.rapid_values`` encodes a literal."""
         place = f"{task}/{module}/{name}"
         self._call(f"writing {module}/{name} of {task}", SET_SYMBOL, place, value=literal)
 
