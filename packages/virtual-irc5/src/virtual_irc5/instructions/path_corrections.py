@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from abb_protocols.robot.arm_kinematics import Lost
+from abb_protocols.robot.arm_kinematics import PathLost
 from abb_protocols.robot.joints import Joints
 from abb_protocols.rws.values import EventType
 from virtual_irc5.controller_log import ControllerEventLog
@@ -178,7 +178,7 @@ class PathCorrections:
             # From as far beside the path as the last corrected posture was.
             start = near if self._beside is None else tuple((near + self._beside).tolist())
             found = kinematics.follow(at, turned, np.array([angle]), start)[0]
-        except Lost:
+        except PathLost:
             return None
         position = tuple(found.tolist())
         return None if kinematics.limits.outside(position) is not None else position

@@ -267,7 +267,6 @@ class Message:
         text: the value as a RAPID literal.
         sender: the queue it came from, where answers go.
         user_defined: a number of the sender.
-        is_answer_wanted: whether the sender waits for an answer (RMQSendWait).
     """
 
     type_name: str
