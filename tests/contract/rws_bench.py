@@ -19,11 +19,11 @@ from virtual_irc5.controller.tasks import InstalledTask
 from virtual_irc5.controller_log import ControllerEventLog, RefusalReason, Refused
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.mechanics.units import YUMI_UNITS, UnitsState
+from virtual_irc5.rapid.ast import Module
 from virtual_irc5.rapid.devices import FlexPendant, MessageQueues
 from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Execution
-from virtual_irc5.rapid.task import ModuleInfo
 from virtual_irc5.rapid.types import RapidValueError, UnknownSymbol
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.rws_service import RwsService
@@ -49,7 +49,8 @@ class PlainTask:
     def __init__(self, name: str) -> None:
         self.name = name
         self.execution = Execution.READY
-        self.modules = (ModuleInfo("TRobMain", False, ""), ModuleInfo("TRobSystem", True, ""))
+        attributes = {"TRobMain": frozenset[str](), "TRobSystem": frozenset(("SYSMODULE",))}
+        self.modules = tuple(Module(name, of_it, (), (), (), ()) for name, of_it in attributes.items())
         self.symbols: dict[tuple[str, str], Symbol] = {
             ("TRobMain", "current_state"): ("num", "var", "0"),
             ("TRobMain", "STATE_IDLE"): ("num", "con", "0"),

@@ -10,9 +10,11 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused
-from abb_protocols.rws.documents import RwsEvent, RwsSignal
-from abb_protocols.rws.operations.modules import ModuleInfoAnswer
+from abb_protocols.rws.operations.event_log import RwsEvent
+from abb_protocols.rws.operations.io import RwsSignal
+from abb_protocols.rws.operations.modules import ModuleInfo
 from abb_protocols.rws.operations.rapid import TaskInfo
+from abb_protocols.rws.rapid_values import encode
 from abb_protocols.rws.values import (
     ControllerState,
     EventType,
@@ -20,7 +22,6 @@ from abb_protocols.rws.values import (
     OperatingMode,
     SignalType,
     TaskExecution,
-    encode,
 )
 from abb_runtime.rws.client import RwsClient
 from contract.rws_bench import PlainController, serving
@@ -81,8 +82,8 @@ def test_clock_is_read_as_the_pendant_shows_it(client: RwsClient, controller: Pl
 
 def test_modules_are_listed(client: RwsClient) -> None:
     assert client.modules("T_ROB_L") == (
-        ModuleInfoAnswer("TRobMain", "ProgMod"),
-        ModuleInfoAnswer("TRobSystem", "SysMod"),
+        ModuleInfo("TRobMain", "ProgMod"),
+        ModuleInfo("TRobSystem", "SysMod"),
     )
 
 

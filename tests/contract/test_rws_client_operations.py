@@ -11,9 +11,9 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
 from abb_protocols.robot.joints import Joints, Pose, Side, home
 from abb_protocols.robot.kinematics import tool0_to_body
-from abb_protocols.rws.documents import Pairs, RobTarget
+from abb_protocols.rws.documents import Pairs
 from abb_protocols.rws.operations import motion
-from abb_protocols.rws.operations.motion import Supervision
+from abb_protocols.rws.operations.motion import RobTarget, Supervision
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.queues import QueueMessage
 from abb_protocols.rws.operations.rapid import Range

@@ -10,7 +10,7 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
 from abb_protocols.robot.joints import CYCLE
-from abb_protocols.rws.documents import FileInfo
+from abb_protocols.rws.operations.files import FileInfo
 from abb_protocols.rws.values import ControllerState, ExecutionState, RwsCode
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws.client import RwsClient

@@ -35,7 +35,7 @@ from yumi_interfaces.srv import (
 from abb_protocols.catalogue import message
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose, Side
-from abb_protocols.rws.documents import RwsEvent
+from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.values import ControllerState, EventType
 from yumi.driver.robot_state import RobotMode
 

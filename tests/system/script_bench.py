@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault
 from abb_runtime.process.command_process import CommandProcess

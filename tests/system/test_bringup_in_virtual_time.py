@@ -9,7 +9,7 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, RobotNotReady, SettingsError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_protocols.rws.values import GRANTS, ControllerState, ExecutionState, Grant, OperatingMode
 from refusals import refused
 from system.virtual_time_bench import System

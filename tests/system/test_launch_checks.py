@@ -9,7 +9,7 @@ import pytest
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ControllerRefused, RobotNotReady
 from abb_protocols.robot.joints import Joints, Side
-from abb_protocols.rws.documents import CfgInstance
+from abb_protocols.rws.operations.configuration import CfgInstance
 from abb_runtime.faults import Fault
 from refusals import assert_says, refused
 from system.virtual_time_bench import System

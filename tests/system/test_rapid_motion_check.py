@@ -10,7 +10,7 @@ import pytest
 from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.description import SERVO_GRIPPERS
 from abb_protocols.robot.joints import Joints, Side, abb_from_chain, home
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_protocols.rws.values import ExecutionState
 from refusals import refused
 from system.virtual_time_bench import System

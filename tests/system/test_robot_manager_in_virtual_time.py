@@ -16,7 +16,7 @@ from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
 from abb_protocols.robot.description import HAND, Mass
 from abb_protocols.robot.joints import CYCLE, Pose, Side, joints
 from abb_protocols.robot.load import Tool, principal_inertia
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from abb_runtime.faults import Fault, FaultDirection
 from refusals import assert_says, refused

@@ -11,7 +11,7 @@ import pytest
 
 from abb_protocols.errors import ControllerRefused
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_protocols.rws.values import ControllerState, ExecutionState
 from abb_runtime.faults import Fault
 from abb_runtime.process import supervision

@@ -21,8 +21,9 @@ from abb_protocols.robot.gripper_values import (
     grip,
 )
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import RwsSignal
-from abb_protocols.rws.values import RapidValue, SignalType, decode, encode
+from abb_protocols.rws.operations.io import RwsSignal
+from abb_protocols.rws.rapid_values import RapidValue, decode, encode
+from abb_protocols.rws.values import SignalType
 from abb_runtime.clock import ManualClock
 from refusals import refused
 from yumi.driver.gripper import GripperRoutines, RwsGripper

@@ -6,7 +6,7 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import RwsEvent
+from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.values import EventType
 from yumi.control.loop_events import RobotStoppedFollowing, SessionLost
 from yumi.driver.stops import Cause, because, cause_among, explain, explained, is_without_person, needs_person

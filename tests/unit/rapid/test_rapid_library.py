@@ -168,31 +168,28 @@ def test_signature_that_is_no_parameter_list_is_refused(library: InstructionSet)
 @pytest.mark.parametrize(
     "statement",
     [
-        "MoveOn p1\\Conc, 5;",
-        "x := 1 + Measured(5);",
-        "IF Measured(5) = 1 THEN RETURN; ENDIF",
-        "IF x = 0 MoveOn;",
-        "p Measured();",
+        "WZFree p1\\Conc, 5;",
+        "x := 1 + CSpeedOverride(5);",
+        "IF CSpeedOverride(5) = 1 THEN RETURN; ENDIF",
+        "IF x = 0 WZFree;",
+        "p CSpeedOverride();",
     ],
 )
-def test_program_runs_up_to_an_instruction_that_is_not_provided(library: InstructionSet, statement: str) -> None:
-    library.missing("MoveOn", "Measured")
+def test_program_runs_up_to_an_instruction_that_is_not_provided(statement: str) -> None:
     program = f'TPWrite "before";\n{statement}\nTPWrite "never"; ERROR TRYNEXT;'
-    bench = started(program, "VAR num x; PROC p(num n) ENDPROC", library)
+    bench = started(program, "VAR num x; PROC p(num n) ENDPROC")
     assert (bench.lines, bench.stop.error, bench.stop.line) == (["before"], "NOT_PROVIDED", 5)
     assert "is an instruction or function of RobotWare that is not provided here" in bench.stop.sentence
     assert [fault.line for fault in bench.task.faults()] == [5]
 
 
-def test_branch_that_is_not_executed_may_use_what_is_not_provided(library: InstructionSet) -> None:
-    library.missing("MoveOn")
-    body = 'IF x = 1 THEN MoveOn; ELSE TPWrite "else"; ENDIF GOTO end; MoveOn; end: TPWrite "end";'
-    assert started(body, "VAR num x;", library).lines == ["else", "end"]
+def test_branch_that_is_not_executed_may_use_what_is_not_provided() -> None:
+    body = 'IF x = 1 THEN WZFree; ELSE TPWrite "else"; ENDIF GOTO end; WZFree; end: TPWrite "end";'
+    assert started(body, "VAR num x;").lines == ["else", "end"]
 
 
-def test_name_that_a_program_declares_is_provided(library: InstructionSet) -> None:
-    library.missing("MoveOn")
-    assert started("MoveOn;", 'PROC MoveOn() TPWrite "own"; ENDPROC', library).lines == ["own"]
+def test_name_that_a_program_declares_is_provided() -> None:
+    assert started("WZFree;", 'PROC WZFree() TPWrite "own"; ENDPROC').lines == ["own"]
 
 
 def test_late_binding_of_what_is_not_provided_stops_there() -> None:

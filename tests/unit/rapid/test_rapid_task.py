@@ -5,7 +5,6 @@ from rapid_bench import Bench, started
 
 from abb_protocols.errors import RobotNotReady
 from virtual_irc5.rapid.states import EventKind, Execution
-from virtual_irc5.rapid.task import ModuleInfo
 from virtual_irc5.rapid.types import RapidReferenceError, RapidValueError, UnknownSymbol
 
 DATA = """
@@ -30,7 +29,8 @@ def bench() -> Bench:
 
 def test_modules_are_listed_with_their_files(bench: Bench) -> None:
     assert bench.task.load("MODULE Sys(SYSMODULE) ENDMODULE", "HOME:/sys.sys") == "Sys"
-    assert bench.task.modules == (ModuleInfo("M", False, "M.mod"), ModuleInfo("Sys", True, "HOME:/sys.sys"))
+    modules = [(each.name, each.is_system, each.filename) for each in bench.task.modules]
+    assert modules == [("M", False, "M.mod"), ("Sys", True, "HOME:/sys.sys")]
 
 
 def test_module_name_can_be_taken_once(bench: Bench) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from abb_protocols.robot.arm_kinematics import KinematicArm, Lost
+from abb_protocols.robot.arm_kinematics import KinematicArm, PathLost
 from abb_protocols.robot.confdata import Confdata
 from abb_protocols.robot.inverse_kinematics import arm_angle
 from abb_protocols.robot.irb120 import irb120
@@ -161,7 +161,7 @@ def test_path_that_leaves_the_reach_is_lost_there() -> None:
     arm = irb120()
     points, rotations = arm.forward(np.array([arm.home]))
     away = points + np.outer(np.linspace(0.0, 1.0, 100), (1.0, 0.0, 0.0))
-    with pytest.raises(Lost) as lost:
+    with pytest.raises(PathLost) as lost:
         arm.follow(away, np.repeat(rotations, 100, 0), np.zeros(100), arm.home)
     assert 5 < lost.value.index < 50
 

@@ -14,7 +14,6 @@ from abb_protocols.robot.description import (
     BODY_SHAPES,
     FINGER_ORIGINS,
     FINGER_SHAPES,
-    FINGER_TRAVEL,
     FLANGE_ORIGIN,
     GRIPPER_SHAPES,
     JOINT_ORIGINS,
@@ -23,7 +22,7 @@ from abb_protocols.robot.description import (
     Box,
     joint_1_origin,
 )
-from abb_protocols.robot.gripper_values import GripperModules
+from abb_protocols.robot.gripper_values import TRAVEL, GripperModules
 from abb_protocols.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
 from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_from_euler_zyx, tool0_to_body
 from abb_view.robot_model import MESH_FOLDER
@@ -279,7 +278,7 @@ def test_gripper_shapes_contain_the_described_gripper_in_every_opening(modules: 
     assert isinstance(finger, Box)
     parts = gripper_parts(modules)
     assert inside(surface(base), parts).all()
-    for opening in (0.0, FINGER_TRAVEL / 2.0, FINGER_TRAVEL):
+    for opening in (0.0, TRAVEL / 2.0, TRAVEL):
         first = surface(finger) + FINGER_ORIGINS[0].xyz - (opening, 0.0, 0.0)
         assert inside(first, parts).all()
         assert inside(first * (-1.0, -1.0, 1.0), parts).all()

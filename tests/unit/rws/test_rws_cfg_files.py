@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abb_protocols.rws.values import FLAG, read_cfg, stated, write_cfg
+from abb_protocols.rws.cfg_files import FLAG, read_cfg, stated, write_cfg
 
 LISTED = {
     "File": "HOME:/production.mod",

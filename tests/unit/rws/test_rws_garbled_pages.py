@@ -18,9 +18,9 @@ import abb_protocols.rws
 import abb_runtime.rws
 from abb_protocols.errors import ProtocolError, YumiError
 from abb_protocols.robot.joints import ZERO, Pose
-from abb_protocols.rws.documents import Page, RobTarget, RwsState
+from abb_protocols.rws.documents import Page, RwsState
 from abb_protocols.rws.operations import service
-from abb_protocols.rws.operations.motion import Supervision
+from abb_protocols.rws.operations.motion import RobTarget, Supervision
 from abb_protocols.rws.operations.rapid import Range
 from abb_protocols.rws.values import Increment, OperatingMode, Privilege, Resource, RunCycle, SignalChange
 from abb_runtime.clock import ManualClock

@@ -7,9 +7,12 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, ProtocolError
 from abb_protocols.rws import documents
-from abb_protocols.rws.documents import Form, Page, RwsEvent, RwsSignal, RwsState, Status, SystemInfo
-from abb_protocols.rws.operations import motion, panel, rapid
+from abb_protocols.rws.documents import Form, Page, RwsState, Status
+from abb_protocols.rws.operations import event_log, io, motion, panel, rapid, symbols, system
+from abb_protocols.rws.operations.event_log import RwsEvent
+from abb_protocols.rws.operations.io import RwsSignal
 from abb_protocols.rws.operations.rapid import TaskInfo
+from abb_protocols.rws.operations.system import SystemInfo
 from abb_protocols.rws.values import EventType, OperatingMode, RwsCode, SignalType, TaskExecution
 from refusals import assert_says, refused
 from virtual_irc5.rws.render import write_status
@@ -30,13 +33,13 @@ def refusal(status: Status) -> ControllerRefused:
 
 def test_system_has_name_version_and_options() -> None:
     options = RwsState("sys-options-li", "options", {}, (), (RwsState("sys-option-li", "0", {"option": "English"}),))
-    system = RwsState("sys-system-li", "system", {"name": "YuMi", "rwversionname": "6.13.00.00"})
-    assert documents.read_system(Page("", "", (system, options))) == SystemInfo("YuMi", (6, 13, 0, 0), ("English",))
+    shown = RwsState("sys-system-li", "system", {"name": "YuMi", "rwversionname": "6.13.00.00"})
+    assert system.read_system(Page("", "", (shown, options))) == SystemInfo("YuMi", (6, 13, 0, 0), ("English",))
 
 
 def test_version_without_numbers_is_refused() -> None:
     with refused(ProtocolError, "version_not_numbers", version="six"):
-        documents.read_system(page("sys-system-li", name="YuMi", rwversionname="six"))
+        system.read_system(page("sys-system-li", name="YuMi", rwversionname="six"))
 
 
 def test_operating_mode_is_read() -> None:
@@ -62,12 +65,12 @@ def test_task_state_is_read_when_spelled_in_full() -> None:
 def test_signal_is_read() -> None:
     fields = {"name": "hand_ActualPosition_R", "type": "GI", "lvalue": "250"}
     expected = RwsSignal("hand_ActualPosition_R", SignalType.GROUP_INPUT, 250.0)
-    assert documents.read_signal(page("ios-signal", **fields)) == expected
+    assert io.signal_of(page("ios-signal", **fields).first) == expected
 
 
 def test_value_that_is_no_number_is_refused() -> None:
     with refused(ProtocolError, "field_no_number", field="lvalue", text="high"):
-        documents.read_signal(page("ios-signal", name="x", type="DI", lvalue="high"))
+        io.signal_of(page("ios-signal", name="x", type="DI", lvalue="high").first)
 
 
 def test_signal_that_makes_no_sense_is_left_out_of_all() -> None:
@@ -75,7 +78,7 @@ def test_signal_that_makes_no_sense_is_left_out_of_all() -> None:
         RwsState("ios-signal-li", "a", {"name": "a", "lvalue": "2"}),
         RwsState("ios-signal-li", "b", {"name": "b"}),
     )
-    assert documents.read_signals(Page("", "", states)) == {"a": 2.0}
+    assert io.read_signals(states) == {"a": 2.0}
 
 
 def test_joint_target_comes_out_in_chain_order() -> None:
@@ -94,7 +97,7 @@ def test_joint_target_of_a_six_axis_robot_is_no_arm() -> None:
 def test_event_is_read(kind: str) -> None:
     fields = {"msgtype": "2", "code": "10012", "tstamp": "2026-07-09 T 08:15:30", "title": "Stop", "desc": "It."}
     expected = RwsEvent(18, EventType.WARNING, 10012, "2026-07-09 T 08:15:30", "Stop", "It.")
-    assert documents.read_events(page(kind, **fields)) == (expected,)
+    assert event_log.read_event(page(kind, **fields).first) == expected
 
 
 @pytest.mark.parametrize(
@@ -107,16 +110,16 @@ def test_event_is_read(kind: str) -> None:
 def test_event_of_an_unknown_weight_is_refused(weight: str, code: str, values: dict[str, object]) -> None:
     fields = {"msgtype": weight, "code": "10012", "tstamp": "", "title": "Stop", "desc": "It."}
     with refused(ProtocolError, code, **values):
-        documents.read_events(page("elog-message", **fields))
+        event_log.read_event(page("elog-message", **fields).first)
 
 
 def test_properties_give_the_type_of_any_kind_of_symbol() -> None:
-    assert documents.read_symbol_type(page("rap-symproppers", dattyp="EGMSettings")) == "EGMSettings"
+    assert symbols.read_symbol_type(page("rap-symproppers", dattyp="EGMSettings")) == "EGMSettings"
 
 
 def test_properties_of_nothing_are_refused() -> None:
     with refused(ProtocolError, "answer_without_properties"):
-        documents.read_symbol_type(Page("", ""))
+        symbols.read_symbol_type(Page("", ""))
 
 
 def test_refusal_says_what_a_known_code_means() -> None:

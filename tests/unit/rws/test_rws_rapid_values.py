@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from abb_protocols.errors import CommandRefused, ProtocolError
-from abb_protocols.rws.values import RapidValue, decode, encode, split
+from abb_protocols.rws.rapid_values import RapidValue, decode, encode, split
 from refusals import refused
 
 atoms = st.one_of(st.booleans(), st.floats(allow_nan=False, allow_infinity=False), st.text())

@@ -24,7 +24,8 @@ from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.irb120 import irb120
 from abb_protocols.robot.joints import CHAIN_AXES, Side
 from abb_protocols.robot.yumi_arms import irb14050
-from abb_protocols.rws.documents import JointTarget, RwsEvent
+from abb_protocols.rws.operations.event_log import RwsEvent
+from abb_protocols.rws.operations.motion import JointTarget
 from abb_protocols.rws.operations.rapid import TaskInfo
 from abb_protocols.rws.request import BUSY
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode

@@ -8,7 +8,8 @@ from itertools import count
 from types import MappingProxyType
 
 from abb_protocols.errors import SettingsError
-from abb_protocols.rws.values import SignalType, read_cfg, write_cfg
+from abb_protocols.rws.cfg_files import read_cfg, write_cfg
+from abb_protocols.rws.values import SignalType
 
 Value = str
 """Attributes are text, as in the file; their reader converts numbers."""

@@ -103,6 +103,9 @@ class InstructionBench:
             speed_ratio=lambda: self.speed_ratio,
             units=YUMI_UNITS,
             sync_points=sync_points or SyncPoints(),
+            is_motion_task=True,
+            robots=(self.unit,),
+            units_of_tasks={},
         )
         self.task = Task(side.task, self.host, library)
         self.inbox: list[bytes] = []

@@ -32,18 +32,16 @@ _WINDOW = 48  # poses that are solved together
 _SAME_CONFIGURATION = 0.02  # [rad] beside the border of a quarter turn or branch, where a position counts to both
 
 
-class Lost(YumiError):
+class PathLost(YumiError):
     """A path of poses cannot be followed.
 
     Attributes:
         index: the first pose that is not reached.
-        posture: the joint positions before it [rad].
     """
 
-    def __init__(self, index: int, posture: Joints) -> None:
+    def __init__(self, index: int) -> None:
         super().__init__(message("path_lost", pose=index))
         self.index = index
-        self.posture = posture
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,7 +111,7 @@ class KinematicArm(Chain):
             Joint positions [rad], (n, k); limits are not looked at.
 
         Raises:
-            Lost: the path goes out of reach, or through a singularity.
+            PathLost: the path goes out of reach, or through a singularity.
         """
         result = np.empty((len(points), self.joint_count))
         done, before = 0, np.array(start)
@@ -124,7 +122,7 @@ class KinematicArm(Chain):
             follows = is_reached & (steps < _LONGEST_STEP)
             count = len(found) if bool(follows.all()) else int(np.argmin(follows))
             if count == 0:
-                raise Lost(done, tuple(before.tolist()))
+                raise PathLost(done)
             result[done : done + count] = found[:count]
             before = found[count - 1]
             done += count

@@ -8,13 +8,13 @@ time.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, tau
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from abb_protocols.robot.joints import Vector
-from abb_protocols.robot.rotations import cross, rotation_vectors
+from abb_protocols.robot.rotations import cross, rotation_vectors, wrapped_angles
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Chain:
         reference, elbow = np.array(self.reference), axes[:, self.elbow]
         along = np.sum(elbow * line, 1)
         sine, cosine = np.sum(cross(line, reference) * elbow, 1), elbow @ reference - along * (line @ reference)
-        return wrapped(np.arctan2(sine, cosine) + pi / 2.0)
+        return wrapped_angles(np.arctan2(sine, cosine) + pi / 2.0)
 
     def missing(self, positions: Array, points: Array, rotations: Array, angles: Array) -> tuple[Array, Array]:
         """What is missing to poses of the end and arm angles, and how it shrinks with the joints.
@@ -107,14 +107,9 @@ class Chain:
         d_along = _along(d_elbow, line) + _along(d_line, elbow)
         d_x = d_elbow @ reference - d_along * along_reference - along * (d_line @ reference)
         slope = (x * d_y - y * d_x) / np.maximum(x * x + y * y, 1e-30)
-        missing.append(wrapped(angles - np.arctan2(y, x)[:, 0] - pi / 2.0)[:, None])
+        missing.append(wrapped_angles(angles - np.arctan2(y, x)[:, 0] - pi / 2.0)[:, None])
         rows = [np.swapaxes(d_tip, 1, 2), np.swapaxes(axes, 1, 2), slope[:, None]]
         return np.concatenate(missing, 1), np.concatenate(rows, 1)
-
-
-def wrapped(angles: Array) -> Array:
-    """Angles [rad] from -π to π."""
-    return np.asarray((angles + pi) % tau - pi)
 
 
 def _along(vectors: Array, direction: Array) -> Array:

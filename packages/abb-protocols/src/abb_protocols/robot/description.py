@@ -28,10 +28,6 @@ from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Pose, Side, Vector
 from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, foot_to_body
 
-FINGER_TRAVEL = 0.025
-FINGER_SPEED = 0.025
-FINGER_FORCE = 20.0
-
 
 @dataclass(frozen=True, slots=True)
 class Origin:

@@ -105,11 +105,6 @@ _CLOSING = frozenset(
 )
 
 
-def signed_speed(speed: float, state: ServoState) -> float:
-    """Speed of each finger, positive when opening [m/s]; the gripper itself reports only how fast."""
-    return -speed if state in _CLOSING else speed
-
-
 class GripOutcome(Enum):
     """How a gripper command ended; the value says it in words."""
 
@@ -228,11 +223,6 @@ def position_of(value: float) -> float:
     return value * _M_PER_COUNT
 
 
-def pressure_of(value: float) -> float:
-    """The pressure of ``hand_ActualPressure`` [Pa]."""
-    return value * _PA_PER_COUNT
-
-
 def speed_count(speed: float) -> int:
     """``hand_MaxSpeed`` of a speed [m/s]."""
     return round(speed / _M_PER_COUNT)
@@ -249,12 +239,13 @@ def read_gripper(value: Callable[[str], float], modules: GripperModules) -> Grip
         ProtocolError: it reports a state that no Smart Gripper has.
     """
     state = servo_state(value("hand_SysState"))
+    speed = value("hand_ActualSpeed") * _M_PER_COUNT  # the gripper reports only how fast
     return GripperState(
         state=state,
         error=int(value("hand_SysError")),
         is_calibrated=value("hand_StatusCalibrated") != 0,
         position=position_of(value("hand_ActualPosition")),
-        speed=signed_speed(value("hand_ActualSpeed") * _M_PER_COUNT, state),
+        speed=-speed if state in _CLOSING else speed,
         force=value("hand_HoldForce") * _N_PER_COUNT if state is ServoState.KEEP_OBJECT else 0.0,
         is_camera_linked=modules.has_camera and value("hand_StatusCamLinked") != 0,
         cups={channel: read_vacuum(value, channel) for channel in modules.vacuum_channels},
@@ -266,7 +257,7 @@ def read_vacuum(value: Callable[[str], float], channel: int) -> VacuumState:
     return VacuumState(
         sucks=value(f"hand_StatusVacuum{channel}") != 0,
         blows=value(f"hand_StatusBlowoff{channel}") != 0,
-        pressure=pressure_of(value(f"hand_ActualPressure{channel}")),
+        pressure=value(f"hand_ActualPressure{channel}") * _PA_PER_COUNT,
     )
 
 

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.chain import Chain, wrapped
+from abb_protocols.robot.chain import Chain
 from abb_protocols.robot.differential_kinematics import CONVERGED, posture_near, wrist_of, wrist_target
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joints
 from abb_protocols.robot.kinematics import (
@@ -55,7 +55,7 @@ from abb_protocols.robot.kinematics import (
     tool0_to_body,
     turn_between,
 )
-from abb_protocols.robot.rotations import cross
+from abb_protocols.robot.rotations import cross, wrapped_angles
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -352,7 +352,7 @@ def _polished(positions: Array, of: Rows, targets: _Targets) -> tuple[Array, Row
         return positions, of
     positions, errors = _polish(positions, targets.of(of))
     good = errors < CONVERGED
-    positions, of = wrapped(positions[good]), of[good]
+    positions, of = wrapped_angles(positions[good]), of[good]
     kept = _distinct(positions, of)
     return positions[kept], of[kept]
 
@@ -538,7 +538,7 @@ def _distinct(positions: Array, of: Rows) -> Rows:
     kept = []
     for rows in np.split(order, np.flatnonzero(np.diff(of[order])) + 1):
         own = positions[rows]
-        is_same = np.max(np.abs(wrapped(own[:, None] - own)), 2, initial=0.0) <= _SAME
+        is_same = np.max(np.abs(wrapped_angles(own[:, None] - own)), 2, initial=0.0) <= _SAME
         kept.append(rows[~np.any(np.tril(is_same, -1), 1)])
     return np.sort(np.concatenate(kept))
 

@@ -1,8 +1,8 @@
-"""Rotations as axis times angle and as matrices, and cross products: many at once, by NumPy."""
+"""Rotations as axis times angle and as matrices, angles within half a turn, cross products: many at once, by NumPy."""
 
 from __future__ import annotations
 
-from math import sqrt
+from math import pi, sqrt, tau
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,3 +50,8 @@ def rotations_about(vectors: Array) -> Array:
     cross -= np.swapaxes(cross, 1, 2)
     sine, versine = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
     return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
+
+
+def wrapped_angles(angles: Array) -> Array:
+    """Angles [rad] from -π to π."""
+    return np.asarray((angles + pi) % tau - pi)

@@ -15,12 +15,9 @@ from abb_protocols.robot.description import (
     BODY_SHAPES,
     CAMERA,
     CUPS,
-    FINGER_FORCE,
     FINGER_MASS,
     FINGER_ORIGINS,
     FINGER_SHAPES,
-    FINGER_SPEED,
-    FINGER_TRAVEL,
     FINGERTIPS,
     FLANGE_ORIGIN,
     GRIPPER_MASSES,
@@ -40,7 +37,7 @@ from abb_protocols.robot.description import (
     joint_1_origin,
     link_mass,
 )
-from abb_protocols.robot.gripper_values import GripperModules
+from abb_protocols.robot.gripper_values import MAX_FORCE, TOP_SPEED, TRAVEL, GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names, prefixed
 from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, quaternion_from_euler_zyx
 
@@ -120,7 +117,7 @@ def _gripper(side: Side, modules: GripperModules, meshes: str) -> Iterator[str]:
         yield from _frame(prefixed(f"gripper_{side.value}_{name}"), base, origin)
     first, second = finger_names(side)
     mimic = {second: f'<mimic joint="{first}" multiplier="1" offset="0"/>'}  # one motor drives both fingers
-    limit = limit_xml(0.0, FINGER_TRAVEL, FINGER_FORCE, FINGER_SPEED)
+    limit = limit_xml(0.0, TRAVEL, MAX_FORCE, TOP_SPEED)
     for name, origin in zip((first, second), FINGER_ORIGINS, strict=True):
         finger = "finger".join(name.rsplit("joint", 1))  # the last one: the prefix may have the word
         yield link_xml(finger, FINGER_MASS, _solids(FINGER_SHAPES), "abb_grey", _visuals("finger", meshes))

@@ -1,7 +1,6 @@
-"""Documents of Robot Web Services: pages, states and forms, and values read from them: signals, targets, events.
+"""Documents of Robot Web Services: forms, pages with their states, the XHTML they come in, and refusals read from it.
 
-From inside out: forms, pages with their states, the XHTML they come in (reference/rws.md §1, §3), and what the pages
-say to a client: typed values, or a refusal with ABB's code.
+From inside out (reference/rws.md §1, §3). What the states of a service mean is said beside its operations.
 
 A *state* is ABB's word for one thing shown: an ``<li>`` of XHTML, an object of ``_state`` in JSON. A controller answers
 with XHTML unless a client asks for JSON with ``json=1``. The client reads XHTML alone: the events of subscriptions come
@@ -15,11 +14,9 @@ from __future__ import annotations
 
 import builtins
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from math import radians
 from typing import TypeVar
 from urllib.parse import quote, unquote
 from xml.etree import ElementTree
@@ -27,8 +24,7 @@ from xml.etree.ElementTree import Element
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, ProtocolError
-from abb_protocols.robot.joints import Joints, Pose, chain_from_abb, joints
-from abb_protocols.rws.values import EventType, SignalType, meaning_of, name_of
+from abb_protocols.rws.values import code_meaning, code_name
 
 E = TypeVar("E", bound=Enum)
 
@@ -321,231 +317,6 @@ def _links(element: Element) -> tuple[RwsLink, ...]:
     return tuple(RwsLink(anchor.get("rel", ""), anchor.get("href", "")) for anchor in element.findall("a"))
 
 
-SixAxes = tuple[float, float, float, float, float, float]
-Configuration = tuple[int, int, int, int]
-
-EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
-"""Fields of the external axes in pages of the motion system."""
-
-_NOT_CONNECTED = 8.9e9  # 9E9 marks an external axis that does not exist; it is printed in several roundings
-_MM = 1e-3
-_VERSION = re.compile(r"\d+(\.\d+)+")
-_ROBOT = re.compile(r"IRB \d+\w*")  # of an option such as "IRB 120-3/0.6"
-
-
-@dataclass(frozen=True, slots=True)
-class SystemInfo:
-    """The controller's system, e.g. version (6, 13, 0, 0); a new installation of RobotWare has another ``id``."""
-
-    name: str
-    robotware: tuple[int, ...]
-    options: tuple[str, ...]
-    id: str = ""
-
-    @property
-    def version(self) -> str:
-        """Of RobotWare, as ABB writes it: ``6.13.0.0``."""
-        return ".".join(map(str, self.robotware))
-
-    @property
-    def robot(self) -> str:
-        """ABB's name of the robot without its variant, such as ``IRB 120``; empty where no option names one."""
-        names = (match[0] for option in self.options if (match := _ROBOT.match(option)))
-        return next(names, "")
-
-
-@dataclass(frozen=True, slots=True)
-class RwsSignal:
-    """One I/O signal and its logical value."""
-
-    name: str
-    type: SignalType
-    value: float
-
-
-@dataclass(frozen=True, slots=True)
-class CfgInstance:
-    """One instance of a configuration type, its attributes as text."""
-
-    name: str
-    attributes: Mapping[str, str]
-
-
-@dataclass(frozen=True, slots=True)
-class JointTarget:
-    """Where a mechanical unit stands: axes 1-6 and external axes [deg], None where there is no axis."""
-
-    robax_deg: SixAxes
-    extax_deg: tuple[float | None, ...]
-
-    def chain(self) -> Joints:
-        """The seven joints of a YuMi arm in chain order [rad].
-
-        Raises:
-            ProtocolError: the unit has no seventh axis.
-        """
-        axis_7_deg = self.extax_deg[0]
-        if axis_7_deg is None:
-            raise ProtocolError(message("unit_without_seventh_axis"))
-        return joints([radians(angle) for angle in chain_from_abb(self.robax_deg, axis_7_deg)])
-
-
-@dataclass(frozen=True, slots=True)
-class RobTarget:
-    """A position of the tool.
-
-    Attributes:
-        tool_to_object: of the tool in the work object, or as was asked for.
-        configuration: quarter turns of axes 1, 4 and 6, and ABB's cfx.
-        external: external axes [rad], None where there is no axis; of a YuMi's arm the first is the arm angle.
-    """
-
-    tool_to_object: Pose
-    configuration: Configuration
-    external: tuple[float | None, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class RwsEvent:
-    """One message of the event log.
-
-    Attributes:
-        number: of the message; it rises with each.
-        type: its weight.
-        code: ABB's number of the event.
-        time: the controller's local time as it prints it.
-        title: one line.
-        description: what happened, in ABB's words.
-        arguments: what the controller put into those words.
-    """
-
-    number: int
-    type: EventType
-    code: int
-    time: str
-    title: str
-    description: str
-    arguments: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class FileInfo:
-    """One entry of a directory; ``size`` [byte] is None for a directory."""
-
-    name: str
-    size: int | None
-
-
-def read_system(page: Page) -> SystemInfo:
-    """``/rw/system``."""
-    state = page.one("sys-system-li")
-    version = state.text("rwversionname")
-    if not _VERSION.fullmatch(version):
-        raise ProtocolError(message("version_not_numbers", version=version))
-    options = tuple(child.text("option") for each in page.of_type("sys-options-li") for child in each.children)
-    robotware = tuple(int(part) for part in version.split("."))
-    return SystemInfo(state.text("name"), robotware, options, state.fields.get("sysid", ""))
-
-
-def read_mastership(page: Page) -> str:
-    """``/rw/mastership/{domain}``: who holds it, unless that is this session."""
-    state = page.one("msh-resource")
-    if state.text("mastership") == "nomaster" or state.fields.get("mastershipheldbyme", "").upper() == "TRUE":
-        return ""
-    known = [text for name in ("application", "alias", "location") if (text := state.fields.get(name, ""))]
-    return ", ".join(known) or f"another client ({state.text('mastership')})"
-
-
-def read_symbol_type(page: Page) -> str:
-    """``/rw/rapid/symbol/properties``: the name of the RAPID type."""
-    for state in page.states:
-        if state.type.startswith("rap-symprop"):
-            return state.text("dattyp")
-    raise ProtocolError(message("answer_without_properties"))
-
-
-def read_signal(page: Page) -> RwsSignal:
-    """``/rw/iosystem/signals/{name}``."""
-    return signal_of(page.one("ios-signal", "ios-signal-li"))
-
-
-def signal_of(state: RwsState) -> RwsSignal:
-    """A signal, of whatever list."""
-    return RwsSignal(state.text("name"), state.member(SignalType, "type"), state.number("lvalue"))
-
-
-def read_signals(page: Page) -> Mapping[str, float]:
-    """``/rw/iosystem/signals``: the values by name; an entry without a valid value is left out."""
-    values: dict[str, float] = {}
-    for state in page.of_type("ios-signal-li"):
-        with suppress(ProtocolError):
-            values[state.text("name")] = state.number("lvalue")
-    return values
-
-
-def read_cfg_instances(page: Page) -> tuple[CfgInstance, ...]:
-    """``/rw/cfg/{domain}/{type}/instances``."""
-    return tuple(map(cfg_instance_of, page.of_type("cfg-dt-instance-li")))
-
-
-def cfg_instance_of(state: RwsState) -> CfgInstance:
-    """An instance with the attributes in its list."""
-    return CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
-
-
-def pose_of(state: RwsState) -> Pose:
-    """Out of ``x`` to ``q4``."""
-    x, y, z = (state.number(name) * _MM for name in "xyz")
-    w, i, j, k = (state.number(f"q{number}") for number in range(1, 5))
-    return Pose((x, y, z), (w, i, j, k))
-
-
-def rob_target_of(state: RwsState) -> RobTarget:
-    """A robtarget, as each of the services spells it."""
-    names = ("cf1", "cf4", "cf6", "cfx") if "cf1" in state.fields else ("j1", "j4", "j6", "jx")
-    one, four, six, x = (state.whole(name) for name in names)
-    external = [name for name in state.fields if name.startswith(("eax", "ej"))]
-    return RobTarget(pose_of(state), (one, four, six, x), _external_axes_of(state, external))
-
-
-def _external_axes_of(state: RwsState, names: Sequence[str]) -> tuple[float | None, ...]:
-    """External axes [rad]."""
-    found = [state.number(name) for name in names]
-    return tuple(None if angle > _NOT_CONNECTED else radians(angle) for angle in found)
-
-
-def joint_target_of(state: RwsState, robot: str, external: Sequence[str]) -> JointTarget:
-    """A jointtarget whose fields of the robot's axes begin with ``robot``."""
-    a1, a2, a3, a4, a5, a6 = (state.number(f"{robot}{axis}") for axis in range(1, 7))
-    found = [state.number(name) for name in external]
-    return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > _NOT_CONNECTED else angle for angle in found))
-
-
-EVENT_STATES = ("elog-message-li", "elog-message")
-"""The types of states that show an event."""
-
-
-def read_events(page: Page) -> tuple[RwsEvent, ...]:
-    """``/rw/elog/{domain}``, in the controller's order."""
-    return tuple(map(read_event, page.of_type(*EVENT_STATES)))
-
-
-def read_event(state: RwsState) -> RwsEvent:
-    """The event that a state shows."""
-    number = state.title.rpartition("/")[2]
-    if not number.isdecimal():
-        raise ProtocolError(message("event_without_number", title=state.title))
-    return RwsEvent(
-        number=int(number),
-        type=member(EventType, state.whole("msgtype")),
-        code=state.whole("code"),
-        time=state.text("tstamp"),
-        title=state.text("title"),
-        description=state.text("desc"),
-        arguments=tuple(argument.value for argument in state.arguments),
-    )
-
-
 def refusal(address: str, what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:
     """The error for a response of ``address`` that refuses; ``what`` is the request in a few words."""
     try:
@@ -553,9 +324,9 @@ def refusal(address: str, what: str, status: int, content_type: str, body: bytes
     except ProtocolError:  # a body of another kind, which gateways and old versions send
         said = message("rws_refused_without_code", address=address, what=what, status=status)
         return ControllerRefused(said, status=status)
-    reason = meaning_of(known.code)
+    reason = code_meaning(known.code)
     if reason is None:
         reason = message("text", text=known.message) if known.message else message("rws_no_reason")
-    name = f"{name_of(known.code)} {known.code}".strip()
+    name = f"{code_name(known.code)} {known.code}".strip()
     said = message("rws_refused", address=address, what=what, reason=reason, status=status, name=name)
     return ControllerRefused(said, status=status, code=known.code)

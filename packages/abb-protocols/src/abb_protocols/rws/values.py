@@ -1,33 +1,15 @@
-"""Values of Robot Web Services: enumerations, grants, return codes, subscribed resources, RAPID values, cfg files.
+"""Values of Robot Web Services: enumerations, grants, return codes and their meaning, subscribed resources.
 
-States are spelled as on the wire (reference/rws.md §5-6), return codes as in ABB's table (§3.4-3.5). RAPID values are
-literals without blanks (§6.5):
-
-========== ==================== ==========================
-RAPID      Python               text
-========== ==================== ==========================
-num, dnum  float                ``0.5``  ``-1E-05``  ``9E+09``
-bool       bool                 ``TRUE``  ``FALSE``
-string     str                  ``"say ""hi"" to it"``
-record     tuple of values      ``[TRUE,1,[0,0,0]]``
-array      tuple of values      ``[1,2,3]``
-========== ==================== ==========================
-
-The system parameters of one domain are text in a cfg file. It begins with domain and version, such as
-``SIO:CFG_1.0:6:1::``; then come types (``COM_TRP:``), each with its instances, one a line, which a backslash continues.
-An attribute without a value is a flag that is set.
+States are spelled as on the wire (reference/rws.md §5-6), return codes as in ABB's table (§3.4-3.5).
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from math import isfinite
 
 from abb_protocols.catalogue import Message, clause, message, remedy_of
-from abb_protocols.errors import CommandRefused, ProtocolError, SettingsError
 
 # A login: the realm of the digest, and the cookies a session is kept by (reference/rws.md §2.1-2.2).
 REALM = "validusers@robapi.abb"
@@ -417,189 +399,17 @@ _MEANINGS: Mapping[int | None, Message] = {
 }
 
 
-def name_of(code: int) -> str:
+def code_name(code: int) -> str:
     """ABB's name of ``code``, or "" for one we do not know."""
     return next((known.name for known in RwsCode if known == code), "")
 
 
-def meaning_of(code: int | None) -> Message | None:
+def code_meaning(code: int | None) -> Message | None:
     """What ``code`` means and what to do about it, or None when we have no words of our own for it."""
     return _MEANINGS.get(code)
 
 
 def code_sentence(code: int | None) -> str | None:
     """The same as a text, as the virtual controller describes its return codes."""
-    meaning = meaning_of(code)
+    meaning = code_meaning(code)
     return None if meaning is None else "; ".join(filter(None, (clause(meaning), remedy_of(meaning))))
-
-
-RapidValue = float | bool | str | tuple["RapidValue", ...]
-
-_MAX_DEPTH = 64  # RAPID nests far less; a hostile text must not exhaust the stack
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_STRING = re.compile(r'"((?:[^"]|"")*)"')
-_ESCAPE = re.compile(r'"(")|\\(\\)|\\([0-9A-Fa-f]{2})')
-
-
-def encode(value: RapidValue) -> str:
-    """The literal of ``value``.
-
-    Raises:
-        CommandRefused: a number is not finite; RAPID has no such value.
-    """
-    if isinstance(value, bool):
-        return "TRUE" if value else "FALSE"
-    if isinstance(value, (int, float)):
-        return _encode_number(float(value))
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '""') + '"'
-    return f"[{','.join(map(encode, value))}]"
-
-
-def decode(text: str) -> RapidValue:
-    """The value of a literal; blanks around its parts are allowed.
-
-    Raises:
-        ProtocolError: it is not a literal.
-    """
-    return _decode(text, 0)
-
-
-def split(text: str) -> tuple[str, ...]:
-    """The parts of a record or array: split at the commas of depth 0 that are not in a string.
-
-    Raises:
-        ProtocolError: the brackets or quotes do not close.
-    """
-    inner = text.strip()
-    if not (inner.startswith("[") and inner.endswith("]")):
-        raise ProtocolError(message("rapid_value_without_brackets", text=text))
-    parts, depth, start, in_string = [], 0, 1, False
-    for index, character in enumerate(inner[:-1]):
-        if character == '"':
-            in_string = not in_string
-        elif not in_string:
-            depth += (character == "[") - (character == "]")
-            if character == "," and depth == 1:
-                parts.append(inner[start:index].strip())
-                start = index + 1
-    if depth != 1 or in_string:
-        raise ProtocolError(message("rapid_value_not_closed", text=text))
-    last = inner[start:-1].strip()
-    return (*parts, last) if parts or last else ()
-
-
-def _encode_number(value: float) -> str:
-    """The number as the controller prints it: 9000000000 is 9E+09."""
-    if not isfinite(value):
-        raise CommandRefused(message("rapid_number_not_finite", value=str(value)))
-    mantissa, _, exponent = repr(value).upper().partition("E")
-    digits = mantissa.removesuffix(".0")
-    if exponent:
-        return f"{digits}E{exponent}"
-    significant = digits.lstrip("-").rstrip("0")
-    places = len(digits.lstrip("-")) - 1
-    if "." in digits or places < 7 or len(significant) != 1:
-        return digits
-    return f"{'-' if digits.startswith('-') else ''}{significant}E+{places:02d}"
-
-
-def _decode(text: str, depth: int) -> RapidValue:
-    if depth > _MAX_DEPTH:
-        raise ProtocolError(message("rapid_value_nested_too_deeply"))
-    word = text.strip()
-    if word.startswith("["):
-        return tuple(_decode(part, depth + 1) for part in split(word))
-    if match := _STRING.fullmatch(word):
-        # A doubled quote or backslash, or the character of a two-digit code.
-        return _ESCAPE.sub(lambda escape: escape[1] or escape[2] or chr(int(escape[3], 16)), match[1])
-    if word.upper() in ("TRUE", "FALSE"):
-        return word.upper() == "TRUE"
-    if _NUMBER.fullmatch(word):
-        return float(word)
-    raise ProtocolError(message("rapid_value_unreadable", text=text))
-
-
-FLAG = "TRUE"
-"""Value of an attribute of a cfg file that stands without one."""
-
-# A flag has no value: what follows it is the next attribute, unless it is a negative number.
-_ATTRIBUTE = re.compile(r'-(\w+)(?:\s+("[^"]*"|-[\d.]\S*|[^\s"-]\S*))?')
-_LONGEST_LINE = 100
-_UNSET = {"", "false", "no"}
-_SET = {"true", "yes"}
-
-
-@dataclass(frozen=True, slots=True)
-class CfgFile:
-    """The content of a cfg file.
-
-    Attributes:
-        header: its first line.
-        instances: type and attributes of each, in their order; the values are text.
-    """
-
-    header: str
-    instances: tuple[tuple[str, Mapping[str, str]], ...]
-
-    @property
-    def domain(self) -> str:
-        """Such as ``EIO``."""
-        return self.header.partition(":CFG_")[0]
-
-
-def stated(attributes: Mapping[str, str]) -> dict[str, str]:
-    """What a file has to state of an instance: without flags that are not set and attributes that are empty.
-
-    Args:
-        attributes: as Robot Web Services list them: all that its type has, those with their default values, too.
-    """
-    return {
-        name: FLAG if value.strip().lower() in _SET else value
-        for name, value in attributes.items()
-        if value.strip().lower() not in _UNSET
-    }
-
-
-def read_cfg(text: str) -> CfgFile:
-    """The instances in a cfg file.
-
-    Raises:
-        SettingsError: the text is not a cfg file.
-    """
-    # Lines that are not empty or comments; those that end in a backslash are joined with the next.
-    joined = (line.strip() for line in re.sub(r"\\\s*\n", " ", text).splitlines())
-    lines = [line for line in joined if line and not line.startswith("#")]
-    header = lines[0] if lines else ""
-    if ":CFG_" not in header:
-        raise SettingsError(message("cfg_file_without_domain", header=header))
-    type_name, instances = "", []
-    for line in lines[1:]:
-        if line.endswith(":") and not line.startswith("-"):
-            type_name = line[:-1]
-        else:
-            found = _ATTRIBUTE.findall(line)
-            instances.append((type_name, {name: value.strip('"') if value else FLAG for name, value in found}))
-    return CfgFile(header, tuple(instances))
-
-
-def write_cfg(header: str, instances: Iterable[tuple[str, Mapping[str, str]]]) -> str:
-    """A cfg file; instances of one type come together, in the order of their types' first."""
-    by_type: dict[str, list[Mapping[str, str]]] = {}
-    for type_name, attributes in instances:
-        by_type.setdefault(type_name, []).append(attributes)
-    lines = [header]
-    for type_name, entries in by_type.items():
-        lines += ["#", f"{type_name}:"]
-        for attributes in entries:
-            line = "     "
-            lines.append("")
-            for name, value in attributes.items():
-                plain = value if _NUMBER.fullmatch(value) else f'"{value}"'
-                word = f"-{name}" if value == FLAG else f"-{name} {plain}"
-                if len(line) + len(word) > _LONGEST_LINE:
-                    lines.append(f"{line} \\")
-                    line = "     "
-                line += f" {word}"
-            lines.append(line)
-    return "\n".join(lines) + "\n"

@@ -27,8 +27,7 @@ import httpx
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
-from abb_protocols.rws import documents
-from abb_protocols.rws.documents import Form, Page, Pairs, RwsState, SystemInfo, decode_form, read_page
+from abb_protocols.rws.documents import Form, Page, Pairs, RwsState, decode_form, read_page
 from abb_protocols.rws.operations import io, mastership, panel, rapid, symbols
 from abb_protocols.rws.operations import subscriptions as table
 from abb_protocols.rws.operations.configuration import ConfigurationService
@@ -45,7 +44,7 @@ from abb_protocols.rws.operations.queues import QueuesService
 from abb_protocols.rws.operations.rapid import RapidService
 from abb_protocols.rws.operations.service import OnProgress, request
 from abb_protocols.rws.operations.symbols import SymbolsService
-from abb_protocols.rws.operations.system import SYSTEM, SystemService
+from abb_protocols.rws.operations.system import SYSTEM, SystemInfo, SystemService, read_system
 from abb_protocols.rws.operations.users import LOGOUT, UsersService
 from abb_protocols.rws.request import BUSY, RwsRequest
 from abb_protocols.rws.values import PROTOCOL, Priority, Resource, RwsCode
@@ -128,7 +127,7 @@ class RwsClient(
             if not self._session.is_open and reply.status_code != BUSY:
                 reason = message("answers_without_session", status=reply.status_code)
                 raise self._session.not_a_controller(reason)
-            return documents.read_system(self._page(reply, "reading the system"))
+            return read_system(self._page(reply, "reading the system"))
         except YumiError:
             self._session.close()
             raise

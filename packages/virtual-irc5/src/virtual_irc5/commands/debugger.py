@@ -21,7 +21,7 @@ from abb_protocols.rws.values import (
     Step,
     SymbolKind,
     TaskExecution,
-    meaning_of,
+    code_meaning,
 )
 from abb_runtime.clock import Clock, SystemClock, comes_true
 from abb_runtime.rws.client import RwsClient
@@ -163,7 +163,7 @@ class Debugger(cmd.Cmd):
                 return self._no_pointer
             if others := [each for each in self._selected() if each not in with_pointer]:
                 return message("tasks_without_pointer", tasks=tuple(others))
-        reason = meaning_of(error.code) or message("event_log_may_tell")
+        reason = code_meaning(error.code) or message("event_log_may_tell")
         return message("controller_refuses_it", reason=reason)
 
     @property
@@ -406,42 +406,45 @@ class Debugger(cmd.Cmd):
         block, slash, name = argument.rpartition("/")
         if slash:
             return block, name
+        module = self._module()
+        own = {key.lower(): each for key, each in self._locals().items()}
+        return own.get(name.partition("{")[0].lower(), module), name
+
+    def _module(self) -> str:
+        """The module of the routine that is executed."""
         module = next(self._frames(), ("", "", 0))[0]
         if not module:
             raise CommandRefused(message("datum_needs_module", reason=self._no_pointer))
-        own = {key.lower(): each for key, each in self._locals().items()}
-        return own.get(name.partition("{")[0].lower(), module), name
+        return module
 
     def do_print(self, argument: str) -> None:
         """Print [NAME]: a datum of the routine that is executed or of its module, or MODULE/NAME; alone, all."""
         if argument:
             self._print(*self._find(argument))
             return
-        module = next(self._frames(), ("", "", 0))[0]
-        if not module:
-            raise CommandRefused(message("datum_needs_module", reason=self._no_pointer))
+        module = self._module()
         found = self._locals()
         for name, block in [*found.items(), *((each, module) for each in self._data(module))]:
             self._print(block, name)
 
     def _print(self, block: str, name: str) -> None:
-        with self._known(block, name):
+        with self._existing(block, name):
             self._say(f"{name} = {self._client.symbol(self._task, block, name)}")
 
     @contextmanager
-    def _known(self, block: str, name: str) -> Iterator[None]:
-        """Say in our words that the controller has no such datum."""
+    def _existing(self, block: str, name: str) -> Iterator[None]:
+        """Say where a datum is missing that the controller does not find meanwhile."""
         try:
             yield
         except ControllerRefused as error:
             if error.code not in _NO_SYMBOL:
                 raise
             module, routine, _ = next(self._frames(), ("", "", 0))
-            raise CommandRefused(
-                message("no_datum_in_routine", name=name, module=module, routine=routine)
-                if module.lower() == block.lower()
-                else message("no_datum", name=name, block=block)
-            ) from error
+            if module.lower() == block.lower():
+                said = message("no_datum_in_routine", name=name, module=module, routine=routine)
+            else:
+                said = message("no_datum", name=name, block=block)
+            raise CommandRefused(said) from error
 
     def _data(self, module: str) -> list[str]:
         form = (("view", "block"), ("blockurl", f"RAPID/{self._task}/{module}"), ("symtyp", "var,per,con"))
@@ -455,7 +458,7 @@ class Debugger(cmd.Cmd):
         if not literal:
             raise CommandRefused(message("datum_and_value_expected"))
         block, name = self._find(target)
-        with self._known(block, name):
+        with self._existing(block, name):
             found = self._client.symbol_properties(self._task, block, name)
         if found.is_read_only:
             raise CommandRefused(

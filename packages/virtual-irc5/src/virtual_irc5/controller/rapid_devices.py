@@ -18,11 +18,6 @@ from virtual_irc5.rapid.states import Severity
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.system_parameters import SystemConfiguration, SystemParameters
 
-_EVENT_TYPES = {
-    Severity.ERROR: EventType.ERROR,
-    Severity.WARNING: EventType.WARNING,
-    Severity.INFORMATION: EventType.INFORMATION,
-}
 _BIT_RANGE = re.compile(r"(\d+)(?:\s*-\s*(\d+))?")
 _MOST_BITS = 32
 """Of a group signal."""
@@ -171,7 +166,7 @@ def rapid_devices(
     """What all tasks of a controller share; it has no network until one is given to it."""
 
     def log(number: int, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
-        events.append(number, title, text, _EVENT_TYPES[severity], arguments=arguments)
+        events.append(number, title, text, EventType(severity.value), arguments=arguments)
 
     devices = Devices(
         RapidDisk(files),
@@ -197,8 +192,7 @@ def rapid_devices(
     )
 
     def show(event: ControllerLogEvent) -> None:
-        severity = next(severity for severity, type_ in _EVENT_TYPES.items() if type_ is event.type)
-        number = event.code % 10_000
+        number, severity = event.code % 10_000, Severity(event.type.value)
         logged = LoggedEvent(event.domain, number, severity, event.title, event.description, event.arguments)
         for watcher in tuple(devices.watchers):
             watcher(logged)

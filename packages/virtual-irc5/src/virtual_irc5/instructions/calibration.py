@@ -13,6 +13,7 @@ from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
 from virtual_irc5.instructions.moves import FATAL, MOVES, MoveInstructions
 from virtual_irc5.instructions.robot_data import NOT_PRESENT, chain_from_jointtarget, unit_quaternion
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
+from virtual_irc5.rapid.builtins.maths import fitted_circle
 
 Array = NDArray[np.float64]
 
@@ -57,9 +58,8 @@ class CalibrationInstructions:
         """The tool's point from four jointtargets that bring it to one place."""
         self._check_hold(call, is_held=True)
         places = [self._place(call[f"Pos{number}"]) for number in range(1, 5)]
-        tip, _, errors = _common_point(call, places)
+        tip, _ = _common_point(call, places)
         self._set_tool(call, trans=tip)
-        call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
 
     @CALIBRATION.instruction("SToolTCPCalib", f"{_four('robtarget')}, INOUT tooldata Tool, {_ERRORS}")
     def fixed_tool_point(self, call: Call) -> None:
@@ -67,9 +67,8 @@ class CalibrationInstructions:
         self._check_hold(call, is_held=False)
         targets = [call[f"Pos{number}"] for number in range(1, 5)]
         places = [(np.array(target.trans), matrix(unit_quaternion(target.rot))) for target in targets]
-        _, point, errors = _common_point(call, places)
+        _, point = _common_point(call, places)
         self._set_tool(call, trans=point)
-        call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
 
     @CALIBRATION.instruction("MToolRotCalib", _frame("jointtarget"))
     def moving_tool_rotation(self, call: Call) -> None:
@@ -192,12 +191,11 @@ class CalibrationInstructions:
         xx, _, _, yy, _, zz = payload.inertia
         centre = tool.tload.cog._make(value * 1e3 for value in payload.centre)
         call["Tool"] = tool._replace(tload=tool.tload._replace(mass=payload.mass, cog=centre, ix=xx, iy=yy, iz=zz))
-        if call.present("Accuracy"):
-            call["Accuracy"] = 100.0
+        call.give("Accuracy", 100.0)
 
 
-def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
-    """The point of tool0 that is in one place at all positions, that place, and the distances from it [mm]."""
+def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """The point of tool0 that is in one place at all positions, and that place; writes the distances from it [mm]."""
     rows = np.concatenate([np.hstack([rotation, -np.eye(3)]) for _, rotation in places])
     wanted = -np.concatenate([point for point, _ in places])
     solution, _, rank, values = np.linalg.lstsq(rows, wanted, rcond=_LOWEST_RATIO)
@@ -206,7 +204,8 @@ def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Ar
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
     tip, place = solution[:3], solution[3:]
     errors = np.array([np.linalg.norm(point + rotation @ tip - place) for point, rotation in places])
-    return tip, place, errors
+    call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
+    return tip, place
 
 
 def _axes(call: Call, z: Array, x: Array) -> Any:
@@ -235,17 +234,10 @@ def _chosen_targets(call: Call) -> Sequence[Any]:
 def _axis_frame(call: Call, targets: Sequence[Any], sense: Any) -> Any:
     """The frame of the circle through targets: z the axis, x through the first one; writes the errors [mm]."""
     points = np.array([target.trans for target in targets])
-    middle = points.mean(axis=0)
-    axes = np.linalg.svd(points - middle)[2]
-    flat = (points - middle) @ axes[:2].T
-    equations = np.column_stack([2.0 * flat, np.ones(len(points))])
-    if np.linalg.matrix_rank(equations, tol=_SHORTEST_MM) < 3:
+    circle = fitted_circle(points, _SHORTEST_MM)
+    if circle is None:
         raise RapidRuntimeError("ERR_FRAME", f"{call.name}: the targets are in a line, or too near to each other.")
-    x, y, rest = np.linalg.lstsq(equations, (flat**2).sum(axis=1), rcond=None)[0]
-    centre, normal = middle + x * axes[0] + y * axes[1], axes[2]
+    centre, _, normal, errors = circle
     normal = normal if sense(centre, normal) >= 0.0 else -normal
-    errors = np.hypot(
-        np.hypot(flat[:, 0] - x, flat[:, 1] - y) - np.sqrt(rest + x * x + y * y), (points - middle) @ normal
-    )
     call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
     return tuple(centre.tolist()), _axes(call, normal, points[0] - centre)

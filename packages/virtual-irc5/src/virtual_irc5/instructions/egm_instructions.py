@@ -12,16 +12,17 @@ import numpy as np
 
 from abb_protocols.egm.codec import PartialJoints
 from abb_protocols.errors import RobotNotReady
-from abb_protocols.robot.joints import JOINT_COUNT
+from abb_protocols.robot.joints import JOINT_COUNT, Pose
 from abb_protocols.robot.kinematics import compose
 from abb_protocols.rws.values import EventType
 from virtual_irc5.instructions.moves import MOVES, SPEED, MoveInstructions, check_may_move, standing
 from virtual_irc5.instructions.path_corrections import PathCorrections
-from virtual_irc5.instructions.robot_data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
+from virtual_irc5.instructions.robot_data import FRAME_TYPES, pose_from_rapid, wobj_from_rapid
 from virtual_irc5.mechanics.egm_client import EgmOutcome
 from virtual_irc5.mechanics.egm_motion import Band, EgmActivation, EgmRun, EgmStopMode, ExternalMotionData
 from virtual_irc5.mechanics.path import Offset, Passage
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
+from virtual_irc5.rapid.types import raised_as
 from virtual_irc5.system_parameters import SystemConfiguration
 
 MOST_IDENTITIES = 4
@@ -59,6 +60,15 @@ def _from_signals(type_name: str, kind: str) -> str:
     return (
         rf"mecunit MecUnit, {_IDENTITY}, string ExtConfigName, \switch Joint | \switch Pose | \switch PathCorr, "
         rf"\switch APTR | \switch LATR{inputs}"
+    )
+
+
+def _frames(call: Call) -> tuple[Pose | None, Pose | None]:
+    """Tool and work object of a call, None where they are left out."""
+    tool, wobj = call.get("Tool"), call.get("WObj")
+    return (
+        None if tool is None else pose_from_rapid(tool.tframe),
+        None if wobj is None else wobj_from_rapid(wobj),
     )
 
 
@@ -194,14 +204,10 @@ class EgmInstructions:
     def act_joint(self, call: Call) -> None:
         r"""The settings of the runs that follow; with \StreamStart positions are sent at once."""
         self._check_guidance(call, Guidance.JOINTS)
-        tool, wobj = call.get("Tool"), call.get("WObj")
+        tool, wobj = _frames(call)
         bands_deg: list[Band] = [call.get(axis, _DEFAULT_BAND_DEG) for axis in _AXES[: self._count]]
-        axes = EgmActivation(
-            tool=None if tool is None else pose_from_rapid(tool.tframe),
-            wobj=None if wobj is None else wobj_from_rapid(wobj),
-            cond_min_max=self._ordered([(radians(low), radians(high)) for low, high in bands_deg]),
-        )
-        self._activate(call, axes)
+        bands = self._ordered([(radians(low), radians(high)) for low, high in bands_deg])
+        self._activate(call, EgmActivation(tool=tool, wobj=wobj, cond_min_max=bands))
 
     def _check_guidance(self, call: Call, needed: Guidance) -> None:
         """Refuse an instruction for something else than EGMSetupUC has chosen."""
@@ -217,7 +223,7 @@ class EgmInstructions:
 
     def _ordered(self, axes: Sequence[Any]) -> tuple[Any, ...]:
         """One thing per axis in chain order."""
-        return chain_order(axes) if self._count == JOINT_COUNT else tuple(axes)
+        return tuple(axes[number - 1] for number in self._motion.arm.kinematics.axes)
 
     @EGM.instruction(
         "EGMActPose",
@@ -231,24 +237,17 @@ class EgmInstructions:
         CorrFrame is about corrections of a path, and changes nothing.
         """
         self._check_guidance(call, Guidance.POSES)
-        tool, wobj = call.get("Tool"), call.get("WObj")
-        tool_pose = None if tool is None else pose_from_rapid(tool.tframe)
-        wobj_pose = None if wobj is None else wobj_from_rapid(wobj)
+        tool, wobj = _frames(call)
         frame = pose_from_rapid(call["SensorFrame"])
         kind = FRAME_TYPES[int(call["SensorFrType"])]
-        if kind == "WOBJ" and wobj_pose is not None:
-            frame = compose(wobj_pose, frame)
+        if kind == "WOBJ" and wobj is not None:
+            frame = compose(wobj, frame)
         elif kind == "TOOL":
-            frame = compose(self._unit.arm.tool_pose(self._unit.arm.planned, tool_pose), frame)
-        bands = [call.get(each, (-0.5, 0.5)) for each in _DIRECTIONS]
+            frame = compose(self._unit.arm.tool_pose(self._unit.arm.planned, tool), frame)
+        in_rapid = [call.get(each, (-0.5, 0.5)) for each in _DIRECTIONS]
         scales = [1e-3] * 3 + [radians(1.0)] * 3
-        axes = EgmActivation(
-            tool=tool_pose,
-            wobj=wobj_pose,
-            frame=frame,
-            cond_min_max=tuple((low * s, high * s) for (low, high), s in zip(bands, scales, strict=True)),
-        )
-        self._activate(call, axes)
+        bands = tuple((low * s, high * s) for (low, high), s in zip(in_rapid, scales, strict=True))
+        self._activate(call, EgmActivation(tool=tool, wobj=wobj, frame=frame, cond_min_max=bands))
 
     @EGM.instruction("EGMActMove", rf"{_IDENTITY}, pose SensorFrame, \num SampleRate")
     def act_move(self, call: Call) -> None:
@@ -399,7 +398,5 @@ class EgmInstructions:
         yield from standing(self._unit.arm)
 
     def _do(self, action: Callable[[], None]) -> None:
-        try:
+        with raised_as(FATAL, RobotNotReady):
             action()
-        except RobotNotReady as error:
-            raise RapidRuntimeError(FATAL, str(error)) from error

@@ -1,4 +1,4 @@
-"""RAPID's measurements of one arm: joint data, test signals, counters of axes, the length of the path."""
+"""RAPID's measurements of one arm: joint data, torques, test signals, counters of axes, the length of the path."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import degrees, dist
 
-from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, abb_from_chain
+from abb_protocols.robot.joints import Joints, Pose, Side
 from abb_protocols.robot.kinematics import compose
-from virtual_irc5.instructions.robot_data import ROBOT_DATA, pose_from_rapid
+from virtual_irc5.instructions.robot_data import ROBOT_DATA, axis_index, pose_from_rapid
 from virtual_irc5.mechanics.dynamics import ArmDynamics
 from virtual_irc5.mechanics.units import ArmUnit, unit_of
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError
@@ -57,8 +57,8 @@ class MeasurementInstructions:
         self._robots = robots
         self._dynamics: dict[Side, ArmDynamics] = {}
         self._channels: dict[int, Channel] = {}
-        self._moved: tuple[float, ...] = ()  # of each axis since it was reset [rad], (7,) in chain order
-        self._moving_time: tuple[float, ...] = ()  # [s]
+        self._moved: list[float] = []  # of each axis since it was reset [rad], (7,) in chain order
+        self._moving_time: list[float] = []  # [s]
         self._observed_at = 0.0
         self._observed: Joints | None = None
         self._way = 0.0  # of the tool's point [m]
@@ -68,27 +68,27 @@ class MeasurementInstructions:
 
     def _axis(self, call: Call, name: str) -> int:
         """Index in chain order of an axis in ABB's numbering."""
-        number, count = call[name], self._unit.arm.kinematics.joint_count
-        if number != int(number) or not 1 <= number <= count:
-            raise RapidRuntimeError(
-                "ERR_AXIS_PAR", f"{call.name}: the robot has the axes 1 to {count}, not {number:g}."
-            )
-        if count < JOINT_COUNT:
-            return int(number) - 1
-        robax, eax_a = abb_from_chain((0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
-        return int((*robax, eax_a)[int(number) - 1])
+        return axis_index(call, name, self._unit.arm.kinematics)
 
     def _named(self, call: Call, name: str = "MechUnit") -> ArmUnit:
         """The arm whose mechanical unit the call names, the task's own without one."""
         return unit_of(call[name].name, self._unit, self._robots) if call.present(name) else self._unit
 
-    def _torque(self, call: Call, index: int, unit: ArmUnit) -> float:
-        arm = unit.arm
-        if not arm.kinematics.is_of_yumi:
+    def _dynamics_of(self, call: Call, unit: ArmUnit) -> ArmDynamics:
+        if not unit.arm.kinematics.is_of_yumi:
             raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the torques of this robot are not known.")
         if unit.side not in self._dynamics:
             self._dynamics[unit.side] = unit.dynamics
-        return self._dynamics[unit.side].torque(arm.position, arm.velocity)[index]
+        return self._dynamics[unit.side]
+
+    def _torque(self, call: Call, index: int, unit: ArmUnit) -> float:
+        return self._dynamics_of(call, unit).torque(unit.arm.position, unit.arm.velocity)[index]
+
+    @MEASUREMENTS.function("GetMotorTorque", r"\mecunit MecUnit, num AxisNo", "num")
+    def motor_torque(self, call: Call) -> float:
+        """Of an axis [N m]: what holds the arm where it is."""
+        unit = self._named(call, "MecUnit")
+        return self._dynamics_of(call, unit).torque(unit.arm.position)[self._axis(call, "AxisNo")]
 
     @MEASUREMENTS.instruction(
         "GetJointData",
@@ -98,14 +98,11 @@ class MeasurementInstructions:
         """Position [deg], speed [deg/s], torque [N m] and external torque of an axis, which is none."""
         index, unit = self._axis(call, "Axis"), self._named(call)
         arm = unit.arm
-        if call.present("Position"):
-            call["Position"] = degrees(arm.position[index])
-        if call.present("Speed"):
-            call["Speed"] = degrees(arm.velocity[index])
+        call.give("Position", degrees(arm.position[index]))
+        call.give("Speed", degrees(arm.velocity[index]))
         if call.present("Torque"):
             call["Torque"] = self._torque(call, index, unit)
-        if call.present("ExtTorque"):
-            call["ExtTorque"] = 0.0
+        call.give("ExtTorque", 0.0)
 
     @MEASUREMENTS.function("ReadMotor", r"\mecunit MecUnit, num Axis", "num")
     def motor_angle(self, call: Call) -> float:
@@ -171,17 +168,16 @@ class MeasurementInstructions:
         dt, self._observed, self._observed_at = now - self._observed_at, position, now
         if before is None or dt <= 0.0:
             return
-        steps = [abs(a - b) for a, b in zip(position, before, strict=True)]
-        self._moved = tuple(total + step for total, step in zip(self._moved, steps, strict=True))
-        self._moving_time = tuple(
-            total + (dt if step > _STANDING * dt else 0.0) for total, step in zip(self._moving_time, steps, strict=True)
-        )
+        for axis, (a, b) in enumerate(zip(position, before, strict=True)):
+            self._moved[axis] += abs(a - b)
+            self._moving_time[axis] += dt if abs(a - b) > _STANDING * dt else 0.0
 
     def _counting(self, call: Call) -> int:
         """The axis of a call, whose counters run from the first call on."""
         index = self._axis(call, "AxisNo")
         if not self._moved:
-            self._moved = self._moving_time = (0.0,) * self._unit.arm.kinematics.joint_count
+            for totals in (self._moved, self._moving_time):
+                totals.extend([0.0] * self._unit.arm.kinematics.joint_count)
             self._observed, self._observed_at = self._unit.arm.position, call.task.now
             task = call.task
             self._unit.observers[f"counters of axes of {task.name}"] = lambda: self._count(task.now)
@@ -190,24 +186,20 @@ class MeasurementInstructions:
     @MEASUREMENTS.function("GetAxisDistance", _AXIS, "num")
     def axis_distance(self, call: Call) -> float:
         """How far an axis has turned since it was reset [deg]."""
-        index = self._counting(call)
-        return degrees(self._moved[index])
+        return degrees(self._moved[self._counting(call)])
 
     @MEASUREMENTS.function("GetAxisMoveTime", _AXIS, "num")
     def axis_time(self, call: Call) -> float:
         """How long it has moved [s]."""
-        index = self._counting(call)
-        return self._moving_time[index]
+        return self._moving_time[self._counting(call)]
 
     @MEASUREMENTS.instruction("ResetAxisDistance", _AXIS)
     def reset_distance(self, call: Call) -> None:
-        index = self._counting(call)
-        self._moved = (*self._moved[:index], 0.0, *self._moved[index + 1 :])
+        self._moved[self._counting(call)] = 0.0
 
     @MEASUREMENTS.instruction("ResetAxisMoveTime", _AXIS)
     def reset_time(self, call: Call) -> None:
-        index = self._counting(call)
-        self._moving_time = (*self._moving_time[:index], 0.0, *self._moving_time[index + 1 :])
+        self._moving_time[self._counting(call)] = 0.0
 
     # The path -----------------------------------------------------------------------------------------------------
 

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
-from abb_protocols.robot.joints import JOINT_COUNT, abb_from_chain
 from virtual_irc5.instructions.robot_data import ROBOT_DATA
-from virtual_irc5.mechanics.units import ArmUnit, MechanicalUnit, unit_of
+from virtual_irc5.mechanics.units import ArmUnit, MechanicalUnit
 from virtual_irc5.rapid import Call, Library
 from virtual_irc5.rapid.task import task_of
 from virtual_irc5.rapid.types import UNSET, RapidRuntimeError
@@ -19,8 +18,8 @@ UNITS = Library(ROBOT_DATA)
 class UnitInstructions:
     """The instructions of one task about the robot and its settings."""
 
-    def __init__(self, unit: ArmUnit, units: Sequence[MechanicalUnit], robots: Sequence[ArmUnit]) -> None:
-        self._unit, self._units, self._robots = unit, units, robots
+    def __init__(self, unit: ArmUnit, units: Sequence[MechanicalUnit]) -> None:
+        self._unit, self._units = unit, units
         self._active: dict[str, tuple[str, Any]] = {}
 
     @UNITS.function("GetMecUnitName", "mecunit MechUnit", "string")
@@ -53,8 +52,7 @@ class UnitInstructions:
             "OKToDeact": False,
         }
         for name, value in facts.items():
-            if call.present(name):
-                call[name] = value
+            call.give(name, value)
         return True
 
     @UNITS.function("IsMechUnitActive", "mecunit MechUnit", "bool")
@@ -62,29 +60,13 @@ class UnitInstructions:
         active: bool = call["MechUnit"].is_active
         return active
 
-    @UNITS.function("GetMotorTorque", r"\mecunit MecUnit, num AxisNo", "num")
-    def motor_torque(self, call: Call) -> float:
-        """Of an axis, in ABB's numbering [N m]: what holds the arm where it is.
-
-        RAPID reference manual: of the motor; gear ratios are not published, so that it is that of the joint.
-        """
-        unit = unit_of(call["MecUnit"].name, self._unit, self._robots) if call.present("MecUnit") else self._unit
-        if not unit.arm.kinematics.is_of_yumi:
-            raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the torques of this robot are not known.")
-        axis = int(call["AxisNo"])
-        if call["AxisNo"] != axis or not 1 <= axis <= JOINT_COUNT:
-            raise RapidRuntimeError("ERR_AXIS_PAR", f"GetMotorTorque: the arm has the axes 1 to {JOINT_COUNT}.")
-        robax, eax_a = abb_from_chain(unit.dynamics.torque(unit.arm.position))
-        return (*robax, eax_a)[axis - 1]
-
     @UNITS.instruction("GetSysData", r"INOUT anytype DestObject, \VAR string ObjectName")
     def get_system_data(self, call: Call) -> None:
         r"""The tool or work object that is active, with its name in \ObjectName."""
         type_name = call.reference("DestObject").type.name
         value, name = self._system_data(call, type_name)
         call["DestObject"] = value
-        if call.present("ObjectName"):
-            call["ObjectName"] = name
+        call.give("ObjectName", name)
 
     @UNITS.instruction("SetSysData", r"anytype SourceObject, \string ObjectName")
     def set_system_data(self, call: Call) -> None:
@@ -101,9 +83,7 @@ class UnitInstructions:
             raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name} takes a tooldata or wobjdata, not a {type_name}.")
         value = self._unit.tool if type_name == "tooldata" else self._unit.wobj
         if value is None:
-            datum = call.task.library.datum(predefined)
-            assert datum is not None, f"RAPID predefines {predefined}"
-            return datum.value, predefined
+            return call.task.library.value(predefined), predefined
         name, known = self._active.get(type_name, ("", None))
         return value, name if name and known == value else self._name_of(call, type_name, value, predefined)
 

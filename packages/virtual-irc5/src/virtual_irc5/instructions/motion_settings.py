@@ -8,17 +8,18 @@ from math import inf, radians
 from typing import Any
 
 from abb_protocols.errors import RobotNotReady
-from abb_protocols.robot.joints import JOINT_COUNT, Pose
+from abb_protocols.robot.joints import Pose
 from abb_protocols.robot.kinematics import compose, inverse
 from virtual_irc5.instructions.moves import FATAL, MOVES, MoveInstructions, check_may_move, standing
-from virtual_irc5.instructions.robot_data import NOT_PRESENT, chain_order, jointtarget, rapid_from_pose, unit_quaternion
+from virtual_irc5.instructions.robot_data import NOT_PRESENT, axis_index, jointtarget, rapid_from_pose, unit_quaternion
 from virtual_irc5.mechanics.arm import STOPPED, VirtualArm
 from virtual_irc5.mechanics.path import PathAcceleration
 from virtual_irc5.mechanics.path_geometry import CircleMode, LegFrames
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 from virtual_irc5.rapid.states import SystemEvent
-from virtual_irc5.rapid.task import frame_of
+from virtual_irc5.rapid.task import task_of
+from virtual_irc5.rapid.types import raised_as
 
 STOP_MOVE = "StopMove"
 """Why an arm stands on its path: the program has stopped its movements."""
@@ -139,7 +140,7 @@ class MotionSettingInstructions:
         """Of one axis [deg/s], while the system input LimitSpeed is set."""
         kinematics, limit = self._unit.arm.kinematics, self._unit.settings.speed_limit
         axes = list(limit.axes or (inf,) * kinematics.joint_count)
-        axes[self._joint(call, "AxisNo")] = radians(self._limiting(call, "AxisSpeed"))
+        axes[axis_index(call, "AxisNo", kinematics)] = radians(self._limiting(call, "AxisSpeed"))
         self._limit(call, axes=tuple(axes))
 
     def _limiting(self, call: Call, name: str) -> float:
@@ -151,14 +152,6 @@ class MotionSettingInstructions:
     def _limit(self, call: Call, **changes: Any) -> None:
         self._unit.settings.speed_limit = replace(self._unit.settings.speed_limit, **changes)
         self._unit.limit_speed()
-
-    def _joint(self, call: Call, name: str) -> int:
-        """Index in chain order of an axis of the robot, in ABB's numbering."""
-        axis, count = call[name], self._unit.arm.kinematics.joint_count
-        if axis != int(axis) or not 1 <= axis <= count:
-            raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the robot has the axes 1 to {count}, not {axis:g}.")
-        order = chain_order(range(1, JOINT_COUNT + 1)) if count == JOINT_COUNT else range(1, count + 1)
-        return list(order).index(int(axis))
 
     @SETTINGS.instruction("PathResol", "num PathSampleTime")
     def set_resolution(self, call: Call) -> None:
@@ -205,7 +198,8 @@ class MotionSettingInstructions:
     @SETTINGS.instruction("TuneServo", r"mecunit MecUnit, num Axis, num TuneValue, \tunetype Type")
     def tune(self, call: Call) -> None:
         r"""\Type:=TUNE_KP changes how closely an axis follows its plan, other types nothing."""
-        value, kind, index = call["TuneValue"], call.get("Type", 0.0), self._joint(call, "Axis")
+        value, kind = call["TuneValue"], call.get("Type", 0.0)
+        index = axis_index(call, "Axis", self._unit.arm.kinematics)
         if not 1.0 <= value <= 500.0:
             raise RapidRuntimeError("ERR_ARGVALERR", f"TuneServo takes 1 to 500 %, not {value:g}.")
         if _TUNING_TYPES[int(kind)] == "KP":
@@ -369,10 +363,8 @@ class MotionSettingInstructions:
     def _regain(self, arm: VirtualArm) -> None:
         """Bring an arm back to its path, where it stays until the event routines of the start have ended."""
         arm.path.holds.add(STOPPED)
-        try:
+        with raised_as("ERR_PATH_STOP", RobotNotReady):
             arm.regain_path()
-        except RobotNotReady as error:
-            raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
 
     @SETTINGS.instruction("StartMove", _ALL_TASKS)
     def start_move(self, call: Call) -> None:
@@ -385,18 +377,16 @@ class MotionSettingInstructions:
                 raise RapidRuntimeError("ERR_PROGSTOP", sentence)
         for arm in [unit.arm for unit in units]:
             arm.path.holds.discard(STOP_MOVE)
-            try:
+            with raised_as("ERR_STARTMOVE", RobotNotReady):
                 arm.follow_path()
-            except RobotNotReady as error:
-                raise RapidRuntimeError("ERR_STARTMOVE", str(error)) from error
 
     @SETTINGS.instruction("StartMoveRetry")
     def start_and_retry(self, call: Call) -> None:
         """StartMove and RETRY in one, so that nothing comes between them."""
-        if frame_of(call).clause != "ERR":
+        if task_of(call).frame.clause != "ERR":
             raise RapidRuntimeError(FATAL, "StartMoveRetry: it is an instruction of error handlers.")
         self.start_move(call)
-        frame_of(call).retry()
+        task_of(call).frame.retry()
 
     @SETTINGS.instruction("StopMoveReset", _ALL_TASKS)
     def reset_stop(self, call: Call) -> None:

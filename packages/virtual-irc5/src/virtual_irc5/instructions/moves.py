@@ -42,6 +42,7 @@ from virtual_irc5.mechanics.path_geometry import (
     MotionFault,
     MotionRefused,
     PathPiece,
+    Place,
     circle,
     corner,
     joint_leg,
@@ -52,10 +53,14 @@ from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 from virtual_irc5.rapid.builtins.information import OF_TASK
 from virtual_irc5.rapid.task import task_of_argument
+from virtual_irc5.rapid.types import raised_as
 
 SpeedRatio = Callable[[], float]
 Build = Callable[[Joints, CornerZone], Leg]
 """Plans a leg from joint positions [rad], after a zone."""
+
+TipPlace = tuple[NDArray[np.float64], NDArray[np.float64], float]
+"""Point [m], rotation and arm angle [rad] of the tool in the work object."""
 
 FATAL = "ERR_MOTION"
 """Stops the program at once; not registered, so that no error handler gets it."""
@@ -87,8 +92,7 @@ MOVES.record(
         "checkvalue": "num",
     },
 )
-for _number, _name in enumerate(("inpos", "stoptime", "fllwtime"), start=1):
-    MOVES.data(_name, "stoppoint", float(_number))
+MOVES.constants("stoppoint", "inpos=1 stoptime fllwtime")
 for _percent in (20, 50, 100):
     MOVES.data(f"inpos{_percent}", "stoppointdata", (1, True, (_percent, _percent, 0, 2), 0, 0, "", 0, 0))
 for _time in (0.5, 1.0, 1.5):
@@ -220,7 +224,7 @@ class MoveInstructions:
 
     def _external(self, call: Call) -> Build:
         kinematics, zone = self.arm.kinematics, self.zone(call)
-        frames = self.frames(_predefined(call, "tool0"), None)
+        frames = self.frames(call.task.library.value("tool0"), None)
         fastest, time = call["Speed"].v_reax, call.get("T", 0.0)
 
         def build(start: Joints, entry: CornerZone) -> Leg:
@@ -246,30 +250,22 @@ class MoveInstructions:
         return build
 
     def _line(self, call: Call) -> Build:
+        return self._along(call, line)
+
+    def _circle(self, call: Call) -> Build:
+        via, mode = self.target(call["CirPoint"]), self.unit.settings.circles
+        return self._along(call, lambda here, there: circle(here, (via.point, via.rotation), there, mode))
+
+    def _along(self, call: Call, between: Callable[[TipPlace, TipPlace], Place]) -> Build:
+        """The tool moves on a path from where it is to the target."""
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
         is_checked, passes = self.unit.settings.checks_lines, self.unit.settings.wrist_may_turn
 
         def build(start: Joints, entry: CornerZone) -> Leg:
             here = place_of(kinematics, start, frames)
-            there = (target.point, target.rotation, _angle(target, here[2]))
-            leg = tool_leg(kinematics, start, line(here, there), frames, speed, zone, entry, passes_wrist=passes)
-            return _with_configuration(kinematics, leg, target) if is_checked else leg
-
-        return build
-
-    def _circle(self, call: Call) -> Build:
-        kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
-        frames = self.frames(call["Tool"], call.get("WObj"))
-        via, target = self.target(call["CirPoint"]), self.target(call["ToPoint"])
-        settings = self.unit.settings
-        is_checked, mode, passes = settings.checks_lines, settings.circles, settings.wrist_may_turn
-
-        def build(start: Joints, entry: CornerZone) -> Leg:
-            here = place_of(kinematics, start, frames)
-            there = (target.point, target.rotation, _angle(target, here[2]))
-            place = circle(here, (via.point, via.rotation), there, mode)
-            leg = tool_leg(kinematics, start, place, frames, speed, zone, entry, passes_wrist=passes)
+            path = between(here, (target.point, target.rotation, _angle(target, here[2])))
+            leg = tool_leg(kinematics, start, path, frames, speed, zone, entry, passes_wrist=passes)
             return _with_configuration(kinematics, leg, target) if is_checked else leg
 
         return build
@@ -353,20 +349,16 @@ class MoveInstructions:
     def go_on(self) -> None:
         """The program runs: the arm follows the path, also after a stop."""
         self.override_speed()
-        try:
+        with raised_as("ERR_PATH_STOP", RobotNotReady):
             self.arm.follow_path()
-        except RobotNotReady as error:
-            raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
 
     def override_speed(self) -> None:
         """Follow the speed override of the controller and of the program."""
         self.unit.override_speed(self._speed_ratio())
 
     def _check_ready(self) -> None:
-        try:
+        with raised_as("ERR_PATH_STOP", RobotNotReady):
             self.arm.check_ready()
-        except RobotNotReady as error:
-            raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
 
     @MOVES.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")
     def wait_rob(self, call: Call) -> Wait:
@@ -376,7 +368,8 @@ class MoveInstructions:
     # Where the robot is -------------------------------------------------------------------------------------------
 
     def read_frames(self, call: Call) -> LegFrames:
-        tool, wobj = self.unit.tool or _predefined(call, "tool0"), self.unit.wobj or _predefined(call, "wobj0")
+        library, unit = call.task.library, self.unit
+        tool, wobj = unit.tool or library.value("tool0"), unit.wobj or library.value("wobj0")
         return self.frames(call.get("Tool", tool), call.get("WObj", wobj))
 
     @MOVES.function("CJointT", OF_TASK, "jointtarget")
@@ -400,12 +393,12 @@ class MoveInstructions:
     @MOVES.function("CTool", OF_TASK, "tooldata")
     def tool(self, call: Call) -> Any:
         """The tool of the last motion."""
-        return self._of_task(call).unit.tool or _predefined(call, "tool0")
+        return self._of_task(call).unit.tool or call.task.library.value("tool0")
 
     @MOVES.function("CWObj", OF_TASK, "wobjdata")
     def wobj(self, call: Call) -> Any:
         """The work object of the last motion."""
-        return self._of_task(call).unit.wobj or _predefined(call, "wobj0")
+        return self._of_task(call).unit.wobj or call.task.library.value("wobj0")
 
     def robtarget(self, position: Joints, frames: LegFrames) -> tuple[Any, ...]:
         """RAPID's robtarget of the tool at joint positions [rad]."""
@@ -435,8 +428,7 @@ class MoveInstructions:
         work = call.task.planning(lambda: posture(kinematics, target, frames, self.arm.planned, is_checked=True))
         while not work.done():
             yield None
-        if call.present("ErrorNumber"):
-            call["ErrorNumber"] = 0.0
+        call.give("ErrorNumber", 0.0)
         try:
             robax, extax = jointtarget(work.result())
         except MotionRefused as refused:
@@ -528,10 +520,8 @@ def posture(arm: KinematicArm, target: MoveTarget, frames: LegFrames, near: Join
     return min(fitting, key=lambda each: sum((a - b) ** 2 for a, b in zip(each, near, strict=True)))
 
 
-def place_of(
-    arm: KinematicArm, position: Joints, frames: LegFrames
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Point [m], rotation and arm angle [rad] of the tool in the work object, at joint positions [rad]."""
+def place_of(arm: KinematicArm, position: Joints, frames: LegFrames) -> TipPlace:
+    """Where the tool is in the work object at joint positions [rad]."""
     joints = np.array([position])
     points, rotations = frames.tip(*arm.forward(joints))
     return points[0], rotations[0], float(arm.angles(joints)[0])
@@ -597,9 +587,3 @@ def standing(arm: VirtualArm) -> Wait:
     """Until the arm stands."""
     while not arm.is_stationary:
         yield None
-
-
-def _predefined(call: Call, name: str) -> Any:
-    datum = call.task.library.datum(name)
-    assert datum is not None, f"RAPID predefines {name}"
-    return datum.value

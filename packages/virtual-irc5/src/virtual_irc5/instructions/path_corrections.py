@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from abb_protocols.robot.arm_kinematics import Lost
+from abb_protocols.robot.arm_kinematics import PathLost
 from abb_protocols.robot.joints import Joints
 from abb_protocols.rws.values import EventType
 from virtual_irc5.controller_log import ControllerEventLog
@@ -107,11 +107,8 @@ class PathCorrections:
 
     def total(self) -> Array:
         """The sum of all generators' offsets [m], (3,)."""
-        total = np.zeros(3)
-        for each in self._generators:
-            if each.offset is not None:
-                total += each.offset
-        return total
+        offsets = (each.offset for each in self._generators if each.offset is not None)
+        return sum(offsets, start=np.zeros(3))
 
     # The path -----------------------------------------------------------------------------------------------------
 
@@ -178,15 +175,13 @@ class PathCorrections:
         kinematics = self._unit.arm.kinematics
         at, turned = leg.frames.tool0((point + self._offset @ self._axes)[None], rotation[None])
         try:
-            found = kinematics.follow(at, turned, np.array([angle]), self._start(near))[0]
-        except Lost:
+            # From as far beside the path as the last corrected posture was.
+            start = near if self._beside is None else tuple((near + self._beside).tolist())
+            found = kinematics.follow(at, turned, np.array([angle]), start)[0]
+        except PathLost:
             return None
         position = tuple(found.tolist())
         return None if kinematics.limits.outside(position) is not None else position
-
-    def _start(self, near: Joints) -> Joints:
-        """The posture [rad] that the corrected one is looked for from: as far beside the path as the last one was."""
-        return near if self._beside is None else tuple((near + self._beside).tolist())
 
     def _returning(self, point: Array, leg: Leg, near: Joints, dt: float) -> Joints:
         """The joint positions [rad] on the way back to the path, where not even the correction before is in reach."""

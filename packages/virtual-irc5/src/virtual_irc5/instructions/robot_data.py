@@ -5,10 +5,9 @@ RAPID has degrees and millimetres in ABB's order, this package SI units in chain
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, hypot, radians
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -26,10 +25,8 @@ from abb_protocols.robot.joints import (
 from abb_protocols.robot.kinematics import compose, inverse, upper_half
 from virtual_irc5.mechanics.egm_client import EgmClientState
 from virtual_irc5.mechanics.egm_motion import EgmStopMode
-from virtual_irc5.rapid import STANDARD, Library, RapidRuntimeError
+from virtual_irc5.rapid import STANDARD, Call, Library, RapidRuntimeError
 from virtual_irc5.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
-
-T = TypeVar("T")
 
 FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
 
@@ -128,10 +125,13 @@ def chain_from_jointtarget(target: Any, now: Joints, limits: JointLimits) -> Joi
     return tuple(position)
 
 
-def chain_order(axes: Sequence[T]) -> tuple[T, T, T, T, T, T, T]:
-    """One thing per axis, from ABB's order (1 to 7) to chain order."""
-    a1, a2, a3, a4, a5, a6, a7 = axes
-    return (a1, a2, a7, a3, a4, a5, a6)
+def axis_index(call: Call, name: str, arm: KinematicArm) -> int:
+    """Index in chain order of the axis whose number an argument is; raises ERR_AXIS_PAR."""
+    number = call[name]
+    if number not in arm.axes:
+        sentence = f"{call.name}: the robot has the axes 1 to {arm.joint_count}, not {number:g}."
+        raise RapidRuntimeError("ERR_AXIS_PAR", sentence)
+    return arm.axes.index(number)
 
 
 def pose_from_rapid(pose: Any) -> Pose:

@@ -32,9 +32,9 @@ def robot_library(
     speed_ratio: SpeedRatio,
     units: Sequence[MechanicalUnit],
     sync_points: SyncPoints,
-    is_motion_task: bool = True,
-    robots: Sequence[ArmUnit] = (),
-    units_of_tasks: Mapping[str, ArmUnit] | None = None,
+    is_motion_task: bool,
+    robots: Sequence[ArmUnit],
+    units_of_tasks: Mapping[str, ArmUnit],
 ) -> Library:
     """The library of a task that moves an arm; a task without motion may read where the arm is.
 
@@ -49,8 +49,7 @@ def robot_library(
         robots: the arms of all tasks.
         units_of_tasks: the arms of all motion tasks by name, whose positions the task reads too.
     """
-    robots = robots or (unit,)
-    moves = MoveInstructions(unit, speed_ratio, events, units_of_tasks or {})
+    moves = MoveInstructions(unit, speed_ratio, events, units_of_tasks)
     settings = MotionSettingInstructions(moves, robots, is_motion_task=is_motion_task)
     corrections = PathCorrections(unit, events)
     moves.program_offset = corrections.total
@@ -66,7 +65,7 @@ def robot_library(
     library.include(CALIBRATION, CalibrationInstructions(moves))
     library.include(RECORDER, PathRecorder(moves))
     library.include(CORRECTIONS, corrections)
-    library.include(UNITS, UnitInstructions(unit, units, robots))
+    library.include(UNITS, UnitInstructions(unit, units))
     library.include(MULTIMOVE, multimove)
     if is_motion_task:
         library.include(EGM, EgmInstructions(moves, corrections, configuration))

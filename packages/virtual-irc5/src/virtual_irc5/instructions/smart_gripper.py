@@ -91,19 +91,16 @@ class GripperInstructions:
 
     @GRIPPER.instruction("g_GripIn", _GRIP)
     @GRIPPER.instruction("Hand_GripInward", _OLD_GRIP)
-    def grip_in(self, call: Call) -> Wait:
-        r"""Done when the fingers stand, at something or at their end, or at once with \NoWait."""
-        yield from self._readied(call)
-        self._do(lambda: self._gripper.grip_in(call.get("holdForce", MAX_FORCE)))
-        yield from self._held(call, _GripperFailure.FAILED_GRIP_IN)
-
     @GRIPPER.instruction("g_GripOut", _GRIP)
     @GRIPPER.instruction("Hand_GripOutward", _OLD_GRIP)
-    def grip_out(self, call: Call) -> Wait:
+    def grip(self, call: Call) -> Wait:
         r"""Done when the fingers stand, at something or at their end, or at once with \NoWait."""
+        close, failure = self._gripper.grip_in, _GripperFailure.FAILED_GRIP_IN
+        if "Out" in call.name:
+            close, failure = self._gripper.grip_out, _GripperFailure.FAILED_GRIP_OUT
         yield from self._readied(call)
-        self._do(lambda: self._gripper.grip_out(call.get("holdForce", MAX_FORCE)))
-        yield from self._held(call, _GripperFailure.FAILED_GRIP_OUT)
+        self._do(lambda: close(call.get("holdForce", MAX_FORCE)))
+        yield from self._held(call, failure)
 
     @GRIPPER.instruction("g_JogIn")
     @GRIPPER.instruction("g_JogOut")
@@ -143,13 +140,9 @@ class GripperInstructions:
     def vacuum_off(self, call: Call) -> None:
         self._gripper.set_vacuum(_channel(call), is_on=False)
 
-    @_of_channels("g_BlowOn", "Hand_TurnOnBlow")
-    def blow_on(self, call: Call) -> None:
-        self._gripper.set_blow(_channel(call), is_on=True)
-
-    @_of_channels("g_BlowOff", "Hand_TurnOffBlow")
-    def blow_off(self, call: Call) -> None:
-        self._gripper.set_blow(_channel(call), is_on=False)
+    @_of_channels("g_BlowOn", "Hand_TurnOnBlow", "g_BlowOff", "Hand_TurnOffBlow")
+    def blow(self, call: Call) -> None:
+        self._gripper.set_blow(_channel(call), is_on="Off" not in call.name)
 
     @GRIPPER.instruction("g_Stop")
     @GRIPPER.instruction("Hand_Stop")

@@ -111,12 +111,9 @@ class WorldZoneInstructions:
         self._add(call, lambda is_inside: task.write_signal(signal, value if is_inside else 1.0 - value))
 
     @ZONES.instruction("WZEnable", "INOUT anytype WorldZone")
-    def enable(self, call: Call) -> None:
-        self._zone(call).is_enabled = True
-
     @ZONES.instruction("WZDisable", "INOUT anytype WorldZone")
-    def disable(self, call: Call) -> None:
-        self._zone(call).is_enabled = False
+    def enable(self, call: Call) -> None:
+        self._zone(call).is_enabled = call.name == "WZEnable"
 
     @ZONES.instruction("WZFree", "INOUT anytype WorldZone")
     def free(self, call: Call) -> None:

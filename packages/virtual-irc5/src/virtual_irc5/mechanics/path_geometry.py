@@ -18,7 +18,7 @@ import numpy.ma  # np.unique imports it when called first, 80 ms in the middle o
 from numpy.typing import NDArray
 
 from abb_protocols.errors import YumiError
-from abb_protocols.robot.arm_kinematics import KinematicArm, Lost
+from abb_protocols.robot.arm_kinematics import KinematicArm, PathLost
 from abb_protocols.robot.joints import ORIGIN, Joints, Pose
 from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
 from abb_protocols.robot.rotations import rotation_vectors, rotations_about
@@ -399,7 +399,7 @@ def followed(
     at, turned = frames.tool0(points, rotations)
     try:
         joints = arm.follow(at, turned, angles, start)
-    except Lost as lost:
+    except PathLost as lost:
         x, y, z = at[lost.index].tolist()
         pose = Pose((x, y, z), quaternion_from_matrix(turned[lost.index]))
         where = f"[{x * 1e3:.1f}, {y * 1e3:.1f}, {z * 1e3:.1f}] mm (tool0 in the base frame)"

@@ -4,8 +4,6 @@ A host registers the robot's instructions in an `InstructionSet`, on top of thos
 `Task` load modules and advance.
 """
 
-from importlib.resources import files
-
 from virtual_irc5.rapid.builtins.absent_options import OPTIONS
 from virtual_irc5.rapid.builtins.clocks_and_stops import SYSTEM
 from virtual_irc5.rapid.builtins.data import CONSTANTS, DATA
@@ -14,7 +12,7 @@ from virtual_irc5.rapid.builtins.disk_files import FILES
 from virtual_irc5.rapid.builtins.execution import EXECUTION
 from virtual_irc5.rapid.builtins.flexpendant import DIALOGS
 from virtual_irc5.rapid.builtins.information import INFORMATION
-from virtual_irc5.rapid.builtins.interrupt_orders import INTERRUPTS
+from virtual_irc5.rapid.builtins.interrupt_instructions import INTERRUPTS
 from virtual_irc5.rapid.builtins.io_signals import SIGNALS
 from virtual_irc5.rapid.builtins.maths import MATHS, MATRICES
 from virtual_irc5.rapid.builtins.message_queues import QUEUES
@@ -23,7 +21,7 @@ from virtual_irc5.rapid.builtins.rawbytes import RAWBYTES
 from virtual_irc5.rapid.builtins.sockets import SOCKETS
 from virtual_irc5.rapid.builtins.strings import STRINGS
 from virtual_irc5.rapid.call import Call, Wait
-from virtual_irc5.rapid.rapid_library import Library
+from virtual_irc5.rapid.rapid_library import ROBOTWARE_NAMES, Library
 from virtual_irc5.rapid.types import RapidRuntimeError
 
 __all__ = [
@@ -58,13 +56,6 @@ for _part in (
     OPTIONS,
 ):
     STANDARD.include(_part)
-
-ROBOTWARE_NAMES: dict[str, tuple[str, ...]] = {}
-"""The names that RobotWare 6 base has, provided or not, by the sections of `names.txt`."""
-for _section in files("virtual_irc5.rapid.builtins").joinpath("names.txt").read_text(encoding="ascii").split("\n[")[1:]:
-    _title, _, _names = _section.partition("]")
-    ROBOTWARE_NAMES[_title] = tuple(_names.split())
-    STANDARD.missing(*ROBOTWARE_NAMES[_title])  # except those that are provided
 
 
 class InstructionSet(Library):

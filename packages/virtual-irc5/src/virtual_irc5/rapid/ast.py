@@ -1,4 +1,4 @@
-"""The syntax tree of RAPID: what the parser gives to the compiler.
+"""The syntax tree of RAPID: its nodes, and how data are stored and arguments passed, from the parser to the compiler.
 
 Names keep the spelling of the source; RAPID compares them without case (`virtual_irc5.rapid.program`). Nodes are equal
 wherever they stand.
@@ -223,17 +223,17 @@ class Raise(Node):
 
 @dataclass(slots=True)
 class Exit(Node):
-    pass
+    """`EXIT;` ends the execution of the program."""
 
 
 @dataclass(slots=True)
 class Retry(Node):
-    pass
+    """`RETRY;` begins the statement that failed again."""
 
 
 @dataclass(slots=True)
 class TryNext(Node):
-    pass
+    """`TRYNEXT;` goes on behind the statement that failed."""
 
 
 @dataclass(slots=True)

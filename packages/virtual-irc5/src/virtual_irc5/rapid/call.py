@@ -95,6 +95,11 @@ class Call:
         reference = self._arguments[name.lower()]
         reference.value = reference.type.convert(value)
 
+    def give(self, name: str, value: Any) -> None:
+        """Write to the datum passed for an optional parameter, where one is passed."""
+        if self.present(name):
+            self[name] = value
+
     def get(self, name: str, default: Any = None) -> Any:
         """The value of an argument, the default where it is not passed or the instruction has no such parameter."""
         reference = self._arguments.get(name.lower(), ABSENT)
@@ -148,8 +153,7 @@ class CallDeadline:
 
     def met(self) -> None:
         r"""What was waited for has come: clears \TimeFlag."""
-        if self.call.present("TimeFlag"):
-            self.call["TimeFlag"] = False
+        self.call.give("TimeFlag", False)
 
     @contextmanager
     def visualized(self, what: str) -> Iterator[None]:

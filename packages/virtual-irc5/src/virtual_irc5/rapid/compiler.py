@@ -16,7 +16,7 @@ from virtual_irc5.rapid.expressions import Expressions, Scope, caller
 from virtual_irc5.rapid.frame import Code, Evaluate, HandlerCode, LocalName, RoutineFrame, Stack, Step, Target
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
 from virtual_irc5.rapid.program import Local, Program
-from virtual_irc5.rapid.rapid_library import LibraryRoutine
+from virtual_irc5.rapid.rapid_library import LibraryRoutine, is_robotware_name
 from virtual_irc5.rapid.types import (
     LARGEST_ARRAY,
     MOST_OBJECTS,
@@ -322,7 +322,7 @@ class Statements:
         def call(stack: Stack, frame: RoutineFrame) -> None:
             called, program = name(frame), compiled.current()
             found = program.find_late(called, module)
-            if found is None and program.library.is_missing(called):
+            if found is None and is_robotware_name(called):
                 raise RapidRuntimeError(NotProvided.error, f"The instruction '{called}' is not provided here.")
             if not isinstance(found, (UserRoutine, LibraryRoutine)):
                 raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{called}' to call.")

@@ -1,4 +1,4 @@
-r"""The devices of a task's controller beside signals: disk, network, FlexPendant, message queues, facts.
+r"""The devices of a task's controller beside signals: disk, network, FlexPendant, message queues, event log, facts.
 
 All of them are values or protocols without waiting: an instruction asks once per advance of its task. Files and
 sockets report what is wrong as `OSError`, as Python's own do; the instructions make RAPID's errors of them.
@@ -267,7 +267,6 @@ class Message:
         text: the value as a RAPID literal.
         sender: the queue it came from, where answers go.
         user_defined: a number of the sender.
-        is_answer_wanted: whether the sender waits for an answer (RMQSendWait).
     """
 
     type_name: str
@@ -336,6 +335,9 @@ class MessageQueues:
     def empty(self, name: str) -> None:
         """Forget the messages of a queue."""
         self._queues.get(name.lower(), deque()).clear()
+
+
+# Event log --------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

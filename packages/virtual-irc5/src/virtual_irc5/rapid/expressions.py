@@ -17,7 +17,7 @@ from virtual_irc5.rapid.code_builder import CodeBuilder
 from virtual_irc5.rapid.frame import Evaluate, RoutineFrame, Stack, Step, Target
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
 from virtual_irc5.rapid.program import Found, Local, Program, Signature
-from virtual_irc5.rapid.rapid_library import FormalParameter, LibraryRoutine
+from virtual_irc5.rapid.rapid_library import FormalParameter, LibraryRoutine, is_robotware_name
 from virtual_irc5.rapid.types import (
     ABSENT,
     ANY_NUM,
@@ -30,10 +30,10 @@ from virtual_irc5.rapid.types import (
     SWITCH,
     UNSET,
     ArrayType,
+    DatumPart,
     NotProvided,
     ObjectType,
     OpenType,
-    Part,
     ProtectedVariable,
     RapidReferenceError,
     RapidRuntimeError,
@@ -102,7 +102,7 @@ class Scope:
         if key in self.faults:
             raise misfit(self.module, node, f"'{name}' cannot be used: {self.faults[key]}", Unresolved)
         found = self.program.find(name, self.module) or self.program.find_signal(name)
-        if found is None and (name.startswith("<") or self.program.library.is_missing(name)):
+        if found is None and (name.startswith("<") or is_robotware_name(name)):
             what = "an instruction or function of RobotWare that is not provided here"
             what = "a placeholder: complete the statement" if name.startswith("<") else what
             raise misfit(self.module, node, f"'{name}' is {what}", NotProvided)
@@ -371,12 +371,12 @@ class Expressions:
         get_whole, type_ = self.reference(node.base)
         if isinstance(node, s.Field):
             index, component = self.component(type_, node)
-            return lambda frame: Part(get_whole(frame), (index,), component), component
+            return lambda frame: DatumPart(get_whole(frame), (index,), component), component
         path, element = self.index(type_, node)
 
         def get_element(frame: RoutineFrame) -> Reference:
             whole = get_whole(frame)
-            return Part(whole, path(frame, whole.value), element)
+            return DatumPart(whole, path(frame, whole.value), element)
 
         return get_element, element
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from virtual_irc5.rapid.call import RunningTask
 from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.states import SystemEvent
-from virtual_irc5.rapid.types import ABSENT, ALL_ERRORS, RapidRuntimeError, RapidValueError, Reference
+from virtual_irc5.rapid.types import ABSENT, ALL_ERRORS, Propagated, RapidRuntimeError, RapidValueError, Reference
 
 Step = Callable[["Stack", "RoutineFrame"], None]
 Evaluate = Callable[["RoutineFrame"], Any]
@@ -96,76 +96,45 @@ class Stack(Protocol):
     def connect(self, reference: Reference, trap: UserRoutine) -> None: ...
 
 
-class Propagated(Exception):
-    """An error handler passes its error on to the caller (RAISE in an ERROR clause).
-
-    Attributes:
-        is_long_jump: whether only handlers that list the number may take it.
-    """
-
-    def __init__(self, error: RapidRuntimeError, *, is_long_jump: bool) -> None:
-        super().__init__(str(error))
-        self.error = error
-        self.is_long_jump = is_long_jump
-
-
+@dataclass(eq=False, repr=False, slots=True)
 class RoutineFrame:
     """A routine under way.
 
     Attributes:
         slots: its parameters, data and intermediate results.
+        result_slot: of the frame beneath, which its value goes into.
+        event: what it is an event routine of, None for other routines.
         step: the step that comes next.
         waiting: the instruction that is not done yet, or None.
         due: task time at which it must be polled even between two advances [s], or None.
+        is_undoing: whether it is abandoned and executes its UNDO clause.
         is_interrupted: whether a trap, a step or a breakpoint has come between two of its statements.
         error: the error its ERROR clause is working on, or None outside of it.
-        is_undoing: whether it is abandoned and executes its UNDO clause.
-        event: what it is an event routine of, None for other routines.
     """
 
-    __slots__ = (
-        "_convert",
-        "_retried",
-        "_retries",
-        "_wait_slot",
-        "code",
-        "due",
-        "error",
-        "event",
-        "is_interrupted",
-        "is_trap",
-        "is_undoing",
-        "next_step",
-        "polled_at",
-        "result_slot",
-        "retry_step",
-        "routine",
-        "slots",
-        "step",
-        "task",
-        "waiting",
-    )
+    task: RunningTask
+    routine: UserRoutine
+    slots: list[Any]
+    result_slot: int | None
+    event: SystemEvent | None
+    code: Code = field(init=False)
+    step: int = 0
+    waiting: Generator[float | None, None, Any] | None = None
+    due: float | None = None
+    polled_at: int = -1
+    is_trap: bool = False
+    is_undoing: bool = False
+    is_interrupted: bool = False
+    error: RapidRuntimeError | None = None
+    retry_step: int = 0
+    next_step: int = 0
+    _retries: int = 0
+    _retried: int = -1
+    _wait_slot: int | None = None
+    _convert: Callable[[Any], Any] | None = None
 
-    def __init__(
-        self, task: RunningTask, routine: UserRoutine, arguments: Sequence[Reference], result_slot: int | None
-    ) -> None:
-        self.task = task
-        self.routine = routine
-        self.code = Code(spans=[Span(routine.syntax.line, 0)])  # until it is compiled
-        self.slots: list[Any] = list(arguments)
-        self.step = 0
-        self.result_slot = result_slot
-        self.waiting: Generator[float | None, None, Any] | None = None
-        self.due: float | None = None
-        self.polled_at = -1
-        self.is_trap = self.is_undoing = False
-        self.event: SystemEvent | None = None
-        self.is_interrupted = False
-        self.error: RapidRuntimeError | None = None
-        self.retry_step = self.next_step = 0
-        self._retries, self._retried = 0, -1
-        self._wait_slot: int | None = None
-        self._convert: Callable[[Any], Any] | None = None
+    def __post_init__(self) -> None:
+        self.code = Code(spans=[Span(self.routine.syntax.line, 0)])  # until it is compiled
 
     def begin(self, code: Code) -> None:
         """Let the routine be executed."""
@@ -224,12 +193,9 @@ class RoutineFrame:
         except RapidRuntimeError:
             self.waiting = None
             raise
-        except RapidValueError as error:
+        except (RapidValueError, ArithmeticError) as error:
             self.waiting = None
-            raise RapidRuntimeError("ERR_ARGVALERR", str(error)) from error
-        except ArithmeticError as error:
-            self.waiting = None
-            raise too_large(error) from error
+            raise execution_error(error) from error
 
     def abandon(self) -> None:
         """Close the instruction under way, if there is one."""
@@ -300,5 +266,8 @@ class RoutineFrame:
             self.step = self.code.spans[self.step - 1].start
 
 
-def too_large(error: ArithmeticError) -> RapidRuntimeError:
-    return RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}.")
+def execution_error(error: RapidValueError | ArithmeticError) -> RapidRuntimeError:
+    """RAPID's error for data that have no text, such as a socket, where it is needed, or for a number out of range."""
+    if isinstance(error, ArithmeticError):
+        return RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}.")
+    return RapidRuntimeError("ERR_ARGVALERR", str(error))

@@ -1,4 +1,4 @@
-"""The interrupts of a task: their traps, what orders them, and those that have come and wait."""
+"""The interrupts of a task: traps, orders (a signal, a time, a change), and interrupts that have come and wait."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class TimerOrder:
 
 @dataclass(slots=True)
 class ChangeOrder:
-    """IPers, and whatever else reports by itself that its interrupt has come: see `Interrupts.occurred`."""
+    """IPers, and whatever else reports by itself that its interrupt has come: see `Interrupts.occur`."""
 
     is_single: bool
 
@@ -64,7 +64,7 @@ Order = SignalOrder | TimerOrder | ChangeOrder
 
 
 @dataclass(slots=True)
-class Connection:
+class InterruptConnection:
     """An interrupt number with its trap; asleep, what comes is dropped."""
 
     trap: UserRoutine
@@ -83,7 +83,7 @@ class Interrupts:
 
     def clear(self) -> None:
         """Forget all connections and everything queued, as PP to main does."""
-        self.connections: dict[int, Connection] = {}
+        self.connections: dict[int, InterruptConnection] = {}
         self.queue: deque[int] = deque()
         self.is_disabled = False
         self._next_number = 1
@@ -96,31 +96,21 @@ class Interrupts:
             raise RapidRuntimeError("ERR_INOMAX", f"A task may have {MOST_INTERRUPTS} interrupts.")
         new = self._next_number
         self._next_number += 1
-        self.connections[new] = Connection(trap)
+        self.connections[new] = InterruptConnection(trap)
         return new
 
     def order(self, number: int, order: Order) -> None:
-        self._connection(number).order = order
+        self.connection(number).order = order
 
     def is_ordered(self, number: int, order: Order) -> bool:
         """Whether the order still stands."""
         connection = self.connections.get(number)
         return connection is not None and connection.order is order
 
-    def occurred(self, number: int) -> None:
-        """The interrupt has come."""
-        self._enqueue(number, self._connection(number))
-
     def delete(self, number: int) -> None:
         """Remove an interrupt and what is queued of it; unknown numbers are none."""
         self.connections.pop(number, None)
         self.queue = deque(n for n in self.queue if n != number)
-
-    def sleep(self, number: int) -> None:
-        self._connection(number).is_asleep = True
-
-    def watch(self, number: int) -> None:
-        self._connection(number).is_asleep = False
 
     def signal_changed(self, signal: str, old: float, new: float) -> None:
         for number, connection in list(self.connections.items()):
@@ -129,7 +119,7 @@ class Interrupts:
                 self._enqueue(number, connection)
 
     def occur(self, number: int) -> None:
-        """Let an interrupt come that no order brings, such as TriggInt's; unknown numbers are none."""
+        """Let an interrupt come that no signal or timer brings, such as TriggInt's; unknown numbers are none."""
         connection = self.connections.get(number)
         if connection is not None:
             self._enqueue(number, connection)
@@ -153,13 +143,14 @@ class Interrupts:
         number = self.queue.popleft()
         return number, self.connections[number].trap
 
-    def _enqueue(self, number: int, connection: Connection) -> None:
+    def _enqueue(self, number: int, connection: InterruptConnection) -> None:
         if connection.order is not None and connection.order.is_single:
             connection.order = None
         if not connection.is_asleep and len(self.queue) < LONGEST_QUEUE:
             self.queue.append(number)
 
-    def _connection(self, number: int) -> Connection:
+    def connection(self, number: int) -> InterruptConnection:
+        """The interrupt with its trap; raises ERR_UNKINO."""
         found = self.connections.get(number)
         if found is None:
             raise RapidRuntimeError("ERR_UNKINO", f"The interrupt {number} has no trap; CONNECT it first.")

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from virtual_irc5.rapid.call import RunningTask
 from virtual_irc5.rapid.compiler import MOST_VALUES, compile_routine, link_module
-from virtual_irc5.rapid.frame import Code, Propagated, RoutineFrame, too_large
+from virtual_irc5.rapid.frame import Code, RoutineFrame, execution_error
 from virtual_irc5.rapid.interrupts import Interrupts
 from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.program import Program
@@ -23,10 +23,12 @@ from virtual_irc5.rapid.states import EventKind, SystemEvent
 from virtual_irc5.rapid.types import (
     FIRST_BOOKED_NUMBER,
     LARGEST_OWN_NUMBER,
+    Propagated,
     RapidReferenceError,
     RapidRuntimeError,
     RapidValueError,
     Reference,
+    raised_as,
 )
 
 DEEPEST_STACK = 250
@@ -131,12 +133,10 @@ class Machine:
             step(self, frame)
         except RapidRuntimeError as error:
             self._recover(error)
-        except RapidValueError as error:  # data of a type without values, such as a socket, where their text is needed
-            self._recover(RapidRuntimeError("ERR_ARGVALERR", str(error)))
         except Propagated as passed:
             self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
-        except ArithmeticError as error:
-            self._recover(too_large(error))
+        except (RapidValueError, ArithmeticError) as error:
+            self._recover(execution_error(error))
 
     def next_due(self) -> float:
         """Task time at which something is due [s]; infinite when nothing is."""
@@ -155,8 +155,7 @@ class Machine:
     ) -> RoutineFrame:
         if len(self.frames) >= DEEPEST_STACK:
             raise RapidRuntimeError("ERR_EXECPHR", f"More than {DEEPEST_STACK} routines call each other.")
-        frame = RoutineFrame(self.task, routine, arguments, result_slot)
-        frame.event = event
+        frame = RoutineFrame(self.task, routine, list(arguments), result_slot, event)
         code = self.task.program.codes.get(routine)
         if code is None or (event is not None and not self.task.is_linked):
             frame.begin_wait(self._compiling(frame), None, None)
@@ -179,12 +178,10 @@ class Machine:
         work = self.task.background(compiled)
         while not work.done():
             yield None
-        try:
+        with raised_as("ERR_LINKREF", RapidReferenceError):
             program.codes[routine] = work.result()
-            if frame.event is not None:
-                self.task.linked_program = program
-        except RapidReferenceError as error:
-            raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
+        if frame.event is not None:
+            self.task.linked_program = program
         self._begin(frame, program.codes[routine])
 
     def _begin(self, frame: RoutineFrame, code: Code) -> None:

@@ -25,11 +25,13 @@ is closed.
 from __future__ import annotations
 
 import inspect
+import re
 from collections import ChainMap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache, partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from virtual_irc5.rapid.ast import Mode, Storage
@@ -43,7 +45,6 @@ from virtual_irc5.rapid.types import (
     BOOL,
     DI_OR_BOOL,
     DNUM,
-    ERROR_NAMES,
     FIRST_ERROR_NUMBER,
     NUM,
     STRING,
@@ -60,6 +61,22 @@ from virtual_irc5.rapid.types import (
     Type,
     Variable,
 )
+
+_TEXT = Path(__file__).parent.joinpath("builtins", "names.txt").read_text(encoding="ascii")
+ROBOTWARE_NAMES = {title: tuple(names.split()) for title, names in re.findall(r"^\[(\w+)\]([^\[]+)", _TEXT, re.M)}
+"""The names that RobotWare 6 base has, provided or not, by the sections of `names.txt`."""
+
+_LOWER_NAMES = frozenset(name.lower() for names in ROBOTWARE_NAMES.values() for name in names)
+
+
+def is_robotware_name(name: str) -> bool:
+    """Whether RobotWare has a name; a program that uses one which no library provides runs up to there."""
+    return name.lower() in _LOWER_NAMES
+
+
+# Of errors, the manuals have three more.
+_CONSTANTS = sorted((*ROBOTWARE_NAMES["constants"], "ERR_CONCAT", "ERR_UI_BUTTONS", "ERR_UI_MAXTIME"))
+ERROR_NAMES = [name for prefix in ("ERR_", "CORR_", "SYS_ERR_") for name in _CONSTANTS if name.startswith(prefix)]
 
 _parsed = cache(parse_parameters)  # each task has a library, and all have the same signatures
 Implementation = TypeVar("Implementation", bound=Callable[..., Any])
@@ -125,7 +142,6 @@ class Library:
         self._types: ChainMap[str, Type] = base._types.new_child() if base else _Names()
         self._data: ChainMap[str, Variable] = base._data.new_child() if base else _Names()
         self._errors: ChainMap[str, float] = base._errors.new_child() if base else ChainMap()
-        self._missing: ChainMap[str, None] = base._missing.new_child() if base else ChainMap()
         self._next_error: int = base._next_error if base else FIRST_ERROR_NUMBER
 
     # Registering --------------------------------------------------------------------------------------------------
@@ -206,6 +222,15 @@ class Library:
         type_ = self.type(type_name)
         self._data[name.lower()] = Variable(name, type_, type_.convert(value), Storage.CONST, is_local=False)
 
+    def constants(self, type_name: str, names: str) -> None:
+        """Register predefined constants in their order: ``LT=1 LTEQ EQ`` counts on from the number given last."""
+        number = 0
+        for entry in names.split():
+            name, _, given = entry.partition("=")
+            number = int(given or number)
+            self.data(name, type_name, number)
+            number += 1
+
     def persistent(self, name: str, type_name: str, value: Any) -> None:
         """Register a predefined persistent, which a program may pass on and not change."""
         type_ = self.type(type_name)
@@ -222,13 +247,6 @@ class Library:
         self._errors[name.lower()] = number
         self.data(name, "errnum", number)
         return number
-
-    def missing(self, *names: str) -> None:
-        """Register names of RobotWare's instructions and functions; a program may use those that no library provides.
-
-        It is loaded, and stops where it executes one.
-        """
-        self._missing.update(dict.fromkeys(name.lower() for name in names))
 
     def wrap(self, names: Iterable[str], wrapped: Callable[[Callable[..., Any]], Callable[..., Any]]) -> None:
         """Let routines that are registered do something around, or instead of, what they did."""
@@ -250,15 +268,11 @@ class Library:
         self._types.update(other._types.maps[0])
         self._data.update(other._data.maps[0])
         self._errors.update(other._errors.maps[0])
-        self._missing.update(other._missing.maps[0])
 
     # Looking up ---------------------------------------------------------------------------------------------------
 
     def routine(self, name: str) -> LibraryRoutine | None:
         return self._routines.get(name.lower())
-
-    def is_missing(self, name: str) -> bool:
-        return name.lower() in self._missing
 
     def find_type(self, name: str) -> Type | None:
         return self._types.get(name.lower())
@@ -272,6 +286,10 @@ class Library:
 
     def datum(self, name: str) -> Variable | None:
         return self._data.get(name.lower())
+
+    def value(self, name: str) -> Any:
+        """The value of a predefined datum, which must be registered."""
+        return self._data[name.lower()].value
 
     def error_number(self, name: str) -> float | None:
         return self._errors.get(name.lower())

@@ -68,8 +68,8 @@ class TaskEvent:
 
 
 class Severity(Enum):
-    """How serious a message for the event log is."""
+    """How serious a message for the event log is; the values are those of RAPID's errtype, and RWS' msgtype."""
 
-    INFORMATION = "information"
-    WARNING = "warning"
-    ERROR = "error"
+    INFORMATION = 1
+    WARNING = 2
+    ERROR = 3

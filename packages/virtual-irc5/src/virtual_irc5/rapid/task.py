@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from abb_protocols.errors import RobotNotReady
@@ -52,16 +52,6 @@ def at_once(work: Callable[[], T]) -> Future[T]:
     return result
 
 
-@dataclass(frozen=True, slots=True)
-class ModuleInfo:
-    """A module in the task's memory."""
-
-    name: str
-    is_system: bool
-    filename: str
-    text: str = field(default="", repr=False, compare=False)
-
-
 @dataclass(slots=True)
 class CyclicBool:
     """A flag that follows a condition.
@@ -87,12 +77,14 @@ class Task(TaskData):
         entry: the procedure the program begins with.
 
     Attributes:
+        execution: its state.
         now: the task's time, which stands still while the program is stopped; event routines that run alone have
             their own [s].
         elapsed: the time that goes on then, of clocks, pulses and delayed outputs [s].
         timers: what the program has started and left to be done later, in elapsed time.
         in_position: whether the mechanical units stand still in a fine point; what \InPos waits for.
         operating_mode: what OpMode() gives: OP_AUTO 1, OP_MAN_PROG 2, OP_MAN_TEST 3.
+        stop_event: where the program pointer was moved to before the last start: "main", "routine", or "" for nowhere.
         pp_moved_in_manual: whether the program pointer was moved in manual mode, until a program resets it.
         clock: what bounds the time one advance computes [s]; where it stands still, the number of steps alone does.
         background: does what may take longer than a cycle (parsing, linking, compiling), at once or in another thread.
@@ -134,29 +126,30 @@ class Task(TaskData):
         self._ended_at = -1.0
         self._program_time: float | None = None  # of the program beneath event routines that run alone [s]
         self._leaves_event = False  # once the instruction has been executed
-        self._pp_moved = self._stop_event = ""
+        self._pp_moved = self.stop_event = ""
         self.pp_moved_in_manual = False
         self.machine = Machine(self)
         self.pauses = Pauses(self.machine)
-        self._execution = Execution.UNINITIALIZED
+        self.execution = Execution.UNINITIALIZED
         self._prepared: Prepared | None = None
         self.linked_program: Program | None = None
         self._failures: list[Exception] = []  # of what happened outside of the task's time
 
     @property
-    def execution(self) -> Execution:
-        return self._execution
-
-    @property
     def interrupts(self) -> Interrupts:
         return self.machine.interrupts
+
+    @property
+    def frame(self) -> RoutineFrame:
+        """The routine that is executed now."""
+        return self.machine.frames[-1]
 
     # Modules ------------------------------------------------------------------------------------------------------
 
     @property
-    def modules(self) -> tuple[ModuleInfo, ...]:
-        syntaxes = ((module.name, module.syntax) for module in self.program.modules.values())
-        return tuple(ModuleInfo(name, each.is_system, each.filename, each.text) for name, each in syntaxes)
+    def modules(self) -> tuple[s.Module, ...]:
+        """The modules in the task's memory, as written."""
+        return tuple(module.syntax for module in self.program.modules.values())
 
     @property
     def has_program_pointer(self) -> bool:
@@ -285,7 +278,7 @@ class Task(TaskData):
         self._adopt(self.program.unloaded(module), found, is_linked=self.is_linked)
 
     def _check_not_executing(self, module: LoadedModule) -> None:
-        is_started = self._execution is Execution.STARTED
+        is_started = self.execution is Execution.STARTED
         if is_started and any(frame.routine.module is module for frame in self.machine.frames):
             raise RobotNotReady(f"The module '{module.name}' is executing; stop the task before it is unloaded.")
 
@@ -334,7 +327,7 @@ class Task(TaskData):
 
     def check(self) -> None:
         """Link and compile the program; raises as `move_pp_to_main`, and changes nothing."""
-        if self._execution is Execution.STARTED:
+        if self.execution is Execution.STARTED:
             raise RobotNotReady(f"The task {self.name} is running; stop it before PP is moved to main.")
         compile_program(self.program)
         self.linked_program = self.program
@@ -351,7 +344,7 @@ class Task(TaskData):
             self.pauses.spy = None
             initialise_variables(self.program)
             self.machine.enter(routine, (), None)
-            self._execution = Execution.READY
+            self.execution = Execution.READY
         if self.is_event_alone:
             self.now = time  # theirs
 
@@ -360,7 +353,7 @@ class Task(TaskData):
         self.stop()
         self.machine.abandon()
         self.machine.interrupts.clear()
-        self._execution = Execution.UNINITIALIZED
+        self.execution = Execution.UNINITIALIZED
 
     def _main(self) -> UserRoutine:
         main = self.program.find(self.entry, None)
@@ -378,16 +371,11 @@ class Task(TaskData):
             raise RobotNotReady(f"The task {self.name} has no program pointer; move PP to main before the start.")
         program[-1].is_interrupted = False  # by a step or a breakpoint
         self.pauses.begin(step, stop_at_breakpoints=stop_at_breakpoints)
-        self._stop_event, self._pp_moved = self._pp_moved, ""
-        from_beginning = self._execution is Execution.READY
-        self._execution = Execution.STARTED
+        self.stop_event, self._pp_moved = self._pp_moved, ""
+        from_beginning = self.execution is Execution.READY
+        self.execution = Execution.STARTED
         self.is_running = True
         self.begin_event(SystemEvent.STEP if step else SystemEvent.START if from_beginning else SystemEvent.RESTART)
-
-    @property
-    def stop_event(self) -> str:
-        """Where the program pointer was moved to before the last start: "main", "routine", or "" when it was not."""
-        return self._stop_event
 
     @property
     def breakpoints(self) -> Collection[tuple[str, int]]:
@@ -422,8 +410,8 @@ class Task(TaskData):
     def stop(self) -> None:
         """Stop where the program is; `start` resumes it. Nothing happens when it is not running."""
         self.is_running = False
-        if self._execution is Execution.STARTED:
-            self._execution = Execution.STOPPED
+        if self.execution is Execution.STARTED:
+            self.execution = Execution.STOPPED
 
     @property
     def event(self) -> SystemEvent | None:
@@ -462,7 +450,7 @@ class Task(TaskData):
             self._program_time = self.now
         elif not is_alone and self._program_time is not None:
             self.now, self._program_time = self._program_time, None
-        self.is_running = is_alone or (self.is_running and self._execution is Execution.STARTED)
+        self.is_running = is_alone or (self.is_running and self.execution is Execution.STARTED)
 
     def abandon_event(self) -> None:
         """Leave the event routines that are being executed, but for those of a start, which goes on with them."""
@@ -575,7 +563,7 @@ class Task(TaskData):
         return next(numbers, None) or interrupts.connect(0, found)
 
     def _procedure(self, name: str) -> UserRoutine:
-        found = self.program.find(name, self.machine.frames[-1].routine.module)
+        found = self.program.find(name, self.frame.routine.module)
         if not isinstance(found, UserRoutine) or found.syntax.kind is not s.RoutineKind.PROC:
             raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{name}' to call.")
         return found
@@ -592,9 +580,9 @@ class Task(TaskData):
 
     def stopped_by_program(self, kind: EventKind) -> None:
         """The instructions Stop and SystemStopAction."""
-        frame = self.machine.frames[-1]
+        frame = self.frame
         self._leaves_event = self.is_event_alone
-        if self._leaves_event and kind is EventKind.STOP and self._execution is not Execution.STARTED:
+        if self._leaves_event and kind is EventKind.STOP and self.execution is not Execution.STARTED:
             self.stop()  # the program stands already: only the routine ends
             return
         self._halt(kind, f"{self.name} was stopped by the program in {self._where(frame)}.", frame)
@@ -620,7 +608,7 @@ class Task(TaskData):
             self._ended_at = self.now
             return
         self._halt(EventKind.FINISHED, f"{self.name} has finished main.", frame)
-        self._execution = Execution.READY
+        self.execution = Execution.READY
 
     def _until_next_advance(self) -> Generator[float | None, None, None]:
         yield None
@@ -657,11 +645,6 @@ class Task(TaskData):
     def is_settled(self, call: Call) -> bool:
         r"""Whether the robot stands as the call's \InPos demands."""
         return not call.present("InPos") or self.in_position()
-
-
-def frame_of(call: Call) -> RoutineFrame:
-    """The routine that executes a call."""
-    return task_of(call).machine.frames[-1]
 
 
 def task_of(call: Call) -> Task:

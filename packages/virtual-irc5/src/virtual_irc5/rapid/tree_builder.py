@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from lark import Token, Transformer, v_args
@@ -56,16 +57,15 @@ def _statement(kind: type[NodeType]) -> Any:
     return build
 
 
+@dataclass(eq=False, slots=True)
 class _Prefixed:
     """An operand with NOT or a sign before it."""
 
-    __slots__ = ("operand", "operator")
-
-    def __init__(self, operator: Token, operand: Any) -> None:
-        self.operator = operator
-        self.operand = operand
+    operator: Token
+    operand: Any
 
 
+@dataclass(eq=False, slots=True)
 class _Precedence:
     """Makes a tree of operands and operators in a row.
 
@@ -73,16 +73,17 @@ class _Precedence:
     NOT reaches as far as the ANDs that follow it: NOT a AND b is NOT (a AND b).
     """
 
-    __slots__ = ("index", "row")
-
-    def __init__(self, row: list[Any]) -> None:
-        self.row = row
-        self.index = 0
+    row: list[Any]
+    index: int = 0
 
     def expression(self) -> s.Expression:
-        left = self._logical()
-        while (operator := self._next(("OR", "XOR"))) is not None:
-            left = s.Binary(operator.upper(), left, self._logical(), position=left.position)
+        return self._joined(("OR", "XOR"), self._logical)
+
+    def _joined(self, kinds: Sequence[str], operand: Callable[[], s.Expression]) -> s.Expression:
+        """Operands with operators of one precedence between them, from left to right."""
+        left = operand()
+        while (operator := self._next(kinds)) is not None:
+            left = s.Binary(operator.upper(), left, operand(), position=left.position)
         return left
 
     def _next(self, kinds: Sequence[str]) -> Token | None:
@@ -119,16 +120,10 @@ class _Precedence:
         return whole
 
     def _sum(self) -> s.Expression:
-        left = self._term()
-        while (operator := self._next(("PLUS", "MINUS"))) is not None:
-            left = s.Binary(operator.upper(), left, self._term(), position=left.position)
-        return left
+        return self._joined(("PLUS", "MINUS"), self._term)
 
     def _term(self) -> s.Expression:
-        left = self._factor()
-        while (operator := self._next(("TIMES", "DIVIDE", "DIV", "MOD"))) is not None:
-            left = s.Binary(operator.upper(), left, self._factor(), position=left.position)
-        return left
+        return self._joined(("TIMES", "DIVIDE", "DIV", "MOD"), self._factor)
 
     def _factor(self) -> s.Expression:
         operand: Any = self.row[self.index]
@@ -209,16 +204,14 @@ class TreeBuilder(Transformer[Token, Any]):
 
     # Routines -----------------------------------------------------------------------------------------------------
 
-    def procedure(
-        self, local: Token | None, name: Token, parameters: tuple[s.Parameter, ...] | None, *body: Any
-    ) -> s.Routine:
-        return self._routine(s.RoutineKind.PROC, local, None, name, parameters, body)
+    def procedure(self, local: Token | None, name: Token, parameters: Any, *body: Any) -> s.Routine:
+        return self._routine(s.RoutineKind.PROC, local, None, name, parameters, *body)
 
     def function(self, local: Token | None, type_name: Token, name: Token, parameters: Any, *body: Any) -> s.Routine:
-        return self._routine(s.RoutineKind.FUNC, local, type_name, name, parameters, body)
+        return self._routine(s.RoutineKind.FUNC, local, type_name, name, parameters, *body)
 
     def trap(self, local: Token | None, name: Token, *body: Any) -> s.Routine:
-        return self._routine(s.RoutineKind.TRAP, local, None, name, None, body)
+        return self._routine(s.RoutineKind.TRAP, local, None, name, None, *body)
 
     def _routine(
         self,
@@ -227,24 +220,14 @@ class TreeBuilder(Transformer[Token, Any]):
         return_type: Token | None,
         name: Token,
         parameters: tuple[s.Parameter, ...] | None,
-        body: Sequence[Any],
+        declared: tuple[s.Data, ...],
+        block: s.Block,
+        *clauses: Clause,
     ) -> s.Routine:
-        declared, block, *clauses = body
         found = dict(clauses)
-        return _node(
-            s.Routine,
-            name,
-            name,
-            kind,
-            return_type,
-            parameters or (),
-            declared,
-            block,
-            found.get("backward"),
-            found.get("handler"),
-            found.get("undo"),
-            local is not None,
-        )
+        ends = (found.get("backward"), found.get("handler"), found.get("undo"))
+        head = (name, kind, return_type, parameters or ())
+        return _node(s.Routine, name, *head, declared, block, *ends, local is not None)
 
     locals = _tuple
 

@@ -6,9 +6,10 @@ import re
 from collections.abc import Iterable, Mapping
 
 from abb_protocols.errors import SettingsError
+from abb_protocols.rws.cfg_files import read_cfg
 from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import configuration as table
-from abb_protocols.rws.values import RwsCode, read_cfg
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.installed_system import DOMAINS
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.files import path_of_file

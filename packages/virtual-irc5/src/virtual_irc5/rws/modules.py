@@ -47,7 +47,7 @@ def _get_modules(controller: Irc5, call: RwsCall) -> Page:
     states = (
         table.MODULES.answered.state(
             module.name,
-            table.ModuleInfoAnswer(module.name, "SysMod" if module.is_system else "ProgMod"),
+            table.ModuleInfo(module.name, "SysMod" if module.is_system else "ProgMod"),
             RwsLink("self", f"modules/{module.name}?task={task.name}"),
         )
         for module in task.modules

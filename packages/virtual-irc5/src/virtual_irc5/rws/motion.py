@@ -13,9 +13,11 @@ from abb_protocols.errors import CommandRefused, ProtocolError, RobotNotReady
 from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_from_abb
 from abb_protocols.robot.kinematics import compose, inverse, matrix
-from abb_protocols.rws.documents import JointTarget, Page, RobTarget, RwsLink, RwsState, first_value
+from abb_protocols.rws.documents import Page, RwsLink, RwsState, first_value
 from abb_protocols.rws.operations import motion as table
-from abb_protocols.rws.values import Coordinates, JogMode, RwsCode, decode
+from abb_protocols.rws.operations.motion import JointTarget, RobTarget
+from abb_protocols.rws.rapid_values import decode
+from abb_protocols.rws.values import Coordinates, JogMode, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.instructions.robot_data import pose_from_rapid, robtarget, wobj_from_rapid
 from virtual_irc5.mechanics.arm import VirtualArm

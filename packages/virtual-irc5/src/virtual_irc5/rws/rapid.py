@@ -12,10 +12,10 @@ from functools import partial
 from xml.etree import ElementTree
 
 from abb_protocols.errors import RapidError
-from abb_protocols.rws.documents import JointTarget, Page, RobTarget, RwsLink, RwsState
+from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import rapid as table
 from abb_protocols.rws.operations.modules import quoted_module_text
-from abb_protocols.rws.operations.motion import UNIT
+from abb_protocols.rws.operations.motion import UNIT, JointTarget, RobTarget
 from abb_protocols.rws.values import ExecutionState, RunCycle, RwsCode, TaskExecution
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller.tasks import InstalledTask

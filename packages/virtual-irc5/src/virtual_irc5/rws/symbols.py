@@ -13,7 +13,8 @@ from typing import TypeVar
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import Form, Page, RwsState
 from abb_protocols.rws.operations import symbols as table
-from abb_protocols.rws.values import RapidValue, RwsCode, decode
+from abb_protocols.rws.rapid_values import RapidValue, decode
+from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.literals import format_value, parse_value

@@ -34,7 +34,7 @@ from yumi.cli.driver_options import config_option, robot_options
 from yumi.driver.launch_checks import EgmAddress, LaunchChecks
 
 if TYPE_CHECKING:
-    from abb_protocols.rws.documents import SystemInfo
+    from abb_protocols.rws.operations.system import SystemInfo
     from yumi.driver.commissioning.installation import Installation, InstallationPlan
 
 

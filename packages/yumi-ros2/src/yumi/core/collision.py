@@ -23,7 +23,6 @@ from abb_protocols.robot.description import (
     BODY_SHAPES,
     FINGER_ORIGINS,
     FINGER_SHAPES,
-    FINGER_TRAVEL,
     FLANGE_ORIGIN,
     GRIPPER_SHAPES,
     JOINT_ORIGINS,
@@ -31,7 +30,7 @@ from abb_protocols.robot.description import (
     TOOL0_ORIGIN,
     joint_1_origin,
 )
-from abb_protocols.robot.gripper_values import GripperModules
+from abb_protocols.robot.gripper_values import TRAVEL, GripperModules
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Quaternion, Side, Vector
 from abb_protocols.robot.kinematics import IDENTITY, matrix, quaternion_from_euler_zyx
 from yumi.core.library import load, new_handle
@@ -123,7 +122,7 @@ def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
     (low_x, low_y, low_z), (_, high_y, high_z) = _metres(finger.low_mm), _metres(finger.high_mm)
     # Both fingers, wherever they are: side by side along x, one above the other along z.
     origin, slices = FINGER_ORIGINS[0].xyz, 3
-    reach, step = FINGER_TRAVEL - low_x, (high_z - low_z) / slices
+    reach, step = TRAVEL - low_x, (high_z - low_z) / slices
     half_y = max(abs(low_y + origin[1]), abs(high_y + origin[1]))
     for index in range(slices):
         z = origin[2] + low_z + (index + 0.5) * step

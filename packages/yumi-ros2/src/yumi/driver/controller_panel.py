@@ -7,7 +7,7 @@ from math import isfinite
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady
-from abb_protocols.rws import values as rapid_values
+from abb_protocols.rws import rapid_values
 from abb_protocols.rws.values import ControllerState, ExecutionState
 from abb_runtime.clock import Clock, wait_until
 from abb_runtime.rws.client import RwsClient

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ControllerRefused, RobotNotReady
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import SystemInfo
+from abb_protocols.rws.operations.system import SystemInfo
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.state_machine import MAIN
 

@@ -23,7 +23,7 @@ from typing import Any
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ControllerRefused, ProtocolError, YumiError
 from abb_protocols.robot.joints import ZERO, Side, joints
-from abb_protocols.rws.documents import RwsEvent
+from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.values import ControllerState, EventType, ExecutionState, OperatingMode
 from abb_runtime.clock import Clock
 from abb_runtime.process.supervision import Failures, SupervisedThread

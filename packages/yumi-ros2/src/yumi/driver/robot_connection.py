@@ -6,7 +6,7 @@ from collections.abc import Callable
 from threading import Lock
 
 from abb_protocols.errors import YumiError
-from abb_protocols.rws.documents import SystemInfo
+from abb_protocols.rws.operations.system import SystemInfo
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.robot_manager import RobotManager
 

@@ -10,7 +10,7 @@ from typing import Literal
 
 from abb_protocols.catalogue import Message, clause, in_words, message
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import RwsEvent
+from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from yumi.driver.state_machine import MachineState
 

@@ -25,8 +25,9 @@ from abb_protocols.errors import (
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose, Quaternion, Side, Vector
 from abb_protocols.robot.load import Tool, inertia_of, principal_inertia
-from abb_protocols.rws import values as rapid_values
-from abb_protocols.rws.values import RapidValue, RwsCode
+from abb_protocols.rws import rapid_values
+from abb_protocols.rws.rapid_values import RapidValue
+from abb_protocols.rws.values import RwsCode
 from abb_runtime.clock import Clock, wait_until
 from abb_runtime.parameters import bounded
 from abb_runtime.rws.client import RwsClient

@@ -20,7 +20,7 @@ from typing import Protocol
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import RwsEvent
+from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.values import ControllerState, EventType
 from abb_runtime.clock import Clock
 from yumi.control.loop_events import Event as ArmEvent

@@ -13,7 +13,7 @@ from threading import Event as Flag
 
 from abb_protocols.errors import ControllerRefused, YumiError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.values import RapidValue
+from abb_protocols.rws.rapid_values import RapidValue
 from abb_runtime.parameters import bounded
 from abb_runtime.process.supervision import SupervisedThread
 from abb_runtime.rws.client import RwsClient

@@ -28,7 +28,7 @@ from abb_protocols.catalogue import message as said  # a message here is one of 
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
-from abb_protocols.rws.documents import RwsEvent
+from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.values import EventType
 from abb_runtime.clock import Clock
 from yumi.control.controller import State

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
-from abb_protocols.errors import ControllerRefused
-from abb_protocols.rws import documents
-from abb_protocols.rws.documents import CfgInstance, Page
+from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.files import file_path
-from abb_protocols.rws.operations.operation import Operation, delete, get, post
+from abb_protocols.rws.operations.operation import delete, get, post
 from abb_protocols.rws.operations.operation_answer import flag, pair, record
 from abb_protocols.rws.operations.service import Service, request
 from abb_protocols.rws.values import Grant
 
 _TYPE = "/rw/cfg/{domain}/{type}"
 _DOMAIN = "/rw/cfg/{domain}"
-_REFUSED = 400
+
+
+@dataclass(frozen=True, slots=True)
+class CfgInstance:
+    """One instance of a configuration type, its attributes as text."""
+
+    name: str
+    attributes: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,13 +70,18 @@ SET_INSTANCE = post(f"{_TYPE}/instances/{{instance}}", "set", needs="cfg", grant
 REMOVE_INSTANCE = delete(f"{_TYPE}/instances/{{instance}}", needs="cfg", grant=Grant.CFG_WRITE)
 
 
+def cfg_instance_of(state: RwsState) -> CfgInstance:
+    """An instance with the attributes in its list."""
+    return CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
+
+
 class ConfigurationService(Service):
     """``/rw/cfg``."""
 
     def cfg(self, domain: str, type: str) -> tuple[CfgInstance, ...]:
         """All instances of a configuration type, such as ``SIO`` and ``COM_TRP``."""
         states = self._listed(f"reading the configuration {domain}/{type}", INSTANCES, domain, type)
-        return documents.read_cfg_instances(Page("", "", states))
+        return tuple(cfg_instance_of(state) for state in states if state.type == "cfg-dt-instance-li")
 
     def set_cfg(self, domain: str, type: str, name: str, attributes: Mapping[str, str]) -> None:
         """Change attributes of an instance of the configuration; they act after the next restart."""
@@ -119,7 +129,7 @@ class ConfigurationService(Service):
     def cfg_instance(self, domain: str, type: str, name: str) -> CfgInstance:
         """One instance."""
         page = self._shown(f"reading {domain}/{type}/{name}", INSTANCE, domain, type, name)
-        return documents.cfg_instance_of(page.one("cfg-dt-instance"))
+        return cfg_instance_of(page.one("cfg-dt-instance"))
 
     def check_cfg_file(self, path: str, *, replace: bool = False) -> bool:
         """Whether a cfg file of the controller can be loaded."""
@@ -134,15 +144,6 @@ class ConfigurationService(Service):
     def can_remove_cfg(self, name: str) -> bool:
         """Whether an instance may be removed, as no other one names it."""
         return self._is_valid(f"checking {name}", VALIDATE_REMOVAL, name=name)
-
-    def _is_valid(self, what: str, operation: Operation[Any], /, **arguments: object) -> bool:
-        try:
-            self._call(what, operation, **arguments)
-        except ControllerRefused as error:
-            if error.status != _REFUSED:
-                raise
-            return False
-        return True
 
     def reset_cfg(self, domain: str, type: str = "") -> None:
         """Make a domain, or one type of it, as a new system has it; it acts after the next restart."""

@@ -9,11 +9,12 @@ from typing import Annotated, Any
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, NoConnection, ProtocolError
-from abb_protocols.rws.documents import RwsState, SystemInfo
+from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.files import file_path
 from abb_protocols.rws.operations.operation import TRUTH, Operation, absent, delete, get, post, put
 from abb_protocols.rws.operations.operation_answer import TEXT, TEXT_OR_NONE, Spelling, choice, flag, record, single
 from abb_protocols.rws.operations.service import OnProgress, Service
+from abb_protocols.rws.operations.system import SystemInfo
 from abb_protocols.rws.values import Grant
 
 _TIME = "%Y-%m-%d T %H:%M:%S"
@@ -28,7 +29,7 @@ class NetworkPort:
     """A network port of the controller."""
 
     name: str
-    address: str
+    address: Annotated[str, "addr"]
     mask: str
 
 
@@ -120,7 +121,7 @@ SET_TIMEZONE = post("/ctrl/clock/timezone", "set-timezone", "timezone", grant=Gr
 TIMESERVER = get("/ctrl/clock/timeserver").shows(single("ctrl-timeserver", "timeserver", TEXT))
 SERVER_TIME = get("/ctrl/clock/timeserver", "server-ip", resource="servertime", status=400)
 SET_TIMESERVER = post("/ctrl/clock/timeserver", "set-timeserver", "timeserver", grant=Grant.CONTROLLER_PROPERTIES_WRITE)
-NETWORK = get("/ctrl/network")
+NETWORK = get("/ctrl/network").shows(record("ctrl-netw", NetworkPort))
 SET_NETWORK = post("/ctrl/network", "set", "method=fixip|dhcp|noip, address, mask, gateway", status=202)
 DNS = get("/ctrl/network/dns")
 ROUTES = get("/ctrl/network/routes").shows(record("ctrl-netw-route", NetworkRoute))
@@ -242,8 +243,7 @@ class ControllerService(Service):
 
     def network_ports(self) -> tuple[NetworkPort, ...]:
         """The controller's network ports."""
-        states = self._listed("reading the network", NETWORK)
-        return tuple(NetworkPort(state.text("name"), state.text("addr"), state.text("mask")) for state in states)
+        return self._answers("reading the network", NETWORK)
 
     def set_network(self, method: str, address: str = "", mask: str = "", gateway: str = "") -> None:
         """Address of the WAN port, after a restart; ``method`` is ``fixip``, ``dhcp`` or ``noip``."""

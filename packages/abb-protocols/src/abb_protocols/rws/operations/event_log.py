@@ -3,34 +3,78 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from abb_protocols.rws import documents
-from abb_protocols.rws.documents import RwsEvent, whole_number
+from abb_protocols.catalogue import message
+from abb_protocols.errors import ProtocolError
+from abb_protocols.rws.documents import RwsState, member, whole_number
 from abb_protocols.rws.operations.files import file_path
 from abb_protocols.rws.operations.operation import get, post
+from abb_protocols.rws.operations.operation_answer import Spelling, record
 from abb_protocols.rws.operations.service import Service
-from abb_protocols.rws.values import Grant
+from abb_protocols.rws.values import EventType, Grant
 
 _DOMAIN = "/rw/elog/{domain}"
 _EVENTS_PER_PAGE = 50
+_NUMBER: Spelling[int] = Spelling(lambda state, name: whole_number(name, state.title), lambda name, value: {})
+_STATES = ("elog-message-li", "elog-message")  # types of those that show an event
+
+
+@dataclass(frozen=True, slots=True)
+class RwsEvent:
+    """One message of the event log.
+
+    Attributes:
+        number: of the message; it rises with each.
+        type: its weight.
+        code: ABB's number of the event.
+        time: the controller's local time as it prints it.
+        title: one line.
+        description: what happened, in ABB's words.
+        arguments: what the controller put into those words.
+    """
+
+    number: int
+    type: EventType
+    code: int
+    time: str
+    title: str
+    description: str
+    arguments: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class EventDomain:
     """A part of the event log: how many messages it has, and can have."""
 
-    number: int
-    name: str
-    messages: int
-    capacity: int
+    number: Annotated[int, "domain", _NUMBER]
+    name: Annotated[str, "domain-name"]
+    messages: Annotated[int, "numevts"]
+    capacity: Annotated[int, "buffsize"]
 
 
-LOGS = get("/rw/elog", "lang, resource=count")
+LOGS = get("/rw/elog", "lang, resource=count").shows(record("elog-domain-li", EventDomain))
 CLEAR_ALL = post("/rw/elog", "clearall", grant=Grant.EVENTLOG_CLEAR)
 SAVE_EVENTS = post("/rw/elog", "saveraw", "path", grant=Grant.FTP_WRITE, status=202)
 EVENTS = get(_DOMAIN, "lang, resource=count|info|title, order=lifo|fifo, elogseqnum, start, limit")
 CLEAR = post(_DOMAIN, "clear", grant=Grant.EVENTLOG_CLEAR)
 EVENT = get(f"{_DOMAIN}/{{number}}", "lang")
+
+
+def read_event(state: RwsState) -> RwsEvent:
+    """The event that a state shows."""
+    number = state.title.rpartition("/")[2]
+    if not number.isdecimal():
+        raise ProtocolError(message("event_without_number", title=state.title))
+    return RwsEvent(
+        number=int(number),
+        type=member(EventType, state.whole("msgtype")),
+        code=state.whole("code"),
+        time=state.text("tstamp"),
+        title=state.text("title"),
+        description=state.text("desc"),
+        arguments=tuple(argument.value for argument in state.arguments),
+    )
 
 
 class EventLogService(Service):
@@ -43,7 +87,7 @@ class EventLogService(Service):
         while len(found) < count:
             what, number = f"reading the event log {domain}", len(found) // size + 1
             asked = self._shown(what, EVENTS, str(domain), lang="en", order="lifo", start=number, limit=size)
-            page = documents.read_events(asked)
+            page = tuple(map(read_event, asked.of_type(*_STATES)))
             found += page
             if len(page) < size:
                 break
@@ -55,21 +99,12 @@ class EventLogService(Service):
 
     def event_domains(self) -> tuple[EventDomain, ...]:
         """The domains of the event log; 0 holds all."""
-        states = self._listed("reading the event log", LOGS, lang="en", resource="count")
-        return tuple(
-            EventDomain(
-                whole_number("domain", state.title),
-                state.text("domain-name"),
-                state.whole("numevts"),
-                state.whole("buffsize"),
-            )
-            for state in states
-        )
+        return self._answers("reading the event log", LOGS, lang="en", resource="count")
 
     def event(self, number: int, domain: int = 0) -> RwsEvent:
         """One message, by its number."""
         page = self._shown(f"reading event {number}", EVENT, str(domain), str(number), lang="en")
-        return documents.read_event(page.one(*documents.EVENT_STATES))
+        return read_event(page.one(*_STATES))
 
     def clear_all_events(self) -> None:
         """Empty all event logs."""

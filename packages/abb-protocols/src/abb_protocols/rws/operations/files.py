@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.rws.documents import FileInfo
 from abb_protocols.rws.operations.operation import delete, get, post, put
 from abb_protocols.rws.operations.service import OnProgress, Service, request
 from abb_protocols.rws.values import Grant
@@ -19,6 +18,14 @@ def file_path(path: str) -> str:
     """Where RAPID's ``HOME:/pick.mod`` is on the network; the device's name stands behind ``$`` there."""
     device, _, rest = path.partition(":")
     return f"/fileservice/${device.lower()}/{rest.lstrip('/')}"
+
+
+@dataclass(frozen=True, slots=True)
+class FileInfo:
+    """One entry of a directory; ``size`` [byte] is None for a directory."""
+
+    name: str
+    size: int | None
 
 
 @dataclass(frozen=True, slots=True)

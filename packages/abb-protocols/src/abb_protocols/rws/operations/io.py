@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated
 
 from abb_protocols.catalogue import message
-from abb_protocols.errors import CommandRefused
-from abb_protocols.rws import documents
-from abb_protocols.rws.documents import Page, RwsSignal, RwsState
+from abb_protocols.errors import CommandRefused, ProtocolError
+from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.operation import TRUTH, absent, get, post
 from abb_protocols.rws.operations.operation_answer import record
 from abb_protocols.rws.operations.service import Service
@@ -42,6 +42,15 @@ class IoNetwork:
     is_enabled: bool
     is_running: bool
     address: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RwsSignal:
+    """One I/O signal and its logical value."""
+
+    name: str
+    type: SignalType
+    value: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,21 +117,33 @@ SET_SIGNAL = post(
     "ActivePulse, PassivePulse, userlog=true|false, InputAsPhysical=true|false",
     grant=Grant.IO_WRITE,
 )
-ABSENT = (
-    *absent(
-        "PROFINET",
-        "GET /rw/iosystem/devices/{network}/{device}/implicitdata"
-        " | POST /rw/iosystem/devices/{network}/{device}/implicitdata"
-        " | OPTIONS /rw/iosystem/devices/{network}/{device}/implicitdata"
-        " | GET /rw/iosystem/devices/{network}/{device}/explicitdata"
-        " | POST /rw/iosystem/devices/{network}/{device}/explicitdata"
-        " | OPTIONS /rw/iosystem/devices/{network}/{device}/explicitdata"
-        " | POST /rw/iosystem/devices/{network}/{device}/alarms/clear"
-        " | OPTIONS /rw/iosystem/devices/{network}/{device}/alarms/clear"
-        " | GET /rw/iosystem/devices/{network}/{device}/alarms",
-    ),
+ABSENT = absent(
+    "PROFINET",
+    "GET /rw/iosystem/devices/{network}/{device}/implicitdata"
+    " | POST /rw/iosystem/devices/{network}/{device}/implicitdata"
+    " | OPTIONS /rw/iosystem/devices/{network}/{device}/implicitdata"
+    " | GET /rw/iosystem/devices/{network}/{device}/explicitdata"
+    " | POST /rw/iosystem/devices/{network}/{device}/explicitdata"
+    " | OPTIONS /rw/iosystem/devices/{network}/{device}/explicitdata"
+    " | POST /rw/iosystem/devices/{network}/{device}/alarms/clear"
+    " | OPTIONS /rw/iosystem/devices/{network}/{device}/alarms/clear"
+    " | GET /rw/iosystem/devices/{network}/{device}/alarms",
 )
 """What this robot lacks."""
+
+
+def signal_of(state: RwsState) -> RwsSignal:
+    """A signal, of whatever list."""
+    return RwsSignal(state.text("name"), state.member(SignalType, "type"), state.number("lvalue"))
+
+
+def read_signals(states: Iterable[RwsState]) -> Mapping[str, float]:
+    """``/rw/iosystem/signals``: the values by name; an entry without a valid value is left out."""
+    values: dict[str, float] = {}
+    for state in states:
+        with suppress(ProtocolError):
+            values[state.text("name")] = state.number("lvalue")
+    return values
 
 
 class IoService(Service):
@@ -130,11 +151,11 @@ class IoService(Service):
 
     def signal(self, name: str) -> RwsSignal:
         """One I/O signal."""
-        return documents.read_signal(self._shown(f"reading signal {name}", SIGNAL, name))
+        return signal_of(self._shown(f"reading signal {name}", SIGNAL, name).one("ios-signal", "ios-signal-li"))
 
     def signals(self) -> Mapping[str, float]:
         """The values of all I/O signals by their names, in one request where the controller does not make pages."""
-        return documents.read_signals(Page("", "", self._listed("reading all signals", SIGNALS)))
+        return read_signals(self._listed("reading all signals", SIGNALS))
 
     def set_signal(self, name: str, value: float) -> None:
         """Write the logical value of an I/O signal; group signals take whole numbers."""
@@ -186,7 +207,7 @@ class IoService(Service):
             invert=all_others or None,
             blocked=is_blocked,
         )
-        return tuple(map(documents.signal_of, page.of_type("ios-signal-li")))
+        return tuple(map(signal_of, page.of_type("ios-signal-li")))
 
     def find_signal_details(self, name: str = "", other: str = "") -> tuple[SignalDetails, ...]:
         """Signals in full whose name contains ``name``, and ``other``, too."""
@@ -292,7 +313,7 @@ def _milliseconds(time: float | None) -> int | None:
 
 def _signal_details(state: RwsState) -> SignalDetails:
     return SignalDetails(
-        signal=documents.signal_of(state),
+        signal=signal_of(state),
         category=state.fields.get("category", ""),
         device=state.fields.get("unitnm", "/".join(state.title.split("/")[:-1])),
         is_simulated=state.text("lstate") == "simulated",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abb_protocols.rws import documents
 from abb_protocols.rws.operations.operation import get, post
 from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.values import Grant
@@ -25,8 +24,11 @@ class MastershipService(Service):
 
     def mastership(self, domain: str) -> str:
         """Which other client holds the right to change ``cfg``, ``rapid`` or ``motion``; empty where none does."""
-        what = f"reading the mastership of {domain}"
-        return documents.read_mastership(self._shown(what, DOMAIN, domain))
+        state = self._shown(f"reading the mastership of {domain}", DOMAIN, domain).one("msh-resource")
+        if state.text("mastership") == "nomaster" or state.fields.get("mastershipheldbyme", "").upper() == "TRUE":
+            return ""
+        known = [text for name in ("application", "alias", "location") if (text := state.fields.get(name, ""))]
+        return ", ".join(known) or f"another client ({state.text('mastership')})"
 
     def mastership_domains(self) -> tuple[str, ...]:
         """What a client can have the mastership of: ``cfg``, ``motion``, ``rapid``."""

@@ -30,13 +30,13 @@ class RoutineInfo:
     """A routine; type is ``prc``, ``fun`` or ``trp``."""
 
     name: str
-    type: str
-    is_local: bool
-    parameters: int
+    type: Annotated[str, "symtyp"]
+    is_local: Annotated[bool, "local"]
+    parameters: Annotated[int, "npar"]
 
 
 @dataclass(frozen=True, slots=True)
-class ModuleInfoAnswer:
+class ModuleInfo:
     """One RAPID module; type is ``ProgMod`` or ``SysMod``."""
 
     name: str
@@ -67,7 +67,7 @@ def _read_text(state: RwsState, name: str) -> str:
     return decode(text, encoding="latin-1")
 
 
-MODULES = get(_MODULES, "task").shows(record("rap-module-info-li", ModuleInfoAnswer))
+MODULES = get(_MODULES, "task").shows(record("rap-module-info-li", ModuleInfo))
 MOD_POSSIBLE_ALL = get(_MODULES, resource="mod-possible-all", status=400)
 MODIFY_ALL_POSITION = post(_MODULES, "modify-all-position", _POSITIONS, grant=Grant.RAPID_MODPOS, status=400)
 MODULE = get(
@@ -106,14 +106,14 @@ SET_MODULE_TEXT = post(
     _MODULE, "set-module-text", "text", query="task", needs="rapid", grant=Grant.RAPID_EDIT, status=200
 )
 MODIFY_POSITION = post(_MODULE, "modify-position", _POSITIONS, query="task", grant=Grant.RAPID_MODPOS, status=400)
-ROUTINE_AT = get(f"{_MODULE}/routine", "task, row, column")
-ROUTINES = get(f"{_MODULES}/{{task}}/{{module}}/routines")
+ROUTINE_AT = get(f"{_MODULE}/routine", "task, row, column").shows(record("rap-routine-prop", RoutineInfo))
+ROUTINES = get(f"{_MODULES}/{{task}}/{{module}}/routines").shows(record("rap-routine-prop", RoutineInfo))
 
 
 class ModulesService(Service):
     """``/rw/rapid/modules``; RAPID must be stopped while they are changed."""
 
-    def modules(self, task: str) -> tuple[ModuleInfoAnswer, ...]:
+    def modules(self, task: str) -> tuple[ModuleInfo, ...]:
         """The RAPID modules loaded in ``task``."""
         states = self._listed(f"reading the modules of {task}", MODULES, task=task)
         read = MODULES.answered
@@ -170,12 +170,11 @@ class ModulesService(Service):
 
     def routine_at(self, task: str, module: str, row: int, column: int = 1) -> RoutineInfo:
         """The routine at a place of the text."""
-        page = self._shown(f"reading {module}", ROUTINE_AT, module, task=task, row=row, column=column)
-        return _routine(page.one("rap-routine-prop"))
+        return self._answer(f"reading {module}", ROUTINE_AT, module, task=task, row=row, column=column)
 
     def routines(self, task: str, module: str) -> tuple[RoutineInfo, ...]:
         """The routines of a module."""
-        return tuple(map(_routine, self._listed(f"reading the routines of {module}", ROUTINES, task, module)))
+        return self._answers(f"reading the routines of {module}", ROUTINES, task, module)
 
     def save_module(self, task: str, module: str, folder: str, name: str = "") -> None:
         """Write a module into a directory of the controller such as ``HOME:/``; ``.mod`` is appended to its name."""
@@ -208,7 +207,3 @@ def _task_first(operation: Operation[Any], module: str, **arguments: object) -> 
 
 def _rows_and_columns(part: Range) -> dict[str, int]:
     return {"startrow": part.row, "startcol": part.column, "endrow": part.end_row, "endcol": part.end_column}
-
-
-def _routine(state: RwsState) -> RoutineInfo:
-    return RoutineInfo(state.text("name"), state.text("symtyp"), state.flag("local"), state.whole("npar"))

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import degrees
+from math import degrees, radians
 from typing import Annotated
 
 from abb_protocols.catalogue import message
-from abb_protocols.errors import CommandRefused
+from abb_protocols.errors import CommandRefused, ProtocolError
 from abb_protocols.robot.joints import ORIGIN, Joints, Pose, abb_from_chain, chain_from_abb, joints
-from abb_protocols.rws.documents import (
-    EXTERNAL_AXES,
-    JointTarget,
-    RobTarget,
-    RwsState,
-    joint_target_of,
-    pose_of,
-    rob_target_of,
-)
+from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.operation import UPPER_TRUTH, get, post
 from abb_protocols.rws.operations.operation_answer import (
     TEXT,
@@ -37,6 +29,9 @@ from abb_protocols.rws.values import Coordinates, Grant, Increment, JogMode
 NO_AXIS = 8.9e9
 """9E9 and above stand for an axis that is not connected."""
 
+EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
+"""Fields of the external axes in pages of the motion system."""
+
 TURNS = ("j1", "j4", "j6", "jx")
 """Quarter turns of axes 1, 4 and 6, and ABB's cfx, in most resources."""
 
@@ -47,6 +42,44 @@ _ON_OFF = flag("ON", "OFF")
 _UNIT_OR_NONE = Spelling(
     lambda state, name: state.text(name).replace(_NO_UNIT, ""), lambda name, unit: {name: unit or _NO_UNIT}
 )
+
+
+SixAxes = tuple[float, float, float, float, float, float]
+Configuration = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class JointTarget:
+    """Where a mechanical unit stands: axes 1-6 and external axes [deg], None where there is no axis."""
+
+    robax_deg: SixAxes
+    extax_deg: tuple[float | None, ...]
+
+    def chain(self) -> Joints:
+        """The seven joints of a YuMi arm in chain order [rad].
+
+        Raises:
+            ProtocolError: the unit has no seventh axis.
+        """
+        axis_7_deg = self.extax_deg[0]
+        if axis_7_deg is None:
+            raise ProtocolError(message("unit_without_seventh_axis"))
+        return joints([radians(angle) for angle in chain_from_abb(self.robax_deg, axis_7_deg)])
+
+
+@dataclass(frozen=True, slots=True)
+class RobTarget:
+    """A position of the tool.
+
+    Attributes:
+        tool_to_object: of the tool in the work object, or as was asked for.
+        configuration: quarter turns of axes 1, 4 and 6, and ABB's cfx.
+        external: external axes [rad], None where there is no axis; of a YuMi's arm the first is the arm angle.
+    """
+
+    tool_to_object: Pose
+    configuration: Configuration
+    external: tuple[float | None, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +201,29 @@ def _pose_fields(
 def _axes_fields(names: Sequence[str], angles: Sequence[float | None]) -> dict[str, str]:
     """Angles of external axes [deg]."""
     return {name: "9E+09" if at is None else printed(at) for name, at in zip(names, angles, strict=True)}
+
+
+def pose_of(state: RwsState) -> Pose:
+    """Out of ``x`` to ``q4``."""
+    x, y, z = (state.number(name) * 1e-3 for name in "xyz")
+    w, i, j, k = (state.number(f"q{number}") for number in range(1, 5))
+    return Pose((x, y, z), (w, i, j, k))
+
+
+def rob_target_of(state: RwsState) -> RobTarget:
+    """A robtarget, as each of the services spells it."""
+    names = ("cf1", "cf4", "cf6", "cfx") if "cf1" in state.fields else ("j1", "j4", "j6", "jx")
+    one, four, six, x = (state.whole(name) for name in names)
+    found = [state.number(name) for name in state.fields if name.startswith(("eax", "ej"))]
+    external = tuple(None if angle > NO_AXIS else radians(angle) for angle in found)
+    return RobTarget(pose_of(state), (one, four, six, x), external)
+
+
+def joint_target_of(state: RwsState, robot: str, external: Sequence[str]) -> JointTarget:
+    """A jointtarget whose fields of the robot's axes begin with ``robot``."""
+    a1, a2, a3, a4, a5, a6 = (state.number(f"{robot}{axis}") for axis in range(1, 7))
+    found = [state.number(name) for name in external]
+    return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > NO_AXIS else angle for angle in found))
 
 
 def joint_answer(type: str, robot: str, external: Sequence[str]) -> OperationAnswer[JointTarget]:

@@ -26,9 +26,9 @@ class QueueMessage:
         sender: name of its queue.
     """
 
-    data: str
-    user_def: int
-    sender: str
+    data: Annotated[str, "dipc-data"]
+    user_def: Annotated[int, "dipc-userdef"]
+    sender: Annotated[str, "queue-name"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class QueueInfo:
 QUEUES = get("/rw/dipc")
 CREATE = post("/rw/dipc", "dipc-create", "dipc-queue-name, dipc-queue-size, dipc-max-msg-size", status=201)
 QUEUE = get(_QUEUE).shows(record("dipc-queue", QueueInfo))
-READ = get(_QUEUE, "timeout", action="dipc-read")
+READ = get(_QUEUE, "timeout", action="dipc-read").shows(record("dipc-read-li", QueueMessage))
 SEND = post(_QUEUE, "dipc-send", "dipc-src-queue-name, dipc-cmd, dipc-userdef, dipc-msgtype=0|1, dipc-data", status=200)
 DELETE = delete(_QUEUE)
 
@@ -99,6 +99,4 @@ class QueuesService(Service):
     def read_message(self, name: str, timeout: float = 0.0) -> QueueMessage | None:
         """The oldest message of a queue of this client; None where none comes within ``timeout`` [s]."""
         page = self._shown(f"reading from {name}", READ, name, timeout=round(timeout * _MS))
-        for state in page.of_type("dipc-read-li"):
-            return QueueMessage(state.text("dipc-data"), state.whole("dipc-userdef"), state.text("queue-name"))
-        return None
+        return next(map(READ.answered.read, page.of_type(*READ.answered.types)), None)

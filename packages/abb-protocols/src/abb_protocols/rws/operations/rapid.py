@@ -7,8 +7,8 @@ from typing import Annotated
 
 from abb_protocols.errors import ControllerRefused
 from abb_protocols.robot.joints import Joints
-from abb_protocols.rws.documents import RobTarget, RwsState, member
-from abb_protocols.rws.operations.motion import TURNS_OF_TARGET, joint_answer, target_answer
+from abb_protocols.rws.documents import RwsState, member
+from abb_protocols.rws.operations.motion import TURNS_OF_TARGET, RobTarget, joint_answer, target_answer
 from abb_protocols.rws.operations.operation import get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, flag, record, single
 from abb_protocols.rws.operations.service import Service

@@ -21,6 +21,7 @@ OnProgress = Callable[[str], None]
 """Called with what is being done, in a few words."""
 
 _MOST_SESSIONS = 70  # at a time, of a controller (reference/rws.md §2)
+_NOT_VALID = 400  # status of HTTP of a check that fails
 
 
 def request(operation: Operation[Any], /, *places: str, **arguments: object) -> RwsRequest:
@@ -68,6 +69,16 @@ class Service(ABC):
             reply = self._exchange(called)
             self._accepted(reply, what)
         return reply
+
+    def _is_valid(self, what: str, operation: Operation[Any], /, **arguments: object) -> bool:
+        """Whether the controller finds what it is asked to check valid."""
+        try:
+            self._call(what, operation, **arguments)
+        except ControllerRefused as error:
+            if error.status != _NOT_VALID:
+                raise
+            return False
+        return True
 
     def _shown(self, what: str, operation: Operation[Any], /, *places: str, **arguments: object) -> Page:
         """The page that an operation is answered with."""

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from abb_protocols.errors import ControllerRefused
-from abb_protocols.rws import documents
-from abb_protocols.rws.documents import RwsState, whole_number
+from abb_protocols.catalogue import message
+from abb_protocols.errors import ProtocolError
+from abb_protocols.rws.documents import Page, RwsState, whole_number
 from abb_protocols.rws.operations.operation import UPPER_TRUTH, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, single
 from abb_protocols.rws.operations.service import Service
-from abb_protocols.rws.values import Grant, RapidValue, SymbolKind, decode, encode
+from abb_protocols.rws.rapid_values import RapidValue, decode, encode
+from abb_protocols.rws.values import Grant, SymbolKind
 
 _SYMBOL = "/rw/rapid/symbol"
 _SYMBOLS = "/rw/rapid/symbols"
 _DATUM = f"{_SYMBOL}/data/RAPID/{{symbol:.+}}"
-_BAD_VALUE = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +56,14 @@ VALIDATE = post(f"{_SYMBOL}/data", "validate", "task, value, datatype")
 SYMBOL_PROPERTIES = get(f"{_SYMBOL}/properties/RAPID/{{symbol:.+}}")
 
 
+def read_symbol_type(page: Page) -> str:
+    """``/rw/rapid/symbol/properties``: the name of the RAPID type."""
+    for state in page.states:
+        if state.type.startswith("rap-symprop"):
+            return state.text("dattyp")
+    raise ProtocolError(message("answer_without_properties"))
+
+
 class SymbolsService(Service):
     """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``.
 
@@ -63,7 +71,7 @@ class SymbolsService(Service):
     """
 
     def symbol(self, task: str, module: str, name: str) -> str:
-        """Value of a RAPID symbol as its literal; ``abb_protocols.rws.values`` decodes it."""
+        """Value of a RAPID symbol as its literal; ``abb_protocols.rws.rapid_values`` decodes it."""
         what = f"reading {module}/{name} of {task}"
         return self._answer(what, SYMBOL, f"{task}/{module}/{name}")
 
@@ -82,10 +90,10 @@ class SymbolsService(Service):
     def symbol_type(self, task: str, module: str, name: str) -> str:
         """Name of a RAPID symbol's type."""
         what = f"reading the type of {module}/{name} of {task}"
-        return documents.read_symbol_type(self._shown(what, SYMBOL_PROPERTIES, f"{task}/{module}/{name}"))
+        return read_symbol_type(self._shown(what, SYMBOL_PROPERTIES, f"{task}/{module}/{name}"))
 
     def set_symbol(self, task: str, module: str, name: str, literal: str) -> None:
-        """Write a RAPID symbol; ``abb_protocols.rws.values`` encodes a literal."""
+        """Write a RAPID symbol; ``abb_protocols.rws.rapid_values`` encodes a literal."""
         place = f"{task}/{module}/{name}"
         self._call(f"writing {module}/{name} of {task}", SET_SYMBOL, place, value=literal)
 
@@ -101,13 +109,7 @@ class SymbolsService(Service):
 
     def is_value_of(self, task: str, literal: str, type: str) -> bool:
         """Whether a literal is a value of a RAPID type that is known in a task."""
-        try:
-            self._call(f"checking a value of {type}", VALIDATE, task=task, value=literal, datatype=type)
-        except ControllerRefused as error:
-            if error.status != _BAD_VALUE:
-                raise
-            return False
-        return True
+        return self._is_valid(f"checking a value of {type}", VALIDATE, task=task, value=literal, datatype=type)
 
     def find_symbols(
         self,

@@ -2,14 +2,40 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Annotated
 
-from abb_protocols.rws import documents
-from abb_protocols.rws.documents import Page, SystemInfo
+from abb_protocols.catalogue import message
+from abb_protocols.errors import ProtocolError
+from abb_protocols.rws.documents import Page
 from abb_protocols.rws.operations.operation import absent, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, record, single
 from abb_protocols.rws.operations.service import Service
+
+_VERSION = re.compile(r"\d+(\.\d+)+")
+_ROBOT = re.compile(r"IRB \d+\w*")  # of an option such as "IRB 120-3/0.6"
+
+
+@dataclass(frozen=True, slots=True)
+class SystemInfo:
+    """The controller's system, e.g. version (6, 13, 0, 0); a new installation of RobotWare has another ``id``."""
+
+    name: str
+    robotware: tuple[int, ...]
+    options: tuple[str, ...]
+    id: str = ""
+
+    @property
+    def version(self) -> str:
+        """Of RobotWare, as ABB writes it: ``6.13.0.0``."""
+        return ".".join(map(str, self.robotware))
+
+    @property
+    def robot(self) -> str:
+        """ABB's name of the robot without its variant, such as ``IRB 120``; empty where no option names one."""
+        names = (match[0] for option in self.options if (match := _ROBOT.match(option)))
+        return next(names, "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,18 +79,27 @@ RESET_ENERGY = post("/rw/system/energy", "reset")
 CODES = get("/rw/retcode", "code").shows(record("err-desc-li", ReturnCode))
 DEVICES = get("/rw/devices", "Lang")
 DEVICE = get("/rw/devices/{device:.+}", "Lang")
-ABSENT = (
-    *absent(
-        "integrated vision",
-        "GET /rw/vision?resource | GET /rw/vision/{name} | POST /rw/vision?action=restart"
-        " | POST /rw/vision?action=flash-led | POST /rw/vision?action=set-state"
-        " | POST /rw/vision?action=refresh | POST /rw/vision?action=set-hostname"
-        " | POST /rw/vision?action=set-dhcp | POST /rw/vision?action=set-dns-settings"
-        " | POST /rw/vision?action=set-cameraname | POST /rw/vision?action=set-user-credential"
-        " | POST /rw/vision?action=set-ip-settings | POST /rw/vision/{name}?action=trigger",
-    ),
+ABSENT = absent(
+    "integrated vision",
+    "GET /rw/vision?resource | GET /rw/vision/{name} | POST /rw/vision?action=restart"
+    " | POST /rw/vision?action=flash-led | POST /rw/vision?action=set-state"
+    " | POST /rw/vision?action=refresh | POST /rw/vision?action=set-hostname"
+    " | POST /rw/vision?action=set-dhcp | POST /rw/vision?action=set-dns-settings"
+    " | POST /rw/vision?action=set-cameraname | POST /rw/vision?action=set-user-credential"
+    " | POST /rw/vision?action=set-ip-settings | POST /rw/vision/{name}?action=trigger",
 )
 """What this robot lacks."""
+
+
+def read_system(page: Page) -> SystemInfo:
+    """``/rw/system``."""
+    state = page.one("sys-system-li")
+    version = state.text("rwversionname")
+    if not _VERSION.fullmatch(version):
+        raise ProtocolError(message("version_not_numbers", version=version))
+    options = tuple(child.text("option") for each in page.of_type("sys-options-li") for child in each.children)
+    robotware = tuple(int(part) for part in version.split("."))
+    return SystemInfo(state.text("name"), robotware, options, state.fields.get("sysid", ""))
 
 
 class SystemService(Service):
@@ -72,7 +107,7 @@ class SystemService(Service):
 
     def system(self) -> SystemInfo:
         """Name, RobotWare version and options."""
-        return documents.read_system(self._shown("reading the system", SYSTEM))
+        return read_system(self._shown("reading the system", SYSTEM))
 
     def options(self) -> tuple[str, ...]:
         """Names of the system's options."""

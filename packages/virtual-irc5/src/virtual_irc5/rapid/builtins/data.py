@@ -68,10 +68,8 @@ for _name, _components in RECORDS.items():
 DATA.record("taskid", {"taskname": "string"})
 DATA.data("pi", "num", math.pi)
 DATA.data("stEmpty", "string", "")
-for _value, _name in enumerate(("low", "high", "edge")):
-    DATA.data(_name, "dionum", _value)
-for _value, _name in enumerate(("OP_UNDEF", "OP_AUTO", "OP_MAN_PROG", "OP_MAN_TEST")):
-    DATA.data(_name, "symnum", _value)
+DATA.constants("dionum", "low=0 high edge")
+DATA.constants("symnum", "OP_UNDEF=0 OP_AUTO OP_MAN_PROG OP_MAN_TEST")
 # Technical reference manual, RAPID: data types: persistents of the system module BASE, which no program changes.
 DATA.persistent("load0", "loaddata", LOAD0)
 DATA.persistent("tool0", "tooldata", (True, NO_POSE, LOAD0))
@@ -97,8 +95,7 @@ for _name, _base in (
 ):
     CONSTANTS.alias(_name, _base)
 
-# By type: names with the value of the first, the others count on; `NAME=7` sets another one.
-CONSTANT_VALUES = {
+for _type, _names in {
     "opnum": "LT=1 LTEQ EQ GT GTEQ NOTEQ",
     "opcalc": "OpAdd=1 OpSub OpMult OpDiv OpMod",
     "symnum": "RUN_UNDEF=0 RUN_CONT_CYCLE RUN_INSTR_FWD RUN_INSTR_BWD RUN_SIM RUN_STEP_MOVE",
@@ -129,18 +126,11 @@ CONSTANT_VALUES = {
     "paridnum": ("TOOL_LOAD_ID=1 PAY_LOAD_ID IRBP_K IRBP_L IRBP_C IRBP_C_INDEX IRBP_T IRBP_R IRBP_A IRBP_B IRBP_D"),
     "paridvalidnum": "ROB_LOAD_VAL=10 ROB_NOT_LOAD_VAL ROB_LM1_LOAD_VAL",
     "aiotrigg": ("AIO_ABOVE_HIGH=1 AIO_BELOW_HIGH AIO_ABOVE_LOW AIO_BELOW_LOW AIO_BETWEEN AIO_OUTSIDE AIO_ALWAYS"),
-}
+}.items():
+    CONSTANTS.constants(_type, _names)
 
 # Speeds of external axes alone: rotating ones [deg/s], linear ones [mm/s].
 for _speed in (1, 2, 5, 10, 20, 50, 100):
     CONSTANTS.data(f"vrot{_speed}", "speeddata", (0, 0, 0, _speed))
 for _speed in (10, 20, 50, 100, 200, 500, 1000):
     CONSTANTS.data(f"vlin{_speed}", "speeddata", (0, 0, _speed, 0))
-
-for _type, _names in CONSTANT_VALUES.items():
-    _next = 0
-    for _entry in _names.split():
-        _constant, _, _given = _entry.partition("=")
-        _next = int(_given) if _given else _next
-        CONSTANTS.data(_constant, _type, float(_next))
-        _next += 1

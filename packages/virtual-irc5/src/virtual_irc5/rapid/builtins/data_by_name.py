@@ -19,7 +19,7 @@ from virtual_irc5.rapid.expressions import Expressions, Scope
 from virtual_irc5.rapid.loaded_modules import LoadedModule
 from virtual_irc5.rapid.parser import parse_reference
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.task import frame_of, task_of, task_of_argument
+from virtual_irc5.rapid.task import task_of, task_of_argument
 from virtual_irc5.rapid.types import (
     UNSET,
     ArrayType,
@@ -28,6 +28,7 @@ from virtual_irc5.rapid.types import (
     Type,
     Variable,
     is_assignable,
+    raised_as,
     resolved,
 )
 
@@ -128,13 +129,12 @@ _SCOPE = (
 )
 
 
+_STORAGES = {"PersSym": Storage.PERS, "VarSym": Storage.VAR, "ConstSym": Storage.CONST}
+
+
 @SYMBOLS.instruction("SetDataSearch", rf"string Type, \string TypeMod, \string Object, {_SCOPE}")
 def set_data_search(call: Call) -> None:
-    storages = {
-        storage
-        for name, storage in (("PersSym", Storage.PERS), ("VarSym", Storage.VAR), ("ConstSym", Storage.CONST))
-        if call.present(name)
-    } or set(Storage)
+    storages = {storage for name, storage in _STORAGES.items() if call.present(name)} or set(Storage)
     pattern, module = call.get("Object", ".*"), call.get("InMod", "")
     matches(pattern, "")  # a pattern that is none is an error of this instruction
     if module and module.lower() not in task_of(call).program.modules:
@@ -181,7 +181,7 @@ def _named_datum(call: Call) -> Reference:
     program = task.program
     owner = program.modules.get(call["Block"].module.lower()) if call.present("Block") else None
     if owner is None and task is call.task:
-        owner = frame_of(call).routine.module
+        owner = task_of(call).frame.routine.module
     root = name.partition("{")[0].partition(".")[0]
     found = program.find(root, owner)
     if not isinstance(found, Variable) or found.value is UNSET:
@@ -193,10 +193,8 @@ def _named_datum(call: Call) -> Reference:
     if root == name:
         return found
     owner = owner or next(iter(program.modules.values()))
-    try:
+    with raised_as("ERR_SYM_ACCESS", RapidError, before=f"{call.name}: there is no datum '{name}': "):
         return Expressions(Scope(program, owner)).reference(parse_reference(name))[0](CONSTANT_FRAME)
-    except RapidError as error:
-        raise RapidRuntimeError("ERR_SYM_ACCESS", f"{call.name}: there is no datum '{name}': {error}") from error
 
 
 def _check_type(call: Call, wanted: Type, given: Type) -> None:
@@ -235,7 +233,6 @@ def set_all_values(call: Call) -> None:
     """Give all variables and persistents of a type a value, those whose name the pattern takes."""
     value, type_ = call["Value"], call.reference("Value").type
     for _, variable in _data_of_type(call, call["Type"]):
-        if not variable.is_constant and matches(call.get("Object", ".*"), variable.name):
-            if not is_assignable(variable.type, type_):  # arrays of the type
-                continue
+        is_meant = not variable.is_constant and matches(call.get("Object", ".*"), variable.name)
+        if is_meant and is_assignable(variable.type, type_):  # arrays of the type are not
             variable.value = variable.type.convert(value)

@@ -9,14 +9,16 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary, WeakSet
 
 from virtual_irc5.rapid.builtins.rawbytes import ENCODING, MOST_BYTES, RAWBYTES, RawBytes
+from virtual_irc5.rapid.builtins.strings import PRINTED, printed_text
 from virtual_irc5.rapid.call import Call, RunningTask, whole_argument
 from virtual_irc5.rapid.devices import Disk, DiskEntry
 from virtual_irc5.rapid.literals import format_value, parse_value
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.types import LONGEST_STRING, RapidRuntimeError, RapidValueError
+from virtual_irc5.rapid.types import LONGEST_STRING, RapidRuntimeError, RapidValueError, raised_as
 
 FILES = Library(RAWBYTES)
 EOF_NUM = 9.998e36
@@ -34,6 +36,7 @@ FILES.data("EOF_BIN", "num", EOF_BIN)
 FILES.data("EOF_NUM", "num", EOF_NUM)
 
 
+@dataclass(eq=False)
 class OpenFile:
     """What an iodev stands for: a file that is open, its content and the place where reading goes on.
 
@@ -41,22 +44,16 @@ class OpenFile:
         path: of the file, "" while it is closed.
         content: all of it.
         position: where the next byte is read.
-        is_readable, is_writable, is_binary: what Open has asked for.
+        is_readable, is_writable: what Open has asked for.
     """
 
-    __slots__ = (
-        *("__weakref__", "_disk", "_unwritten", "content", "is_binary"),
-        *("is_readable", "is_writable", "path", "position"),
-    )
-
-    def __init__(self) -> None:
-        self._disk: Disk | None = None
-        self.path = ""
-        self._forget()
-
-    def _forget(self) -> None:
-        self.path, self.content, self.position, self._unwritten = "", bytearray(), 0, 0
-        self.is_readable = self.is_writable = self.is_binary = False
+    path: str = ""
+    content: bytearray = field(default_factory=bytearray)
+    position: int = 0
+    is_readable: bool = False
+    is_writable: bool = False
+    _disk: Disk | None = None
+    _unwritten: int = 0
 
     def open(self, disk: Disk, path: str, content: bytes) -> None:
         self._disk, self.path, self.content, self.position = disk, path, bytearray(content), 0
@@ -90,40 +87,30 @@ class OpenFile:
         try:
             self.flush()
         finally:
-            self._disk = None
-            self._forget()
+            self._disk, self.path, self.content = None, "", bytearray()
 
     def __del__(self) -> None:
         with suppress(OSError):
             self.close()
 
 
+@dataclass(eq=False, slots=True)
 class OpenDirectory:
-    """What a dir stands for: the names of a directory that are still to be read."""
+    """What a dir stands for: the names of a directory that are still to be read; None while it is closed."""
 
-    __slots__ = ("names",)
-
-    def __init__(self) -> None:
-        self.names: list[str] | None = None
+    names: list[str] | None = None
 
 
 FILES.object_type("iodev", OpenFile)
 FILES.object_type("dir", OpenDirectory)
-_ERRORS: tuple[tuple[type[OSError], str], ...] = (
-    (FileNotFoundError, "ERR_FILEACC"),
-    (FileExistsError, "ERR_FILEEXIST"),
-    (OSError, "ERR_FILEACC"),
-)
 
 
 @contextmanager
 def _disk_errors(call: Call) -> Iterator[Disk]:
     """The disk; what it refuses becomes RAPID's error."""
-    try:
+    before = f"{call.name}: "
+    with raised_as("ERR_FILEACC", OSError, before=before), raised_as("ERR_FILEEXIST", FileExistsError, before=before):
         yield call.task.host.devices.disk
-    except OSError as error:
-        name = next(name for kind, name in _ERRORS if isinstance(error, kind))
-        raise RapidRuntimeError(name, f"{call.name}: {error}") from error
 
 
 def full_path(path: str, file: str = "") -> str:
@@ -179,17 +166,14 @@ def open_file(call: Call) -> None:
     disk = call.task.host.devices.disk
     is_reading = call.present("Read")
     is_new = call.present("Write") or not (is_reading or call.present("Append"))
-    try:
+    with raised_as("ERR_FILEOPEN", OSError, before="Open: "):
         if is_new:
             disk.write(path, b"")
         content = disk.read(path) if is_reading or _exists(disk, path) else b""
         if call.present("Append"):
             disk.write(path, content)
-    except OSError as error:
-        raise RapidRuntimeError("ERR_FILEOPEN", f"Open: {error}") from error
     file.open(disk, path, content)
     opened.add(file)
-    file.is_binary = call.present("Bin")
     file.is_readable = not (call.present("Write") or (call.present("Append") and not call.present("Bin")))
     file.is_writable = not is_reading
 
@@ -217,17 +201,10 @@ def clear_buffer(call: Call) -> None:
 # Writing ----------------------------------------------------------------------------------------------------------
 
 
-@FILES.instruction(
-    "Write",
-    r"VAR iodev IODevice, string String, \num Num | \bool Bool | \pos Pos | \orient Orient | \dnum Dnum, "
-    r"\switch NoNewLine",
-)
+@FILES.instruction("Write", rf"VAR iodev IODevice, {PRINTED}, \switch NoNewLine")
 def write_line(call: Call) -> None:
-    text: str = call["String"]
-    for name in ("Num", "Bool", "Pos", "Orient", "Dnum"):
-        if call.present(name):
-            text += format_value(call.reference(name).type, call[name])
-    _put(call, (text + ("" if call.present("NoNewLine") else "\n")).encode(ENCODING, "replace"))
+    text = printed_text(call) + ("" if call.present("NoNewLine") else "\n")
+    _put(call, text.encode(ENCODING, "replace"))
 
 
 @FILES.instruction("WriteBin", "VAR iodev IODevice, num Buffer{*}, num NChar")
@@ -250,7 +227,7 @@ def write_raw_bytes(call: Call) -> None:
 
 
 @FILES.instruction("WriteAnyBin", "VAR iodev IODevice, anytype Data")
-def write_any(call: Call) -> None:
+def write_any_to_file(call: Call) -> None:
     """The value as ReadAnyBin reads it back: its length, its type, then its literal."""
     type_ = call.reference("Data").type
     literal = format_value(type_, call["Data"]).encode(ENCODING, "replace")
@@ -332,7 +309,7 @@ def read_raw_bytes(call: Call) -> None:
 
 
 @FILES.instruction("ReadAnyBin", r"VAR iodev IODevice, INOUT anytype Data, \num Time")
-def read_any(call: Call) -> None:
+def read_any_from_file(call: Call) -> None:
     """What WriteAnyBin wrote; ERR_RANYBIN_EOF at the end, ERR_RANYBIN_CHK for a value of another type."""
     file, type_ = _file(call, to_read=True), call.reference("Data").type
     header = file.take(3)

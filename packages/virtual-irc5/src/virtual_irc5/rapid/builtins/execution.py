@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.pauses import StackEntry
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind
-from virtual_irc5.rapid.task import CyclicBool, Task, frame_of, task_of, tasks_of
-from virtual_irc5.rapid.types import ABSENT, RapidRuntimeError, Reference, Variable
+from virtual_irc5.rapid.task import CyclicBool, Task, task_of, tasks_of
+from virtual_irc5.rapid.types import ABSENT, RapidRuntimeError, Reference, Variable, raised_as
 
 EXECUTION = Library(CONSTANTS)
 
@@ -111,37 +112,30 @@ def exit_cycle(call: Call) -> None:
 
 @EXECUTION.function("RemainingRetries", "", "num")
 def remaining_retries(call: Call) -> float:
-    return frame_of(call).remaining_retries
+    return task_of(call).frame.remaining_retries
 
 
 @EXECUTION.instruction("ResetRetryCount")
 def reset_retries(call: Call) -> None:
-    frame_of(call).reset_retries()
+    task_of(call).frame.reset_retries()
 
 
 @EXECUTION.function("ExecHandler", "", "handler_type")
-def executing_handler(call: Call) -> float:
-    return _constant(f"HANDLER_{frame_of(call).clause}")
+def executing_handler(call: Call) -> Any:
+    return CONSTANTS.value(f"HANDLER_{task_of(call).frame.clause}")
 
 
 @EXECUTION.function("ExecLevel", "", "exec_level")
-def execution_level(call: Call) -> float:
+def execution_level(call: Call) -> Any:
     level = "LEVEL_SERVICE" if call.task.event else "LEVEL_TRAP" if task_of(call).machine.in_trap else "LEVEL_NORMAL"
-    return _constant(level)
+    return CONSTANTS.value(level)
 
 
 @EXECUTION.function("EventType", "", "event_type")
-def event_type(call: Call) -> float:
+def event_type(call: Call) -> Any:
     """The system event whose event routine is being executed."""
     event = call.task.event
-    return _constant("EVENT_NONE") if event is None else event.value
-
-
-def _constant(name: str) -> float:
-    datum = CONSTANTS.datum(name)
-    assert datum is not None
-    value: float = datum.value
-    return value
+    return CONSTANTS.value("EVENT_NONE") if event is None else event.value
 
 
 @EXECUTION.function("ArgName", r"INOUT anytype Parameter, \VAR errnum ErrorNumber", "string")
@@ -202,10 +196,8 @@ def record_execution(call: Call) -> None:
 
     def write() -> None:
         finish()
-        try:
+        with raised_as("ERR_FILEOPEN", OSError, before=f"SpyStop: '{path}' cannot be written: "):
             task.host.devices.disk.write(path, "\n".join([*lines, ""]).encode("latin-1", "replace"))
-        except OSError as error:
-            raise RapidRuntimeError("ERR_FILEOPEN", f"SpyStop: '{path}' cannot be written: {error}") from error
 
     task.pauses.spy, task.pauses.end_of_spy = watch, write
     task.pauses.watch()

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.strings import PRINTED, printed_text
 from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.devices import Choice, DeviceDialog, DialogKind
-from virtual_irc5.rapid.literals import format_value
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Severity
 from virtual_irc5.rapid.types import RapidRuntimeError, Signal
@@ -22,7 +22,6 @@ from virtual_irc5.rapid.types import RapidRuntimeError, Signal
 DIALOGS = Library(CONSTANTS)
 MOST_MESSAGE_LINES = 5
 
-# MARK
 # The operator's display -------------------------------------------------------------------------------------------
 
 
@@ -31,13 +30,9 @@ def erase_display(call: Call) -> None:
     """The host keeps a log of lines, from which nothing is taken back."""
 
 
-@DIALOGS.instruction("TPWrite", r"string String, \num Num | \bool Bool | \pos Pos | \orient Orient | \dnum Dnum")
+@DIALOGS.instruction("TPWrite", PRINTED)
 def write_display(call: Call) -> None:
-    text: str = call["String"]
-    for name in ("Num", "Bool", "Pos", "Orient", "Dnum"):
-        if call.present(name):
-            text += format_value(call.reference(name).type, call[name])
-    call.task.host.write_text(call.task.name, text)
+    call.task.host.write_text(call.task.name, printed_text(call))
 
 
 @DIALOGS.instruction(
@@ -53,7 +48,8 @@ def write_event(call: Call) -> None:
     host.write_event(name, title, text, severity, (title, *lines))
 
 
-# The questions ---------------------------------------------------------------------------------------------------
+# The questions ----------------------------------------------------------------------------------------------------
+
 DIALOGS.record("listitem", {"image": "string", "text": "string"})
 
 # Constants of a button set, and what its buttons give.
@@ -71,16 +67,18 @@ for _name, _number in BUTTON_RESULTS.items():
     DIALOGS.data(f"res{_name}", "btnres", _number)
 for _name, (_number, _) in BUTTON_SETS.items():
     DIALOGS.data(_name, "buttondata", _number)
-for _number, _name in enumerate(("iconNone", "iconInfo", "iconWarning", "iconError")):
-    DIALOGS.data(_name, "icondata", _number)
-for _number, _name in enumerate(("TP_LATEST", "TP_PROGRAM", "TP_SCREENVIEWER"), 1):
-    DIALOGS.data(_name, "tpnum", float(_number))
+DIALOGS.constants("icondata", "iconNone=0 iconInfo iconWarning iconError")
+DIALOGS.constants("tpnum", "TP_LATEST=1 TP_PROGRAM TP_SCREENVIEWER")
 
 _BREAKS = (
     r"\num MaxTime, \VAR signaldi DIBreak, \switch DIPassive, \VAR signaldo DOBreak, \switch DOPassive, "
     r"\PERS bool PersBoolBreak, \switch PersBoolPassive, \VAR errnum BreakFlag"
 )
 _MESSAGE = r"\string Header, \string Message | \string MsgArray{*}, \switch Wrap"
+_BOX = (
+    r"\string Header, string MsgLine1, \string MsgLine2, \string MsgLine3, \string MsgLine4, \string MsgLine5, "
+    r"\switch Wrap"
+)
 
 
 def _asked(call: Call, dialog: DeviceDialog) -> Any:
@@ -108,14 +106,11 @@ def _ending(call: Call, end: float) -> str:
     """The error of what ends the question, "" while nothing does."""
     if call.task.now >= end:
         return "ERR_TP_MAXTIME"
-    for name, passive, error in (
-        ("DIBreak", "DIPassive", "ERR_TP_DIBREAK"),
-        ("DOBreak", "DOPassive", "ERR_TP_DOBREAK"),
-    ):
-        if call.present(name):
-            signal: Signal = call[name]
-            if bool(call.task.read_signal(signal.name)) is not call.present(passive):
-                return error
+    for kind in ("DI", "DO"):
+        if call.present(f"{kind}Break"):
+            signal: Signal = call[f"{kind}Break"]
+            if bool(call.task.read_signal(signal.name)) is not call.present(f"{kind}Passive"):
+                return f"ERR_TP_{kind}BREAK"
     if call.present("PersBoolBreak") and call["PersBoolBreak"] is not call.present("PersBoolPassive"):
         return "ERR_TP_PERSBOOLBREAK"
     return ""
@@ -182,9 +177,7 @@ def read_number(call: Call) -> Wait:
 
 
 @DIALOGS.instruction(
-    "UIMsgBox",
-    r"\string Header, string MsgLine1, \string MsgLine2, \string MsgLine3, \string MsgLine4, \string MsgLine5, "
-    rf"\switch Wrap, \buttondata Buttons, \icondata Icon, \string Image, \VAR btnres Result, {_BREAKS}",
+    "UIMsgBox", rf"{_BOX}, \buttondata Buttons, \icondata Icon, \string Image, \VAR btnres Result, {_BREAKS}"
 )
 def message_box(call: Call) -> Wait:
     shown = _box_lines(call)
@@ -193,8 +186,7 @@ def message_box(call: Call) -> Wait:
         call.task.host.devices.pendant.messages[call.task.name] = (call.get("Header", ""), *shown)
         return
     answer = yield from _asked(call, _dialog(call, DialogKind.BUTTON, shown, choices=buttons))
-    if call.present("Result"):
-        call["Result"] = float(BUTTON_RESULTS["Unkwn"]) if answer is None else answer
+    call.give("Result", float(BUTTON_RESULTS["Unkwn"]) if answer is None else answer)
 
 
 @DIALOGS.function(
@@ -226,8 +218,7 @@ def list_view(call: Call) -> Any:
     more = {"choices": items, "buttons": _button_set(call) if has_buttons else (), "initial": default}
     dialog = _dialog(call, DialogKind.LIST, (), **more)
     answer = yield from _asked(call, dialog)
-    if call.present("Result"):
-        call["Result"] = float(BUTTON_RESULTS["Unkwn"]) if dialog.button is None else dialog.button
+    call.give("Result", float(BUTTON_RESULTS["Unkwn"]) if dialog.button is None else dialog.button)
     return default if answer is None else answer
 
 
@@ -270,11 +261,7 @@ def client_exists(call: Call) -> bool:
     return bool(call.task.host.devices.pendant.is_connected)
 
 
-@DIALOGS.instruction(
-    "UIMsgWrite",
-    r"\string Header, string MsgLine1, \string MsgLine2, \string MsgLine3, \string MsgLine4, \string MsgLine5, "
-    r"\switch Wrap, \icondata Icon, \string Image",
-)
+@DIALOGS.instruction("UIMsgWrite", rf"{_BOX}, \icondata Icon, \string Image")
 def show_message(call: Call) -> None:
     """A message that stays until UIMsgWriteAbort, while the program goes on."""
     call.task.host.devices.pendant.messages[call.task.name] = (call.get("Header", ""), *_box_lines(call))

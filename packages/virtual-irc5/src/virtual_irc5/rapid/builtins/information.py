@@ -1,30 +1,28 @@
-"""RAPID's questions to the system: time, names, tasks, events, text tables, configuration."""
+"""RAPID's questions to the system: time, names, tasks, kinds of data, events to log, text tables, configuration."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import datetime
 
 from virtual_irc5.rapid.ast import Storage
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call, Wait, whole_argument
-from virtual_irc5.rapid.devices import ConfigurationDevice, LoggedEvent
-from virtual_irc5.rapid.frame import Propagated
-from virtual_irc5.rapid.interrupts import ChangeOrder
+from virtual_irc5.rapid.devices import ConfigurationDevice
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Execution, Severity
 from virtual_irc5.rapid.task import task_named, task_of
 from virtual_irc5.rapid.types import (
     BOOL,
     LONGEST_STRING,
-    Part,
+    DatumPart,
+    Propagated,
     RapidRuntimeError,
-    Reference,
     Variable,
     is_numeric,
+    raised_as,
     resolved,
 )
 
@@ -39,29 +37,18 @@ def _clock(call: Call) -> datetime:
 
 
 @INFORMATION.function("CTime", "", "string")
-def time_text(call: Call) -> str:
-    return _clock(call).strftime("%H:%M:%S")
-
-
 @INFORMATION.function("CDate", "", "string")
-def date_text(call: Call) -> str:
-    return _clock(call).strftime("%Y-%m-%d")
+def time_text(call: Call) -> str:
+    return _clock(call).strftime("%H:%M:%S" if call.name == "CTime" else "%Y-%m-%d")
 
 
-_TIMES = {"WDay": "isoweekday", "Year": "year", "Month": "month", "MDay": "day", "Hour": "hour", "Min": "minute"}
+_TIMES = {"WDay": "%u", "Year": "%Y", "Month": "%m", "MDay": "%d", "Hour": "%H", "Min": "%M", "Sec": "%S"}
 
 
-@INFORMATION.function(
-    "GetTime",
-    r"\switch WDay | \switch Year | \switch Month | \switch MDay | \switch Hour | \switch Min | \switch Sec",
-    "num",
-)
+@INFORMATION.function("GetTime", " | ".join(rf"\switch {name}" for name in _TIMES), "num")
 def part_of_time(call: Call) -> float:
-    now = _clock(call)
-    if call.present("WDay"):
-        return float(now.isoweekday())
-    name = next((field for switch, field in _TIMES.items() if call.present(switch)), "second")
-    return float(getattr(now, name))
+    """The second where none is asked for."""
+    return float(_clock(call).strftime(next((code for name, code in _TIMES.items() if call.present(name)), "%S")))
 
 
 # Names and versions -----------------------------------------------------------------------------------------------
@@ -97,7 +84,10 @@ def run_mode(call: Call) -> float:
 
 
 @INFORMATION.function("NonMotionMode", r"\switch Main", "bool")
-def is_without_motion(call: Call) -> bool:
+@INFORMATION.function("PFRestart", r"\switch Base | \switch Irpt", "bool")
+@INFORMATION.function("IsBrakeCheckActive", "", "bool")
+def is_never(call: Call) -> bool:
+    """What never happens here: execution without motion, a power failure, a brake check."""
     return False
 
 
@@ -106,12 +96,11 @@ def is_without_motion(call: Call) -> bool:
 OF_TASK = r"\taskid TaskRef | \string TaskName"
 
 
-for _name in ("TaskIsActive", "TaskIsExecuting"):
-
-    @INFORMATION.function(_name, "string TaskName", "bool")
-    def is_task_running(call: Call) -> bool:
-        task = task_named(call, call["TaskName"])
-        return call.name == "TaskIsActive" or task.execution is Execution.STARTED
+@INFORMATION.function("TaskIsActive", "string TaskName", "bool")
+@INFORMATION.function("TaskIsExecuting", "string TaskName", "bool")
+def is_task_running(call: Call) -> bool:
+    task = task_named(call, call["TaskName"])
+    return call.name == "TaskIsActive" or task.execution is Execution.STARTED
 
 
 @INFORMATION.function("ModTime", r"string Object, \num StrDig", "num")
@@ -121,37 +110,21 @@ def module_time(call: Call) -> float:
     module = task_of(call).program.modules.get(call["Object"].lower())
     if module is None:
         raise RapidRuntimeError("ERR_MOD_NOTLOADED", f"{call.name}: there is no module '{call['Object']}'.")
-    try:
+    with raised_as("ERR_FILNOTFND", OSError, before=f"{call.name}: "):
         return float(int(call.task.host.devices.disk.entry(module.syntax.filename).changed))
-    except OSError as error:
-        raise RapidRuntimeError("ERR_FILNOTFND", f"{call.name}: {error}") from error
-
-
-for _name in ("PFRestart", "IsBrakeCheckActive"):
-
-    @INFORMATION.function(_name, r"\switch Base | \switch Irpt" if _name == "PFRestart" else "", "bool")
-    def is_never(call: Call) -> bool:
-        """What never happens here: a power failure, a brake check."""
-        return False
 
 
 # Data -------------------------------------------------------------------------------------------------------------
 
 
-def _storage(reference: Reference) -> Storage | None:
-    while isinstance(reference, Part):
-        reference = reference.whole
-    return reference.storage if isinstance(reference, Variable) else None
-
-
 @INFORMATION.function("IsPers", "INOUT anytype DatObj", "bool")
-def is_persistent(call: Call) -> bool:
-    return _storage(call.reference("DatObj")) is Storage.PERS
-
-
 @INFORMATION.function("IsVar", "INOUT anytype DatObj", "bool")
-def is_variable(call: Call) -> bool:
-    return _storage(call.reference("DatObj")) is Storage.VAR
+def is_stored_so(call: Call) -> bool:
+    """Whether a datum, or the one it is a part of, is a persistent or a variable."""
+    datum = call.reference("DatObj")
+    while isinstance(datum, DatumPart):
+        datum = datum.whole
+    return isinstance(datum, Variable) and datum.storage is (Storage.PERS if call.name == "IsPers" else Storage.VAR)
 
 
 @INFORMATION.function("Type", r"anytype Data, \switch BaseName", "string")
@@ -193,19 +166,11 @@ LARGEST_OWN_EVENT = 9999  # what programs log has the numbers 80 0001 to 80 9999
     "ErrLog", rf"num ErrorID, \switch W | \switch I, errstr Title, errstr Description, {_ARGUMENTS}"
 )
 def log_event(call: Call) -> None:
-    _log_event(
-        call,
-        whole_argument(call, "ErrorID", 1, LARGEST_OWN_EVENT),
-        call["Title"],
-        (call["Description"], *_event_arguments(call)),
-    )
+    number = whole_argument(call, "ErrorID", 1, LARGEST_OWN_EVENT)
+    _log_event(call, number, call["Title"], (call["Description"], *_event_arguments(call)))
 
 
-@INFORMATION.instruction(
-    "ErrRaise",
-    r"string ErrorName, num ErrorId, errstr Argument1, errstr Argument2, errstr "
-    r"Argument3, errstr Argument4, errstr Argument5",
-)
+@INFORMATION.instruction("ErrRaise", f"string ErrorName, num ErrorId, {_ARGUMENTS}")
 def raise_event(call: Call) -> None:
     """Log a warning with the texts of table ErrorName's domain, and raise the error that BookErrNo gave the name."""
     number = whole_argument(call, "ErrorId", 1, LARGEST_OWN_EVENT)
@@ -235,68 +200,8 @@ def _log_event(
     call.task.host.devices.log(80_000 + number, title, ": ".join(given), severity, given)
 
 
-for _name, _text in (
-    *(("ERRSTR_EMPTY", " "), ("ERRSTR_UNUSED", "ERRSTR_UNUSED"), ("ERRSTR_TASK", "")),
-    *(("ERRSTR_CONTEXT", ""),),
-):
-    INFORMATION.data(_name, "errstr", _text)
-
-
-@dataclass(eq=False, slots=True)
-class TrapData:
-    """What a trapdata stands for: the event that has interrupted the program."""
-
-    event: LoggedEvent | None = None
-
-
-INFORMATION.object_type("trapdata", TrapData)
-_TYPE_NUMBERS = {Severity.INFORMATION: 1.0, Severity.WARNING: 2.0, Severity.ERROR: 3.0}  # TYPE_STATE and so on
-
-
-@INFORMATION.instruction(
-    "IError",
-    r"\switch Single | \switch SingleSafe, errdomain ErrorDomain, \num ErrorId, errtype ErrorType, "
-    "VAR intnum Interrupt",
-)
-def order_event(call: Call) -> None:
-    """An interrupt whenever an event comes into the log: COMMON_ERR stands for all domains, TYPE_ALL for all types."""
-    devices, interrupts, number, task = call.task.host.devices, call.task.interrupts, int(call["Interrupt"]), call.task
-    domain, identity, kind = call["ErrorDomain"], call.get("ErrorId"), call["ErrorType"]
-    order = ChangeOrder(is_single=call.present("Single") or call.present("SingleSafe"))
-
-    def logged(event: LoggedEvent) -> None:
-        if not interrupts.is_ordered(number, order):  # deleted, or it was a single one
-            devices.watchers.remove(logged)
-            return
-        is_wanted = domain in (0, event.domain) and identity in (None, event.number)
-        if is_wanted and kind in (0, _TYPE_NUMBERS[event.severity]) and task.is_running:
-            devices.trapped[task.name] = event
-            interrupts.occurred(number)
-
-    interrupts.order(number, order)
-    devices.watchers.append(logged)
-
-
-@INFORMATION.instruction("GetTrapData", "VAR trapdata TrapEvent")
-def trap_data(call: Call) -> None:
-    call["TrapEvent"].event = call.task.host.devices.trapped.get(call.task.name)
-
-
-@INFORMATION.instruction(
-    "ReadErrData",
-    r"VAR trapdata TrapEvent, INOUT errdomain ErrorDomain, INOUT num ErrorId, INOUT errtype ErrorType, "
-    r"\VAR string Title, \VAR string Str1, \VAR string Str2, \VAR string Str3, \VAR string Str4, \VAR string Str5",
-)
-def event_data(call: Call) -> None:
-    event: LoggedEvent | None = call["TrapEvent"].event
-    if event is None:
-        raise RapidRuntimeError("ERR_ARGVALERR", "ReadErrData: GetTrapData has found no event.")
-    call["ErrorDomain"], call["ErrorId"] = float(event.domain), float(event.number)
-    call["ErrorType"] = _TYPE_NUMBERS[event.severity]
-    texts = (event.title, *event.arguments)
-    for name, text in zip(("Title", "Str1", "Str2", "Str3", "Str4", "Str5"), (*texts, *[""] * 5), strict=False):
-        if call.present(name):
-            call[name] = text[:LONGEST_STRING]
+for _name, _text in {"EMPTY": " ", "UNUSED": "ERRSTR_UNUSED", "TASK": "", "CONTEXT": ""}.items():
+    INFORMATION.data(f"ERRSTR_{_name}", "errstr", _text)
 
 
 @INFORMATION.instruction("RaiseToUser", r"\switch Continue | \switch BreakOff, \num ErrorNumber")
@@ -324,10 +229,8 @@ _TABLE_NAME = re.compile(r'<resource\s+name="([^"]+)"', re.IGNORECASE)
 def install_text_table(call: Call) -> None:
     """Read an XML file of texts, <Resource Name="table"><Text Name="1"><Value>...</Value></Text></Resource>."""
     devices = call.task.host.devices
-    try:
+    with raised_as("ERR_FILEACC", OSError, before="TextTabInstall: "):
         text = devices.disk.read(call["File"]).decode("utf-8", "replace")
-    except OSError as error:
-        raise RapidRuntimeError("ERR_FILEACC", f"TextTabInstall: {error}") from error
     name = _TABLE_NAME.search(text)
     if name is None:
         raise RapidRuntimeError("ERR_FILEACC", f"TextTabInstall: {call['File']} names no text table.")
@@ -358,7 +261,7 @@ def table_text(call: Call) -> str:
     number, index = int(call["Table"]), int(call["Index"])
     if not 1 <= number <= len(tables) or index not in tables[number - 1]:
         raise RapidRuntimeError("ERR_TXTNOEXIST", f"The text table {number} has no text {index}.")
-    return tables[number - 1][index][:80]
+    return tables[number - 1][index][:LONGEST_STRING]
 
 
 # Configuration ----------------------------------------------------------------------------------------------------
@@ -397,17 +300,18 @@ def write_configuration(call: Call) -> None:
         configuration.write(path, attribute, text)
 
 
+_DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
 INFORMATION.alias("cfgdomain", "string")
-for _domain in ("ALL", "EIO", "MMC", "MOC", "PROC", "SIO", "SYS"):
-    INFORMATION.data(f"{_domain}_DOMAIN{'S' if _domain == 'ALL' else ''}", "cfgdomain", _domain)
+INFORMATION.data("ALL_DOMAINS", "cfgdomain", "ALL")
+for _domain in _DOMAINS:
+    INFORMATION.data(f"{_domain}_DOMAIN", "cfgdomain", _domain)
 
 
 @INFORMATION.instruction("SaveCfgData", r"string FilePath, \string File, cfgdomain Domain")
 def save_configuration(call: Call) -> None:
     devices, domain = call.task.host.devices, call["Domain"]
     path = f"{call['FilePath'].rstrip('/')}/{call['File']}" if call.present("File") else call["FilePath"]
-    domains = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS") if domain == "ALL" else (domain,)
-    for name in domains:
+    for name in _DOMAINS if domain == "ALL" else (domain,):
         try:
             if devices.configuration is None:
                 raise KeyError(name)
@@ -417,10 +321,8 @@ def save_configuration(call: Call) -> None:
                 continue
             raise RapidRuntimeError("ERR_CFG_ILL_DOMAIN", f"There is no domain '{name}'.") from error
         target = f"{path.rstrip('/')}/{name}.cfg" if domain == "ALL" else path
-        try:
+        with raised_as("ERR_CFG_WRITEFILE", OSError, before="SaveCfgData: "):
             devices.disk.write(target, text.encode("latin-1", "replace"))
-        except OSError as error:
-            raise RapidRuntimeError("ERR_CFG_WRITEFILE", f"SaveCfgData: {error}") from error
 
 
 @INFORMATION.instruction("WarmStart")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
+from typing import Any
 
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import VISUALIZE, Call, CallDeadline, Wait
@@ -36,13 +37,9 @@ def _write_signal(call: Call, value: float) -> None:
 
 
 @SIGNALS.instruction("Set", "VAR signaldo Signal")
-def set_output(call: Call) -> None:
-    _write_signal(call, 1.0)
-
-
 @SIGNALS.instruction("Reset", "VAR signaldo Signal")
-def reset_output(call: Call) -> None:
-    _write_signal(call, 0.0)
+def switch_output(call: Call) -> None:
+    _write_signal(call, 1.0 if call.name == "Set" else 0.0)
 
 
 @SIGNALS.instruction("InvertDO", "VAR signaldo Signal")
@@ -57,12 +54,8 @@ def set_digital_output(call: Call) -> None:
 
 
 @SIGNALS.instruction("SetGO", r"\num SDelay, VAR signalgo Signal, anynum Value")
-def set_group_output(call: Call) -> None:
-    _write_signal(call, call["Value"])
-
-
 @SIGNALS.instruction("SetAO", "VAR signalao Signal, num Value")
-def set_analog_output(call: Call) -> None:
+def set_output_value(call: Call) -> None:
     _write_signal(call, call["Value"])
 
 
@@ -152,30 +145,19 @@ for _name, _type, _value, _relation in (
 SIGNALS.alias("busstate", "num")
 SIGNALS.alias("iounit_state", "num")
 SIGNALS.alias("signalorigin", "num")
-_IO_STATES: dict[str, dict[str, int]] = {
-    "busstate": {
-        **{f"BUSSTATE_{name}": value for value, name in enumerate(("HALTED", "RUN", "ERROR", "STARTUP", "INIT"))},
-        **{"IOBUS_LOG_STATE_STOPPED": 10, "IOBUS_LOG_STATE_STARTED": 11},
-        **{
-            f"IOBUS_PHYS_STATE_{name}": value
-            for value, name in enumerate(("HALTED", "RUNNING", "ERROR", "STARTUP", "INIT"), 20)
-        },
-    },
-    "iounit_state": {
-        **{f"IOUNIT_{name}": value for value, name in enumerate(("RUNNING", "RUNERROR", "DISABLE", "OTHERERR"), 1)},
-        **{"IOUNIT_LOG_STATE_DISABLED": 10, "IOUNIT_LOG_STATE_ENABLED": 11},
-        **{
-            f"IOUNIT_PHYS_STATE_{name}": value
-            for value, name in enumerate(
-                ("DEACTIVATED", "RUNNING", "ERROR", "UNCONNECTED", "UNCONFIGURED", "STARTUP", "INIT"), 20
-            )
-        },
-    },
-    "signalorigin": {"SIGORIG_NONE": 0, "SIGORIG_CFG": 1, "SIGORIG_ALIAS": 2},
-}
-for _type, _values in _IO_STATES.items():
-    for _name, _number in _values.items():
-        SIGNALS.data(_name, _type, _number)
+SIGNALS.constants(
+    "busstate",
+    "BUSSTATE_HALTED=0 BUSSTATE_RUN BUSSTATE_ERROR BUSSTATE_STARTUP BUSSTATE_INIT "
+    "IOBUS_LOG_STATE_STOPPED=10 IOBUS_LOG_STATE_STARTED IOBUS_PHYS_STATE_HALTED=20 IOBUS_PHYS_STATE_RUNNING "
+    "IOBUS_PHYS_STATE_ERROR IOBUS_PHYS_STATE_STARTUP IOBUS_PHYS_STATE_INIT",
+)
+SIGNALS.constants(
+    "iounit_state",
+    "IOUNIT_RUNNING=1 IOUNIT_RUNERROR IOUNIT_DISABLE IOUNIT_OTHERERR IOUNIT_LOG_STATE_DISABLED=10 "
+    "IOUNIT_LOG_STATE_ENABLED IOUNIT_PHYS_STATE_DEACTIVATED=20 IOUNIT_PHYS_STATE_RUNNING IOUNIT_PHYS_STATE_ERROR "
+    "IOUNIT_PHYS_STATE_UNCONNECTED IOUNIT_PHYS_STATE_UNCONFIGURED IOUNIT_PHYS_STATE_STARTUP IOUNIT_PHYS_STATE_INIT",
+)
+SIGNALS.constants("signalorigin", "SIGORIG_NONE=0 SIGORIG_CFG SIGORIG_ALIAS")
 
 
 def _io_devices(call: Call, name: str, unit: str) -> IoDevices:
@@ -207,7 +189,7 @@ def switch_device(call: Call) -> None:
 
 
 @SIGNALS.function("IOUnitState", r"string UnitName, \switch Phys | \switch Logic", "iounit_state")
-def device_state(call: Call) -> float:
+def device_state(call: Call) -> Any:
     _io_devices(call, call["UnitName"], "device")
     is_enabled = call["UnitName"].lower() not in call.task.host.devices.disabled
     if call.present("Phys"):
@@ -216,7 +198,7 @@ def device_state(call: Call) -> float:
         name = "IOUNIT_LOG_STATE_ENABLED" if is_enabled else "IOUNIT_LOG_STATE_DISABLED"
     else:
         name = "IOUNIT_RUNNING" if is_enabled else "IOUNIT_DISABLE"
-    return float(_IO_STATES["iounit_state"][name])
+    return SIGNALS.value(name)
 
 
 @SIGNALS.instruction("IOBusStart", "string BusName")
@@ -230,7 +212,7 @@ def bus_state(call: Call) -> None:
     _io_devices(call, call["BusName"], "network")
     name = "IOBUS_PHYS_STATE_RUNNING" if call.present("Phys") else "BUSSTATE_RUN"
     name = "IOBUS_LOG_STATE_STARTED" if call.present("Logic") else name
-    call["State"] = float(_IO_STATES["busstate"][name])
+    call["State"] = SIGNALS.value(name)
 
 
 @SIGNALS.function("ValidIO", "VAR signal Signal", "bool")
@@ -270,11 +252,11 @@ def reset_alias(call: Call) -> None:
 
 
 @SIGNALS.function("GetSignalOrigin", "VAR signal Signal, VAR string SignalName", "signalorigin")
-def signal_origin(call: Call) -> float:
+def signal_origin(call: Call) -> Any:
     """Whether a signal is the configuration's or an alias, and which it stands for."""
     reference = call.reference("Signal")
     call["SignalName"] = reference.value.name
     if not reference.value.name:
-        return float(_IO_STATES["signalorigin"]["SIGORIG_NONE"])
+        return SIGNALS.value("SIGORIG_NONE")
     is_alias = reference.name.lower() != reference.value.name.lower()
-    return float(_IO_STATES["signalorigin"]["SIGORIG_ALIAS" if is_alias else "SIGORIG_CFG"])
+    return SIGNALS.value("SIGORIG_ALIAS" if is_alias else "SIGORIG_CFG")

@@ -110,13 +110,9 @@ def dimension(call: Call) -> float:
 
 
 @MATHS.instruction("Incr", "INOUT anynum Name")
-def increment(call: Call) -> None:
-    call["Name"] = call["Name"] + 1.0
-
-
 @MATHS.instruction("Decr", "INOUT anynum Name")
-def decrement(call: Call) -> None:
-    call["Name"] = call["Name"] - 1.0
+def count(call: Call) -> None:
+    call["Name"] = call["Name"] + (1.0 if call.name == "Incr" else -1.0)
 
 
 @MATHS.instruction("Add", "INOUT anynum Name, anynum AddValue")
@@ -173,33 +169,42 @@ def singular_values(call: Call) -> None:
         _write_array(call, name, result)
 
 
+def fitted_circle(points: Array, tolerance: float | None = None) -> tuple[Array, float, Array, Array] | None:
+    """Centre, radius, normal and errors of the circle that fits points best, (n, 3); None where they lie on a line.
+
+    Its plane is found by singular values, then the circle in it by least squares. Below ``tolerance``, in the unit of
+    the points, a singular value counts as none.
+    """
+    middle = points.mean(axis=0)
+    axes = np.linalg.svd(points - middle)[2]
+    flat = (points - middle) @ axes[:2].T
+    equations = np.column_stack([2.0 * flat, np.ones(len(points))])
+    if np.linalg.matrix_rank(equations, tol=tolerance) < FEWEST_POINTS:
+        return None
+    x, y, rest = np.linalg.lstsq(equations, (flat**2).sum(axis=1), rcond=None)[0]
+    radius = float(np.sqrt(rest + x * x + y * y))
+    errors = np.hypot(np.hypot(flat[:, 0] - x, flat[:, 1] - y) - radius, (points - middle) @ axes[2])
+    return middle + x * axes[0] + y * axes[1], radius, axes[2], errors
+
+
 @MATRICES.instruction(
     "FitCircle",
     r"pos Points{*}, \num NumPoints, INOUT pos Center, INOUT num Radius, INOUT pos Normal, \VAR num RMS, "
     r"\VAR num MaxErr, \VAR num IndexWorst",
 )
 def fit_circle(call: Call) -> None:
-    """The circle that fits best: the plane by singular values, then the circle in it by least squares."""
     points: Sequence[Any] = call["Points"]
     count = int(call.get("NumPoints", len(points)))
     if not FEWEST_POINTS <= count <= min(len(points), LARGEST_MATRIX):
         raise RapidRuntimeError("ERR_ARGVALERR", f"FitCircle needs {FEWEST_POINTS} to {len(points)} points.")
-    measured = np.array(points[:count], dtype=float)
-    middle = measured.mean(axis=0)
-    axes = np.linalg.svd(measured - middle)[2]
-    flat = (measured - middle) @ axes[:2].T
-    equations = np.column_stack([2.0 * flat, np.ones(count)])
-    if np.linalg.matrix_rank(equations) < FEWEST_POINTS:
+    circle = fitted_circle(np.array(points[:count], dtype=float))
+    if circle is None:
         raise RapidRuntimeError("ERR_ARGVALERR", "FitCircle: the points lie on a line.")
-    x, y, rest = np.linalg.lstsq(equations, (flat**2).sum(axis=1), rcond=None)[0]
-    radius = float(np.sqrt(rest + x * x + y * y))
-    center = middle + x * axes[0] + y * axes[1]
-    errors = np.hypot(np.hypot(flat[:, 0] - x, flat[:, 1] - y) - radius, (measured - middle) @ axes[2])
-    call["Center"], call["Radius"], call["Normal"] = center.tolist(), radius, axes[2].tolist()
+    center, radius, normal, errors = circle
+    call["Center"], call["Radius"], call["Normal"] = center.tolist(), radius, normal.tolist()
     for name, value in (
         ("RMS", float(np.sqrt((errors**2).mean()))),
         ("MaxErr", float(errors.max())),
         ("IndexWorst", float(errors.argmax() + 1)),
     ):
-        if call.present(name):
-            call[name] = value
+        call.give(name, value)

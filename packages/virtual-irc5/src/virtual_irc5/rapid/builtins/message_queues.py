@@ -1,4 +1,4 @@
-"""RAPID's message queues: each task has RMQ_ and its name, and clients of RWS have theirs, too."""
+"""RAPID's message queues, whose messages may order interrupts: RMQ_ and its name for a task, and those of clients."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from virtual_irc5.rapid.devices import Message, MessageQueues
 from virtual_irc5.rapid.interrupts import ChangeOrder
 from virtual_irc5.rapid.literals import format_value, parse_value
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.types import RapidRuntimeError, RapidValueError, resolved
+from virtual_irc5.rapid.types import RapidRuntimeError, RapidValueError, raised_as, resolved
 
 QUEUES = Library(CONSTANTS)
 
@@ -137,10 +137,8 @@ def message_data(call: Call) -> None:
     sizes = getattr(resolved(type_), "sizes", ())
     if len(sizes) != len(message.sizes):
         raise RapidRuntimeError("ERR_RMQ_DIM", f"The message has {len(message.sizes)} dimensions, not {len(sizes)}.")
-    try:
+    with raised_as("ERR_RMQ_VALUE", RapidValueError):
         call["Data"] = parse_value(type_, message.text)
-    except RapidValueError as error:
-        raise RapidRuntimeError("ERR_RMQ_VALUE", str(error)) from error
 
 
 @QUEUES.instruction(
@@ -153,8 +151,7 @@ def message_header(call: Call) -> None:
         call["Header"] = (message.type_name, len(message.sizes), *sizes)
     if call.present("SenderId"):
         call["SenderId"].name = message.sender
-    if call.present("UserDef"):
-        call["UserDef"] = message.user_defined
+    call.give("UserDef", message.user_defined)
 
 
 @QUEUES.instruction("IRMQMessage", "anytype InterruptDataType, VAR intnum Interrupt")
@@ -168,7 +165,7 @@ def order_message(call: Call) -> None:
         if not interrupts.is_ordered(number, order):  # deleted, or ordered anew
             watchers.remove(arrived)
         elif message.type_name == wanted:
-            interrupts.occurred(number)
+            interrupts.occur(number)
 
     interrupts.order(number, order)
     watchers.append(arrived)

@@ -20,6 +20,7 @@ from virtual_irc5.rapid.types import (
     RapidRuntimeError,
     RapidSyntaxError,
     UnknownSymbol,
+    raised_as,
 )
 
 MODULES = Library(CONSTANTS)
@@ -48,30 +49,24 @@ def unload_module(call: Call) -> None:
     found = next((m for m in task.modules if m.filename == path), None)
     if found is None:
         raise RapidRuntimeError("ERR_UNLOAD", f"No module was loaded from '{path}'.")
-    try:
+    with raised_as("ERR_UNLOAD", RobotNotReady):
         task.unload(found.name)
-    except RobotNotReady as error:
-        raise RapidRuntimeError("ERR_UNLOAD", str(error)) from error
 
 
 def _module_text(task: Task, path: str) -> str:
     """The text of a module's file; raises ERR_FILNOTFND."""
-    try:
+    with raised_as("ERR_FILNOTFND", OSError, before=f"The file '{path}' cannot be read: "):
         return task.host.read_file(path)
-    except OSError as error:
-        raise RapidRuntimeError("ERR_FILNOTFND", f"The file '{path}' cannot be read: {error}") from error
 
 
 def _load(task: Task, text: str, path: str) -> Wait:
     """Load a module's text; raises ERR_SYNTAX, ERR_PRGMEMFULL or ERR_LOADED."""
-    try:
+    with (
+        raised_as("ERR_LOADED", RapidReferenceError),
+        raised_as("ERR_PRGMEMFULL", ProgramTooLarge),
+        raised_as("ERR_SYNTAX", RapidSyntaxError),
+    ):
         yield from task.loading(text, path)
-    except RapidSyntaxError as error:
-        raise RapidRuntimeError("ERR_SYNTAX", str(error)) from error
-    except ProgramTooLarge as error:
-        raise RapidRuntimeError("ERR_PRGMEMFULL", str(error)) from error
-    except RapidReferenceError as error:
-        raise RapidRuntimeError("ERR_LOADED", str(error)) from error
 
 
 @MODULES.function("ModExist", "string ModuleName", "bool")
@@ -81,10 +76,8 @@ def module_exists(call: Call) -> bool:
 
 @MODULES.instruction("EraseModule", "string ModuleName")
 def erase_module(call: Call) -> None:
-    try:
+    with raised_as("ERR_MODULE", UnknownSymbol, RobotNotReady):
         task_of(call).unload(call["ModuleName"])
-    except (UnknownSymbol, RobotNotReady) as error:
-        raise RapidRuntimeError("ERR_MODULE", str(error)) from error
 
 
 @MODULES.instruction("CheckProgRef")
@@ -123,15 +116,12 @@ def wait_load(call: Call) -> Wait:
         raise RapidRuntimeError("ERR_LOADNO_NOUSE", f"{call.reference('LoadNo').name} is not loading anything.")
     while not session.work.done():
         yield None
+    session.work = None
     if call.present("UnloadPath"):
         path = _path_argument(call, "UnloadPath", "UnloadFile")
         old = next((module for module in task.modules if module.filename == path), None)
-        try:
+        with raised_as("ERR_UNLOAD", UnknownSymbol, RobotNotReady, before=f"'{path}' cannot be unloaded: "):
             task.unload(old.name if old else "")
-        except (UnknownSymbol, RobotNotReady) as error:
-            session.work = None
-            raise RapidRuntimeError("ERR_UNLOAD", f"'{path}' cannot be unloaded: {error}") from error
-    session.work = None
     yield from _load(task, session.text, session.path)
     if call.present("CheckRef"):
         check_references(call)
@@ -153,7 +143,5 @@ def save_module(call: Call) -> None:
     if module is None:
         raise RapidRuntimeError("ERR_MODULE", f"The task {task.name} has no module '{call['ModuleName']}'.")
     path = _path_argument(call) if call.present("FilePath") else module.syntax.filename
-    try:
+    with raised_as("ERR_IOERROR", OSError, before=f"'{path}' cannot be written: "):
         task.host.devices.disk.write(path, saved_text(module).encode("latin-1", "replace"))
-    except OSError as error:
-        raise RapidRuntimeError("ERR_IOERROR", f"'{path}' cannot be written: {error}") from error

@@ -6,15 +6,13 @@ A rawbytes holds up to 1024 bytes, all 0 at first; its length is the last positi
 from __future__ import annotations
 
 import struct
-from typing import Any, TypeVar
+from dataclasses import dataclass, field
+from typing import Any
 
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call, whole_argument
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import DNUM, LONGEST_STRING, STRING, RapidRuntimeError, Type, is_numeric, resolved
-
-T = TypeVar("T")
-
 
 # Bytes --------------------------------------------------------------------------------------------------------------
 
@@ -26,20 +24,14 @@ LARGEST_BYTE = 255
 
 # inttypes by value: struct's letter for the integers of 1, 2, 4 and 8 bytes, negative where they have a sign.
 INTEGERS = {1: "B", 2: "H", 4: "I", 8: "Q", -1: "b", -2: "h", -4: "i", -8: "q"}
-for _name, _size in (
-    *(("USINT", 1), ("UINT", 2), ("UDINT", 4), ("ULINT", 8)),
-    *(("SINT", -1), ("INT", -2), ("DINT", -4), ("LINT", -8)),
-):
-    RAWBYTES.data(_name, "inttypes", _size)
+RAWBYTES.constants("inttypes", "USINT=1 UINT=2 UDINT=4 ULINT=8 SINT=-1 INT=-2 DINT=-4 LINT=-8")
 
 
+@dataclass(eq=False, slots=True)
 class RawBytes:
     """What a rawbytes stands for."""
 
-    __slots__ = ("data",)
-
-    def __init__(self) -> None:
-        self.data = bytearray()
+    data: bytearray = field(default_factory=bytearray)
 
     def put(self, start: int, content: bytes) -> None:
         """Write at a position from 0; raises ERR_OUTOFBND beyond 1024 bytes."""

@@ -11,6 +11,7 @@ import ipaddress
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
 from typing import Any, TypeVar
@@ -38,6 +39,7 @@ class SocketStatus(IntEnum):
     CLOSED = 5
 
 
+@dataclass(eq=False, slots=True)
 class SocketDevice:
     """What a socketdev stands for.
 
@@ -47,12 +49,9 @@ class SocketDevice:
         is_datagram: whether it is UDP.
     """
 
-    __slots__ = ("is_datagram", "socket", "status")
-
-    def __init__(self) -> None:
-        self.socket: Socket | None = None
-        self.status = SocketStatus.CLOSED
-        self.is_datagram = False
+    socket: Socket | None = None
+    status: SocketStatus = SocketStatus.CLOSED
+    is_datagram: bool = False
 
     def opened(self, socket: Socket, status: SocketStatus, *, is_datagram: bool = False) -> None:
         self.close()
@@ -192,8 +191,7 @@ def accept_connection(call: Call) -> Wait:
 
     connection, address = yield from _wait_for(call, end, ask)
     call["ClientSocket"].opened(connection, SocketStatus.CONNECTED)
-    if call.present("ClientAddress"):
-        call["ClientAddress"] = address
+    call.give("ClientAddress", address)
 
 
 @SOCKETS.instruction("SocketConnect", r"VAR socketdev Socket, string Address, num Port, \num Time")
@@ -257,8 +255,7 @@ def _write_received(call: Call, content: bytes) -> None:
         values = list(reference.value)
         values[: len(content)] = [float(byte) for byte in content]
         reference.value = tuple(values)
-    if call.present("NoRecBytes"):
-        call["NoRecBytes"] = float(len(content))
+    call.give("NoRecBytes", float(len(content)))
 
 
 @SOCKETS.instruction("SocketSend", rf"VAR socketdev Socket, {_SENT}")

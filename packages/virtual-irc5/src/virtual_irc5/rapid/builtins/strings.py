@@ -15,6 +15,18 @@ from virtual_irc5.rapid.types import LONGEST_STRING, STRING, RapidRuntimeError, 
 STRINGS = Library(CONSTANTS)
 _ARGUMENT_PLACE = re.compile(r"\{([1-5])\}")  # of StrFormat
 
+PRINTED = r"string String, \num Num | \bool Bool | \pos Pos | \orient Orient | \dnum Dnum"
+"""What TPWrite and Write take: a text, and a value behind it."""
+
+
+def printed_text(call: Call) -> str:
+    """The text of a call, with its value behind it."""
+    text: str = call["String"]
+    for name in ("Num", "Bool", "Pos", "Orient", "Dnum"):
+        if call.present(name):
+            text += format_value(call.reference(name).type, call[name])
+    return text
+
 
 @STRINGS.function("NumToStr", r"num Val, num Dec, \switch Exp", "string")
 @STRINGS.function("DnumToStr", r"dnum Val, num Dec, \switch Exp", "string")
@@ -117,6 +129,7 @@ STRINGS.data("STR_LOWER", "string", "abcdefghijklmnopqrstuvwxyz")
 LARGEST_HEX = 0x7FFF_FFFF_FFFF_FFFF
 LARGEST_DIGITS = 4_294_967_295
 RELATIONS = {1: operator.lt, 2: operator.le, 3: operator.eq, 4: operator.gt, 5: operator.ge, 6: operator.ne}
+OPERATIONS = {1: operator.add, 2: operator.sub, 3: operator.mul, 4: operator.floordiv, 5: operator.mod}
 
 
 @STRINGS.function("DecToHex", "string Str", "string")
@@ -156,16 +169,9 @@ def calculate_digits(call: Call) -> str:
     left, operation, right = _digits(call, "StrDig1"), int(call["Operation"]), _digits(call, "StrDig2")
     if operation in (4, 5) and right == 0:
         raise RapidRuntimeError("ERR_CALC_DIVZERO", f"StrDigCalc: {left} is divided by zero.")
-    operations = {
-        1: operator.add,
-        2: operator.sub,
-        3: operator.mul,
-        4: operator.floordiv,
-        5: operator.mod,
-    }
-    if operation not in operations:
+    if operation not in OPERATIONS:
         raise RapidRuntimeError("ERR_ARGVALERR", "StrDigCalc takes OpAdd, OpSub, OpMult, OpDiv or OpMod.")
-    value: int = operations[operation](left, right)
+    value: int = OPERATIONS[operation](left, right)
     if value < 0:
         raise RapidRuntimeError("ERR_CALC_NEG", f"StrDigCalc: {left} - {right} is negative.")
     if value > LARGEST_DIGITS:

@@ -9,7 +9,7 @@ from functools import partial
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import ControllerRefused, LoginRefused, ProtocolError, RobotNotReady, YumiError
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import SystemInfo
+from abb_protocols.rws.operations.system import SystemInfo
 from abb_protocols.rws.values import CollisionState, ControllerState, ExecutionState, Grant, OperatingMode
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.commissioning.contents import essence

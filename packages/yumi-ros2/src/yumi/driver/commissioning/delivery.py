@@ -9,7 +9,7 @@ from pathlib import Path
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.values import FLAG, CfgFile, read_cfg, stated
+from abb_protocols.rws.cfg_files import FLAG, CfgFile, read_cfg, stated
 from yumi.driver.commissioning.contents import CfgKey, Contents, ModuleKey, is_same_module
 from yumi.driver.launch_checks import EgmAddress
 

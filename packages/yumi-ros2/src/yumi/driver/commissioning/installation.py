@@ -23,9 +23,10 @@ from abb_protocols.errors import (
     SettingsError,
 )
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.documents import SystemInfo
+from abb_protocols.rws.cfg_files import stated, write_cfg
 from abb_protocols.rws.operations.service import OnProgress
-from abb_protocols.rws.values import ExecutionState, Grant, OperatingMode, RwsCode, stated, write_cfg
+from abb_protocols.rws.operations.system import SystemInfo
+from abb_protocols.rws.values import ExecutionState, Grant, OperatingMode, RwsCode
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.commissioning.contents import (
     CfgKey,
