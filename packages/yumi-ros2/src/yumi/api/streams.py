@@ -31,7 +31,7 @@ from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.stream_begin import NEAR, Blend
 from yumi.control.shared_state import SharedDeadline
-from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
+from yumi.control.tool_goal import ToolGoal, check_tool_near, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.teleoperated_arm import LINK_LOST, Follower, JointsGoal, MotionGoal, PoseGoal
@@ -354,10 +354,15 @@ class ArmStreams(ArmAccess):
         """Have an arm's tool follow a stream, of which ``goal`` of the EGM session is the next message.
 
         Raises:
-            CommandRefused: the driver has no Cartesian controller.
+            CommandRefused: the driver has no Cartesian controller, or a pose is too far away at which the stream would
+                go on after a person or another client has led the arm.
             RobotNotReady: the arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
+        snapshot, hand_over = self.snapshot(side), self.control.hand_over
+        hand_over.check(side, Commander.STREAM)
+        if not hand_over.is_own(side) and hand_over.was_of_another(side):
+            check_tool_near(side, snapshot.sent, goal(snapshot.session))
         session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
         with self.control.hand_over.writing((side,), Commander.STREAM):
             self.control.buffers[side].tool_goals.write(goal(session))

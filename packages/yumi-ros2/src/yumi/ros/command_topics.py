@@ -163,9 +163,26 @@ class CommandTopic(ABC):
             raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         return snapshot
 
+    def check_begin(self, received: Any, snapshot: Snapshot) -> None:
+        """Refuse what sets out elsewhere than the arm is sent, after a person or another client has led the arm."""
+
+    def check_near(self, goal: Joints, snapshot: Snapshot) -> None:
+        """Refuse a position at which no stream begins now."""
+        distance = largest_difference(goal, snapshot.sent)
+        if distance > NEAR:
+            said = message("stream_begins_elsewhere", arm=self._side.word, distance=distance, most=NEAR)
+            raise CommandRefused(message("command_refused", noun=self.noun, reason=said))
+
+    def _is_interrupted(self) -> bool:
+        """Whether a person, or another client, has led the arm since the last command."""
+        return not self._hand_over.is_own(self._side) and self._hand_over.was_of_another(self._side)
+
     def _accept(self, received: Any, time: float) -> None:
         snapshot = self.check()
         now = (snapshot.session, snapshot.activation)
+        self._hand_over.check(self._side, Commander.STREAM)
+        if self._is_interrupted():
+            self.check_begin(received, snapshot)
         with self._hand_over.writing((self._side,), Commander.STREAM):
             self.put(received, snapshot, time, is_new=self._given_in != now)
         self._given_in = now
@@ -225,13 +242,9 @@ class JointCommandTopic(CommandTopic):
         goal, speeds = goal_of_ros_message(received, self._side, base), goal_speeds_of(received, self._side)
         self._hand_over.check(self._side, Commander.STREAM)
         # A single goal may be far away, but no stream begins there, and none goes on there that a person interrupted.
-        if not self._hand_over.is_own(self._side) and (
-            delay == CONFIGURED_DELAY or self._hand_over.was_of_another(self._side)
-        ):
-            distance = largest_difference(goal, snapshot.sent)
-            if distance > NEAR:
-                said = message("stream_begins_elsewhere", arm=self._side.word, distance=distance, most=NEAR)
-                raise CommandRefused(message("command_refused", noun=self.noun, reason=said))
+        begins = delay == CONFIGURED_DELAY and not self._hand_over.is_own(self._side)
+        if begins or self._is_interrupted():
+            self.check_near(goal, snapshot)
 
         def write() -> None:
             write_goal(self._box, snapshot.session, goal, speeds, time, delay)
@@ -371,6 +384,10 @@ class ForwardTopic(CommandTopic):
 
     def is_stop(self, received: Any) -> bool:
         return GoalKind.FORWARD_VELOCITY in self._snapshot().goal_kind and not any(received.data)
+
+    def check_begin(self, received: Any, snapshot: Snapshot) -> None:
+        if GoalKind.FORWARD_VELOCITY not in snapshot.goal_kind:
+            self.check_near(positions_of(received, self._side), snapshot)
 
     def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         self._check_active(snapshot.activation)
