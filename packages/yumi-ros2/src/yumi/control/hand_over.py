@@ -297,15 +297,10 @@ class HandOver:
                 self._held[side] = held._replace(until=self._now() + lasts)
 
     def let_go(self, side: Side) -> None:
-        """End the command of the requester, if the requester commands the arm; a person's arm is reserved then.
-
-        A requester that says who it is ends no other command of the same client: a page whose device is idle may jog.
-        """
-        who, client, *_ = _requester.get()
+        """End the command of the requester, if the requester commands the arm; a person's arm is reserved then."""
         with self._reporting():
             held = self._current(side)
-            is_own = held.command.who is not Commander.NONE and held.command.client == client
-            if is_own and who in (None, held.command.who):
+            if held.command.who is not Commander.NONE and held.command.client == _requester.get().client:
                 self._end(side, held)
 
     def give_back(self, sides: Sequence[Side]) -> tuple[Side, ...]:
