@@ -764,7 +764,7 @@ def test_jog_that_has_waited_for_the_arm_is_refused(
 
     monkeypatch.setattr(robot.control.hand_over, "take_all", take_late)
     with refused(CommandRefused, "jog_too_old"):
-        jog(robot, fast)
+        jog(robot, fast, robot.clock.now())
     assert newest_jog(robot, jog) == written
 
 

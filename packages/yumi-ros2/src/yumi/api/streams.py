@@ -245,8 +245,8 @@ class ArmStreams(ArmAccess):
         owner: object,
         time: float | None,
     ) -> bool:
-        now = self.clock.now()
-        asked = now if time is None or time > now or values == ZERO else time  # to stand is never asked for too late
+        # To stand is never asked for too late.
+        asked = None if time is None or time > self.clock.now() or values == ZERO else time
         self._check_recent(asked)
         self._check_owner(side, owner)
         session, is_new = self._begin_stream(side, controller, is_jog=True)  # may last seconds, so without the lock
@@ -260,12 +260,12 @@ class ArmStreams(ArmAccess):
                     raise CommandRefused(message("jog_streamed_by_another", controller=controller, arm=side.word))
                 with self.control.hand_over.writing((side,), Commander.STREAM, _JOG_GAP):
                     self._check_recent(asked)  # until here it may have waited
-                    write(session, values, asked)
+                    write(session, values, self.clock.now() if asked is None else asked)
             self._jogs[side] = _Jog(controller, self.clock.now(), _number(buffer), buffer, write, owner)
         return is_first
 
-    def _check_recent(self, asked: float) -> None:
-        age = self.clock.now() - asked
+    def _check_recent(self, asked: float | None) -> None:
+        age = 0.0 if asked is None else self.clock.now() - asked
         if not age <= OLDEST_JOG:  # NaN too
             raise CommandRefused(message("jog_too_old", age=age, oldest=OLDEST_JOG))
 
