@@ -581,6 +581,40 @@ def test_goal_is_refused_while_a_person_commands_the_arm_or_has_let_it_go(
     assert newest(buffers, 3) == (2, tuple(far.position))
 
 
+def test_positions_by_index_go_on_near_the_arm_after_a_person_has_led_it(
+    buffers: Boxes, node: Node, middle: Joints
+) -> None:
+    clock = ManualClock(1.0)
+    hand_over = HandOver(clock.now)
+    name = "forward_position_controller"
+    buffers.snapshots.write(commanded(middle, goal_kind=GoalKind.FORWARD_POSITION))
+    topic = ForwardTopic(
+        node,
+        Side.RIGHT,
+        (buffers.goals, buffers.speeds),
+        lambda: read_snapshot(buffers.snapshots),
+        clock.now,
+        name,
+        lambda: {name},
+        hand_over,
+    )
+    near, far = (Float64MultiArray(data=[each + by for each in middle]) for by in (0.05, 0.2))
+    topic.take(far)  # as it comes
+    assert newest(buffers, 3) == (1, tuple(far.data))
+    with requested_by(Commander.PAGE, "person", "page"):
+        clock.advance(2.0)
+        hand_over.take(Side.RIGHT, Commander.PAGE)
+        hand_over.let_go(Side.RIGHT)
+    hand_over.give_back((Side.RIGHT,))
+    elsewhere = message("stream_begins_elsewhere", arm="right", distance=pytest.approx(0.2), most=NEAR)
+    with refused(CommandRefused, "command_refused", noun="Command", reason=elsewhere):
+        topic._accept(far, clock.now())
+    assert newest(buffers, 3) == (1, tuple(far.data))
+    for count, each in enumerate((near, far), 2):
+        topic.take(each)
+        assert newest(buffers, 3) == (count, tuple(each.data))
+
+
 def topic_refuses(topic: CommandTopic, received: Any, node: Node, code: str, **values: Any) -> None:
     """A message that comes on another thread than that of who commands is refused, and the log says why."""
     node.warnings.clear()

@@ -15,11 +15,12 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side
 from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
 from abb_protocols.robot.urdf import robot_description
+from refusals import refused
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.controller_info import ParameterInfo
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.goals import GoalKind, MemoryBuffer
-from yumi.control.hand_over import HandOver
+from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.ros.frames import RobotFrames
 from yumi.ros.tool_topics import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
@@ -108,3 +109,20 @@ def test_what_comes_too_late_on_a_stream_is_refused(
     assert (control.buffers[Side.RIGHT].tool_goals.read() is None) is is_old
     reason = message("stamp_too_old", age=0.11, longest=0.1)
     assert node.warnings == [str(message("command_refused", noun=noun, reason=reason))] * is_old
+
+
+def test_poses_go_on_near_the_tool_after_a_person_has_led_it(node: Node, control: Control) -> None:
+    topic, goals = make(ServoPoseTopic, node, control), control.buffers[Side.RIGHT].tool_goals
+    with requested_by(Commander.PAGE, "person", "page"):
+        control.hand_over.take(Side.RIGHT, Commander.PAGE)
+        control.hand_over.let_go(Side.RIGHT)
+    control.hand_over.give_back((Side.RIGHT,))
+    topic.take(pose(0.2))
+    assert goals.read() is None
+    values = {"distance": pytest.approx(0.2), "turn": pytest.approx(0.0, abs=1e-6), "most": 0.1, "most_turn": 0.35}
+    reason = message("tool_stream_begins_elsewhere", arm="right", **values)
+    with refused(CommandRefused, "command_refused", noun="Pose", reason=reason):
+        topic._accept(pose(0.2), 12.5)
+    for count, up in enumerate((0.05, 0.2), 1):
+        topic.take(pose(up))
+        assert goals.read()[0] == count

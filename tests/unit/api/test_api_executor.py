@@ -11,7 +11,7 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
 from abb_protocols.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Joints, Pose, Side, home, joint_names, joints
-from abb_protocols.robot.kinematics import IDENTITY
+from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
 from controller_states import read_goal
 from fake_robot import FakeRobot, Switch
 from refusals import assert_says, refused
@@ -36,6 +36,7 @@ from yumi.control.loop_events import (
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import Skew, TrajectoryFeedback
+from yumi.control.tool_goal import pose_goal
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, ResultCode, TrajectoryEnded, TrajectoryOutcome
 from yumi.driver.stops import Cause
 from yumi.planning.tool_path import ToolMotion
@@ -675,6 +676,35 @@ def test_velocity_of_a_tool_has_the_time_at_which_it_was_asked_for(robot: FakeRo
     assert streamed[1].time == robot.clock.now()
 
 
+def test_poses_of_a_stream_go_on_near_the_tool_after_a_person_has_led_it(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(sent=RIGHT)
+    here, goals = tool0_to_body(Side.RIGHT, RIGHT), robot.tool_goals[Side.RIGHT]
+
+    def follow(up: float) -> None:
+        x, y, z = here.position
+        robot.executor.stream_tool(
+            Side.RIGHT, lambda session: pose_goal(session, Pose((x, y, z + up), here.orientation))
+        )
+
+    def count() -> int:
+        newest = goals.read()
+        return newest[0] if newest else 0
+
+    follow(0.3)  # a stream begins anywhere
+    assert count() == 1
+    with requested_by(Commander.PAGE, "person", "page"):
+        robot.control.hand_over.take(Side.RIGHT, Commander.PAGE)
+        robot.control.hand_over.let_go(Side.RIGHT)
+    robot.control.hand_over.give_back((Side.RIGHT,))
+    with refused(CommandRefused, "tool_stream_begins_elsewhere", arm="right", distance=0.3):
+        follow(0.3)
+    assert count() == 1
+    for number, up in enumerate((0.05, 0.3), 2):
+        follow(up)
+        assert count() == number
+
+
 def jog_joints(robot: FakeRobot, values: Joints, time: float | None = None) -> bool:
     return robot.executor.jog(Side.RIGHT, values, PAGE, time)
 
@@ -737,7 +767,7 @@ def test_jog_that_has_waited_for_the_arm_is_refused(
 
     monkeypatch.setattr(robot.control.hand_over, "take_all", take_late)
     with refused(CommandRefused, "jog_too_old"):
-        jog(robot, fast)
+        jog(robot, fast, robot.clock.now())
     assert newest_jog(robot, jog) == written
 
 

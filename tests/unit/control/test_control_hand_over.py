@@ -153,19 +153,6 @@ def test_nobody_lets_go_what_another_one_commands(arms: Arms) -> None:
     assert arms.of(RIGHT).who is Commander.NONE
 
 
-def test_idle_device_of_a_page_lets_nothing_go_that_the_page_moves(arms: Arms) -> None:
-    arms.moving.add(RIGHT)
-    arms.taken(Commander.PAGE, "page", None)
-    with requested_by(Commander.DEVICE, "page"):
-        arms.let_go(RIGHT)
-    assert arms.of(RIGHT).who is Commander.PAGE
-    with refused(CommandRefused, "arm_commanded_by_another", who="page"):
-        arms.taken(Commander.HEADSET, "headset")
-    with requested_by(Commander.PAGE, "page"):
-        arms.let_go(RIGHT)
-    assert (arms.of(RIGHT).who, arms.of(RIGHT).is_reserved) == (Commander.NONE, True)
-
-
 def test_end_of_the_controllers_ends_the_command_and_who_takes_the_arm_next_begins_anew(arms: Arms) -> None:
     assert not arms.taken(Commander.DEVICE, "person")  # nothing was sent before
     arms.note(CommanderSilent(RIGHT, 0.2))

@@ -22,7 +22,7 @@ from abb_protocols.rws.values import ControllerState
 from browser import browser
 from fake_driver import FakeDriver
 from yumi.control.controllers.joint_goal import JointGoal
-from yumi.web import page_operator, view_server
+from yumi.web import live, page_operator, view_server
 from yumi.web.view_server import ViewServer, ViewSettings
 
 
@@ -138,6 +138,25 @@ def test_every_control_is_reached_by_tab_with_a_visible_focus(tmp_path: Path, mo
         page.keyboard.press("ArrowLeft")
         assert page.evaluate("document.activeElement.id") == "tab-tool"
         assert page.is_visible("#pad")
+    assert errors == []
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("is_here", [True, False])
+def test_page_on_another_machine_has_no_faults_of_a_virtual_robot_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_here: bool
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(view_server, "is_of_this_machine", lambda request: is_here)
+    monkeypatch.setattr(live, "_is_virtual", lambda address: True)
+    errors: list[str] = []
+    with browser() as chromium, running(), served() as url:
+        page = operated(chromium, url, errors)
+        for selector in ("#press-stop", "#tab-virtual"):
+            assert page.is_visible(selector) is is_here
+        elsewhere = "" if is_here else sentence(message("faults_only_here"), FrontEnd.VIRTUAL_PAGE)
+        assert page.text_content("#no-faults") == elsewhere
+        assert page.is_visible("#no-faults") is not is_here
     assert errors == []
 
 

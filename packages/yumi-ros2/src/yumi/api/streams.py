@@ -31,7 +31,7 @@ from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.stream_begin import NEAR, StreamBegin
 from yumi.control.shared_state import SharedDeadline
-from yumi.control.tool_goal import ToolGoal, check_twist, pose_goal, twist_goal
+from yumi.control.tool_goal import ToolGoal, check_tool_near, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER
@@ -246,8 +246,8 @@ class ArmStreams(ArmAccess):
         owner: object,
         time: float | None,
     ) -> bool:
-        now = self.clock.now()
-        asked = now if time is None or time > now or values == ZERO else time  # to stand is never asked for too late
+        # To stand is never asked for too late.
+        asked = None if time is None or time > self.clock.now() or values == ZERO else time
         self._check_recent(asked)
         self._check_owner(side, owner)
         session, is_new = self._begin_stream(side, controller, is_jog=True)  # may last seconds, so without the lock
@@ -261,12 +261,12 @@ class ArmStreams(ArmAccess):
                     raise CommandRefused(message("jog_streamed_by_another", controller=controller, arm=side.word))
                 with self.control.hand_over.writing((side,), Commander.STREAM, _JOG_GAP):
                     self._check_recent(asked)  # until here it may have waited
-                    write(session, values, asked)
+                    write(session, values, self.clock.now() if asked is None else asked)
             self._jogs[side] = _Jog(controller, self.clock.now(), _number(buffer), buffer, write, owner)
         return is_first
 
-    def _check_recent(self, asked: float) -> None:
-        age = self.clock.now() - asked
+    def _check_recent(self, asked: float | None) -> None:
+        age = 0.0 if asked is None else self.clock.now() - asked
         if not age <= OLDEST_JOG:  # NaN too
             raise CommandRefused(message("jog_too_old", age=age, oldest=OLDEST_JOG))
 
@@ -355,10 +355,15 @@ class ArmStreams(ArmAccess):
         """Have an arm's tool follow a stream, of which ``goal`` of the EGM session is the next message.
 
         Raises:
-            CommandRefused: the driver has no Cartesian controller.
+            CommandRefused: the driver has no Cartesian controller, or a pose is too far away at which the stream would
+                go on after a person or another client has led the arm.
             RobotNotReady: the arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
+        snapshot, hand_over = self.snapshot(side), self.control.hand_over
+        hand_over.check(side, Commander.STREAM)
+        if not hand_over.is_own(side) and hand_over.was_of_another(side):
+            check_tool_near(side, snapshot.sent, goal(snapshot.session))
         session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
         with self.control.hand_over.writing((side,), Commander.STREAM):
             self.control.buffers[side].tool_goals.write(goal(session))

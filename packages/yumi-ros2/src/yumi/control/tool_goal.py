@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, Joints, Pose
+from abb_protocols.robot.joints import ZERO, Joints, Pose, Side
+from abb_protocols.robot.kinematics import compose, distance_between, tool0_to_body
 
 TOOL0: Joints = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """The tool that is none, as numbers: position x, y, z [m], quaternion w, x, y, z."""
@@ -65,6 +66,28 @@ def twist_goal(
 ) -> ToolGoal:
     """A velocity of the tool and of the arm angle, (7,), for :class:`ToolGoal`."""
     return ToolGoal(session, time, True, is_in_tool, nan, TOOL0, twist, TOOL0 if tool is None else numbers_of(tool))
+
+
+NEAR = (0.1, 0.35)
+"""A stream of poses that something else has interrupted goes on so far from where the tool is sent [m], [rad]."""
+
+
+def check_tool_near(side: Side, sent: Joints, goal: ToolGoal) -> None:
+    """Refuse a pose at which no stream goes on, of an arm that is ``sent`` to a position [rad]; raises CommandRefused."""
+    if goal.is_twist:
+        return
+    distance, turn = distance_between(compose(tool0_to_body(side, sent), pose_of(goal.tool)), pose_of(goal.pose))
+    if not (distance <= NEAR[0] and turn <= NEAR[1]):  # NaN too
+        raise CommandRefused(
+            message(
+                "tool_stream_begins_elsewhere",
+                arm=side.word,
+                distance=distance,
+                turn=turn,
+                most=NEAR[0],
+                most_turn=NEAR[1],
+            )
+        )
 
 
 HIGHEST = 100.0

@@ -79,7 +79,7 @@ class RapidMotionCheck:
             return
         goal = self._goal(side, routine.lower())
         if goal is None:
-            if self._is_real() and not is_unchecked:
+            if not is_unchecked and self._is_real():
                 raise CommandRefused(message("rapid_path_unknown", routine=routine, task=side.task))
             return
         if self._machines.state(side.other) is not MachineState.IDLE:

@@ -36,6 +36,7 @@ from yumi.driver.teleoperated_arm import (
 OPERATOR_HOLDS = 1.0
 """An operator whose device has sent nothing for so long makes room for another one [s]."""
 
+_DEVICES = (Commander.DEVICE, Commander.HEADSET)
 _CLOCKS_DIFFER = 1e-3  # by so much a second two clocks may run apart
 _WORDS: Mapping[Clutch, ClutchWord] = {
     Clutch.RELEASED: "released",
@@ -202,7 +203,7 @@ class Teleoperation:
         for side, arm in self._arms.items():
             if arm.teleoperated.clutch in (Clutch.ENGAGING, Clutch.ENGAGED):
                 self._control.hand_over.renew(side, self._until - now)
-            else:
+            elif self._control.hand_over.of(side).who in _DEVICES:  # the operator's page may move the arm otherwise
                 self._control.hand_over.let_go(side)
         return steps
 

@@ -161,8 +161,26 @@ class CommandTopic(ABC):
             raise command_refused(self.noun, reason)
         return snapshot
 
+    def check_begin(self, received: Any, snapshot: Snapshot) -> None:
+        """Refuse what sets out elsewhere than the arm is sent, after a person or another client has led the arm."""
+
+    def check_near(self, goal: Joints, snapshot: Snapshot) -> None:
+        """Refuse a position at which no stream begins now."""
+        distance = largest_difference(goal, snapshot.sent)
+        if distance > NEAR:
+            said = message("stream_begins_elsewhere", arm=self._side.word, distance=distance, most=NEAR)
+            raise command_refused(self.noun, said)
+
+    def _is_interrupted(self) -> bool:
+        """Whether a person, or another client, has led the arm since the last command."""
+        return not self._hand_over.is_own(self._side) and self._hand_over.was_of_another(self._side)
+
     def _accept(self, received: Any, time: float) -> None:
-        write = self.checked(received, self.check(), time)
+        snapshot = self.check()
+        self._hand_over.check(self._side, Commander.STREAM)
+        if self._is_interrupted():
+            self.check_begin(received, snapshot)
+        write = self.checked(received, snapshot, time)
         with self._hand_over.writing((self._side,), Commander.STREAM):
             write()
 
@@ -204,13 +222,9 @@ class JointCommandTopic(CommandTopic):
         goal, speeds = goal_of_ros_message(received, self._side, base), goal_speeds_of(received, self._side)
         self._hand_over.check(self._side, Commander.STREAM)
         # A single goal may be far away, but no stream begins there, and none goes on there that a person interrupted.
-        if not self._hand_over.is_own(self._side) and (
-            delay == CONFIGURED_DELAY or self._hand_over.was_of_another(self._side)
-        ):
-            distance = largest_difference(goal, snapshot.sent)
-            if distance > NEAR:
-                said = message("stream_begins_elsewhere", arm=self._side.word, distance=distance, most=NEAR)
-                raise command_refused(self.noun, said)
+        begins = delay == CONFIGURED_DELAY and not self._hand_over.is_own(self._side)
+        if begins or self._is_interrupted():
+            self.check_near(goal, snapshot)
 
         def write() -> None:
             write_goal(self._buffer, snapshot.session, goal, speeds, time, delay)
@@ -350,6 +364,10 @@ class ForwardTopic(CommandTopic):
 
     def is_stop(self, received: Any) -> bool:
         return GoalKind.FORWARD_VELOCITY in self._snapshot().goal_kind and not any(received.data)
+
+    def check_begin(self, received: Any, snapshot: Snapshot) -> None:
+        if GoalKind.FORWARD_VELOCITY not in snapshot.goal_kind:
+            self.check_near(positions_of(received, self._side), snapshot)
 
     def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
         self._check_active(snapshot.activation)

@@ -36,7 +36,7 @@ from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.shared_state import Snapshot
-from yumi.control.tool_goal import check_twist, pose_goal, twist_goal
+from yumi.control.tool_goal import check_tool_near, check_twist, pose_goal, twist_goal
 from yumi.control.tool_limits import ToolLimits
 from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory
 from yumi.driver.control_process import ControlProcess
@@ -219,6 +219,13 @@ class ServoPoseTopic(_StreamTopic):
     """Poses of a stream."""
 
     topic, type, noun = "servo_pose", PoseStamped, "Pose"
+
+    def check_begin(self, received: Any, snapshot: Snapshot) -> None:
+        try:
+            goal = pose_goal(snapshot.session, self._pose(received), self._frames.tcp(self._side))
+            check_tool_near(self._side, snapshot.sent, goal)
+        except CommandRefused as error:
+            raise command_refused(self.noun, error.said) from error
 
     def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
         self._check_age(received, time)

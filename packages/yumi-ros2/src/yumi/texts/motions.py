@@ -310,6 +310,11 @@ CONTROLLERS: Mapping[str, Text] = {
         "it may be {most:.1°} away",
         "begin the stream where the arm is, move there before, or give blend, in seconds",
     ),
+    "tool_stream_begins_elsewhere": Text(
+        "the stream's first pose is {distance:.3f} m and {turn:.1°} away from where the {arm} tool is sent, which "
+        "something else has moved meanwhile; it may be {most:g} m and {most_turn:.1°} away",
+        "begin the stream where the tool is, or move there before",
+    ),
     "blend_out_of_range": Text("stream refused: blend is {given}; allowed is above 0 to {longest:g} s"),
     "controllers_were_ended": Text(
         "controller {controller:quoted} is inactive: what commanded the arm was ended",
