@@ -20,10 +20,10 @@ from abb_protocols.robot.differential_kinematics import DifferentialSolver, targ
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, by_side, rotate
 from abb_protocols.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
 from abb_runtime.faults import inject_fault
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER
 from yumi.api.joint_positions import checked_goal
 from yumi.driver.command import Command
 from yumi.driver.commands import SwitchControllers
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, JOG_CONTROLLER
 from yumi.driver.motion_commands import Follow
 from yumi.driver.reports import MotionReport
 from yumi.driver.surroundings import limits_of, shapes_of
