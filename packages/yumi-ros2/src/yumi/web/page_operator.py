@@ -59,7 +59,7 @@ OLDEST_SEEN = 0.8
 More than for frames of a device: the age of these is read from two clocks, which takes messages before. The first jog
 of a page has none before it, only the newest state, which a page that draws in software shows late."""
 
-_STALE = 0.05
+STALE = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""
 
 _PLAN_POINTS = 120  # points of a plan that the page gets, about
@@ -257,7 +257,7 @@ class Operator:
             if received is None or self._link is None or received.jog.hold == self._refused:
                 continue
             jog = received.jog
-            if time.monotonic() - received.time > _STALE and jog.request != jog.at_rest:
+            if time.monotonic() - received.time > STALE and jog.request != jog.at_rest:
                 continue  # the end of a jog is never too late
             try:
                 state = self._live.state()
