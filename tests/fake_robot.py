@@ -11,13 +11,6 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, home
 from abb_runtime.clock import ManualClock
-from yumi.api.arm_access import (
-    CARTESIAN_CONTROLLER,
-    GOAL_CONTROLLER,
-    JOG_CONTROLLER,
-    STREAM_CONTROLLER,
-    TRAJECTORY_CONTROLLER,
-)
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
 from yumi.control.controller import State
@@ -29,6 +22,13 @@ from yumi.control.hand_over import HandOver
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControllerReport
 from yumi.control.shared_state import Snapshot
+from yumi.driver.controller_names import (
+    CARTESIAN_CONTROLLER,
+    GOAL_CONTROLLER,
+    JOG_CONTROLLER,
+    STREAM_CONTROLLER,
+    TRAJECTORY_CONTROLLER,
+)
 
 NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, JOG_CONTROLLER, CARTESIAN_CONTROLLER)
 

@@ -32,7 +32,6 @@ from memory_http import MemoryHttp
 from system.virtual_time_bench import System
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system
 from virtual_irc5.world import World, WorldSettings
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
 from yumi.cli.up import _only_under_name
@@ -51,6 +50,7 @@ from yumi.control.loop_events import (
     SessionStarted,
     is_fault,
 )
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.driver.endpoint import find_driver
 from yumi.driver.launch_checks import LaunchChecks
 from yumi.driver.stops import Cause

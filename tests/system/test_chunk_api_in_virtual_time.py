@@ -19,12 +19,12 @@ from abb_runtime.clock import ManualClock
 from cartesian_bench import shares
 from refusals import refused
 from system.test_endpoint_in_virtual_time import Driver
-from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.api.chunks import Chunk, ChunkFollower, _GripperSchedule
 from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands
+from yumi.driver.controller_names import TRAJECTORY_CONTROLLER
 
 PERIOD = 0.05
 HOLD = 1.0 - np.cos(np.arange(40) * PERIOD)  # of a wave that begins at rest

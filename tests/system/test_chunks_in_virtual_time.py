@@ -15,7 +15,7 @@ from yumi.control.goals import MemoryBuffer
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import FollowTrajectory
-from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory, timed
+from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory, timed_trajectory
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME, SIDE = "joint_trajectory_controller", Side.RIGHT
@@ -63,9 +63,9 @@ class Follower:
 
 
 def test_times_come_from_the_frequency() -> None:
-    given = timed(chunk(0.0, 3, 20.0), 20.0)
+    given = timed_trajectory(chunk(0.0, 3, 20.0), 20.0)
     assert [each.time for each in given.points] == pytest.approx([0.05, 0.1, 0.15])
-    assert timed(given, 5.0) is given
+    assert timed_trajectory(given, 5.0) is given
 
 
 @pytest.mark.parametrize(("rate", "count", "noise"), [(10.0, 8, 0.0), (30.0, 16, 0.001), (50.0, 50, 0.001)])
@@ -74,7 +74,7 @@ def test_chunks_one_after_another_are_one_motion(rate: float, count: int, noise:
     first, begin = len(follower.rig.cycles), follower.rig.clock.now()
     renewed = max(count // 2, 2) / rate
     while (now := follower.rig.clock.now() - begin) < 3.0:
-        follower.send(timed(chunk(now, count, rate, noise, seed=follower.number), rate))
+        follower.send(timed_trajectory(chunk(now, count, rate, noise, seed=follower.number), rate))
         follower.rig.run(renewed)
     assert follower.number >= 3
     sent = follower.sent[first - 3 :]
@@ -87,12 +87,12 @@ def test_chunks_one_after_another_are_one_motion(rate: float, count: int, noise:
 
 def test_a_chunk_that_begins_elsewhere_is_joined_later() -> None:
     follower = Follower()
-    follower.send(timed(chunk(0.0, 20, 20.0), 20.0))
+    follower.send(timed_trajectory(chunk(0.0, 20, 20.0), 20.0))
     follower.rig.run(0.6)
     off = chunk(0.6, 20, 20.0)
     shifted = [each._replace(position=joints([value + 0.08 for value in each.position])) for each in off.points]
     first = len(follower.rig.cycles)
-    follower.send(timed(JointTrajectory(NAMES, tuple(shifted)), 20.0))
+    follower.send(timed_trajectory(JointTrajectory(NAMES, tuple(shifted)), 20.0))
     follower.rig.run(2.0)
     assert follower.sent[-1] == pytest.approx(shifted[-1].position, abs=2e-3)
     assert max(shares(follower.sent[first - 3 :])) < 1.0 + 1e-5

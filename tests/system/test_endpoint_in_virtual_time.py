@@ -26,7 +26,6 @@ from abb_protocols.robot.kinematics import compose, matrix, tool0_to_body
 from abb_runtime.faults import Fault
 from refusals import refused
 from system.virtual_time_bench import System
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.api.attach import attach
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
@@ -38,6 +37,7 @@ from yumi.control.goals import MemoryBuffer
 from yumi.control.hand_over import HandOver
 from yumi.driver import motion_commands
 from yumi.driver.command import CommandedRobot
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.motion_commands import JOG_HOLDS

@@ -33,10 +33,10 @@ from system.teleoperation_bench import (
     operator_of,
 )
 from system.test_endpoint_in_virtual_time import Driver, poll_until
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import Caller
 from yumi.driver.commands import carry_out
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperatedArmReport, TeleoperationReport
 from yumi.driver.motion_commands import Teleoperate
 from yumi.driver.teleoperated_arm import BLENDING, LINK_LOST

@@ -28,7 +28,6 @@ from abb_protocols.robot.gripper_values import GripOutcome
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints, named_pose
 from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused
-from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.api.motion_registry import Motion, MotionWay
@@ -41,6 +40,7 @@ from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import JointStates, Snapshot
 from yumi.control.trajectory_commands import FollowTrajectory, ResultCode, TrajectoryEnded, TrajectoryOutcome
 from yumi.driver import endpoint_server, motion_commands
+from yumi.driver.controller_names import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.driver.endpoint import MAX_REQUEST, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
 from yumi.driver.gripper_follower import closed_of, goal_of

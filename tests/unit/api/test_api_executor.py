@@ -16,7 +16,6 @@ from controller_states import read_goal
 from fake_robot import FakeRobot, Switch
 from refusals import assert_says, refused
 from yumi.api import motion_executor
-from yumi.api.arm_access import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.motion_registry import MotionRegistry
 from yumi.api.robot_arm import Arm
 from yumi.api.streams import OLDEST_JOG
@@ -38,6 +37,7 @@ from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.tool_goal import pose_goal
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, ResultCode, TrajectoryEnded, TrajectoryOutcome
+from yumi.driver.controller_names import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.driver.stops import Cause
 from yumi.planning.tool_path import ToolMotion
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory

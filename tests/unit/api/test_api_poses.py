@@ -21,12 +21,12 @@ from fake_robot import FakeRobot
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
 from yumi.api import motion_executor
-from yumi.api.arm_access import GOAL_CONTROLLER
 from yumi.api.obstacles import boxes_from
 from yumi.api.poses import PoseFrames, checked_angle, pose, pose_from, poses_from
 from yumi.api.postures import posture_for, postures_of
 from yumi.api.robot_arm import Arm
 from yumi.control.tool_limits import ToolLimits
+from yumi.driver.controller_names import GOAL_CONTROLLER
 from yumi.planning.tool_path import SPEED, TURNING, ToolMotion, Waypoint, plan_tool_motions
 
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))

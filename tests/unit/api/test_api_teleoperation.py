@@ -13,11 +13,11 @@ from abb_protocols.robot.gripper_values import Direction, grip
 from abb_protocols.robot.joints import Side
 from fake_driver import WAIT, FakeDriver
 from refusals import refused
-from yumi.api.arm_access import CARTESIAN_CONTROLLER
 from yumi.api.attach import RunningDriver, attach
 from yumi.control.loop_commands import ControllerCommand
 from yumi.control.tool_goal import ToolGoal
 from yumi.control.trajectory_commands import CancelTrajectory
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, TeleoperatedArmReport
 from yumi.driver.motion_commands import Teleoperate
 from yumi.driver.teleoperated_arm import LINK_LOST

@@ -175,7 +175,7 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
     for name in (*parts_of_driver, "SupervisedThread", "settle_memory"):
         monkeypatch.setattr(f"yumi.cli.up.{name}", Mock())
     monkeypatch.setattr("yumi.cli.up.make_parts", make_parts)
-    monkeypatch.setattr("yumi.cli.up.bring_up", bring_up)
+    monkeypatch.setattr("yumi.cli.up.start_robot", bring_up)
     monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: over)
     monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
     with caplog.at_level("DEBUG", logger="yumi"):
@@ -205,7 +205,7 @@ def test_event_reaches_all_who_take_it_although_the_first_one_fails(
     monkeypatch.setattr("yumi.cli.up._commanded_robot", Mock())
     monkeypatch.setattr("yumi.cli.up.EndpointServer", lambda *_: endpoint)
     monkeypatch.setattr("yumi.cli.up.make_parts", make_parts)
-    monkeypatch.setattr("yumi.cli.up.bring_up", lambda *_, **__: make_parts.call_args.args[2](event) or "")
+    monkeypatch.setattr("yumi.cli.up.start_robot", lambda *_, **__: make_parts.call_args.args[2](event) or "")
     with caplog.at_level("ERROR", logger="yumi"):
         settings = override(read_settings(), {"robot": {"address": "192.0.2.1"}}, "test")
         run_driver(settings, {}, over, print, with_ros=False)

@@ -24,12 +24,12 @@ from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, chain_from_abb, home, joint_names, named_pose
 from fake_driver import ROBOT, FakeDriver
 from refusals import refused
-from yumi.api.arm_access import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.attach import attach
 from yumi.cli import robot_commands as commands
 from yumi.cli import shell
 from yumi.cli.main import main
 from yumi.control.controllers.joint_goal import JointGoal
+from yumi.driver.controller_names import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS
 from yumi.driver.robot_state import RobotMode

@@ -22,9 +22,9 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, joint_names, joints, named_pose
 from refusals import assert_says, refused
-from yumi.api.arm_access import TRAJECTORY_CONTROLLER
 from yumi.cli.main import main
 from yumi.control.motion.spline import TrajectoryPoint
+from yumi.driver.controller_names import TRAJECTORY_CONTROLLER
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 from yumi_evaluation import cli, measurement

@@ -27,7 +27,6 @@ from abb_runtime.faults import Fault
 from abb_view.page_server import MAX_PAGES
 from fake_driver import BOX, FakeDriver
 from refusals import refused
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import RobotFollows
@@ -36,6 +35,7 @@ from yumi.control.shared_state import Snapshot
 from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.core.collision import Obstacle
 from yumi.driver import endpoint_server
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.driver.endpoint import find_driver
 from yumi.driver.motion_commands import Jog, JogTool
 from yumi.driver.surroundings import Surroundings

@@ -17,9 +17,9 @@ from abb_runtime.process.certificate import installation_certificate
 from abb_view.page_server import FORWARDED
 from fake_driver import FakeDriver
 from unit.web.test_web_server import SOON, SPEEDS, Page, Site, eventually, on_page, run
-from yumi.api.arm_access import CARTESIAN_CONTROLLER
 from yumi.control.loop_commands import ControllerCommand
 from yumi.control.trajectory_commands import CancelTrajectory
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER
 from yumi.driver.teleoperated_arm import LINK_LOST
 from yumi.driver.teleoperation import OPERATOR_HOLDS, Teleoperation
 from yumi.web import view_server

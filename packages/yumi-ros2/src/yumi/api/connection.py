@@ -31,7 +31,7 @@ from yumi.driver.controller_names import GOAL_CONTROLLER
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import RwsGripper
 from yumi.driver.gripper_follower import GripperFollower
-from yumi.driver.gripper_setup import close_as_test
+from yumi.driver.gripper_setup import close_as_test, set_up_grippers
 from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.initial_controllers import Controllers
 from yumi.driver.robot_manager import RobotManager
@@ -41,7 +41,7 @@ from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
 from yumi.driver.teleoperation import Elsewhere
-from yumi.driver.wiring import DriverParts, make_parts, only_at_robot, set_up_grippers
+from yumi.driver.wiring import DriverParts, make_parts, only_at_robot
 from yumi.recording.message_types import STATE
 from yumi.recording.recorder import FullRecorder, Source, Sources
 

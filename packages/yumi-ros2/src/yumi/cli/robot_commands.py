@@ -202,7 +202,7 @@ def move(
     """
     if (linear or speed is not None) and not pose:
         raise SettingsError(message("line_options_need_pose"))
-    position = _pose_of(goal) if pose else _goal_of(goal, in_degrees=in_degrees, abb=abb)
+    position = _pose_of(goal) if pose else goal_of(goal, in_degrees=in_degrees, abb=abb)
     if arm == "both" and not isinstance(position, str):
         raise SettingsError(message("both_arms_take_a_pose"))
     with _progress() as on_motion:
@@ -272,7 +272,7 @@ def _pose_of(words: Sequence[str]) -> Sequence[float]:
     return numbers
 
 
-def _goal_of(words: Sequence[str], *, in_degrees: bool, abb: bool) -> str | Mapping[str, float] | Sequence[float]:
+def goal_of(words: Sequence[str], *, in_degrees: bool, abb: bool) -> str | Mapping[str, float] | Sequence[float]:
     """The position that words of the command line name: a pose, joints by name, or seven angles.
 
     Raises:

@@ -54,11 +54,13 @@ from yumi.control.speed_scale import FULL
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.endpoint_server import EndpointServer
+from yumi.driver.gripper_setup import set_up_grippers
 from yumi.driver.initial_controllers import Controllers
 from yumi.driver.robot_connection import RobotConnection
-from yumi.driver.robot_manager import RobotManager, bring_up
+from yumi.driver.robot_manager import RobotManager
+from yumi.driver.robot_start import start_robot
 from yumi.driver.settings import RobotSettings, Settings, read_controllers
-from yumi.driver.wiring import DriverParts, make_parts, only_at_robot, set_up_grippers
+from yumi.driver.wiring import DriverParts, make_parts, only_at_robot
 from yumi.recording.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -359,7 +361,7 @@ class DriverWithoutRos:
 
     def bring_up(self, *, is_reading_only: bool = False) -> Message | None:
         """Bring the robot to ready; returns why it is not ready, or None."""
-        return bring_up(
+        return start_robot(
             self._parts.manager,
             self._setup,
             self.log,

@@ -332,20 +332,20 @@ class AllowCollision(Command[str], frozen=True):
 # ---- the controller's panel, its program and what the arms carry
 
 
-class PanelCommand(Command[str], frozen=True):
+class _PanelCommand(Command[str], frozen=True):
     """What is done by the controller's panel and its program; ROS alone offers it."""
 
     front_ends = _ROS
 
 
-class MotorsOn(PanelCommand, frozen=True):
+class MotorsOn(_PanelCommand, frozen=True):
     """Motors on."""
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         return robot.manager.motors_on()
 
 
-class MotorsOff(PanelCommand, frozen=True):
+class MotorsOff(_PanelCommand, frozen=True):
     """Motors off; EGM is ended before."""
 
     lane = Lane.STOP
@@ -354,14 +354,14 @@ class MotorsOff(PanelCommand, frozen=True):
         return robot.manager.motors_off()
 
 
-class StartRapid(PanelCommand, frozen=True):
+class StartRapid(_PanelCommand, frozen=True):
     """Start the program where its pointers are."""
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         return robot.manager.start_rapid()
 
 
-class StopRapid(PanelCommand, frozen=True):
+class StopRapid(_PanelCommand, frozen=True):
     """Stop the program; EGM is ended before."""
 
     lane = Lane.STOP
@@ -370,14 +370,14 @@ class StopRapid(PanelCommand, frozen=True):
         return robot.manager.stop_rapid()
 
 
-class PpToMain(PanelCommand, frozen=True):
+class PpToMain(_PanelCommand, frozen=True):
     """Program pointers to main; the program must be stopped."""
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         return robot.manager.pp_to_main()
 
 
-class RunRoutine(PanelCommand, frozen=True):
+class RunRoutine(_PanelCommand, frozen=True):
     """Run a RAPID routine in an arm's task and wait for its end; the limiter does not act on its motions."""
 
     arm: ArmName
@@ -390,7 +390,7 @@ class RunRoutine(PanelCommand, frozen=True):
             return robot.manager.run_routine(side, self.routine, is_unchecked=self.unchecked)
 
 
-class LoadModule(PanelCommand, frozen=True):
+class LoadModule(_PanelCommand, frozen=True):
     """Write a RAPID module onto the controller and load it into an arm's task."""
 
     arm: ArmName
@@ -401,7 +401,7 @@ class LoadModule(PanelCommand, frozen=True):
         return robot.manager.load_module(side_of(self.arm), self.file_name, self.text)
 
 
-class RunModule(PanelCommand, frozen=True):
+class RunModule(_PanelCommand, frozen=True):
     """Load a module and run one of its routines; the limiter does not act on its motions."""
 
     arm: ArmName
@@ -416,7 +416,7 @@ class RunModule(PanelCommand, frozen=True):
             return robot.manager.run_module(side, self.file_name, self.text, self.routine, is_unchecked=self.unchecked)
 
 
-class SetTool(PanelCommand, frozen=True):
+class SetTool(_PanelCommand, frozen=True):
     """Have the next EGM motion of an arm use a tool: its centre point in tool0, and its load."""
 
     arm: ArmName
@@ -427,7 +427,7 @@ class SetTool(PanelCommand, frozen=True):
         return robot.manager.set_tool(side_of(self.arm), self.tcp, self.load)
 
 
-class SetPayload(PanelCommand, frozen=True):
+class SetPayload(_PanelCommand, frozen=True):
     """Have the next EGM motion of an arm carry a payload beside its tool."""
 
     arm: ArmName
@@ -437,7 +437,7 @@ class SetPayload(PanelCommand, frozen=True):
         return robot.manager.set_payload(side_of(self.arm), self.payload)
 
 
-class ReadSignal(PanelCommand, frozen=True):
+class ReadSignal(_PanelCommand, frozen=True):
     """The logical value of an I/O signal."""
 
     lane = Lane.READ
@@ -448,7 +448,7 @@ class ReadSignal(PanelCommand, frozen=True):
         return robot.manager.panel.read_signal(self.name)
 
 
-class WriteSignal(PanelCommand, frozen=True):
+class WriteSignal(_PanelCommand, frozen=True):
     """Write an I/O signal and read it back."""
 
     lane = Lane.WRITE
@@ -461,7 +461,7 @@ class WriteSignal(PanelCommand, frozen=True):
         return headline(message("signal_is", signal=self.name, value=self.value))
 
 
-class ReadVariable(PanelCommand, frozen=True):
+class ReadVariable(_PanelCommand, frozen=True):
     """The value of a RAPID variable as RAPID writes it."""
 
     lane = Lane.READ
@@ -474,7 +474,7 @@ class ReadVariable(PanelCommand, frozen=True):
         return robot.manager.panel.read_variable(self.task, self.module, self.name)
 
 
-class WriteVariable(PanelCommand, frozen=True):
+class WriteVariable(_PanelCommand, frozen=True):
     """Write a RAPID variable."""
 
     lane = Lane.WRITE

@@ -1,4 +1,4 @@
-"""An arm of the control loop that is guided by EGM: what arrives becomes its state, what controllers want its answer.
+"""An arm of the control loop that EGM guides: datagrams become states, commands become answers; its fallback thread.
 
 All of that is compiled, ``core/arm_handle.hpp``: the socket, the datagrams, the session and the limiter. Where the
 controller's formula is known there, too, the answer has left before Python is woken. No arm waits for Python:

@@ -10,6 +10,8 @@ from abb_protocols.errors import ControllerRefused, GoalNotReached, ProtocolErro
 from abb_protocols.robot.gripper_values import GripOutcome, go_to
 from abb_protocols.robot.joints import Side
 from yumi.driver.gripper import RwsGripper
+from yumi.driver.robot_manager import RobotManager
+from yumi.driver.settings import CalibrateWhen, GripperSettings
 
 _CLOSED = go_to(0.0)
 _FAILURES = (RobotNotReady, ControllerRefused, ProtocolError, GoalNotReached)
@@ -110,6 +112,22 @@ class GripperSetup:
 
 def _unusable(side: Side, error: Exception) -> Message:
     return message("gripper_unusable", gripper=side.word, reason=said_by(error))
+
+
+def set_up_grippers(
+    manager: RobotManager, grippers: Mapping[Side, RwsGripper], settings: GripperSettings, warn: MessageReport
+) -> GripperSetup:
+    """The set-up of the grippers, which takes place each time the robot has become ready."""
+    setup = GripperSetup(
+        grippers,
+        manager.step,
+        warn,
+        is_allowed=settings.calibrate is CalibrateWhen.AT_START,
+        is_named=lambda: manager.may_calibrate,
+        is_confirmed=lambda: not manager.is_unattended,
+    )
+    manager.when_ready(setup.run)
+    return setup
 
 
 def close_as_test(grippers: Mapping[Side, RwsGripper], report: MessageReport, warn: MessageReport) -> None:

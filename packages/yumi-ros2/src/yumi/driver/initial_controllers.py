@@ -37,12 +37,12 @@ def check_controllers(controllers: Controllers) -> Controllers:
     """
     halves: Halves = {}
     return {
-        side: start_controllers(manager_of(side, ArmBuffers(), halves), entries)
+        side: start_controllers(controller_manager_of(side, ArmBuffers(), halves), entries)
         for side, entries in controllers.items()
     }
 
 
-def manager_of(
+def controller_manager_of(
     side: Side,
     buffers: ArmBuffers,
     halves: Halves,

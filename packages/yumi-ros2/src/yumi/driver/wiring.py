@@ -50,13 +50,18 @@ from yumi.driver.bringup import Bringup
 from yumi.driver.control_process import ArmBuffers, ControlProcessArm, ControlProcess
 from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.gripper import GripperRoutines, RwsGripper
-from yumi.driver.gripper_setup import GripperSetup, MessageReport
 from yumi.driver.gripper_signals import GripperSignals
-from yumi.driver.initial_controllers import Controllers, Halves, check_controllers, manager_of, start_controllers
+from yumi.driver.initial_controllers import (
+    Controllers,
+    Halves,
+    check_controllers,
+    controller_manager_of,
+    start_controllers,
+)
 from yumi.driver.launch_checks import EgmAddress
 from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.settings import CalibrateWhen, CollisionSettings, GripperSettings, InitialState, Settings
+from yumi.driver.settings import CollisionSettings, InitialState, Settings
 from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.egm.egm_session import Session
@@ -178,30 +183,14 @@ def is_real(client: RwsClient, *, is_here: bool) -> bool:
 
 
 def _build_grippers(
-    client: RwsClient, clock: Clock, settings: Settings, signals: GripperSignals | None = None
+    client: RwsClient, clock: Clock, settings: Settings, signals: GripperSignals
 ) -> dict[Side, RwsGripper]:
-    """Both grippers of a connected robot; without ``signals`` they read everything by request."""
+    """Both grippers of a connected robot."""
     routines, own = GripperRoutines(client, clock), settings.gripper
     return {
         side: RwsGripper(side, client, routines, clock, own.timeout, own.speed, own.modules(side), signals)
         for side in Side
     }
-
-
-def set_up_grippers(
-    manager: RobotManager, grippers: Mapping[Side, RwsGripper], settings: GripperSettings, warn: MessageReport
-) -> GripperSetup:
-    """The set-up of the grippers, which takes place each time the robot has become ready."""
-    setup = GripperSetup(
-        grippers,
-        manager.step,
-        warn,
-        is_allowed=settings.calibrate is CalibrateWhen.AT_START,
-        is_named=lambda: manager.may_calibrate,
-        is_confirmed=lambda: not manager.is_unattended,
-    )
-    manager.when_ready(setup.run)
-    return setup
 
 
 def only_at_robot(settings: Settings) -> SingleInstance:
@@ -294,7 +283,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     for side, own in buffers.items():
         socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
         stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
-        manager = manager_of(side, own, halves, plan.limits, plan.period, speed, plan.tool_limits)
+        manager = controller_manager_of(side, own, halves, plan.limits, plan.period, speed, plan.tool_limits)
         start_controllers(manager, plan.controllers[side])
         apart = collisions.arm(side) if collisions else None
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, apart, plan.bandwidth)

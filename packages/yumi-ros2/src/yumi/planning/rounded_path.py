@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-_Array = NDArray[np.float64]
-_Number = TypeVar("_Number", float, _Array)
+Array = NDArray[np.float64]
+_Number = TypeVar("_Number", float, Array)
 
 
 class RoundedPath:
@@ -23,7 +23,7 @@ class RoundedPath:
         length: of the path in its parameter.
     """
 
-    def __init__(self, corners: _Array, unit: _Array, deviation: float) -> None:
+    def __init__(self, corners: Array, unit: Array, deviation: float) -> None:
         ways = np.diff(corners, axis=0)
         lengths = np.linalg.norm(ways / unit, axis=1)
         self._corners, self._slopes = corners, ways / lengths[:, None]
@@ -34,14 +34,14 @@ class RoundedPath:
         halfway = rounding(0.5, 1.0)[1]
         self._zones[1:-1] = np.minimum(0.5 * np.minimum(lengths[:-1], lengths[1:]), deviation / (halfway * change))
 
-    def sharpen(self, places: _Array) -> bool:
+    def sharpen(self, places: Array) -> bool:
         """Round the corners nearest to these parameters half as much; whether there is one that was rounded."""
         distance = np.abs(places[:, None] - self._begins)
         corners = np.unique(np.argmin(distance, 1)[np.min(distance / np.maximum(self._zones, 1e-12), 1) < 1.0])
         self._zones[corners] *= 0.5
         return bool(np.any(self._zones[corners] > 1e-4))
 
-    def at(self, parameters: _Array) -> tuple[_Array, _Array, _Array]:
+    def at(self, parameters: Array) -> tuple[Array, Array, Array]:
         """Positions, and their first and second derivatives, (n, k) each."""
         last = len(self._lengths) - 1
         line = np.clip(np.searchsorted(self._begins, parameters, side="right") - 1, 0, last)
@@ -61,7 +61,7 @@ class RoundedPath:
         return position, slope, curvature
 
 
-def rounding(share: _Number, zone: float | _Array) -> tuple[_Number, _Number]:
+def rounding(share: _Number, zone: float | Array) -> tuple[_Number, _Number]:
     """How a corner is rounded: how much of the next line's direction is taken, and how far one has come along it.
 
     Args:

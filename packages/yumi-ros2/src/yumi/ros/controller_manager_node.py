@@ -156,7 +156,7 @@ class ControllerManagerNode:
         self._name = self.node.get_fully_qualified_name()  # both arms' managers have the same bare name
         self._parameters = ManagerParameters(self.node)
         self._nodes = ControllerNodes(side, namespace, control, executor, interfaces)
-        self._controllers = ArmControllers(side, control, self._nodes, self._parameters, known, self._log)
+        self._controllers = ManagedControllers(side, control, self._nodes, self._parameters, known, self._log)
         self._hardware = ArmHardware(side, control)
         self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
         self._has_changed = self.node.create_guard_condition(self._publish_activity, MutuallyExclusiveCallbackGroup())
@@ -238,7 +238,7 @@ class ControllerManagerNode:
         ]
 
 
-class ArmControllers:
+class ManagedControllers:
     """Loads, configures, switches and unloads, and keeps the controllers' nodes in step.
 
     Args:
@@ -561,7 +561,7 @@ class ControllerManagerServices:
     def __init__(
         self,
         node: Any,
-        controllers: ArmControllers,
+        controllers: ManagedControllers,
         hardware: ArmHardware,
         on_change: Callable[[], None],
     ) -> None:

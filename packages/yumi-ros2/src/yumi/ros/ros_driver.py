@@ -49,9 +49,10 @@ from yumi.control.loop_events import Event, RobotStoppedFollowing, SessionLost, 
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.controller_names import DUAL_ARM_CONTROLLER
-from yumi.driver.robot_manager import RobotManager, bring_up
+from yumi.driver.gripper_setup import set_up_grippers
+from yumi.driver.robot_manager import RobotManager
+from yumi.driver.robot_start import start_robot
 from yumi.driver.settings import ControllerSettings, Settings, config_folder
-from yumi.driver.wiring import set_up_grippers
 from yumi.ros.cartesian_interfaces import cartesian_interfaces
 from yumi.ros.command_services import CommandActions, CommandServices, SpeedScaleInterface
 from yumi.ros.command_topics import (
@@ -331,7 +332,7 @@ class RosDriver:
         Returns:
             Why it is not ready; None when it is, or is left as it is.
         """
-        return bring_up(
+        return start_robot(
             self._manager,
             self._gripper_setup,
             self.log,

@@ -20,10 +20,10 @@ from abb_protocols.robot.differential_kinematics import DifferentialSolver, targ
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, by_side, rotate
 from abb_protocols.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
 from abb_runtime.faults import inject_fault, takes_faults
-from yumi.api.arm_access import CARTESIAN_CONTROLLER, JOG_CONTROLLER
 from yumi.api.joint_positions import checked_goal
 from yumi.driver.command import Command
 from yumi.driver.commands import SwitchControllers
+from yumi.driver.controller_names import CARTESIAN_CONTROLLER, JOG_CONTROLLER
 from yumi.driver.motion_commands import Follow
 from yumi.driver.reports import MotionReport
 from yumi.driver.surroundings import limits_of, shapes_of
@@ -61,7 +61,7 @@ of a page has none before it, only the newest state, which a page that draws in 
 clock is that of the driver, which takes no jog of a joint or of a tool that came here longer than
 :data:`yumi.api.streams.OLDEST_JOG` ago: as long as their controllers take a velocity for new."""
 
-_STALE = 0.05
+STALE = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""
 
 _PLAN_POINTS = 120  # points of a plan that the page gets, about
@@ -261,7 +261,7 @@ class Operator:
             if received is None or self._link is None or received.jog.hold == self._refused:
                 continue
             jog = received.jog
-            if time.monotonic() - received.time > _STALE and jog.request != jog.at_rest:
+            if time.monotonic() - received.time > STALE and jog.request != jog.at_rest:
                 continue  # the end of a jog is never too late
             try:
                 state = self._live.state()
