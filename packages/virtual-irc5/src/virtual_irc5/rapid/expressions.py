@@ -15,7 +15,7 @@ from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.code_builder import CodeBuilder
 from virtual_irc5.rapid.frame import Evaluate, RoutineFrame, Stack, Step, Target
-from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
+from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, fault_in_module
 from virtual_irc5.rapid.program import Found, Local, Program, Signature
 from virtual_irc5.rapid.rapid_library import FormalParameter, LibraryRoutine, is_robotware_name
 from virtual_irc5.rapid.types import (
@@ -59,9 +59,9 @@ MOST_IN_STATEMENT = 2000  # names, numbers and operators: they are executed with
 GetReference = Callable[[RoutineFrame], Reference]
 Routine = UserRoutine | LibraryRoutine
 WRITABLE = {
-    s.Mode.VAR: (s.Storage.VAR,),
-    s.Mode.PERS: (s.Storage.PERS,),
-    s.Mode.INOUT: (s.Storage.VAR, s.Storage.PERS),
+    s.ParameterMode.VAR: (s.Storage.VAR,),
+    s.ParameterMode.PERS: (s.Storage.PERS,),
+    s.ParameterMode.INOUT: (s.Storage.VAR, s.Storage.PERS),
 }
 
 
@@ -100,20 +100,20 @@ class Scope:
         if self.builder is not None:
             self.builder.code.names.add(key)
         if key in self.faults:
-            raise misfit(self.module, node, f"'{name}' cannot be used: {self.faults[key]}", Unresolved)
+            raise fault_in_module(self.module, node, f"'{name}' cannot be used: {self.faults[key]}", Unresolved)
         found = self.program.find(name, self.module) or self.program.find_signal(name)
         if found is None and (name.startswith("<") or is_robotware_name(name)):
             what = "an instruction or function of RobotWare that is not provided here"
             what = "a placeholder: complete the statement" if name.startswith("<") else what
-            raise misfit(self.module, node, f"'{name}' is {what}", NotProvided)
+            raise fault_in_module(self.module, node, f"'{name}' is {what}", NotProvided)
         if found is None:
-            raise misfit(self.module, node, f"'{name}' is not declared, and no signal has that name", kind)
+            raise fault_in_module(self.module, node, f"'{name}' is not declared, and no signal has that name", kind)
         if isinstance(found, Variable) and found.value is UNSET:
-            raise misfit(self.module, node, f"'{name}' cannot be used: {found.fault.rstrip('.')}", Unresolved)
+            raise fault_in_module(self.module, node, f"'{name}' cannot be used: {found.fault.rstrip('.')}", Unresolved)
         return found
 
     def refuse(self, node: s.Node, sentence: str) -> NoReturn:
-        raise misfit(self.module, node, sentence)
+        raise fault_in_module(self.module, node, sentence)
 
 
 _LEAVES = (s.Literal, s.Name)
@@ -523,7 +523,7 @@ class Calls:
                     sentence = f"'{name}' has no optional argument '\\{argument.name}'"
                     # A later RobotWare may have it: an error only where it is executed.
                     kind = RapidReferenceError if isinstance(routine, UserRoutine) else NotProvided
-                    raise misfit(self.scope.module, argument, sentence, kind)
+                    raise fault_in_module(self.scope.module, argument, sentence, kind)
                 parameter = optional[key]
             elif not required:
                 self.scope.refuse(argument, f"'{name}' has too many arguments")
@@ -552,7 +552,7 @@ class Calls:
             return lambda frame: present
         if argument.value is None:
             self.scope.refuse(argument, f"'\\{parameter.name}' needs a value: '\\{parameter.name}:=...'")
-        if parameter.mode is s.Mode.VALUE:
+        if parameter.mode is s.ParameterMode.VALUE:
             compiled = self.expressions.value(argument.value, parameter.type)
             name = argument.value.name if isinstance(argument.value, s.Name) else parameter.name  # for ArgName
             type_, evaluate, convert = compiled.type, compiled.evaluate, parameter.type.convert
@@ -565,7 +565,7 @@ class Calls:
             self.scope.refuse(argument, f"'{name}' is not an optional parameter of this routine")
         if not is_assignable(parameter.type, local.type):
             self.scope.refuse(argument, f"'{name}' is not {one(parameter.type)}")
-        slot, is_copy = local.slot, parameter.mode is s.Mode.VALUE
+        slot, is_copy = local.slot, parameter.mode is s.ParameterMode.VALUE
 
         def conditional(frame: RoutineFrame) -> Reference:
             passed: Reference = frame.slots[slot]

@@ -9,7 +9,7 @@ from typing import Any
 from virtual_irc5.rapid.builtins.data import CONSTANTS
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.devices import LoggedEvent
-from virtual_irc5.rapid.interrupts import ChangeOrder, Edge, SignalOrder, TimerOrder
+from virtual_irc5.rapid.interrupts import ChangeOrder, SignalEdge, SignalOrder, TimerOrder
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import LONGEST_STRING, DatumPart, RapidRuntimeError, Variable
 
@@ -25,11 +25,11 @@ def _is_single(call: Call) -> bool:
 
 
 def _order_signal(call: Call) -> None:
-    value = call.get("TriggValue", Edge.BOTH.value)  # a group signal's interrupt comes with any change
-    if value not in (edge.value for edge in Edge):
+    value = call.get("TriggValue", SignalEdge.BOTH.value)  # a group signal's interrupt comes with any change
+    if value not in (edge.value for edge in SignalEdge):
         sentence = f"{call.name} takes low (0), high (1) or edge (2), not {value:g}."
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    order = SignalOrder(call["Signal"].name, Edge(value), _is_single(call))
+    order = SignalOrder(call["Signal"].name, SignalEdge(value), _is_single(call))
     call.task.interrupts.order(int(call["Interrupt"]), order)
 
 
