@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.builtins.sockets import WAIT_MAX_S
 from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.devices import MessageQueues, RapidMessage
@@ -15,7 +15,7 @@ from virtual_irc5.rapid.literals import format_value, parse_value
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import RapidRuntimeError, RapidValueError, raised_as, resolved
 
-QUEUES = Library(CONSTANTS)
+QUEUES = Library(DATA)
 
 
 @dataclass(eq=False, slots=True)
