@@ -16,7 +16,7 @@ from abb_protocols.errors import RapidError
 from virtual_irc5.rapid import InstructionSet, compiler, loading, parser
 from virtual_irc5.rapid.ast import Expression
 from virtual_irc5.rapid.call import Call
-from virtual_irc5.rapid.expressions import Compiled, Expressions
+from virtual_irc5.rapid.expressions import CompiledExpression, Expressions
 from virtual_irc5.rapid.parser import LONGEST_MODULE, parse_module
 from virtual_irc5.rapid.states import EventKind
 from virtual_irc5.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
@@ -339,7 +339,7 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     nodes: list[object] = []
     compile_any = Expressions.any
 
-    def noted(self: Expressions, node: Expression, wanted: Type | None = None) -> Compiled:
+    def noted(self: Expressions, node: Expression, wanted: Type | None = None) -> CompiledExpression:
         nodes.append(node)
         return compile_any(self, node, wanted)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abb_protocols.rws.documents import read_page
 from rws_examples import Session
-from virtual_irc5.rapid.devices import Message
+from virtual_irc5.rapid.devices import RapidMessage
 from virtual_irc5.rws.http import HttpReply
 
 CREATE = "dipc-queue-name=mine&dipc-queue-size=1&dipc-max-msg-size=444"
@@ -29,7 +29,7 @@ def test_client_sends_to_a_task() -> None:
     session.ask("POST", "/rw/dipc?action=dipc-create", CREATE)
     assert session.ask("POST", "/rw/dipc/RMQ_T_ROB_L?action=dipc-send", SEND + 'string;"hello"').status == 200
     message = session.controller.devices.queues.take("RMQ_T_ROB_L")
-    assert message == Message("string", (), '"hello"', "mine", 3.0)
+    assert message == RapidMessage("string", (), '"hello"', "mine", 3.0)
 
 
 def test_array_has_its_sizes() -> None:
@@ -53,7 +53,7 @@ def test_message_to_a_task_without_a_type_is_refused() -> None:
 def test_task_sends_to_a_client() -> None:
     session = Session()
     session.ask("POST", "/rw/dipc?action=dipc-create", CREATE)
-    session.controller.devices.queues.send("mine", Message("num", (2,), "[1,2]", "RMQ_T_ROB_L", 7.0))
+    session.controller.devices.queues.send("mine", RapidMessage("num", (2,), "[1,2]", "RMQ_T_ROB_L", 7.0))
     read = fields(session.ask("GET", "/rw/dipc/mine?action=dipc-read&timeout=0"))
     assert (read["dipc-data"], read["dipc-userdef"]) == ("num{2};[1,2]", "7")
 

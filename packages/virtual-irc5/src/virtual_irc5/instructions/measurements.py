@@ -31,7 +31,7 @@ _POSITION, _SPEED, _TORQUE, _EXTERNAL_TORQUE = 4000, 4001, 4002, 4003
 
 
 @dataclass(slots=True)
-class Channel:
+class SampledSignal:
     """A test signal: its values of the last sample time, whose mean is read."""
 
     read: Callable[[], float]
@@ -56,7 +56,7 @@ class MeasurementInstructions:
         self._unit = unit
         self._robots = robots
         self._dynamics: dict[Side, ArmDynamics] = {}
-        self._channels: dict[int, Channel] = {}
+        self._channels: dict[int, SampledSignal] = {}
         self._moved: list[float] = []  # of each axis since it was reset [rad], (7,) in chain order
         self._moving_time: list[float] = []  # [s]
         self._observed_at = 0.0
@@ -138,7 +138,7 @@ class MeasurementInstructions:
             self._torque(call, index, unit)  # raises here, not in the cycle, where the robot has none
         task = call.task
         self._unit.observers[f"test signals of {task.name}"] = lambda: self._sample(task.now)
-        self._channels[number] = Channel(reads[signal], call["SampleTime"])
+        self._channels[number] = SampledSignal(reads[signal], call["SampleTime"])
 
     def _sample(self, now: float) -> None:
         for channel in self._channels.values():

@@ -5,8 +5,7 @@ A host registers the robot's instructions in an `InstructionSet`, on top of thos
 """
 
 from virtual_irc5.rapid.builtins.absent_options import OPTIONS
-from virtual_irc5.rapid.builtins.clocks_and_stops import SYSTEM
-from virtual_irc5.rapid.builtins.data import CONSTANTS, DATA
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.builtins.data_by_name import SYMBOLS
 from virtual_irc5.rapid.builtins.disk_files import FILES
 from virtual_irc5.rapid.builtins.execution import EXECUTION
@@ -14,7 +13,7 @@ from virtual_irc5.rapid.builtins.flexpendant import DIALOGS
 from virtual_irc5.rapid.builtins.information import INFORMATION
 from virtual_irc5.rapid.builtins.interrupt_instructions import INTERRUPTS
 from virtual_irc5.rapid.builtins.io_signals import SIGNALS
-from virtual_irc5.rapid.builtins.maths import MATHS, MATRICES
+from virtual_irc5.rapid.builtins.maths import MATHS
 from virtual_irc5.rapid.builtins.message_queues import QUEUES
 from virtual_irc5.rapid.builtins.module_loading import MODULES
 from virtual_irc5.rapid.builtins.rawbytes import RAWBYTES
@@ -37,11 +36,9 @@ __all__ = [
 STANDARD = Library(DATA)
 """All instructions, functions, types and data that RAPID provides here."""
 for _part in (
-    CONSTANTS,
     MATHS,
     STRINGS,
     SIGNALS,
-    SYSTEM,
     RAWBYTES,
     SOCKETS,
     FILES,
@@ -52,7 +49,6 @@ for _part in (
     EXECUTION,
     INTERRUPTS,
     MODULES,
-    MATRICES,
     OPTIONS,
 ):
     STANDARD.include(_part)

@@ -21,7 +21,7 @@ class Storage(Enum):
     PERS = "per"
 
 
-class Mode(Enum):
+class ParameterMode(Enum):
     """How an argument reaches a parameter."""
 
     VALUE = "value"
@@ -304,7 +304,7 @@ class Parameter(Node):
 
     name: str
     type_name: str
-    mode: Mode
+    mode: ParameterMode
     rank: int
     group: int | None = None
 

@@ -14,7 +14,7 @@ from virtual_irc5.rapid.call import VISUALIZE, CallDeadline
 from virtual_irc5.rapid.code_builder import CodeBuilder
 from virtual_irc5.rapid.expressions import Expressions, Scope, caller
 from virtual_irc5.rapid.frame import Code, Evaluate, HandlerCode, LocalName, RoutineFrame, Stack, Step, Target
-from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
+from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, fault_in_module
 from virtual_irc5.rapid.program import Local, Program
 from virtual_irc5.rapid.rapid_library import LibraryRoutine, is_robotware_name
 from virtual_irc5.rapid.types import (
@@ -107,7 +107,7 @@ def compile_routine(program: Program, routine: UserRoutine) -> Code:
         return builder.code
     except RecursionError:
         sentence = f"the statements of '{routine.name}' are nested too deeply"
-        raise misfit(routine.module, routine.syntax, sentence) from None
+        raise fault_in_module(routine.module, routine.syntax, sentence) from None
 
 
 # Statements -------------------------------------------------------------------------------------------------------
@@ -596,7 +596,7 @@ def link(program: Program, module: LoadedModule, variable: Variable, users: tupl
     if variable.value is not UNSET or datum is None:
         return
     if variable in users:
-        raise misfit(module, datum, f"the value of '{datum.name}' depends on itself")
+        raise fault_in_module(module, datum, f"the value of '{datum.name}' depends on itself")
     try:
         for name in _names(datum):
             found = program.find(name, module)
@@ -615,7 +615,7 @@ def link(program: Program, module: LoadedModule, variable: Variable, users: tupl
             except (RapidError, ArithmeticError) as error:
                 expressions.scope.refuse(datum, f"the value of '{datum.name}' cannot be computed: {error}")
     except RecursionError:
-        raise misfit(module, datum, f"the value of '{datum.name}' is nested too deeply") from None
+        raise fault_in_module(module, datum, f"the value of '{datum.name}' is nested too deeply") from None
     except RapidReferenceError as error:
         variable.fault = error.sentence
         raise
@@ -642,7 +642,7 @@ def _publish(program: Program, module: LoadedModule, variable: Variable, type_: 
         return
     if not is_assignable(other.type, type_):
         sentence = f"'{datum.name}' is {one(type_)}, in another task {one(other.type)}: make one a TASK PERS"
-        raise misfit(module, datum, sentence)
+        raise fault_in_module(module, datum, sentence)
     if other.initial is UNSET and datum.initial is not None:
         other.value = other.initial = value
     module.data = {other if key is variable else key: each for key, each in module.data.items()}

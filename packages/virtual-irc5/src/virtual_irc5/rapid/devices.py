@@ -258,7 +258,7 @@ LONGEST_MESSAGE = 400  # RMQ Max Message Size [bytes]
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class RapidMessage:
     """A RAPID message: a value as text with its type.
 
     Attributes:
@@ -284,10 +284,10 @@ class MessageQueues:
     """
 
     def __init__(self) -> None:
-        self._queues: dict[str, deque[Message]] = {}
+        self._queues: dict[str, deque[RapidMessage]] = {}
         self._names: dict[str, str] = {}
-        self.listeners: dict[str, Callable[[Message], bool]] = {}
-        self.watchers: dict[str, list[Callable[[Message], None]]] = {}
+        self.listeners: dict[str, Callable[[RapidMessage], bool]] = {}
+        self.watchers: dict[str, list[Callable[[RapidMessage], None]]] = {}
 
     def open(self, name: str) -> None:
         """Create a queue; nothing happens when it is there."""
@@ -310,7 +310,7 @@ class MessageQueues:
             raise RapidRuntimeError("ERR_RMQ_NAME", f"There is no message queue '{name}'; there is: {known}.")
         return self._names[name.lower()]
 
-    def send(self, name: str, message: Message) -> None:
+    def send(self, name: str, message: RapidMessage) -> None:
         """Put a message into a queue; raises ERR_RMQ_INVALID, ERR_RMQ_FULL or ERR_RMQ_MSGSIZE."""
         queue = self._queues.get(name.lower())
         if queue is None:
@@ -327,7 +327,7 @@ class MessageQueues:
         for watcher in tuple(self.watchers.get(name.lower(), ())):
             watcher(message)
 
-    def take(self, name: str) -> Message | None:
+    def take(self, name: str) -> RapidMessage | None:
         """The oldest message of a queue, which it no longer holds; None where it is empty."""
         queue = self._queues.get(name.lower())
         return queue.popleft() if queue else None

@@ -15,7 +15,7 @@ from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.code_builder import CodeBuilder
 from virtual_irc5.rapid.frame import Evaluate, RoutineFrame, Stack, Step, Target
-from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, misfit
+from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, fault_in_module
 from virtual_irc5.rapid.program import Found, Local, Program, Signature
 from virtual_irc5.rapid.rapid_library import FormalParameter, LibraryRoutine, is_robotware_name
 from virtual_irc5.rapid.types import (
@@ -59,14 +59,14 @@ MOST_IN_STATEMENT = 2000  # names, numbers and operators: they are executed with
 GetReference = Callable[[RoutineFrame], Reference]
 Routine = UserRoutine | LibraryRoutine
 WRITABLE = {
-    s.Mode.VAR: (s.Storage.VAR,),
-    s.Mode.PERS: (s.Storage.PERS,),
-    s.Mode.INOUT: (s.Storage.VAR, s.Storage.PERS),
+    s.ParameterMode.VAR: (s.Storage.VAR,),
+    s.ParameterMode.PERS: (s.Storage.PERS,),
+    s.ParameterMode.INOUT: (s.Storage.VAR, s.Storage.PERS),
 }
 
 
 @dataclass(frozen=True, slots=True)
-class Compiled:
+class CompiledExpression:
     """An expression ready to evaluate; a `is_literal` number may stand for a num or a dnum."""
 
     evaluate: Evaluate
@@ -100,20 +100,20 @@ class Scope:
         if self.builder is not None:
             self.builder.code.names.add(key)
         if key in self.faults:
-            raise misfit(self.module, node, f"'{name}' cannot be used: {self.faults[key]}", Unresolved)
+            raise fault_in_module(self.module, node, f"'{name}' cannot be used: {self.faults[key]}", Unresolved)
         found = self.program.find(name, self.module) or self.program.find_signal(name)
         if found is None and (name.startswith("<") or is_robotware_name(name)):
             what = "an instruction or function of RobotWare that is not provided here"
             what = "a placeholder: complete the statement" if name.startswith("<") else what
-            raise misfit(self.module, node, f"'{name}' is {what}", NotProvided)
+            raise fault_in_module(self.module, node, f"'{name}' is {what}", NotProvided)
         if found is None:
-            raise misfit(self.module, node, f"'{name}' is not declared, and no signal has that name", kind)
+            raise fault_in_module(self.module, node, f"'{name}' is not declared, and no signal has that name", kind)
         if isinstance(found, Variable) and found.value is UNSET:
-            raise misfit(self.module, node, f"'{name}' cannot be used: {found.fault.rstrip('.')}", Unresolved)
+            raise fault_in_module(self.module, node, f"'{name}' cannot be used: {found.fault.rstrip('.')}", Unresolved)
         return found
 
     def refuse(self, node: s.Node, sentence: str) -> NoReturn:
-        raise misfit(self.module, node, sentence)
+        raise fault_in_module(self.module, node, sentence)
 
 
 _LEAVES = (s.Literal, s.Name)
@@ -133,11 +133,11 @@ class Expressions:
 
     # Values of a given type ----------------------------------------------------------------------------------------
 
-    def value(self, node: s.Expression, wanted: Type) -> Compiled:
+    def value(self, node: s.Expression, wanted: Type) -> CompiledExpression:
         """The expression as a value of the type `wanted`; raises RapidReferenceError when it has another."""
         return self.fitted(self.any(node, wanted), wanted, node)
 
-    def fitted(self, given: Compiled, wanted: Type, node: s.Node) -> Compiled:
+    def fitted(self, given: CompiledExpression, wanted: Type, node: s.Node) -> CompiledExpression:
         if is_assignable(wanted, given.type):
             return given
         if isinstance(resolved(given.type), RapidSignalType):
@@ -151,11 +151,11 @@ class Expressions:
     def condition(self, node: s.Expression) -> Evaluate:
         return self.value(node, BOOL).evaluate
 
-    def operand(self, node: s.Expression) -> Compiled:
+    def operand(self, node: s.Expression) -> CompiledExpression:
         """A value of whatever type, where no particular one is wanted."""
         return self._without_signal(self.any(node))
 
-    def any(self, node: s.Expression, wanted: Type | None = None) -> Compiled:
+    def any(self, node: s.Expression, wanted: Type | None = None) -> CompiledExpression:
         """The expression with whatever type it has; aggregates take theirs from `wanted`."""
         self.count += 1
         if self.count > MOST_IN_STATEMENT and self.scope.builder is not None:
@@ -163,7 +163,7 @@ class Expressions:
             self.scope.refuse(node, f"{sentence}: divide it, or declare its values as a constant of the module")
         return _COMPILERS[type(node)](self, node, wanted)
 
-    def in_order(self, nodes: Sequence[tuple[s.Expression, Type]]) -> list[Compiled]:
+    def in_order(self, nodes: Sequence[tuple[s.Expression, Type]]) -> list[CompiledExpression]:
         """Several expressions, evaluated from left to right even where a later one calls a routine."""
         last = -1
         if not self.scope.is_declaration:  # which calls no routines
@@ -176,35 +176,35 @@ class Expressions:
 
     # Leaves -------------------------------------------------------------------------------------------------------
 
-    def literal(self, node: s.Literal, wanted: Type | None) -> Compiled:
+    def literal(self, node: s.Literal, wanted: Type | None) -> CompiledExpression:
         value = node.value
         if isinstance(value, bool):
-            return Compiled(lambda frame: value, BOOL)
+            return CompiledExpression(lambda frame: value, BOOL)
         if isinstance(value, str):
-            return Compiled(lambda frame: value, STRING)
+            return CompiledExpression(lambda frame: value, STRING)
         if wanted in (ANY_NUM, ANY_VALUE) and not _fits_num(value):
             # The manual's ValToStr(1.234567890123456789) has 15 digits.
-            return Compiled(lambda frame: value, DNUM)
-        return Compiled(lambda frame: value, NUM, is_literal=True)
+            return CompiledExpression(lambda frame: value, DNUM)
+        return CompiledExpression(lambda frame: value, NUM, is_literal=True)
 
-    def name(self, node: s.Name, wanted: Type | None) -> Compiled:
+    def name(self, node: s.Name, wanted: Type | None) -> CompiledExpression:
         found = self.scope.find(node.name, node)
         if self.scope.is_declaration and not (isinstance(found, (Variable, Local)) and found.is_constant):
             self.scope.refuse(node, f"'{node.name}' is not a constant, which a declaration needs")
         if isinstance(found, Local):
             slot = found.slot
-            return Compiled(lambda frame: frame.slots[slot].value, found.type)
+            return CompiledExpression(lambda frame: frame.slots[slot].value, found.type)
         if isinstance(found, Variable):
-            return Compiled(lambda frame: found.value, found.type)
+            return CompiledExpression(lambda frame: found.value, found.type)
         if isinstance(found, Signal):
-            return Compiled(lambda frame: found, RapidSignalType("signal"))
+            return CompiledExpression(lambda frame: found, RapidSignalType("signal"))
         self.scope.refuse(node, f"'{node.name}' is a routine or type and has no value")
 
-    def field(self, node: s.Field, wanted: Type | None) -> Compiled:
+    def field(self, node: s.Field, wanted: Type | None) -> CompiledExpression:
         base = self.any(node.base)
         index, type_ = self.component(base.type, node)
         evaluate = base.evaluate
-        return Compiled(lambda frame: evaluate(frame)[index], type_)
+        return CompiledExpression(lambda frame: evaluate(frame)[index], type_)
 
     def component(self, record: Type, node: s.Field) -> tuple[int, Type]:
         """The index of a component in its record, and its type."""
@@ -214,7 +214,7 @@ class Expressions:
             self.scope.refuse(node, f"{one(record)} has no component '{node.name}'")
         return index, record.components[index][1]
 
-    def element(self, node: s.Element, wanted: Type | None) -> Compiled:
+    def element(self, node: s.Element, wanted: Type | None) -> CompiledExpression:
         base = self.any(node.base)
         path, type_ = self.index(base.type, node)
         evaluate = base.evaluate
@@ -225,7 +225,7 @@ class Expressions:
                 value = value[index]
             return value
 
-        return Compiled(element, type_)
+        return CompiledExpression(element, type_)
 
     def index(self, array: Type, node: s.Element) -> tuple[Callable[[RoutineFrame, Any], tuple[int, ...]], Type]:
         """How to compute the path to an element, counted from 0 and checked, and the element's type."""
@@ -249,15 +249,15 @@ class Expressions:
 
     # Operators ----------------------------------------------------------------------------------------------------
 
-    def unary(self, node: s.Unary, wanted: Type | None) -> Compiled:
+    def unary(self, node: s.Unary, wanted: Type | None) -> CompiledExpression:
         operand = self._without_signal(self.any(node.operand, wanted))
         operation = unary_operation(node.operator, operand.type)
         if operation is None:
             self.scope.refuse(node, f"'{node.operator}' cannot be applied to {one(operand.type)}")
         evaluate = operand.evaluate
-        return Compiled(lambda frame: operation(evaluate(frame)), operand.type, operand.is_literal)
+        return CompiledExpression(lambda frame: operation(evaluate(frame)), operand.type, operand.is_literal)
 
-    def binary(self, node: s.Binary, wanted: Type | None) -> Compiled:
+    def binary(self, node: s.Binary, wanted: Type | None) -> CompiledExpression:
         if node.operator in {"AND", "OR"}:
             return self._logical(node)
         if isinstance(node.left, s.Aggregate):  # it takes the type of the other side
@@ -284,9 +284,9 @@ class Expressions:
         operation, type_ = found
         first, second = left.evaluate, right.evaluate
         is_literal = left.is_literal and right.is_literal
-        return Compiled(lambda frame: operation(first(frame), second(frame)), type_, is_literal)
+        return CompiledExpression(lambda frame: operation(first(frame), second(frame)), type_, is_literal)
 
-    def _logical(self, node: s.Binary) -> Compiled:
+    def _logical(self, node: s.Binary) -> CompiledExpression:
         """AND and OR: the right side is evaluated only when the left one has not decided."""
         if self.runs_routine(node.right):
             builder, end = self.builder(node), Target()
@@ -295,17 +295,17 @@ class Expressions:
             jump(lambda frame: frame.slots[slot], end)
             builder.store(self.condition(node.right), slot)
             builder.mark(end)
-            return Compiled(lambda frame: frame.slots[slot], BOOL)
+            return CompiledExpression(lambda frame: frame.slots[slot], BOOL)
         left, right = self.condition(node.left), self.condition(node.right)
         if node.operator == "AND":
-            return Compiled(lambda frame: left(frame) and right(frame), BOOL)
-        return Compiled(lambda frame: left(frame) or right(frame), BOOL)
+            return CompiledExpression(lambda frame: left(frame) and right(frame), BOOL)
+        return CompiledExpression(lambda frame: left(frame) or right(frame), BOOL)
 
-    def aggregate(self, node: s.Aggregate, wanted: Type | None) -> Compiled:
+    def aggregate(self, node: s.Aggregate, wanted: Type | None) -> CompiledExpression:
         whole, parts = self.parts(node, wanted)
         items = self.in_order(list(zip(node.items, parts, strict=True)))
         evaluates, convert = [item.evaluate for item in items], whole.convert
-        return Compiled(lambda frame: convert([evaluate(frame) for evaluate in evaluates]), whole)
+        return CompiledExpression(lambda frame: convert([evaluate(frame) for evaluate in evaluates]), whole)
 
     def parts(self, node: s.Aggregate, wanted: Type | None) -> tuple[RecordType | ArrayType, Sequence[Type]]:
         """The type of an aggregate where `wanted` is needed, and that of each of its items."""
@@ -320,7 +320,7 @@ class Expressions:
 
     # Calls --------------------------------------------------------------------------------------------------------
 
-    def function_call(self, node: s.FunctionCall, wanted: Type | None) -> Compiled:
+    def function_call(self, node: s.FunctionCall, wanted: Type | None) -> CompiledExpression:
         if self.scope.is_declaration:
             self.scope.refuse(node, "a declaration cannot call a function")
         if node.name.lower() == "present":
@@ -329,7 +329,7 @@ class Expressions:
             if local is None or local.mode is None:
                 self.scope.refuse(node, "Present takes the name of a parameter of this routine")
             slot = local.slot
-            return Compiled(lambda frame: frame.slots[slot] is not ABSENT, BOOL)
+            return CompiledExpression(lambda frame: frame.slots[slot] is not ABSENT, BOOL)
         found = self.scope.find(node.name, node, UnresolvedFunction)
         if not isinstance(found, (UserRoutine, LibraryRoutine)):
             self.scope.refuse(node, f"'{node.name}' is not a function")
@@ -388,7 +388,7 @@ class Expressions:
             self.scope.refuse(node, "a declaration cannot call a routine")
         return self.scope.builder
 
-    def _kept(self, compiled: Compiled) -> Compiled:
+    def _kept(self, compiled: CompiledExpression) -> CompiledExpression:
         """The value taken now, for use after a later operand has run a routine."""
         if self.scope.builder is None:
             return compiled
@@ -405,14 +405,14 @@ class Expressions:
                 return True
         return any(self.runs_routine(child) for child in s.children(node))
 
-    def _without_signal(self, compiled: Compiled) -> Compiled:
+    def _without_signal(self, compiled: CompiledExpression) -> CompiledExpression:
         """A signal beside an operator stands for its level."""
         if not isinstance(resolved(compiled.type), RapidSignalType):
             return compiled
         return _level(compiled.evaluate, NUM)
 
 
-_COMPILERS: Mapping[type[s.Node], Callable[[Expressions, Any, Type | None], Compiled]] = {
+_COMPILERS: Mapping[type[s.Node], Callable[[Expressions, Any, Type | None], CompiledExpression]] = {
     s.Literal: Expressions.literal,
     s.Name: Expressions.name,
     s.Field: Expressions.field,
@@ -432,18 +432,18 @@ def _fits_num(value: float) -> bool:
         return False
 
 
-def _rounded(literal: Compiled, node: s.Expression) -> Compiled:
+def _rounded(literal: CompiledExpression, node: s.Expression) -> CompiledExpression:
     """A literal in the single precision of a num."""
     evaluate = literal.evaluate
     if isinstance(node, s.Literal) and not isinstance(node.value, str):
         with suppress(RapidRuntimeError):  # too large: an error where it is executed
             value = single_precision(node.value)
-            return Compiled(lambda frame: value, NUM)
-    return Compiled(lambda frame: single_precision(evaluate(frame)), NUM)
+            return CompiledExpression(lambda frame: value, NUM)
+    return CompiledExpression(lambda frame: single_precision(evaluate(frame)), NUM)
 
 
-def _level(signal: Evaluate, type_: Type) -> Compiled:
-    return Compiled(lambda frame: type_.convert(frame.task.read_signal(signal(frame).name)), type_)
+def _level(signal: Evaluate, type_: Type) -> CompiledExpression:
+    return CompiledExpression(lambda frame: type_.convert(frame.task.read_signal(signal(frame).name)), type_)
 
 
 def _absent(frame: RoutineFrame) -> Reference:
@@ -458,7 +458,7 @@ class Calls:
         self.expressions = expressions
         self.scope = expressions.scope
 
-    def function(self, routine: Routine, node: s.FunctionCall) -> Compiled:
+    def function(self, routine: Routine, node: s.FunctionCall) -> CompiledExpression:
         """The value of a function call; what takes steps of its own runs before the statement goes on."""
         returns = self.signature(routine).returns
         arguments = self.arguments(routine, node.arguments, node)
@@ -466,11 +466,11 @@ class Calls:
             self.scope.refuse(node, f"'{node.name}' is a procedure and gives no value")
         if isinstance(routine, LibraryRoutine) and not routine.may_wait:
             call, implementation, convert = caller(routine, arguments), routine.implementation, returns.convert
-            return Compiled(lambda frame: convert(implementation(call(frame))), returns)
+            return CompiledExpression(lambda frame: convert(implementation(call(frame))), returns)
         builder = self.expressions.builder(node)
         slot = builder.new_slot()
         builder.add(entering(routine, arguments, slot))
-        return Compiled(lambda frame: frame.slots[slot], returns)
+        return CompiledExpression(lambda frame: frame.slots[slot], returns)
 
     def procedure(self, routine: Routine, arguments: Sequence[s.Argument], node: s.Node) -> Step:
         """The step of a procedure call or instruction."""
@@ -523,7 +523,7 @@ class Calls:
                     sentence = f"'{name}' has no optional argument '\\{argument.name}'"
                     # A later RobotWare may have it: an error only where it is executed.
                     kind = RapidReferenceError if isinstance(routine, UserRoutine) else NotProvided
-                    raise misfit(self.scope.module, argument, sentence, kind)
+                    raise fault_in_module(self.scope.module, argument, sentence, kind)
                 parameter = optional[key]
             elif not required:
                 self.scope.refuse(argument, f"'{name}' has too many arguments")
@@ -552,7 +552,7 @@ class Calls:
             return lambda frame: present
         if argument.value is None:
             self.scope.refuse(argument, f"'\\{parameter.name}' needs a value: '\\{parameter.name}:=...'")
-        if parameter.mode is s.Mode.VALUE:
+        if parameter.mode is s.ParameterMode.VALUE:
             compiled = self.expressions.value(argument.value, parameter.type)
             name = argument.value.name if isinstance(argument.value, s.Name) else parameter.name  # for ArgName
             type_, evaluate, convert = compiled.type, compiled.evaluate, parameter.type.convert
@@ -565,7 +565,7 @@ class Calls:
             self.scope.refuse(argument, f"'{name}' is not an optional parameter of this routine")
         if not is_assignable(parameter.type, local.type):
             self.scope.refuse(argument, f"'{name}' is not {one(parameter.type)}")
-        slot, is_copy = local.slot, parameter.mode is s.Mode.VALUE
+        slot, is_copy = local.slot, parameter.mode is s.ParameterMode.VALUE
 
         def conditional(frame: RoutineFrame) -> Reference:
             passed: Reference = frame.slots[slot]

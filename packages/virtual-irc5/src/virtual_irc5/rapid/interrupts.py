@@ -15,7 +15,7 @@ MOST_INTERRUPTS = 100
 LONGEST_QUEUE = 1000  # interrupts; what comes while so many wait is lost
 
 
-class Edge(Enum):
+class SignalEdge(Enum):
     """Which change of a signal orders the interrupt; the values are RAPID's LOW, HIGH and EDGE."""
 
     LOW = 0
@@ -26,7 +26,7 @@ class Edge(Enum):
         """Whether a change from `old` to `new` is such an edge."""
         if old == new:
             return False
-        return self is Edge.BOTH or bool(new) == (self is Edge.HIGH)
+        return self is SignalEdge.BOTH or bool(new) == (self is SignalEdge.HIGH)
 
 
 class InterruptChange(Protocol):

@@ -61,11 +61,12 @@ class LoadedModule:
             else:
                 symbol = UserRoutine(module, node) if isinstance(node, s.Routine) else UserType(module, node)
             if node.name.lower() in module.symbols:
-                raise misfit(module, node, f"'{node.name}' is declared twice")
+                raise fault_in_module(module, node, f"'{node.name}' is declared twice")
             module.symbols[node.name.lower()] = symbol
             for datum in node.locals if isinstance(node, s.Routine) else ():
                 if datum.storage is s.Storage.PERS:
-                    raise misfit(module, datum, f"'{datum.name}' is persistent, which data of routines cannot be")
+                    sentence = f"'{datum.name}' is persistent, which data of routines cannot be"
+                    raise fault_in_module(module, datum, sentence)
         return module
 
     @property
@@ -88,7 +89,7 @@ class LoadedModule:
         self.data.clear()
 
 
-def misfit(
+def fault_in_module(
     module: LoadedModule, node: s.Node, sentence: str, kind: type[RapidReferenceError] = RapidReferenceError
 ) -> RapidReferenceError:
     """The error of something in a module that does not fit."""

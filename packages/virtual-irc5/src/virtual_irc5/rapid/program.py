@@ -13,7 +13,7 @@ from functools import cached_property
 from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.devices import Host
 from virtual_irc5.rapid.frame import Code
-from virtual_irc5.rapid.loaded_modules import LoadedModule, Symbol, UserRoutine, UserType, misfit
+from virtual_irc5.rapid.loaded_modules import LoadedModule, Symbol, UserRoutine, UserType, fault_in_module
 from virtual_irc5.rapid.rapid_library import FormalParameter, Library, LibraryRoutine
 from virtual_irc5.rapid.types import AliasType, ArrayType, RecordType, Signal, Type, Unresolved, Variable
 
@@ -30,7 +30,7 @@ class Local:
     slot: int
     type: Type
     is_constant: bool = False
-    mode: s.Mode | None = None
+    mode: s.ParameterMode | None = None
     is_optional: bool = False
 
 
@@ -88,7 +88,7 @@ class Program:
                 if module.exports(key) is not None and other.exports(key) is not None:
                     declared = module.data[symbol] if isinstance(symbol, Variable) else symbol.syntax
                     sentence = f"'{declared.name}' is global in the module '{other.name}', too: make one of them LOCAL"
-                    raise misfit(module, declared, sentence)
+                    raise fault_in_module(module, declared, sentence)
         return self._changed({**self.modules, module.name.lower(): module}, module)
 
     def unloaded(self, name: str) -> Program:
@@ -158,14 +158,14 @@ class Program:
         if not isinstance(found, UserType):
             library_type = self.library.find_type(name)
             if library_type is None:
-                raise misfit(module, node, f"there is no data type '{name}'", Unresolved)
+                raise fault_in_module(module, node, f"there is no data type '{name}'", Unresolved)
             return library_type
         known = self._types.get(found)
         if known is not None:
             return known
         declared, owner = found.syntax, found.module
         if found in users:
-            raise misfit(owner, declared, f"the type '{declared.name}' contains itself")
+            raise fault_in_module(owner, declared, f"the type '{declared.name}' contains itself")
         users = (*users, found)
         type_: Type
         if isinstance(declared, s.Alias):

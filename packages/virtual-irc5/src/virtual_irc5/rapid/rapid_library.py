@@ -34,7 +34,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from virtual_irc5.rapid.ast import Mode, Storage
+from virtual_irc5.rapid.ast import ParameterMode, Storage
 from virtual_irc5.rapid.parser import parse_parameters
 from virtual_irc5.rapid.types import (
     ALL_ERRORS,
@@ -88,7 +88,7 @@ class FormalParameter:
 
     name: str
     type: Type
-    mode: Mode
+    mode: ParameterMode
     group: int | None
     key: str = field(init=False, repr=False, compare=False)
 

@@ -253,11 +253,11 @@ class TreeBuilder(Transformer[Token, Any]):
 
     optional_group = _tuple
 
-    def parameter(self, mode: s.Mode | None, type_name: Token, name: Token, rank: int | None) -> s.Parameter:
-        return _node(s.Parameter, name, name, type_name, mode or s.Mode.VALUE, rank or 0)
+    def parameter(self, mode: s.ParameterMode | None, type_name: Token, name: Token, rank: int | None) -> s.Parameter:
+        return _node(s.Parameter, name, name, type_name, mode or s.ParameterMode.VALUE, rank or 0)
 
-    def mode(self, word: Token) -> s.Mode:
-        return s.Mode[word.upper()]
+    def mode(self, word: Token) -> s.ParameterMode:
+        return s.ParameterMode[word.upper()]
 
     def open_dimensions(self, *stars: Token) -> int:
         return len(stars)

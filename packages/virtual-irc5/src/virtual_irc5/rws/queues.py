@@ -11,7 +11,7 @@ from abb_protocols.rws.documents import Page, RwsState
 from abb_protocols.rws.operations import queues as table
 from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
-from virtual_irc5.rapid.devices import LONGEST_MESSAGE, MOST_MESSAGES, Message
+from virtual_irc5.rapid.devices import LONGEST_MESSAGE, MOST_MESSAGES, RapidMessage
 from virtual_irc5.rapid.types import RapidRuntimeError
 from virtual_irc5.rws.render import page_at, page_entry
 from virtual_irc5.rws.router import Route
@@ -107,7 +107,7 @@ class DipcQueues:
         self._made += 1
         queue = self._queues[name.lower()] = _DipcQueue(name, call.session, size, largest, self._made)
 
-        def receive(message: Message) -> bool:
+        def receive(message: RapidMessage) -> bool:
             sizes = f"{{{','.join(map(str, message.sizes))}}}" if message.sizes else ""
             data = f"{message.type_name}{sizes};{message.text}"
             if len(queue.messages) >= queue.size:
@@ -192,7 +192,7 @@ class DipcQueues:
             raise bad_call(f"a message to {name} has up to {LONGEST_MESSAGE} bytes")
         queues.open(name)
         try:
-            queues.send(name, Message(type_name, dimensions, text, sender, user_defined))
+            queues.send(name, RapidMessage(type_name, dimensions, text, sender, user_defined))
         except RapidRuntimeError as error:
             raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, str(error)) from error
 

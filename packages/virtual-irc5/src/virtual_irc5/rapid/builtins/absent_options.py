@@ -6,10 +6,10 @@ change nothing here are executed and nothing happens.
 
 from __future__ import annotations
 
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.rapid_library import Library
 
-OPTIONS = Library(CONSTANTS)
+OPTIONS = Library(DATA)
 
 OPTIONS.record("sensor", {"id": "num", "error": "num", "state": "sensorstate"})
 

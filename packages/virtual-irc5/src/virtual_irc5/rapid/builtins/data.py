@@ -84,8 +84,6 @@ for _radius, (_path, _reorientation, _angle) in ZONES_MM.items():
 
 # Constants that programs compare their values with, and types that are names for num or string ----------------------
 
-CONSTANTS = Library(DATA)
-
 for _name, _base in (
     *((name, "num") for name in ("opcalc", "errdomain", "errtype", "event_type", "handler_type", "exec_level")),
     *((name, "num") for name in ("tsp_status", "sensorstate", "loadidnum", "paridnum", "paridvalidnum", "aiotrigg")),
@@ -93,7 +91,7 @@ for _name, _base in (
     *((name, "num") for name in ("btnres", "buttondata", "icondata", "uishownum", "inttypes")),
     *(("stringdig", "string"), ("tasksatstart", "string")),
 ):
-    CONSTANTS.alias(_name, _base)
+    DATA.alias(_name, _base)
 
 for _type, _names in {
     "opnum": "LT=1 LTEQ EQ GT GTEQ NOTEQ",
@@ -127,10 +125,10 @@ for _type, _names in {
     "paridvalidnum": "ROB_LOAD_VAL=10 ROB_NOT_LOAD_VAL ROB_LM1_LOAD_VAL",
     "aiotrigg": ("AIO_ABOVE_HIGH=1 AIO_BELOW_HIGH AIO_ABOVE_LOW AIO_BELOW_LOW AIO_BETWEEN AIO_OUTSIDE AIO_ALWAYS"),
 }.items():
-    CONSTANTS.constants(_type, _names)
+    DATA.constants(_type, _names)
 
 # Speeds of external axes alone: rotating ones [deg/s], linear ones [mm/s].
 for _speed in (1, 2, 5, 10, 20, 50, 100):
-    CONSTANTS.data(f"vrot{_speed}", "speeddata", (0, 0, 0, _speed))
+    DATA.data(f"vrot{_speed}", "speeddata", (0, 0, 0, _speed))
 for _speed in (10, 20, 50, 100, 200, 500, 1000):
-    CONSTANTS.data(f"vlin{_speed}", "speeddata", (0, 0, _speed, 0))
+    DATA.data(f"vlin{_speed}", "speeddata", (0, 0, _speed, 0))

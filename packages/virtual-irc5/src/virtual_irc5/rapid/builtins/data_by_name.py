@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from abb_protocols.errors import RapidError
 from virtual_irc5.rapid.ast import Storage
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.builtins.information import OF_TASK
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.compiler import CONSTANT_FRAME
@@ -32,7 +32,7 @@ from virtual_irc5.rapid.types import (
     resolved,
 )
 
-SYMBOLS = Library(CONSTANTS)
+SYMBOLS = Library(DATA)
 LONGEST_PATTERN = 80
 
 

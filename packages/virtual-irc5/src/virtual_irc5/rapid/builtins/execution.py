@@ -1,19 +1,19 @@
-"""RAPID's instructions about execution: conditions that are followed, cycles, retries, where the program is."""
+"""RAPID's instructions about execution: conditions that are followed, cycles, retries, stops, where the program is."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-from virtual_irc5.rapid.builtins.data import CONSTANTS
-from virtual_irc5.rapid.call import Call
+from virtual_irc5.rapid.builtins.data import DATA
+from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.pauses import StackEntry
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind
 from virtual_irc5.rapid.task import CyclicBool, Task, task_of, tasks_of
 from virtual_irc5.rapid.types import ABSENT, RapidRuntimeError, Reference, Variable, raised_as
 
-EXECUTION = Library(CONSTANTS)
+EXECUTION = Library(DATA)
 
 
 # Flags that follow conditions -------------------------------------------------------------------------------------
@@ -122,20 +122,20 @@ def reset_retries(call: Call) -> None:
 
 @EXECUTION.function("ExecHandler", "", "handler_type")
 def executing_handler(call: Call) -> Any:
-    return CONSTANTS.value(f"HANDLER_{task_of(call).frame.clause}")
+    return DATA.value(f"HANDLER_{task_of(call).frame.clause}")
 
 
 @EXECUTION.function("ExecLevel", "", "exec_level")
 def execution_level(call: Call) -> Any:
     level = "LEVEL_SERVICE" if call.task.event else "LEVEL_TRAP" if task_of(call).machine.in_trap else "LEVEL_NORMAL"
-    return CONSTANTS.value(level)
+    return DATA.value(level)
 
 
 @EXECUTION.function("EventType", "", "event_type")
 def event_type(call: Call) -> Any:
     """The system event whose event routine is being executed."""
     event = call.task.event
-    return CONSTANTS.value("EVENT_NONE") if event is None else event.value
+    return DATA.value("EVENT_NONE") if event is None else event.value
 
 
 @EXECUTION.function("ArgName", r"INOUT anytype Parameter, \VAR errnum ErrorNumber", "string")
@@ -210,3 +210,33 @@ def end_recording(call: Call) -> None:
         task.pauses.spy = None
         task.pauses.watch()
         task.pauses.end_of_spy()
+
+
+# Stops and errors -----------------------------------------------------------------------------------------------------
+
+
+@EXECUTION.instruction("BookErrNo", "VAR errnum ErrorName")
+def book_error_number(call: Call) -> None:
+    call["ErrorName"] = task_of(call).machine.book_error(call.reference("ErrorName").name)
+
+
+@EXECUTION.instruction("Stop", r"\switch NoRegain | \switch AllMoveTasks")
+def stop_program(call: Call) -> Wait:
+    r"""A movement under way is finished first, which one that EGM guides never is; other tasks go on.
+
+    RAPID reference manual, Stop: without \AllMoveTasks only the task that executes it stops.
+    """
+    while not task_of(call).in_position():
+        yield None
+    call.task.stopped_by_program(EventKind.STOP_ALL_TASKS if call.present("AllMoveTasks") else EventKind.STOP)
+
+
+@EXECUTION.instruction("SystemStopAction", r"\switch Stop | \switch StopBlock | \switch Halt")
+def stop_system(call: Call) -> None:
+    r"""Program and movements of all motion tasks stop at once, whatever guides them.
+
+    RAPID reference manual, SystemStopAction: after \StopBlock the program pointers have to be moved, after \Halt the
+    motors are off.
+    """
+    kinds = {"StopBlock": EventKind.SYSTEM_STOP_BLOCK, "Halt": EventKind.SYSTEM_HALT}
+    call.task.stopped_by_program(next((kinds[name] for name in kinds if call.present(name)), EventKind.SYSTEM_STOP))

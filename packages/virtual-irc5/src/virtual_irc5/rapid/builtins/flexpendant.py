@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.builtins.strings import PRINTED, printed_text
 from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.devices import Choice, DeviceDialog, DialogKind
@@ -19,7 +19,7 @@ from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Severity
 from virtual_irc5.rapid.types import RapidRuntimeError, Signal
 
-DIALOGS = Library(CONSTANTS)
+DIALOGS = Library(DATA)
 MOST_MESSAGE_LINES = 5
 
 # The operator's display -------------------------------------------------------------------------------------------

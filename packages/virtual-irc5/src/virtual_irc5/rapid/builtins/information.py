@@ -1,14 +1,15 @@
-"""RAPID's questions to the system: time, names, tasks, kinds of data, events to log, text tables, configuration."""
+"""RAPID's questions to the system: clocks, names, tasks, kinds of data, events to log, text tables, configuration."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import datetime
 
 from virtual_irc5.rapid.ast import Storage
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.call import Call, Wait, whole_argument
 from virtual_irc5.rapid.devices import ConfigurationDevice
 from virtual_irc5.rapid.rapid_library import Library
@@ -26,9 +27,9 @@ from virtual_irc5.rapid.types import (
     resolved,
 )
 
-INFORMATION = Library(CONSTANTS)
+INFORMATION = Library(DATA)
 
-# Time -------------------------------------------------------------------------------------------------------------
+# Clocks -----------------------------------------------------------------------------------------------------------
 
 
 def _clock(call: Call) -> datetime:
@@ -49,6 +50,45 @@ _TIMES = {"WDay": "%u", "Year": "%Y", "Month": "%m", "MDay": "%d", "Hour": "%H",
 def part_of_time(call: Call) -> float:
     """The second where none is asked for."""
     return float(_clock(call).strftime(next((code for name, code in _TIMES.items() if call.present(name)), "%S")))
+
+
+@dataclass(slots=True)
+class RapidClock:
+    """A stopwatch: seconds counted until the last stop, and since when it runs (None: it stands)."""
+
+    counted: float = 0.0
+    since: float | None = None
+
+    def read(self, now: float) -> float:
+        return self.counted + (0.0 if self.since is None else now - self.since)
+
+
+INFORMATION.object_type("clock", RapidClock)
+
+
+@INFORMATION.instruction("ClkReset", "VAR clock Clock")
+def reset_clock(call: Call) -> None:
+    clock: RapidClock = call["Clock"]
+    clock.counted, clock.since = 0.0, None
+
+
+@INFORMATION.instruction("ClkStart", "VAR clock Clock")
+def start_clock(call: Call) -> None:
+    clock: RapidClock = call["Clock"]
+    if clock.since is None:
+        clock.since = call.task.elapsed
+
+
+@INFORMATION.instruction("ClkStop", "VAR clock Clock")
+def stop_clock(call: Call) -> None:
+    clock: RapidClock = call["Clock"]
+    clock.counted, clock.since = clock.read(call.task.elapsed), None
+
+
+@INFORMATION.function("ClkRead", r"VAR clock Clock, \switch HighRes", "num")
+def read_clock(call: Call) -> float:
+    clock: RapidClock = call["Clock"]
+    return clock.read(call.task.elapsed)
 
 
 # Names and versions -----------------------------------------------------------------------------------------------
@@ -78,6 +118,16 @@ def free_memory(call: Call) -> float:
     return float(2_000_000 - sum(len(module.text) for module in task_of(call).modules))
 
 
+@INFORMATION.function("RobOS", "", "bool")
+def is_real_robot(call: Call) -> bool:
+    return not call.task.host.is_virtual()
+
+
+@INFORMATION.function("OpMode", "", "symnum")
+def operating_mode(call: Call) -> float:
+    return task_of(call).operating_mode()
+
+
 @INFORMATION.function("RunMode", r"\switch Main", "symnum")
 def run_mode(call: Call) -> float:
     return 1.0  # RUN_CONT_CYCLE: a controller in automatic mode knows no other
@@ -94,6 +144,16 @@ def is_never(call: Call) -> bool:
 # Tasks ------------------------------------------------------------------------------------------------------------
 
 OF_TASK = r"\taskid TaskRef | \string TaskName"
+
+
+@INFORMATION.function("GetTaskName", r"\VAR num TaskNo | \VAR num MecTaskNo", "string")
+def task_name(call: Call) -> str:
+    """The task's name; its number counts from 1 in the order of the configuration."""
+    names = [name.lower() for name in call.task.host.devices.tasks()]
+    for argument in ("TaskNo", "MecTaskNo"):
+        if call.present(argument) and call.task.name.lower() in names:
+            call[argument] = names.index(call.task.name.lower()) + 1
+    return call.task.name
 
 
 @INFORMATION.function("TaskIsActive", "string TaskName", "bool")

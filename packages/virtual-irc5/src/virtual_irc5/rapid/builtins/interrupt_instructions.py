@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.devices import LoggedEvent
-from virtual_irc5.rapid.interrupts import ChangeOrder, Edge, SignalOrder, TimerOrder
+from virtual_irc5.rapid.interrupts import ChangeOrder, SignalEdge, SignalOrder, TimerOrder
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import LONGEST_STRING, DatumPart, RapidRuntimeError, Variable
 
-INTERRUPTS = Library(CONSTANTS)
+INTERRUPTS = Library(DATA)
 
 SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
 _SINGLE = r"\switch Single | \switch SingleSafe"
@@ -25,11 +25,11 @@ def _is_single(call: Call) -> bool:
 
 
 def _order_signal(call: Call) -> None:
-    value = call.get("TriggValue", Edge.BOTH.value)  # a group signal's interrupt comes with any change
-    if value not in (edge.value for edge in Edge):
+    value = call.get("TriggValue", SignalEdge.BOTH.value)  # a group signal's interrupt comes with any change
+    if value not in (edge.value for edge in SignalEdge):
         sentence = f"{call.name} takes low (0), high (1) or edge (2), not {value:g}."
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    order = SignalOrder(call["Signal"].name, Edge(value), _is_single(call))
+    order = SignalOrder(call["Signal"].name, SignalEdge(value), _is_single(call))
     call.task.interrupts.order(int(call["Interrupt"]), order)
 
 
@@ -93,13 +93,13 @@ def order_change(call: Call) -> None:
 
 # By aiotrigg: whether a value fulfils the condition, beside a low and a high one.
 _CONDITIONS: Mapping[float, Callable[[float, float, float], bool]] = {
-    CONSTANTS.value("AIO_ABOVE_HIGH"): lambda value, low, high: value > high,
-    CONSTANTS.value("AIO_BELOW_HIGH"): lambda value, low, high: value < high,
-    CONSTANTS.value("AIO_ABOVE_LOW"): lambda value, low, high: value > low,
-    CONSTANTS.value("AIO_BELOW_LOW"): lambda value, low, high: value < low,
-    CONSTANTS.value("AIO_BETWEEN"): lambda value, low, high: low <= value <= high,
-    CONSTANTS.value("AIO_OUTSIDE"): lambda value, low, high: not low <= value <= high,
-    CONSTANTS.value("AIO_ALWAYS"): lambda value, low, high: True,
+    DATA.value("AIO_ABOVE_HIGH"): lambda value, low, high: value > high,
+    DATA.value("AIO_BELOW_HIGH"): lambda value, low, high: value < high,
+    DATA.value("AIO_ABOVE_LOW"): lambda value, low, high: value > low,
+    DATA.value("AIO_BELOW_LOW"): lambda value, low, high: value < low,
+    DATA.value("AIO_BETWEEN"): lambda value, low, high: low <= value <= high,
+    DATA.value("AIO_OUTSIDE"): lambda value, low, high: not low <= value <= high,
+    DATA.value("AIO_ALWAYS"): lambda value, low, high: True,
 }
 
 

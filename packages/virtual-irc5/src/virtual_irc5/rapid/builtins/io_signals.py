@@ -7,13 +7,13 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.call import VISUALIZE, Call, CallDeadline, Wait
 from virtual_irc5.rapid.devices import IoDevices
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import RapidRuntimeError, Signal
 
-SIGNALS = Library(CONSTANTS)
+SIGNALS = Library(DATA)
 PULSE_S = 0.2  # the length of PulseDO without \PLength
 
 

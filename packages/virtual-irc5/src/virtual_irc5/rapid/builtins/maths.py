@@ -127,7 +127,6 @@ def clear_number(call: Call) -> None:
 
 # Linear algebra -----------------------------------------------------------------------------------------------------
 
-MATRICES = Library(DATA)
 LARGEST_MATRIX = 100  # rows and columns: more takes longer than the cycle of a robot
 FEWEST_POINTS = 3  # of a circle
 
@@ -148,8 +147,8 @@ def _write_array(call: Call, name: str, values: Array) -> None:
     call[name] = values.tolist() if values.ndim == 1 else [tuple(row) for row in values.tolist()]
 
 
-@MATRICES.instruction("MatrixSolve", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
-@MATRICES.instruction("MatrixSolveQR", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
+@MATHS.instruction("MatrixSolve", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
+@MATHS.instruction("MatrixSolveQR", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
 def solve_equations(call: Call) -> None:
     """A x = b; MatrixSolveQR gives the least squares where there are more equations than unknowns."""
     matrix, right = _read_array(call, "A"), _read_array(call, "b")
@@ -161,7 +160,7 @@ def solve_equations(call: Call) -> None:
     _write_array(call, "x", np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64))
 
 
-@MATRICES.instruction("MatrixSVD", r"dnum A{*,*}, INOUT dnum U{*,*}, INOUT dnum S{*}, INOUT dnum V{*,*}, \switch Econ")
+@MATHS.instruction("MatrixSVD", r"dnum A{*,*}, INOUT dnum U{*,*}, INOUT dnum S{*}, INOUT dnum V{*,*}, \switch Econ")
 def singular_values(call: Call) -> None:
     r"""A = U S V'; with \Econ U has as many columns as A."""
     left, values, right = np.linalg.svd(_read_array(call, "A"), full_matrices=not call.present("Econ"))
@@ -187,7 +186,7 @@ def fitted_circle(points: Array, tolerance: float | None = None) -> tuple[Array,
     return middle + x * axes[0] + y * axes[1], radius, axes[2], errors
 
 
-@MATRICES.instruction(
+@MATHS.instruction(
     "FitCircle",
     r"pos Points{*}, \num NumPoints, INOUT pos Center, INOUT num Radius, INOUT pos Normal, \VAR num RMS, "
     r"\VAR num MaxErr, \VAR num IndexWorst",

@@ -6,16 +6,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.builtins.sockets import WAIT_MAX_S
 from virtual_irc5.rapid.call import Call, Wait
-from virtual_irc5.rapid.devices import Message, MessageQueues
+from virtual_irc5.rapid.devices import MessageQueues, RapidMessage
 from virtual_irc5.rapid.interrupts import ChangeOrder
 from virtual_irc5.rapid.literals import format_value, parse_value
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import RapidRuntimeError, RapidValueError, raised_as, resolved
 
-QUEUES = Library(CONSTANTS)
+QUEUES = Library(DATA)
 
 
 @dataclass(eq=False, slots=True)
@@ -29,7 +29,7 @@ class QueueSlot:
 class ReceivedMessage:
     """What an rmqmessage stands for."""
 
-    message: Message | None = None
+    message: RapidMessage | None = None
 
 
 QUEUES.object_type("rmqslot", QueueSlot)
@@ -63,11 +63,11 @@ def slot_name(call: Call) -> str:
     return name
 
 
-def _message_to_send(call: Call) -> Message:
+def _message_to_send(call: Call) -> RapidMessage:
     type_ = call.reference("SendData").type
     sizes = getattr(resolved(type_), "sizes", ())
     text = format_value(type_, call["SendData"])
-    return Message(type_.name, sizes, text, _own_queue(call), call.get("UserDef", 0.0))
+    return RapidMessage(type_.name, sizes, text, _own_queue(call), call.get("UserDef", 0.0))
 
 
 @QUEUES.instruction("RMQSendMessage", r"VAR rmqslot Slot, anytype SendData, \num UserDef")
@@ -85,7 +85,7 @@ def send_and_wait(call: Call) -> Wait:
     queues, wanted = _queues(call), call.reference("ReceiveDataType").type.name
     queues.send(slot_name(call), _message_to_send(call))
 
-    def fits(message: Message) -> bool:
+    def fits(message: RapidMessage) -> bool:
         is_number_right = not call.present("ReceiveUserDef") or message.user_defined == call["ReceiveUserDef"]
         return message.type_name == wanted and is_number_right
 
@@ -98,7 +98,7 @@ def read_and_wait(call: Call) -> Wait:
     yield from _wait_for_message(call, lambda message: True)
 
 
-def _wait_for_message(call: Call, fits: Callable[[Message], bool]) -> Wait:
+def _wait_for_message(call: Call, fits: Callable[[RapidMessage], bool]) -> Wait:
     queues = call.task.host.devices.queues
     time: float = call.get("TimeOut", WAIT_MAX_S)
     end = math.inf if time >= WAIT_MAX_S else call.task.now + time
@@ -121,8 +121,8 @@ def get_message(call: Call) -> None:
     call["Message"].message = message
 
 
-def _received_message(call: Call) -> Message:
-    message: Message | None = call["Message"].message
+def _received_message(call: Call) -> RapidMessage:
+    message: RapidMessage | None = call["Message"].message
     if message is None:
         raise RapidRuntimeError("ERR_RMQ_INVMSG", f"{call.name}: nothing has been received into the message.")
     return message
@@ -161,7 +161,7 @@ def order_message(call: Call) -> None:
     wanted, order = call.reference("InterruptDataType").type.name, ChangeOrder(is_single=False)
     watchers = queues.watchers.setdefault(_own_queue(call).lower(), [])
 
-    def arrived(message: Message) -> None:
+    def arrived(message: RapidMessage) -> None:
         if not interrupts.is_ordered(number, order):  # deleted, or ordered anew
             watchers.remove(arrived)
         elif message.type_name == wanted:

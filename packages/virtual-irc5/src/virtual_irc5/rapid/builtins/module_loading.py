@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from abb_protocols.errors import RobotNotReady
 from virtual_irc5.rapid.ast import Module
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.builtins.information import OF_TASK
 from virtual_irc5.rapid.call import Call, Wait
 from virtual_irc5.rapid.loading import saved_text
@@ -23,7 +23,7 @@ from virtual_irc5.rapid.types import (
     raised_as,
 )
 
-MODULES = Library(CONSTANTS)
+MODULES = Library(DATA)
 
 
 def _path_argument(call: Call, path: str = "FilePath", file: str = "File") -> str:

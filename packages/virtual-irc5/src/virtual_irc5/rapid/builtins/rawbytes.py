@@ -9,14 +9,14 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any
 
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.call import Call, whole_argument
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import DNUM, LONGEST_STRING, STRING, RapidRuntimeError, Type, is_numeric, resolved
 
 # Bytes --------------------------------------------------------------------------------------------------------------
 
-RAWBYTES = Library(CONSTANTS)
+RAWBYTES = Library(DATA)
 MOST_BYTES = 1024
 ENCODING = "latin-1"
 BITS_OF_DNUM = 52

@@ -5,14 +5,14 @@ from __future__ import annotations
 import operator
 import re
 
-from virtual_irc5.rapid.builtins.data import CONSTANTS
+from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.builtins.maths import decimals
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.literals import format_value, parse_value
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import LONGEST_STRING, STRING, RapidRuntimeError, RapidValueError, resolved, value_count
 
-STRINGS = Library(CONSTANTS)
+STRINGS = Library(DATA)
 _ARGUMENT_PLACE = re.compile(r"\{([1-5])\}")  # of StrFormat
 
 PRINTED = r"string String, \num Num | \bool Bool | \pos Pos | \orient Orient | \dnum Dnum"
