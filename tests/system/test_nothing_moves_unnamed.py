@@ -22,7 +22,7 @@ from yumi.api.connect import controllers_for, settings_for
 from yumi.api.connection import Connection
 from yumi.driver import wiring
 from yumi.driver.gripper import GripperSetup
-from yumi.driver.state_machine import RUN_RAPID, START_JOINT, WATCHDOG
+from yumi.driver.state_machine import FIRST_SPEED_SCALE, RUN_RAPID, START_JOINT, WATCHDOG
 from yumi.driver.wiring import brings_up, is_on_this_machine, is_real
 
 STEPS = ("switch the motors on", "move the program pointers to main", "start the RAPID program")
@@ -135,6 +135,7 @@ def test_robot_is_taken_for_real_once_another_controller_answers_at_its_address(
     with refused(CommandRefused, "rapid_signal_not_written"):
         robot.manager.write_signal(RUN_RAPID, 0)
     assert robot.manager.session_count > sessions
+    assert robot.manager.speed.value == FIRST_SPEED_SCALE
 
 
 def test_robot_that_is_ready_gets_egm_alone_where_bringup_is_not_named(robot: RealRobot) -> None:
