@@ -76,6 +76,7 @@ def test_chunk_of_both_arms_reaches_both_controllers_in_one_command(client: Clie
         assert isinstance(each.message, FollowChunk)
         assert each.controller == "both"
         assert not each.takes_over
+        assert each.message.is_of_both
         assert each.message.spline.last.position == home(each.side)
         assert each.message.start == pytest.approx(begin, abs=0.1)
     late, replaced, joined, until = states[0].data

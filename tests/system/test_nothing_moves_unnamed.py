@@ -22,6 +22,7 @@ from yumi.api.connect import controllers_for, settings_for
 from yumi.api.connection import Connection
 from yumi.driver import wiring
 from yumi.driver.gripper_setup import GripperSetup
+from yumi.driver.speed_setting import FIRST_SPEED_SCALE
 from yumi.driver.state_machine import RUN_RAPID, START_JOINT, WATCHDOG
 from yumi.driver.wiring import is_real
 
@@ -135,6 +136,7 @@ def test_robot_is_taken_for_real_once_another_controller_answers_at_its_address(
     with refused(CommandRefused, "rapid_signal_not_written"):
         robot.manager.write_signal(RUN_RAPID, 0)
     assert robot.manager.session_count > sessions
+    assert robot.manager.speed.value == FIRST_SPEED_SCALE
 
 
 def test_robot_that_is_ready_gets_egm_alone_where_bringup_is_not_named(robot: RealRobot) -> None:

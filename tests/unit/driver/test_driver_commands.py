@@ -9,13 +9,18 @@ import msgspec
 import pytest
 
 from abb_protocols.catalogue.actions import FrontEnd
+from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.gripper_values import GripOutcome
+from abb_protocols.robot.joints import ZERO, Side
+from fake_driver import FakeDriver
+from refusals import refused
 from yumi.cli.from_table import command_from
 from yumi.cli.main import SECTIONS
 from yumi.cli.robot_commands import DRIVER_COMMANDS
-from yumi.driver.command import Command, Lane
-from yumi.driver.commands import COMMANDS, Calibrate, Grip, StartEgm, offered_to
+from yumi.driver.command import Caller, Command, Lane
+from yumi.driver.commands import COMMANDS, Calibrate, Grip, StartEgm, carry_out, offered_to
 from yumi.driver.endpoint_server import decode_request
+from yumi.driver.motion_commands import JOG_HOLDS, Jog, JogTool
 from yumi.driver.reports import GripReport
 from yumi.web.page_messages import Ask
 
@@ -90,3 +95,17 @@ def test_result_of_a_command_has_its_type() -> None:
 def test_stop_waits_for_nothing() -> None:
     stops = {kind.method() for kind in COMMANDS if kind.lane is Lane.STOP}
     assert stops == {"stop_egm", "motors_off", "stop_rapid"}
+
+
+@pytest.mark.parametrize("jog", [Jog(arm="right", speeds=(0.1, *ZERO[1:])), JogTool(arm="right", elbow=0.1)])
+def test_jog_that_is_refused_ends_the_one_before_at_once(jog: Jog | JogTool) -> None:
+    driver, held = FakeDriver(), list[float | None]()
+    driver.robot.control.on_command = driver.robot.rest
+    page = Caller(client="page", front_end=FrontEnd.PAGE, hold=lambda name, end, after: held.append(after))
+    for _ in range(2):
+        carry_out(jog, driver.server._robot, page)
+    old = msgspec.structs.replace(jog, time=driver.robot.clock.now() - 1.0)
+    with refused(CommandRefused, "jog_too_old"):
+        carry_out(old, driver.server._robot, page)
+    assert held == [JOG_HOLDS, JOG_HOLDS, 0.0]
+    assert driver.robot.control.hand_over.of(Side.RIGHT).who.is_person

@@ -276,6 +276,7 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
 
     A move that is being carried out goes first, but a person takes the arm over from a program's.
     """
+    holds = 0.0  # where this one is refused, what the one before began ends at once
     try:
         if not robot.moving.acquire(blocking=False) and not _acquire_from_program(robot, caller, side):
             raise CommandRefused(message("another_move_under_way"))
@@ -285,10 +286,11 @@ def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bo
                 if caller.commander is not None:
                     robot.followers[side].forget()  # what a stream has sent before, and waits for the gripper
                 robot.on_change()
+            holds = JOG_HOLDS
         finally:
             robot.moving.release()
     finally:  # what has failed may have moved the arm all the same
-        caller.hold(side, lambda: robot.mover.end_jog(side, caller.client), JOG_HOLDS)
+        caller.hold(side, lambda: robot.mover.end_jog(side, caller.client), holds)
     return ""
 
 

@@ -33,7 +33,7 @@ from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.robot_state import Report, RobotMode, RobotState
-from yumi.driver.state_machine import MAIN, RAPID, ROUTINE_NAME, RUN_RAPID
+from yumi.driver.state_machine import FIRST_SPEED_SCALE, MAIN, RAPID, ROUTINE_NAME, RUN_RAPID
 from yumi.driver.stops import StopLog
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 
@@ -91,6 +91,7 @@ class RobotManager:
         client = bringup.client
         self.is_real = is_real
         self._brings_up: bool | None = None  # as a start says
+        self._was_real, self._kind_asked = True, 0  # in the session of this number
         self.speed, self.panel = bringup.speed, bringup.panel
         self.watchdog = Watchdog(client, control.check, watchdog)
         self._stops = stops or StopLog(clock)
@@ -586,7 +587,17 @@ class RobotManager:
         with self._changing(check=check, requests=requests):
             if not is_checked:
                 self._stops.check_confirmed(self._client, confirmed)
+            self._settle_kind()
             yield
+
+    def _settle_kind(self) -> None:
+        """A real robot that answers where a virtual one did begins as slowly as any real one."""
+        if (session := self.session_count) == self._kind_asked:
+            return
+        was_real, self._kind_asked, self._was_real = self._was_real, session, self.is_real()
+        if self._was_real and not was_real:
+            self.speed.set(min(self.speed.value, FIRST_SPEED_SCALE))
+            self._log(logging.WARNING, message("real_robot_answers", value=self.speed.value))
 
     @contextmanager
     def _stopping(self, changes: frozenset[str] = _NO_CHANGES) -> Iterator[None]:

@@ -41,6 +41,10 @@ DRIVER: Mapping[str, Text] = {
         "(MaxSpeedDeviation) keeps until EGM is started again",
         "{restart_egm}",
     ),
+    "real_robot_answers": Text(
+        "another controller answers, and does not say that it is virtual: speed_scale is {value:g} from now on",
+        "raise it once you have seen the robot move",
+    ),
     # ---- the state machine on the robot
     "state_machines_did_not_start_egm": Text(
         "the state machines did not start EGM within {timeout:g} s ({machines:list})",

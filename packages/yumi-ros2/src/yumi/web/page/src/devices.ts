@@ -164,7 +164,7 @@ export class SpaceMouse implements Device {
     if (!device.opened) await device.open();
     this.forget();
     this.device = device;
-    device.addEventListener("inputreport", ({ reportId, data }) => this.take(reportId, data));
+    device.addEventListener("inputreport", ({ reportId, data }) => device === this.device && this.take(reportId, data));
     hid.addEventListener("disconnect", ({ device: gone }) => gone === this.device && this.forget());
     return true;
   }

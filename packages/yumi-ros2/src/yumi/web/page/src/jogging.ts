@@ -32,7 +32,7 @@ interface Held {
   hold: number;
   message: Jog;
   target: HTMLElement;
-  key: string;
+  key: string; // by its place: what it is called depends on others that are held
   timer: ReturnType<typeof setInterval>;
 }
 
@@ -131,6 +131,7 @@ export class Jogging {
     const end = () => this.held?.target === target && this.end(); // a button loses the focus after the next one was pressed
     for (const event of ["pointerup", "pointercancel", "lostpointercapture", "blur", "keyup"]) target.addEventListener(event, end);
     target.addEventListener("keydown", (event) => {
+      if (event.metaKey) return void end(); // macOS reports no key that is let go while Command is held
       if (event.key !== " " && event.key !== "Enter") return;
       event.preventDefault();
       if (!event.repeat) this.begin(target, message);
@@ -180,7 +181,7 @@ export class Jogging {
     const canvas = at("scene");
     choice("handle").addEventListener("change", () => store.change({ handle: choice("handle").value as Handle }));
     canvas.addEventListener("keydown", (event) => this.jogByKey(canvas, event));
-    canvas.addEventListener("keyup", (event) => this.held?.key === event.key && this.end());
+    canvas.addEventListener("keyup", (event) => this.held?.key === event.code && this.end());
     for (const event of ["blur", "pointercancel", "lostpointercapture"]) {
       canvas.addEventListener(event, () => this.held?.target === canvas && this.end());
     }
@@ -204,10 +205,11 @@ export class Jogging {
   }
 
   private jogByKey(canvas: HTMLElement, event: KeyboardEvent): void {
+    if (event.metaKey) return void this.end(); // as of a button
     const [axis, sign] = KEYS[event.key] ?? [];
     const elbow = ELBOW_KEYS[event.key];
     const { page } = this.store;
-    if (page.view.is_recording || event.ctrlKey || event.altKey || event.metaKey || (axis === undefined && !elbow)) return;
+    if (page.view.is_recording || event.ctrlKey || event.altKey || (axis === undefined && !elbow)) return;
     event.preventDefault();
     if (event.repeat) return;
     const why = page.view.why_not_operated || "Take control first; then this key jogs the tool while it is held.";
@@ -218,7 +220,7 @@ export class Jogging {
     }
     const step = (most: number) => unit(axis ?? 0, (sign ?? 0) * most);
     const speeds = elbow ? { elbow } : event.shiftKey ? { angular: step(MAX_ANGULAR) } : { linear: step(MAX_LINEAR) };
-    this.begin(canvas, (now) => toolJog(now, speeds), { key: event.key });
+    this.begin(canvas, (now) => toolJog(now, speeds), { key: event.code });
   }
 }
 

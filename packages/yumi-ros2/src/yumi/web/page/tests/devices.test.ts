@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { beyondRest, chosenArms, ClutchGate, Keyboard, Pad, SpaceMouse, STICK_SPEED, STICK_TURNING, type GamepadInputs } from "../src/devices";
+import { beyondRest, chosenArms, ClutchGate, Keyboard, Pad, SpaceMouse, STICK_SPEED, STICK_TURNING, type GamepadInputs, type HidDevice } from "../src/devices";
 import { operatorPose, placeOf } from "../src/headset";
 import type { Hand, Hands } from "../src/messages";
 import { armWords } from "../src/teleoperation_panel";
@@ -165,6 +165,25 @@ test("SpaceMouse that falls silent away from rest lets everything go, and one at
   assert.deepEqual(state(), [false, STICK_SPEED]); // the clutch may have been let go meanwhile
   press();
   assert.deepEqual(state(), [true, STICK_SPEED]);
+});
+
+test("SpaceMouse in whose place another one was chosen moves nothing any more", async () => {
+  const mouse = new SpaceMouse();
+  const chosen = async () => {
+    let report = (_: { reportId: number; data: DataView }): void => undefined;
+    const device: HidDevice = {
+      opened: true, productName: "SpaceMouse", open: async () => undefined, addEventListener: (_, take) => void (report = take),
+    };
+    await mouse.connect({ requestDevice: async () => [device], addEventListener: () => undefined });
+    return (buttons: number) => report({ reportId: 3, data: new DataView(new Uint8Array([buttons]).buffer) });
+  };
+  const [first, second] = [await chosen(), await chosen()];
+  first(1);
+  assert.equal(mouse.read(["right"])!.right!.clutch, false);
+  second(1);
+  assert.equal(mouse.read(["right"])!.right!.clutch, true);
+  first(0);
+  assert.equal(mouse.read(["right"])!.right!.clutch, true);
 });
 
 test("SpaceMouse's right button closes and opens the gripper in turn while the clutch is held", () => {
