@@ -473,5 +473,5 @@ def open_reader(client: RwsClient) -> ControllerReader:
         client.close()
         raise
     if reader.is_virtual:  # it bears more than the twenty requests a second of a real one
-        client.lift_pace()
+        client.lift_rate_limit()
     return reader

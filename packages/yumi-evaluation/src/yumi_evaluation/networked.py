@@ -570,7 +570,7 @@ def state_machine_client(plan: NetworkedPlan, address: str) -> RwsClient:
     """A client without request pacing for a virtual controller, with it for a real one; not connected yet."""
     client = RwsClient(address, user=plan.user, password=plan.password)
     if not plan.robot:
-        client.lift_pace()
+        client.lift_rate_limit()
     return client
 
 
