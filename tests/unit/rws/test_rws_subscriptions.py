@@ -32,9 +32,7 @@ def event(href: str, **fields: str) -> tuple[RwsState]:
 
 def told(*events: tuple[RwsState, ...], paths: tuple[str, ...] = ()) -> tuple[Change, ...]:
     return tuple(
-        change
-        for each in events
-        for change in read_changes(virtual_documents.render_event("yumi:80", 5, each), paths)
+        change for each in events for change in read_changes(virtual_documents.render_event("yumi:80", 5, each), paths)
     )
 
 
