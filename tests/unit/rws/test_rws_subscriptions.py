@@ -14,7 +14,6 @@ from abb_runtime.rws.client import (
     event_log,
     group_of,
     read_changes,
-    read_client_event,
     signal_state,
     variable_value,
     write_resources,
@@ -33,9 +32,7 @@ def event(href: str, **fields: str) -> tuple[RwsState]:
 
 def told(*events: tuple[RwsState, ...], paths: tuple[str, ...] = ()) -> tuple[Change, ...]:
     return tuple(
-        change
-        for each in events
-        for change in read_changes(read_client_event(virtual_documents.render_event("yumi:80", 5, each)), paths)
+        change for each in events for change in read_changes(virtual_documents.render_event("yumi:80", 5, each), paths)
     )
 
 
@@ -107,4 +104,4 @@ def test_group_names_its_web_socket_as_common_clients_expect() -> None:
 
 def test_message_that_is_no_document_is_refused() -> None:
     with refused(ProtocolError, "document_not_well_formed"):
-        read_client_event("hello")
+        read_changes("hello", ())

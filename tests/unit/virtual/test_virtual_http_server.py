@@ -140,8 +140,9 @@ def test_reply_keeps_repeated_headers_in_order() -> None:
 def test_port_that_is_taken_is_refused_with_a_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(SettingsError, match=rf"Port {port} on 127\.0\.0\.1 cannot be opened .*; choose another"):
-            HttpServer(lambda request: HttpReply(204), port).start()
+        sentence = rf"Port {port} on 127\.0\.0\.1 cannot be opened .*; choose another"
+        with pytest.raises(SettingsError, match=sentence), HttpServer(lambda request: HttpReply(204), port):
+            pytest.fail("It listens.")
 
 
 def test_port_is_free_again_after_the_stop() -> None:
@@ -162,9 +163,9 @@ def test_stop_does_not_wait_for_clients_that_stay_connected() -> None:
 
 @pytest.mark.parametrize(("port", "host"), [(99999, "127.0.0.1"), (0, "no-such-host.invalid")])
 def test_server_that_cannot_listen_says_so(port: int, host: str) -> None:
-    server = HttpServer(lambda _: HttpReply(200), port, host)
-    with pytest.raises(SettingsError, match=f"Port {port} on {host} cannot be opened .*; choose another port"):
-        server.start()
+    sentence = f"Port {port} on {host} cannot be opened .*; choose another port"
+    with pytest.raises(SettingsError, match=sentence), HttpServer(lambda _: HttpReply(200), port, host):
+        pytest.fail("It listens.")
 
 
 def test_request_without_an_answer_ends_the_connection() -> None:

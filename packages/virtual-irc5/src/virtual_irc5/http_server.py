@@ -40,10 +40,10 @@ _GRACE = 0.2  # [s] an answer under way may take when the server stops
 
 
 class HttpServer:
-    """Serves ``handler`` at ``host:port`` between ``start`` and ``stop``; a context manager does both.
+    """Serves ``handler`` at ``host:port`` in a ``with`` block, once.
 
     The handler is called on the server's thread, one request at a time; it must answer at once. Port 0 lets
-    the system choose: read ``port`` after the start. A server starts once.
+    the system choose: read ``port`` in the block.
 
     Args:
         handler: answers.
@@ -52,6 +52,9 @@ class HttpServer:
         body_limit: asked before a body is read; a longer one is answered with 413.
         prepare: called before the handler.
         tls: of HTTPS; None for HTTP.
+
+    Raises:
+        SettingsError: the port is not free or not allowed, when the block begins; choose another.
     """
 
     def __init__(
@@ -78,12 +81,7 @@ class HttpServer:
         """Host and port, as a client gives them."""
         return f"{self._host}:{self.port}"
 
-    def start(self) -> None:
-        """Listen.
-
-        Raises:
-            SettingsError: the port is not free or not allowed; choose another.
-        """
+    def __enter__(self) -> HttpServer:
         self._thread.start()
         try:
             self._listening.result()
@@ -93,9 +91,9 @@ class HttpServer:
             raise SettingsError(
                 f"Port {self.port} on {self._host} cannot be opened ({reason}); choose another port."
             ) from error
+        return self
 
-    def stop(self) -> None:
-        """Close all connections and end the thread."""
+    def __exit__(self, *_: object) -> None:
         loop, ending = self._listening.result()
         loop.call_soon_threadsafe(ending.set)
         self._thread.join()
@@ -107,13 +105,6 @@ class HttpServer:
         """
         loop, _ = self._listening.result()
         loop.call_soon_threadsafe(loop.call_later, _HANG_UP_DELAY, self._abort_all)
-
-    def __enter__(self) -> HttpServer:
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stop()
 
     async def _serve(self) -> None:
         ending = asyncio.Event()
@@ -129,7 +120,7 @@ class HttpServer:
             self.port = runner.addresses[0][1]
             self._listening.set_result((asyncio.get_running_loop(), ending))
             await ending.wait()
-        except Exception as error:  # start() raises it
+        except Exception as error:  # __enter__ raises it
             self._listening.set_exception(error)
         finally:
             await runner.cleanup()

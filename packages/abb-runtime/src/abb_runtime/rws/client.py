@@ -450,7 +450,7 @@ class Subscription:
     def _pass_on(self, text: str) -> None:
         """Report the changes in a message; one that cannot be read ends nothing."""
         try:
-            changes = read_changes(read_client_event(text), self._paths)
+            changes = read_changes(text, self._paths)
         except YumiError as error:
             log.warning("a message of %s cannot be read: %s", self._session.address, error)
             return
@@ -470,14 +470,17 @@ def write_resources(resources: Sequence[Resource]) -> Pairs:
     return tuple(pairs)
 
 
-def read_changes(page: Page, paths: Iterable[str]) -> tuple[Change, ...]:
+def read_changes(text: str, paths: Iterable[str]) -> tuple[Change, ...]:
     """The changes in an event or in the answer to a subscription to ``paths``.
 
     A variable's value comes in a second state, right behind the one that names it.
+
+    Raises:
+        ProtocolError: the text is not the XHTML of Robot Web Services.
     """
     known = tuple(paths)
     changes: list[Change] = []
-    for state in page.states:
+    for state in read_page(Form.XHTML.value, text.encode()).states:
         href = next((link.href for link in state.links if link.rel == "self"), None)
         if href is not None:
             # Messages of the event log have paths below it; signals may come with their network and device.
@@ -492,15 +495,6 @@ def read_changes(page: Page, paths: Iterable[str]) -> tuple[Change, ...]:
 def _signal_of(path: str) -> str:
     """Name of the signal of a path, or ""."""
     return path.rpartition("/")[2] if "/iosystem/signals/" in path else ""
-
-
-def read_client_event(text: str) -> Page:
-    """The page in a message or in the answer to a subscription.
-
-    Raises:
-        ProtocolError: it is not the XHTML of Robot Web Services.
-    """
-    return read_page(Form.XHTML.value, text.encode())
 
 
 def group_of(text: str) -> int | None:
