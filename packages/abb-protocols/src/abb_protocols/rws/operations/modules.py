@@ -11,7 +11,7 @@ from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.operation import UPPER_TRUTH, Operation, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, pair, record, single
 from abb_protocols.rws.operations.rapid import Range, range_in
-from abb_protocols.rws.operations.service import Service, request
+from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.request import RwsRequest
 from abb_protocols.rws.values import Grant
 
@@ -201,7 +201,7 @@ class ModulesService(Service):
 
 def _task_first(operation: Operation[Any], module: str, **arguments: object) -> RwsRequest:
     """A request whose URL has the task before the action."""
-    found = request(operation, module, **arguments)
+    found = operation.request(module, **arguments)
     return replace(found, query=tuple(sorted(found.query, key=lambda pair: pair[0] == "action")))
 
 

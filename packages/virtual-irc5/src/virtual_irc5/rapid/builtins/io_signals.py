@@ -1,4 +1,4 @@
-"""RAPID's I/O signals: reading and writing, pulses, waiting for them, their devices and networks, and alias names."""
+"""RAPID's I/O signals: reading and writing, pulses, waits for a value, their devices and networks, and alias names."""
 
 from __future__ import annotations
 
@@ -92,19 +92,6 @@ def is_input_set(call: Call) -> bool:
 
 
 # Waiting ----------------------------------------------------------------------------------------------------------
-
-
-@SIGNALS.instruction("WaitTime", r"\switch InPos, num Time")
-def wait_time(call: Call) -> Wait:
-    yield from wait_in_position(call)
-    end = call.task.now + max(0.0, call["Time"])
-    while call.task.now < end:
-        yield end
-
-
-def wait_in_position(call: Call) -> Wait:
-    while not call.task.is_settled(call):
-        yield None
 
 
 _RELATIONS: tuple[tuple[str, Callable[[float, float], bool]], ...] = (
