@@ -37,13 +37,13 @@ LONGEST_PATTERN = 80
 
 
 @dataclass(eq=False, slots=True)
-class Block:
+class DataPosition:
     """What a datapos stands for: the module of a symbol that a search has found."""
 
     module: str = ""
 
 
-SYMBOLS.object_type("datapos", Block)
+SYMBOLS.object_type("datapos", DataPosition)
 
 # Patterns: each part of one is a function from the places where it may begin to those where it may end ---------------
 
