@@ -151,14 +151,14 @@ class EgmInstructions:
     def setup_signals(self, call: Call) -> None:
         """References [deg] from I/O signals, axis 7 from the first of E1 to E6."""
         if not call.present("Joint"):
-            raise RapidRuntimeError(FATAL, f"{call.name}: signals guide the joints here: use \\Joint.")
+            raise call.error(FATAL, "signals guide the joints here: use \\Joint.")
         if call["MecUnit"].type != "TCPRobot":
-            raise RapidRuntimeError(FATAL, f"{call.name}: {call['MecUnit'].name} is not a TCP robot (41830).")
+            raise call.error(FATAL, f"{call['MecUnit'].name} is not a TCP robot (41830).")
         kind, task = call.name[-2:].lower(), call.task
         own = _SENSOR_SIGNALS[: self._count]
         names = [call[f"{kind}{each}"].name if call.present(f"{kind}{each}") else "" for each in own]
         if not any(names):
-            raise RapidRuntimeError(FATAL, f"{call.name}: at least one signal has to be given.")
+            raise call.error(FATAL, "at least one signal has to be given.")
         for name in filter(None, names):
             task.read_signal(name)  # raises where there is none, or its device is disabled
 
@@ -173,7 +173,7 @@ class EgmInstructions:
         name = call["ExtConfigName"]
         found = self._configuration.find("MOC", "EXT_MOTION_DATA", name)
         if found is None:
-            raise RapidRuntimeError(FATAL, f"{call.name}: there is no External Motion Interface Data '{name}'.")
+            raise call.error(FATAL, f"there is no External Motion Interface Data '{name}'.")
         attributes = found.attributes
         return ExternalMotionData(
             level=int(attributes["ext_motion_level"]),
@@ -219,7 +219,7 @@ class EgmInstructions:
                 FATAL,
                 "EGM moves a seven-axis arm by EGMActJoint and EGMRunJoint on RobotWare 6, not otherwise (41826).",
             )
-        raise RapidRuntimeError(FATAL, f"{call.name}: EGMSetupUC has chosen {self._guidance.value} (41826).")
+        raise call.error(FATAL, f"EGMSetupUC has chosen {self._guidance.value} (41826).")
 
     def _ordered(self, axes: Sequence[Any]) -> tuple[Any, ...]:
         """One thing per axis in chain order."""
@@ -268,11 +268,10 @@ class EgmInstructions:
         client, path = self._client, self._unit.arm.path
         self._check_guidance(call, Guidance.PATH_CORRECTIONS)
         if not self._corrects_moves:
-            raise RapidRuntimeError(FATAL, f"{call.name}: no path is corrected yet: use EGMActMove before.")
+            raise call.error(FATAL, "no path is corrected yet: use EGMActMove before.")
         if self._level != _PATH_LEVEL:
             self._events.append(50452, "External Interface cyclic error", type=EventType.ERROR)
-            sentence = f"{call.name}: the External Motion Interface Data needs the level {_PATH_LEVEL}, Path (50452)."
-            raise RapidRuntimeError(FATAL, sentence)
+            raise call.error(FATAL, f"the External Motion Interface Data needs the level {_PATH_LEVEL}, Path (50452).")
         if not client.has_path:
             yield from self._standing(call)
         self._do(client.expect_path)
@@ -331,9 +330,7 @@ class EgmInstructions:
     def _running(self, call: Call, axes: tuple[bool, ...]) -> Wait:
         check_may_move(call)
         if not self._unit.has_moved:
-            raise RapidRuntimeError(
-                FATAL, f"{call.name}: EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."
-            )
+            raise call.error(FATAL, "EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before.")
         yield from self._standing(call)
         self._run = run = EgmRun(
             stop_mode=EgmStopMode(int(call["Mode"])),
@@ -352,8 +349,7 @@ class EgmInstructions:
         """The program's moves have to end in a fine point; EGM's own way to a stop is waited for."""
         arm = self._unit.arm
         if not arm.path.is_empty:
-            sentence = f"{call.name}: EGM has to begin in a fine point: end the move before it with zonedata fine."
-            raise RapidRuntimeError(FATAL, sentence)
+            raise call.error(FATAL, "EGM has to begin in a fine point: end the move before it with zonedata fine.")
         yield from standing(arm)
 
     @EGM.instruction("EGMWaitCond", _IDENTITY)

@@ -146,7 +146,7 @@ class MotionSettingInstructions:
     def _limiting(self, call: Call, name: str) -> float:
         value: float = call[name]
         if not 0.0 < value < inf:
-            raise RapidRuntimeError("ERR_SPEEDLIM_VALUE", f"{call.name}: a speed limit is above 0, not {value:g}.")
+            raise call.error("ERR_SPEEDLIM_VALUE", f"a speed limit is above 0, not {value:g}.")
         return value
 
     def _limit(self, call: Call, **changes: Any) -> None:
@@ -373,8 +373,8 @@ class MotionSettingInstructions:
         units = self._units(call)
         for unit in units:
             if not unit.is_started() and not unit.arm.path.is_empty:
-                sentence = f"{call.name}: {unit.task} is stopped, and its arm stays where it is until it is started."
-                raise RapidRuntimeError("ERR_PROGSTOP", sentence)
+                sentence = f"{unit.task} is stopped, and its arm stays where it is until it is started."
+                raise call.error("ERR_PROGSTOP", sentence)
         for arm in [unit.arm for unit in units]:
             arm.path.holds.discard(STOP_MOVE)
             with raised_as("ERR_STARTMOVE", RobotNotReady):

@@ -102,7 +102,7 @@ class PathCorrections:
         generator: CorrectionGenerator = call["Descr"]
         if generator not in self._generators:
             name = call.reference("Descr").name
-            raise RapidRuntimeError("CORR_NOTCONN", f"{call.name}: {name} is not connected; use CorrCon before.")
+            raise call.error("CORR_NOTCONN", f"{name} is not connected; use CorrCon before.")
         return generator
 
     def total(self) -> Array:

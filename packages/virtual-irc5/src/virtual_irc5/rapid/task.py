@@ -664,7 +664,7 @@ def task_named(call: Call, name: str) -> Task:
     for key, task in tasks.items():
         if key.lower() == name.lower():
             return task
-    raise RapidRuntimeError("ERR_TASKNAME", f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}.")
+    raise call.error("ERR_TASKNAME", f"there is no task '{name}'; there is: {', '.join(tasks)}.")
 
 
 def task_of_argument(call: Call) -> Task:

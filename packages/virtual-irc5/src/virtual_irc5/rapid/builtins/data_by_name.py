@@ -185,11 +185,9 @@ def _named_datum(call: Call) -> Reference:
     root = name.partition("{")[0].partition(".")[0]
     found = program.find(root, owner)
     if not isinstance(found, Variable) or found.value is UNSET:
-        raise RapidRuntimeError("ERR_SYM_ACCESS", f"{call.name}: there is no datum '{name}'.")
+        raise call.error("ERR_SYM_ACCESS", f"there is no datum '{name}'.")
     if task is not call.task and found.storage is Storage.VAR:
-        raise RapidRuntimeError(
-            "ERR_SYM_ACCESS", f"{call.name}: '{name}' of {task.name} is a variable, which is its own."
-        )
+        raise call.error("ERR_SYM_ACCESS", f"'{name}' of {task.name} is a variable, which is its own.")
     if root == name:
         return found
     owner = owner or next(iter(program.modules.values()))
@@ -200,10 +198,9 @@ def _named_datum(call: Call) -> Reference:
 def _check_type(call: Call, wanted: Type, given: Type) -> None:
     if not is_assignable(wanted, given):
         if is_assignable(_element(wanted), _element(given)):
-            sentence = f"{call.name}: '{call['Object']}' and Value have different dimensions."
-            raise RapidRuntimeError("ERR_INVDIM", sentence)
-        sentence = f"{call.name}: '{call['Object']}' is not of the type {call.reference('Value').type.name}."
-        raise RapidRuntimeError("ERR_SYMBOL_TYPE", sentence)
+            raise call.error("ERR_INVDIM", f"'{call['Object']}' and Value have different dimensions.")
+        sentence = f"'{call['Object']}' is not of the type {call.reference('Value').type.name}."
+        raise call.error("ERR_SYMBOL_TYPE", sentence)
 
 
 def _element(type_: Type) -> Type:

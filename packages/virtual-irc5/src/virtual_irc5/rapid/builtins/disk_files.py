@@ -129,10 +129,9 @@ def _file(call: Call, *, to_read: bool = False, to_write: bool = False) -> OpenF
     """The open file; raises ERR_FILEACC where it is closed or opened for something else."""
     file: OpenFile = call["IODevice"]
     if not file.path:
-        sentence = f"{call.name}: the file {call.reference('IODevice').name} is closed; Open opens it."
-        raise RapidRuntimeError("ERR_FILEACC", sentence)
+        raise call.error("ERR_FILEACC", f"the file {call.reference('IODevice').name} is closed; Open opens it.")
     if (to_read and not file.is_readable) or (to_write and not file.is_writable):
-        raise RapidRuntimeError("ERR_FILEACC", f"{call.name}: {file.path} was not opened for this.")
+        raise call.error("ERR_FILEACC", f"{file.path} was not opened for this.")
     return file
 
 

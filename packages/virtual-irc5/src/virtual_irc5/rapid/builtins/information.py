@@ -169,7 +169,7 @@ def module_time(call: Call) -> float:
     """When the file of a module was written, seconds since 1970."""
     module = task_of(call).program.modules.get(call["Object"].lower())
     if module is None:
-        raise RapidRuntimeError("ERR_MOD_NOTLOADED", f"{call.name}: there is no module '{call['Object']}'.")
+        raise call.error("ERR_MOD_NOTLOADED", f"there is no module '{call['Object']}'.")
     with raised_as("ERR_FILNOTFND", OSError, before=f"{call.name}: "):
         return float(int(call.task.host.devices.disk.entry(module.syntax.filename).changed))
 

@@ -29,7 +29,7 @@ def _write_signal(call: Call, value: float) -> None:
     low, high = io.limits(name) if io is not None else (-math.inf, math.inf)
     if not low <= value <= high:
         error = "ERR_AO_LIM" if call.name == "SetAO" else "ERR_GO_LIM"
-        raise RapidRuntimeError(error, f"{call.name}: {name} takes {low:g} to {high:g}, not {value:g}.")
+        raise call.error(error, f"{name} takes {low:g} to {high:g}, not {value:g}.")
     if call.get("SDelay") is not None:
         task.later(call["SDelay"], lambda: task.write_signal(name, value))
     else:
@@ -152,7 +152,7 @@ def _io_devices(call: Call, name: str, unit: str) -> IoDevices:
     io = call.task.host.devices.io
     known = (() if io is None else io.devices()) if unit == "device" else (io.devices().values() if io else ())
     if io is None or name.lower() not in (each.lower() for each in known):
-        raise RapidRuntimeError("ERR_NAME_INVALID", f"{call.name}: there is no {unit} '{name}'.")
+        raise call.error("ERR_NAME_INVALID", f"there is no {unit} '{name}'.")
     return io
 
 
@@ -160,7 +160,7 @@ def _check_device(call: Call, signal: str) -> None:
     """Raise ERR_NORUNUNIT where the signal is on a device that the program has disabled."""
     devices = call.task.host.devices
     if devices.disabled and devices.io is not None and devices.io.device_of(signal).lower() in devices.disabled:
-        raise RapidRuntimeError("ERR_NORUNUNIT", f"{call.name}: the device of {signal} is disabled; see IOEnable.")
+        raise call.error("ERR_NORUNUNIT", f"the device of {signal} is disabled; see IOEnable.")
 
 
 @SIGNALS.instruction("IODisable", "string UnitName, num MaxTime")

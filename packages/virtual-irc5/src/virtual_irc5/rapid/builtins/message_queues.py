@@ -124,7 +124,7 @@ def get_message(call: Call) -> None:
 def _received_message(call: Call) -> RapidMessage:
     message: RapidMessage | None = call["Message"].message
     if message is None:
-        raise RapidRuntimeError("ERR_RMQ_INVMSG", f"{call.name}: nothing has been received into the message.")
+        raise call.error("ERR_RMQ_INVMSG", "nothing has been received into the message.")
     return message
 
 

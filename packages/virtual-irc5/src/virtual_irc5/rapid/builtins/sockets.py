@@ -94,7 +94,7 @@ def _call_network(call: Call, device: SocketDevice, action: Callable[[], T]) -> 
         name = _SOCKET_ERRORS.get(error.errno or 0, "ERR_SOCK_UNSPEC")
         if name == "ERR_SOCK_CLOSED" and device.status is SocketStatus.CONNECTED:
             device.close()
-        raise RapidRuntimeError(name, f"{call.name}: {error.strerror or error}.") from error
+        raise call.error(name, f"{error.strerror or error}.") from error
 
 
 def _open_socket(call: Call) -> tuple[SocketDevice, Socket]:
@@ -102,7 +102,7 @@ def _open_socket(call: Call) -> tuple[SocketDevice, Socket]:
     device: SocketDevice = call["Socket"]
     if device.socket is None:
         variable = call.reference("Socket").name
-        raise RapidRuntimeError("ERR_SOCK_CLOSED", f"{call.name}: {variable} is closed; SocketCreate makes a socket.")
+        raise call.error("ERR_SOCK_CLOSED", f"{variable} is closed; SocketCreate makes a socket.")
     return device, device.socket
 
 
@@ -321,7 +321,7 @@ def bytes_waiting(call: Call) -> float:
 def _connected_socket(call: Call) -> tuple[SocketDevice, Socket]:
     device, socket = _open_socket(call)
     if device.status is not SocketStatus.CONNECTED:
-        raise RapidRuntimeError("ERR_SOCK_NOT_CONN", f"{call.name}: the socket has no connection.")
+        raise call.error("ERR_SOCK_NOT_CONN", "the socket has no connection.")
     return device, socket
 
 
