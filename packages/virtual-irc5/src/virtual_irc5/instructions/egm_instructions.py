@@ -105,9 +105,8 @@ class EgmInstructions:
         name = call.reference("EGMid").name.lower()
         if name not in identities and len(identities) >= MOST_IDENTITIES:
             self._events.append(41828, "Too many EGM instances", type=EventType.ERROR)
-            raise RapidRuntimeError(
-                FATAL, f"EGMGetId: {MOST_IDENTITIES} EGM identities are in use; give one back with EGMReset (41828)."
-            )
+            sentence = f"{MOST_IDENTITIES} EGM identities are in use; give one back with EGMReset (41828)."
+            raise call.error(FATAL, sentence)
         identities.add(name)
         self._client.get_id()
 
@@ -125,18 +124,15 @@ class EgmInstructions:
     def setup_uc(self, call: Call) -> None:
         """Choose device and motion data."""
         if not call.present("Joint") and self._count == JOINT_COUNT:
-            raise RapidRuntimeError(FATAL, "EGMSetupUC: a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
+            raise call.error(FATAL, "a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
         if call.present("LATR"):
-            sentence = "EGMSetupUC: this virtual controller has no sensors that look ahead (\\LATR): use \\APTR."
-            raise RapidRuntimeError(FATAL, sentence)
+            raise call.error(FATAL, "this virtual controller has no sensors that look ahead (\\LATR): use \\APTR.")
         if call["MecUnit"].type != "TCPRobot":
-            raise RapidRuntimeError(FATAL, f"EGMSetupUC: {call['MecUnit'].name} is not a TCP robot (41830).")
+            raise call.error(FATAL, f"{call['MecUnit'].name} is not a TCP robot (41830).")
         name = call["UCDevice"]
         device = self._configuration.find("SIO", "COM_TRP", name.rstrip(":"))  # old programs write a colon behind it
         if device is None or device.attributes["Type"] != "UDPUC":
-            raise RapidRuntimeError(
-                "ERR_UDPUC_COMM", f"EGMSetupUC: no Transmission Protocol of type UDPUC is called '{name}' (41830)."
-            )
+            raise call.error("ERR_UDPUC_COMM", f"no Transmission Protocol of type UDPUC is called '{name}' (41830).")
         self._unit.egm_device = device.name
         data = self._motion_data(call)
         self._do(lambda: self._client.setup(call.get("CommTimeout", 1.0), data))
@@ -356,7 +352,7 @@ class EgmInstructions:
     def wait_cond(self, call: Call) -> Wait:
         r"""Until the run that was started with \NoWaitCond ends."""
         if self._run is None:
-            raise RapidRuntimeError(FATAL, "EGMWaitCond: there was no EGMRunJoint to wait for.")
+            raise call.error(FATAL, "there was no EGMRunJoint to wait for.")
         yield from self._until_over(call, self._run)
 
     @EGM.instruction("EGMStop", rf"{_IDENTITY}, egmstopmode Mode, \num RampOutTime")

@@ -433,7 +433,7 @@ class MoveInstructions:
         except MotionRefused as refused:
             name = _ERRORS.get(refused.fault, "ERR_ROBLIMIT")
             if not call.present("ErrorNumber"):
-                raise RapidRuntimeError(name, f"CalcJointT: {refused}") from refused
+                raise call.error(name, str(refused)) from refused
             call["ErrorNumber"] = call.task.library.error_number(name)
             robax, extax = jointtarget(self.arm.planned)
         return robax, self._without_offset(extax)

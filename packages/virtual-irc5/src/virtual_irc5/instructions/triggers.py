@@ -145,7 +145,7 @@ class TriggerInstructions:
         name, relation, wanted = call["Signal"].name, call["Relation"], call["CheckValue"]
         number, stops = int(call["Interrupt"]), call.present("StopMove")
         if relation not in RELATIONS:
-            raise RapidRuntimeError("ERR_ARGVALERR", f"TriggCheckIO: {relation:g} is no relation; use LT to NOTEQ.")
+            raise call.error("ERR_ARGVALERR", f"{relation:g} is no relation; use LT to NOTEQ.")
 
         def act(move: Call) -> None:
             if not RELATIONS[relation](move.task.read_signal(name), wanted):
@@ -388,8 +388,7 @@ class TriggerInstructions:
         try:
             while unit.contact is Contact.SOUGHT:
                 if next(moving, _PASSED) is _PASSED and motion.is_there(passages[0]):  # also with a zone
-                    sentence = f"ContactL: the {unit.arm.kinematics.name} has touched nothing on the way."
-                    raise RapidRuntimeError("ERR_CONTACTL", sentence)
+                    raise call.error("ERR_CONTACTL", f"the {unit.arm.kinematics.name} has touched nothing on the way.")
                 yield None
             moving.close()
             unit.arm.path.restart_at(unit.arm.planned)

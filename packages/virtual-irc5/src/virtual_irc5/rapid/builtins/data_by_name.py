@@ -138,7 +138,7 @@ def set_data_search(call: Call) -> None:
     pattern, module = call.get("Object", ".*"), call.get("InMod", "")
     matches(pattern, "")  # a pattern that is none is an error of this instruction
     if module and module.lower() not in task_of(call).program.modules:
-        raise RapidRuntimeError("ERR_MODULE", f"SetDataSearch: there is no module '{module}'.")
+        raise call.error("ERR_MODULE", f"there is no module '{module}'.")
     found = [
         (owner.name, variable.name)
         for owner, variable in _data_of_type(call, call["Type"])
@@ -220,7 +220,7 @@ def set_value(call: Call) -> None:
     datum = _named_datum(call)
     root = task_of(call).program.find(datum.name, None)
     if (isinstance(datum, Variable) and datum.is_constant) or (isinstance(root, Variable) and root.is_constant):
-        raise RapidRuntimeError("ERR_SYM_ACCESS", f"SetDataVal: '{call['Object']}' is a constant.")
+        raise call.error("ERR_SYM_ACCESS", f"'{call['Object']}' is a constant.")
     _check_type(call, datum.type, call.reference("Value").type)
     datum.value = datum.type.convert(call["Value"])
 

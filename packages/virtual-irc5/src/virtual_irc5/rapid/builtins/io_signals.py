@@ -222,11 +222,11 @@ def connect_alias(call: Call) -> None:
     try:
         call.task.read_signal(name)
     except RapidRuntimeError as error:
-        raise RapidRuntimeError("ERR_ALIASIO_DEF", f"AliasIO: there is no signal '{name}'.") from error
+        raise call.error("ERR_ALIASIO_DEF", f"there is no signal '{name}'.") from error
     reference = call.reference("ToSignal")
     if io is not None and reference.type.name != f"signal{io.type_of(name).lower()}":
-        sentence = f"AliasIO: {name} is a signal{io.type_of(name).lower()}, {reference.name} a {reference.type.name}."
-        raise RapidRuntimeError("ERR_ALIASIO_TYPE", sentence)
+        sentence = f"{name} is a signal{io.type_of(name).lower()}, {reference.name} a {reference.type.name}."
+        raise call.error("ERR_ALIASIO_TYPE", sentence)
     reference.value = Signal(name)
 
 
@@ -234,7 +234,7 @@ def connect_alias(call: Call) -> None:
 def reset_alias(call: Call) -> None:
     reference = call.reference("Signal")
     if not reference.value.name:
-        raise RapidRuntimeError("ERR_NO_ALIASIO_DEF", f"AliasIOReset: {reference.name} stands for no signal.")
+        raise call.error("ERR_NO_ALIASIO_DEF", f"{reference.name} stands for no signal.")
     reference.value = Signal("")
 
 

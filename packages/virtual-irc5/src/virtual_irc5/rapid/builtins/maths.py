@@ -198,7 +198,7 @@ def fit_circle(call: Call) -> None:
         raise RapidRuntimeError("ERR_ARGVALERR", f"FitCircle needs {FEWEST_POINTS} to {len(points)} points.")
     circle = fitted_circle(np.array(points[:count], dtype=float))
     if circle is None:
-        raise RapidRuntimeError("ERR_ARGVALERR", "FitCircle: the points lie on a line.")
+        raise call.error("ERR_ARGVALERR", "the points lie on a line.")
     center, radius, normal, errors = circle
     call["Center"], call["Radius"], call["Normal"] = center.tolist(), radius, normal.tolist()
     for name, value in (

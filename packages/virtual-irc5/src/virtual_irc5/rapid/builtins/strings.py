@@ -168,12 +168,12 @@ def calculate_digits(call: Call) -> str:
     """The sum, difference, product, quotient or rest of two whole numbers; raises ERR_CALC_... as ABB's does."""
     left, operation, right = _digits(call, "StrDig1"), int(call["Operation"]), _digits(call, "StrDig2")
     if operation in (4, 5) and right == 0:
-        raise RapidRuntimeError("ERR_CALC_DIVZERO", f"StrDigCalc: {left} is divided by zero.")
+        raise call.error("ERR_CALC_DIVZERO", f"{left} is divided by zero.")
     if operation not in OPERATIONS:
         raise RapidRuntimeError("ERR_ARGVALERR", "StrDigCalc takes OpAdd, OpSub, OpMult, OpDiv or OpMod.")
     value: int = OPERATIONS[operation](left, right)
     if value < 0:
-        raise RapidRuntimeError("ERR_CALC_NEG", f"StrDigCalc: {left} - {right} is negative.")
+        raise call.error("ERR_CALC_NEG", f"{left} - {right} is negative.")
     if value > LARGEST_DIGITS:
-        raise RapidRuntimeError("ERR_CALC_OVERFLOW", f"StrDigCalc: {value} is above {LARGEST_DIGITS}.")
+        raise call.error("ERR_CALC_OVERFLOW", f"{value} is above {LARGEST_DIGITS}.")
     return str(value)
