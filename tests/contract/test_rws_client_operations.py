@@ -13,10 +13,10 @@ from abb_protocols.robot.joints import Joints, Pose, Side, home
 from abb_protocols.robot.kinematics import tool0_to_body
 from abb_protocols.rws.documents import Pairs
 from abb_protocols.rws.operations import motion
+from abb_protocols.rws.operations.modules import TextRange
 from abb_protocols.rws.operations.motion import RobTarget, Supervision
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.queues import QueueMessage
-from abb_protocols.rws.operations.rapid import Range
 from abb_protocols.rws.values import (
     Coordinates,
     Increment,
@@ -196,16 +196,16 @@ def test_programs_and_pointers(client: RwsClient, bench: Bench) -> None:
     client.set_entry(TASK, "main")
     client.move_pp_to_routine(TASK, "Small", "small")
     pointer, _ = client.pointers(TASK)
-    assert (pointer.module, pointer.routine, pointer.range) == ("Small", "small", Range(4, 5, 4, 15))
+    assert (pointer.module, pointer.routine, pointer.range) == ("Small", "small", TextRange(4, 5, 4, 15))
     client.move_pp_to_routine(TASK, "Small", f"RAPID/{TASK}/Small/small", keeps_calls=True)
     client.move_pp_to_cursor(TASK, "Small", "small", 4)
     for _ in range(2):  # the second time nothing changes
         client.set_breakpoint(TASK, "Small", 4)
-        assert client.breakpoints(TASK) == (("Small", Range(4, 5, 4, 15)),)
+        assert client.breakpoints(TASK) == (("Small", TextRange(4, 5, 4, 15)),)
     with pytest.raises(ControllerRefused) as refused:
         client.set_breakpoint(TASK, "Small", 3)
     assert refused.value.code == RwsCode.SOURCEPOS
-    client.clear_breakpoint(TASK, "Small", Range(4, 5, 4, 15))
+    client.clear_breakpoint(TASK, "Small", TextRange(4, 5, 4, 15))
     assert client.breakpoints(TASK) == ()
     assert client.pointers(TASK)[0].range is None, "the program pointer was in the text"
     assert client.build(TASK) == ()
@@ -231,11 +231,11 @@ def test_modules_and_their_text(client: RwsClient) -> None:
     client.load_module(TASK, "HOME:/small.mod")
     assert client.module(TASK, "Small").name == "Small"
     assert client.module_text(TASK, "Small").split() == SMALL.split()
-    assert client.module_part(TASK, "Small", Range(3, 3, 3, -1)).strip() == "PROC small()"
+    assert client.module_part(TASK, "Small", TextRange(3, 3, 3, -1)).strip() == "PROC small()"
     assert client.find_text(TASK, "Small", "count :=") == (2, 11)
     assert client.module_object(TASK, "Small", 4, 6).row == 3
     before = client.module_change_count(TASK, "Small")
-    client.replace_text(TASK, "Small", Range(4, 5, 4, 15), "count := 3;")
+    client.replace_text(TASK, "Small", TextRange(4, 5, 4, 15), "count := 3;")
     assert client.module_change_count(TASK, "Small") > before
     assert "count := 3;" in client.module_text(TASK, "Small")
     assert client.module_size(TASK, "Small")[0] == 6

@@ -20,8 +20,8 @@ from abb_protocols.errors import ProtocolError, YumiError
 from abb_protocols.robot.joints import ZERO, Pose
 from abb_protocols.rws.documents import Page, RwsState
 from abb_protocols.rws.operations import service
+from abb_protocols.rws.operations.modules import TextRange
 from abb_protocols.rws.operations.motion import RobTarget, Supervision
-from abb_protocols.rws.operations.rapid import Range
 from abb_protocols.rws.values import Increment, OperatingMode, Privilege, Resource, RunCycle, SignalChange
 from abb_runtime.clock import ManualClock
 from abb_runtime.rws import client as client_module
@@ -47,7 +47,7 @@ SAMPLES: dict[str, Any] = {
     "Pose": Pose((0.4, 0.0, 0.3), (1.0, 0.0, 0.0, 0.0)),
     "Joints": ZERO,
     "RobTarget": RobTarget(Pose((0.4, 0.0, 0.3), (1.0, 0.0, 0.0, 0.0)), (0, 0, 0, 0), (None,) * 6),
-    "Range": Range(1, 1, 1, 2),
+    "TextRange": TextRange(1, 1, 1, 2),
     "RapidValue": 1.0,
     "Supervision": Supervision(True, 100),
     "Sequence[Resource]": (Resource("/rw/panel/opmode"),),

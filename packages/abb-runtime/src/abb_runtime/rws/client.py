@@ -42,7 +42,7 @@ from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.operations.panel import PanelService
 from abb_protocols.rws.operations.queues import QueuesService
 from abb_protocols.rws.operations.rapid import RapidService
-from abb_protocols.rws.operations.service import OnProgress, request
+from abb_protocols.rws.operations.service import OnProgress
 from abb_protocols.rws.operations.symbols import SymbolsService
 from abb_protocols.rws.operations.system import SYSTEM, SystemInfo, SystemService, read_system
 from abb_protocols.rws.operations.users import LOGOUT, UsersService
@@ -123,7 +123,7 @@ class RwsClient(
     def connect(self) -> SystemInfo:
         """Log in, and return which controller answers."""
         try:
-            reply = self._session.exchange(request(SYSTEM))
+            reply = self._session.exchange(SYSTEM.request())
             if not self._session.is_open and reply.status_code != BUSY:
                 reason = message("answers_without_session", status=reply.status_code)
                 raise self._session.not_a_controller(reason)
@@ -163,7 +163,7 @@ class RwsClient(
     def log_out(self) -> None:
         """End the session at the controller; the next call opens another."""
         if self._session.is_open:
-            self._session.exchange(request(LOGOUT))
+            self._session.exchange(LOGOUT.request())
             self._session.close()
 
     def _exchange(self, called: RwsRequest) -> httpx.Response:
@@ -288,7 +288,7 @@ class RwsClient(
         """
         if not resources:
             raise CommandRefused(message("no_resource_named"))
-        reply = self._session.exchange(replace(request(table.CREATE), form=write_resources(resources)))
+        reply = self._session.exchange(replace(table.CREATE.request(), form=write_resources(resources)))
         self._accepted(reply, "subscribing")
         subscription = Subscription(self._session, resources, on_change, on_lost)
         subscription.open(reply)
@@ -443,7 +443,7 @@ class Subscription:
 
     def _unsubscribe(self) -> None:
         try:
-            self._session.exchange(request(table.DELETE, str(self._group)))
+            self._session.exchange(table.DELETE.request(str(self._group)))
         except (NoConnection, LoginRefused, ProtocolError) as error:
             log.debug("no end of a subscription: %s", error)
 

@@ -12,7 +12,7 @@ import click
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, ControllerRefused, YumiError
-from abb_protocols.rws.operations.rapid import Range
+from abb_protocols.rws.operations.modules import TextRange
 from abb_protocols.rws.values import (
     ControllerState,
     ExecutionState,
@@ -288,7 +288,7 @@ class Debugger(cmd.Cmd):
 
     # ---- breakpoints
 
-    def _breakpoints(self) -> tuple[tuple[str, Range], ...]:
+    def _breakpoints(self) -> tuple[tuple[str, TextRange], ...]:
         """Module and place of each; none where the controller does not tell them."""
         try:
             return self._client.breakpoints(self._task)

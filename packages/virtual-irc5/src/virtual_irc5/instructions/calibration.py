@@ -104,8 +104,7 @@ class CalibrationInstructions:
     @staticmethod
     def _check_hold(call: Call, *, is_held: bool) -> None:
         if bool(call["Tool"].robhold) is not is_held:
-            sentence = f"{call.name}: robhold of the tool has to be {str(is_held).upper()}."
-            raise RapidRuntimeError(FATAL, sentence)
+            raise call.error(FATAL, f"robhold of the tool has to be {str(is_held).upper()}.")
 
     @staticmethod
     def _set_tool(call: Call, trans: Array | None = None, rot: Any = None) -> None:
@@ -132,7 +131,7 @@ class CalibrationInstructions:
         targets, axis = _chosen_targets(call), int(call.get("AxisNo", 1.0))
         angles = [target.extax[axis - 1] if 1 <= axis <= 6 else NOT_PRESENT for target in targets]
         if any(angle >= NOT_PRESENT for angle in angles):
-            raise RapidRuntimeError("ERR_FRAME", f"{call.name}: the targets have no positions of the axis {axis}.")
+            raise call.error("ERR_FRAME", f"the targets have no positions of the axis {axis}.")
         points = np.array([target.trans for target in targets])
 
         def sense(centre: Array, normal: Array) -> float:
@@ -149,7 +148,7 @@ class CalibrationInstructions:
     def can_identify(self, call: Call) -> float:
         """The robot can identify loads of its tool and its payload."""
         if call["ParIdType"] not in (_TOOL_LOAD, _PAYLOAD):
-            raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: a robot has TOOL_LOAD_ID and PAY_LOAD_ID.")
+            raise call.error("ERR_ARGVALERR", "a robot has TOOL_LOAD_ID and PAY_LOAD_ID.")
         return _ROBOT_IDENTIFIES
 
     @CALIBRATION.function(
@@ -181,9 +180,7 @@ class CalibrationInstructions:
         arm = self._motion.arm
         payload = arm.model.payload
         if call["ParIdType"] != _TOOL_LOAD or payload is None:
-            raise RapidRuntimeError(
-                "ERR_LOADID_FATAL", f"{call.name}: the arm carries no load that could be identified."
-            )
+            raise call.error("ERR_LOADID_FATAL", "the arm carries no load that could be identified.")
         end = call.task.now + _IDENTIFICATION_TIME
         while not arm.is_stationary or call.task.now < end:
             yield None
@@ -200,8 +197,7 @@ def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Ar
     wanted = -np.concatenate([point for point, _ in places])
     solution, _, rank, values = np.linalg.lstsq(rows, wanted, rcond=_LOWEST_RATIO)
     if rank < 6 or values[-1] < _LOWEST_RATIO * values[0]:
-        sentence = f"{call.name}: the four positions have to differ more in their orientations."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+        raise call.error("ERR_ARGVALERR", "the four positions have to differ more in their orientations.")
     tip, place = solution[:3], solution[3:]
     errors = np.array([np.linalg.norm(point + rotation @ tip - place) for point, rotation in places])
     call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
@@ -212,12 +208,12 @@ def _axes(call: Call, z: Array, x: Array) -> Any:
     """The orientation with the z axis in a direction, and x as near to another one as that allows."""
     length = float(np.linalg.norm(z))
     if length < _SHORTEST_MM:
-        raise RapidRuntimeError("ERR_FRAME", f"{call.name}: ZPos has to be away from RefTip.")
+        raise call.error("ERR_FRAME", "ZPos has to be away from RefTip.")
     z = z / length
     x = x - z * (z @ x)
     if float(np.linalg.norm(x)) < _SHORTEST_MM:
         if call.present("XPos"):
-            raise RapidRuntimeError("ERR_FRAME", f"{call.name}: XPos has to be away from RefTip and the z axis.")
+            raise call.error("ERR_FRAME", "XPos has to be away from RefTip and the z axis.")
         x = np.cross([0.0, 1.0, 0.0], z)
     x = x / np.linalg.norm(x)
     return quaternion_from_matrix(np.column_stack([x, np.cross(z, x), z]))
@@ -236,7 +232,7 @@ def _axis_frame(call: Call, targets: Sequence[Any], sense: Any) -> Any:
     points = np.array([target.trans for target in targets])
     circle = fitted_circle(points, _SHORTEST_MM)
     if circle is None:
-        raise RapidRuntimeError("ERR_FRAME", f"{call.name}: the targets are in a line, or too near to each other.")
+        raise call.error("ERR_FRAME", "the targets are in a line, or too near to each other.")
     centre, _, normal, errors = circle
     normal = normal if sense(centre, normal) >= 0.0 else -normal
     call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())

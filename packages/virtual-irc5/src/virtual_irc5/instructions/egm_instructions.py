@@ -105,9 +105,8 @@ class EgmInstructions:
         name = call.reference("EGMid").name.lower()
         if name not in identities and len(identities) >= MOST_IDENTITIES:
             self._events.append(41828, "Too many EGM instances", type=EventType.ERROR)
-            raise RapidRuntimeError(
-                FATAL, f"EGMGetId: {MOST_IDENTITIES} EGM identities are in use; give one back with EGMReset (41828)."
-            )
+            sentence = f"{MOST_IDENTITIES} EGM identities are in use; give one back with EGMReset (41828)."
+            raise call.error(FATAL, sentence)
         identities.add(name)
         self._client.get_id()
 
@@ -125,18 +124,15 @@ class EgmInstructions:
     def setup_uc(self, call: Call) -> None:
         """Choose device and motion data."""
         if not call.present("Joint") and self._count == JOINT_COUNT:
-            raise RapidRuntimeError(FATAL, "EGMSetupUC: a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
+            raise call.error(FATAL, "a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
         if call.present("LATR"):
-            sentence = "EGMSetupUC: this virtual controller has no sensors that look ahead (\\LATR): use \\APTR."
-            raise RapidRuntimeError(FATAL, sentence)
+            raise call.error(FATAL, "this virtual controller has no sensors that look ahead (\\LATR): use \\APTR.")
         if call["MecUnit"].type != "TCPRobot":
-            raise RapidRuntimeError(FATAL, f"EGMSetupUC: {call['MecUnit'].name} is not a TCP robot (41830).")
+            raise call.error(FATAL, f"{call['MecUnit'].name} is not a TCP robot (41830).")
         name = call["UCDevice"]
         device = self._configuration.find("SIO", "COM_TRP", name.rstrip(":"))  # old programs write a colon behind it
         if device is None or device.attributes["Type"] != "UDPUC":
-            raise RapidRuntimeError(
-                "ERR_UDPUC_COMM", f"EGMSetupUC: no Transmission Protocol of type UDPUC is called '{name}' (41830)."
-            )
+            raise call.error("ERR_UDPUC_COMM", f"no Transmission Protocol of type UDPUC is called '{name}' (41830).")
         self._unit.egm_device = device.name
         data = self._motion_data(call)
         self._do(lambda: self._client.setup(call.get("CommTimeout", 1.0), data))
@@ -151,14 +147,14 @@ class EgmInstructions:
     def setup_signals(self, call: Call) -> None:
         """References [deg] from I/O signals, axis 7 from the first of E1 to E6."""
         if not call.present("Joint"):
-            raise RapidRuntimeError(FATAL, f"{call.name}: signals guide the joints here: use \\Joint.")
+            raise call.error(FATAL, "signals guide the joints here: use \\Joint.")
         if call["MecUnit"].type != "TCPRobot":
-            raise RapidRuntimeError(FATAL, f"{call.name}: {call['MecUnit'].name} is not a TCP robot (41830).")
+            raise call.error(FATAL, f"{call['MecUnit'].name} is not a TCP robot (41830).")
         kind, task = call.name[-2:].lower(), call.task
         own = _SENSOR_SIGNALS[: self._count]
         names = [call[f"{kind}{each}"].name if call.present(f"{kind}{each}") else "" for each in own]
         if not any(names):
-            raise RapidRuntimeError(FATAL, f"{call.name}: at least one signal has to be given.")
+            raise call.error(FATAL, "at least one signal has to be given.")
         for name in filter(None, names):
             task.read_signal(name)  # raises where there is none, or its device is disabled
 
@@ -173,7 +169,7 @@ class EgmInstructions:
         name = call["ExtConfigName"]
         found = self._configuration.find("MOC", "EXT_MOTION_DATA", name)
         if found is None:
-            raise RapidRuntimeError(FATAL, f"{call.name}: there is no External Motion Interface Data '{name}'.")
+            raise call.error(FATAL, f"there is no External Motion Interface Data '{name}'.")
         attributes = found.attributes
         return ExternalMotionData(
             level=int(attributes["ext_motion_level"]),
@@ -219,7 +215,7 @@ class EgmInstructions:
                 FATAL,
                 "EGM moves a seven-axis arm by EGMActJoint and EGMRunJoint on RobotWare 6, not otherwise (41826).",
             )
-        raise RapidRuntimeError(FATAL, f"{call.name}: EGMSetupUC has chosen {self._guidance.value} (41826).")
+        raise call.error(FATAL, f"EGMSetupUC has chosen {self._guidance.value} (41826).")
 
     def _ordered(self, axes: Sequence[Any]) -> tuple[Any, ...]:
         """One thing per axis in chain order."""
@@ -268,11 +264,10 @@ class EgmInstructions:
         client, path = self._client, self._unit.arm.path
         self._check_guidance(call, Guidance.PATH_CORRECTIONS)
         if not self._corrects_moves:
-            raise RapidRuntimeError(FATAL, f"{call.name}: no path is corrected yet: use EGMActMove before.")
+            raise call.error(FATAL, "no path is corrected yet: use EGMActMove before.")
         if self._level != _PATH_LEVEL:
             self._events.append(50452, "External Interface cyclic error", type=EventType.ERROR)
-            sentence = f"{call.name}: the External Motion Interface Data needs the level {_PATH_LEVEL}, Path (50452)."
-            raise RapidRuntimeError(FATAL, sentence)
+            raise call.error(FATAL, f"the External Motion Interface Data needs the level {_PATH_LEVEL}, Path (50452).")
         if not client.has_path:
             yield from self._standing(call)
         self._do(client.expect_path)
@@ -331,9 +326,7 @@ class EgmInstructions:
     def _running(self, call: Call, axes: tuple[bool, ...]) -> Wait:
         check_may_move(call)
         if not self._unit.has_moved:
-            raise RapidRuntimeError(
-                FATAL, f"{call.name}: EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."
-            )
+            raise call.error(FATAL, "EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before.")
         yield from self._standing(call)
         self._run = run = EgmRun(
             stop_mode=EgmStopMode(int(call["Mode"])),
@@ -352,15 +345,14 @@ class EgmInstructions:
         """The program's moves have to end in a fine point; EGM's own way to a stop is waited for."""
         arm = self._unit.arm
         if not arm.path.is_empty:
-            sentence = f"{call.name}: EGM has to begin in a fine point: end the move before it with zonedata fine."
-            raise RapidRuntimeError(FATAL, sentence)
+            raise call.error(FATAL, "EGM has to begin in a fine point: end the move before it with zonedata fine.")
         yield from standing(arm)
 
     @EGM.instruction("EGMWaitCond", _IDENTITY)
     def wait_cond(self, call: Call) -> Wait:
         r"""Until the run that was started with \NoWaitCond ends."""
         if self._run is None:
-            raise RapidRuntimeError(FATAL, "EGMWaitCond: there was no EGMRunJoint to wait for.")
+            raise call.error(FATAL, "there was no EGMRunJoint to wait for.")
         yield from self._until_over(call, self._run)
 
     @EGM.instruction("EGMStop", rf"{_IDENTITY}, egmstopmode Mode, \num RampOutTime")

@@ -12,7 +12,7 @@ from abb_protocols.robot.kinematics import compose
 from virtual_irc5.instructions.robot_data import ROBOT_DATA, axis_index, pose_from_rapid
 from virtual_irc5.mechanics.dynamics import ArmDynamics
 from virtual_irc5.mechanics.units import ArmUnit, unit_of
-from virtual_irc5.rapid import Call, Library, RapidRuntimeError
+from virtual_irc5.rapid import Call, Library
 
 MOST_CHANNELS = 12
 _LENGTH_OF_PATH = "length of the path"
@@ -76,7 +76,7 @@ class MeasurementInstructions:
 
     def _dynamics_of(self, call: Call, unit: ArmUnit) -> ArmDynamics:
         if not unit.arm.kinematics.is_of_yumi:
-            raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the torques of this robot are not known.")
+            raise call.error("ERR_AXIS_PAR", "the torques of this robot are not known.")
         if unit.side not in self._dynamics:
             self._dynamics[unit.side] = unit.dynamics
         return self._dynamics[unit.side]
@@ -119,7 +119,7 @@ class MeasurementInstructions:
         number, signal, unit = int(call["Channel"]), int(call["SignalId"]), self._named(call)
         arm = unit.arm
         if not 1 <= number <= MOST_CHANNELS:
-            raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: there are the channels 1 to {MOST_CHANNELS}.")
+            raise call.error("ERR_ARGVALERR", f"there are the channels 1 to {MOST_CHANNELS}.")
         index = self._axis(call, "Axis")
         reads: dict[int, Callable[[], float]] = {
             _TEST_SIGNALS["resolver_angle"]: lambda: arm.position[index],
@@ -133,7 +133,7 @@ class MeasurementInstructions:
         }
         if signal not in reads:
             known = ", ".join(map(str, reads))
-            raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: the virtual arm has the test signals {known}.")
+            raise call.error("ERR_ARGVALERR", f"the virtual arm has the test signals {known}.")
         if signal in (_TEST_SIGNALS["torque_ref"], _TORQUE):
             self._torque(call, index, unit)  # raises here, not in the cycle, where the robot has none
         task = call.task

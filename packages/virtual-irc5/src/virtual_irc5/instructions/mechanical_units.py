@@ -107,7 +107,7 @@ class UnitInstructions:
     def task_status(self, call: Call) -> float:
         """Of a task on the task selection panel, where all are selected."""
         if call["TaskName"].lower() not in (name.lower() for name in call.task.host.devices.tasks()):
-            raise RapidRuntimeError("ERR_TASKNAME", f"GetTSPStatus: there is no task '{call['TaskName']}'.")
+            raise call.error("ERR_TASKNAME", f"there is no task '{call['TaskName']}'.")
         return 3.0  # TSP_STATUS_ACT
 
     @UNITS.function("GetModalPayLoadMode", "", "num")

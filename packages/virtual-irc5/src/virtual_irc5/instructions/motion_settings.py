@@ -146,7 +146,7 @@ class MotionSettingInstructions:
     def _limiting(self, call: Call, name: str) -> float:
         value: float = call[name]
         if not 0.0 < value < inf:
-            raise RapidRuntimeError("ERR_SPEEDLIM_VALUE", f"{call.name}: a speed limit is above 0, not {value:g}.")
+            raise call.error("ERR_SPEEDLIM_VALUE", f"a speed limit is above 0, not {value:g}.")
         return value
 
     def _limit(self, call: Call, **changes: Any) -> None:
@@ -285,7 +285,7 @@ class MotionSettingInstructions:
     @SETTINGS.instruction("GripLoad", "loaddata Load")
     def grip_load(self, call: Call) -> None:
         if call["Load"].mass < 0.0:
-            raise RapidRuntimeError("ERR_ARGVALERR", f"GripLoad: a load has no mass of {call['Load'].mass:g} kg.")
+            raise call.error("ERR_ARGVALERR", f"a load has no mass of {call['Load'].mass:g} kg.")
         self._unit.settings.load = call["Load"]
 
     @SETTINGS.instruction("CirPathMode", " | ".join(rf"\switch {name}" for name in _MODE_SWITCHES))
@@ -305,7 +305,7 @@ class MotionSettingInstructions:
     def deactivate(self, call: Call) -> None:
         """The units of a robot stay active."""
         name = call["MechUnit"].name
-        raise RapidRuntimeError(FATAL, f"DeactUnit: {name} belongs to the robot and cannot be deactivated.")
+        raise call.error(FATAL, f"{name} belongs to the robot and cannot be deactivated.")
 
     @SETTINGS.instruction("SetLeadThrough", rf"{_ON_OFF}, \switch NoStopMove, \switch NoClearPath, \switch NoStartMove")
     def lead(self, call: Call) -> Wait:
@@ -343,7 +343,7 @@ class MotionSettingInstructions:
     def step_back(self, call: Call) -> Wait:
         """Back along the path, at most to the last stop point, before it goes on after a stop."""
         if call.task.event is not SystemEvent.RESTART:
-            raise RapidRuntimeError(FATAL, "StepBwdPath: it is an instruction of event routines of RESTART.")
+            raise call.error(FATAL, "it is an instruction of event routines of RESTART.")
         if call["StepLength"] < 0.0 or not call["StepTime"] > 0.0:
             sentence = "StepBwdPath takes a StepLength of 0 mm or more and a StepTime above 0 s."
             raise RapidRuntimeError("ERR_ARGVALERR", sentence)
@@ -373,8 +373,8 @@ class MotionSettingInstructions:
         units = self._units(call)
         for unit in units:
             if not unit.is_started() and not unit.arm.path.is_empty:
-                sentence = f"{call.name}: {unit.task} is stopped, and its arm stays where it is until it is started."
-                raise RapidRuntimeError("ERR_PROGSTOP", sentence)
+                sentence = f"{unit.task} is stopped, and its arm stays where it is until it is started."
+                raise call.error("ERR_PROGSTOP", sentence)
         for arm in [unit.arm for unit in units]:
             arm.path.holds.discard(STOP_MOVE)
             with raised_as("ERR_STARTMOVE", RobotNotReady):
@@ -384,7 +384,7 @@ class MotionSettingInstructions:
     def start_and_retry(self, call: Call) -> None:
         """StartMove and RETRY in one, so that nothing comes between them."""
         if task_of(call).frame.clause != "ERR":
-            raise RapidRuntimeError(FATAL, "StartMoveRetry: it is an instruction of error handlers.")
+            raise call.error(FATAL, "it is an instruction of error handlers.")
         self.start_move(call)
         task_of(call).frame.retry()
 
@@ -428,7 +428,7 @@ class MotionSettingInstructions:
         if arm.path.is_empty:
             return
         if not arm.is_stationary:
-            raise RapidRuntimeError("ERR_PATH", "ClearPath: stop the movements with StopMove before.")
+            raise call.error("ERR_PATH", "stop the movements with StopMove before.")
         arm.path.restart_at(arm.planned)
 
     @SETTINGS.instruction("StorePath", r"\switch KeepSync")
@@ -436,7 +436,7 @@ class MotionSettingInstructions:
         """Put the rest of the path aside, for other motions until RestoPath."""
         arm = self._unit.arm
         if self._unit.stored_paths:
-            raise RapidRuntimeError(FATAL, "StorePath: a path is stored already; RestoPath has to come before.")
+            raise call.error(FATAL, "a path is stored already; RestoPath has to come before.")
         yield from standing(arm)
         self._unit.stored_paths.append(arm.path.store())
 
@@ -445,7 +445,7 @@ class MotionSettingInstructions:
         """The path that was stored is ahead again, and starts with StartMove."""
         arm = self._unit.arm
         if not self._unit.stored_paths:
-            raise RapidRuntimeError(FATAL, "RestoPath: no path is stored.")
+            raise call.error(FATAL, "no path is stored.")
         yield from standing(arm)
         arm.leave_path()  # it may stand elsewhere than where the stored path goes on
         arm.path.restore(self._unit.stored_paths.pop())

@@ -289,8 +289,7 @@ class MoveInstructions:
         path, is_concurrent = self.arm.path, bool(call.get("Conc", False))
         self._concurrent = self._concurrent + 1 if is_concurrent else 0
         if self._concurrent > MOST_CONCURRENT:
-            sentence = rf"{call.name}: more than {MOST_CONCURRENT} moves with \Conc follow one another."
-            raise RapidRuntimeError("ERR_CONC_MAX", sentence)
+            raise call.error("ERR_CONC_MAX", rf"more than {MOST_CONCURRENT} moves with \Conc follow one another.")
         try:
             passage = yield from self._added(call, build, offset)
             if added is not None:
@@ -434,7 +433,7 @@ class MoveInstructions:
         except MotionRefused as refused:
             name = _ERRORS.get(refused.fault, "ERR_ROBLIMIT")
             if not call.present("ErrorNumber"):
-                raise RapidRuntimeError(name, f"CalcJointT: {refused}") from refused
+                raise call.error(name, str(refused)) from refused
             call["ErrorNumber"] = call.task.library.error_number(name)
             robax, extax = jointtarget(self.arm.planned)
         return robax, self._without_offset(extax)
@@ -465,8 +464,7 @@ class MoveInstructions:
             return self
         unit = self._units_of_tasks.get(task.name)
         if unit is None:
-            sentence = f"{call.name}: the task {task.name} moves no robot (MotionTask in CAB_TASKS)."
-            raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+            raise call.error("ERR_NOT_MOVETASK", f"the task {task.name} moves no robot (MotionTask in CAB_TASKS).")
         return MoveInstructions(unit, self._speed_ratio, self.events, self._units_of_tasks)
 
 

@@ -20,7 +20,7 @@ from virtual_irc5.instructions.moves import MOVES, place_of
 from virtual_irc5.mechanics.path import Passage
 from virtual_irc5.mechanics.path_geometry import Leg, MotionFault
 from virtual_irc5.mechanics.units import ArmUnit
-from virtual_irc5.rapid import Call, Library, RapidRuntimeError
+from virtual_irc5.rapid import Call, Library
 
 Array = NDArray[np.float64]
 MOST_GENERATORS = 5
@@ -63,7 +63,7 @@ class PathCorrections:
         if generator in self._generators:
             return
         if len(self._generators) >= MOST_GENERATORS:
-            raise RapidRuntimeError("CORR_NOFREE", f"CorrCon: {MOST_GENERATORS} generators are connected already.")
+            raise call.error("CORR_NOFREE", f"{MOST_GENERATORS} generators are connected already.")
         generator.offset = np.zeros(3)
         self._generators.append(generator)
         self.attach()
@@ -95,14 +95,14 @@ class PathCorrections:
     def read(self, call: Call) -> tuple[float, ...]:
         """The sum of all generators' offsets [mm]."""
         if not self._generators:
-            raise RapidRuntimeError("CORR_NOOBJECT", "CorrRead: no correction generator is connected; use CorrCon.")
+            raise call.error("CORR_NOOBJECT", "no correction generator is connected; use CorrCon.")
         return tuple((self.total() * 1e3).tolist())
 
     def _connected(self, call: Call) -> CorrectionGenerator:
         generator: CorrectionGenerator = call["Descr"]
         if generator not in self._generators:
             name = call.reference("Descr").name
-            raise RapidRuntimeError("CORR_NOTCONN", f"{call.name}: {name} is not connected; use CorrCon before.")
+            raise call.error("CORR_NOTCONN", f"{name} is not connected; use CorrCon before.")
         return generator
 
     def total(self) -> Array:

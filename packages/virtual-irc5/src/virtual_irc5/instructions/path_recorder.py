@@ -13,7 +13,7 @@ import numpy as np
 from abb_protocols.robot.joints import Joints
 from virtual_irc5.instructions.moves import MOVES, MoveInstructions, standing
 from virtual_irc5.mechanics.path_geometry import CornerZone, Leg, LegSpeed, followed, retraced_leg
-from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
+from virtual_irc5.rapid import Call, Library, Wait
 
 MOST_RECORDED = 50_000  # positions: what is older is forgotten
 _RECORDED_STEP = radians(0.1)  # between two positions, of the axis that moves most
@@ -97,7 +97,7 @@ class PathRecorder:
         r"""To the place of \ID, or where the recording began."""
         end = self._end(call, 0)
         if not self._is_behind(end):
-            raise RapidRuntimeError("ERR_PATHDIST", f"{call.name}: that place is not on the path behind the arm.")
+            raise call.error("ERR_PATHDIST", "that place is not on the path behind the arm.")
         yield from self._retrace(call, end)
 
     @RECORDER.instruction("PathRecMoveFwd", _WAY)
@@ -105,7 +105,7 @@ class PathRecorder:
         r"""To the place of \ID, or where the way back began."""
         end = self._end(call, len(self._positions) - 1)
         if not self._is_ahead(end):
-            raise RapidRuntimeError("ERR_PATHDIST", f"{call.name}: that place is not on the path ahead of the arm.")
+            raise call.error("ERR_PATHDIST", "that place is not on the path ahead of the arm.")
         yield from self._retrace(call, end)
 
     @RECORDER.function("PathRecValidBwd", r"\VAR pathrecid ID", "bool")

@@ -170,5 +170,5 @@ def normalized(call: Call) -> Any:
     rotation = call["Rotation"]
     length = hypot(*rotation)
     if length == 0.0:
-        raise RapidRuntimeError("ERR_ILLQUAT", "NOrient: the orientation [0,0,0,0] has no direction.")
+        raise call.error("ERR_ILLQUAT", "the orientation [0,0,0,0] has no direction.")
     return tuple(part / length for part in rotation)

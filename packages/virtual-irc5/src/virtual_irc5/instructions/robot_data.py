@@ -129,8 +129,7 @@ def axis_index(call: Call, name: str, arm: KinematicArm) -> int:
     """Index in chain order of the axis whose number an argument is; raises ERR_AXIS_PAR."""
     number = call[name]
     if number not in arm.axes:
-        sentence = f"{call.name}: the robot has the axes 1 to {arm.joint_count}, not {number:g}."
-        raise RapidRuntimeError("ERR_AXIS_PAR", sentence)
+        raise call.error("ERR_AXIS_PAR", f"the robot has the axes 1 to {arm.joint_count}, not {number:g}.")
     return arm.axes.index(number)
 
 

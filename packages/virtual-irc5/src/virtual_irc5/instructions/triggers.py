@@ -145,7 +145,7 @@ class TriggerInstructions:
         name, relation, wanted = call["Signal"].name, call["Relation"], call["CheckValue"]
         number, stops = int(call["Interrupt"]), call.present("StopMove")
         if relation not in RELATIONS:
-            raise RapidRuntimeError("ERR_ARGVALERR", f"TriggCheckIO: {relation:g} is no relation; use LT to NOTEQ.")
+            raise call.error("ERR_ARGVALERR", f"{relation:g} is no relation; use LT to NOTEQ.")
 
         def act(move: Call) -> None:
             if not RELATIONS[relation](move.task.read_signal(name), wanted):
@@ -332,7 +332,7 @@ class TriggerInstructions:
         data = list(first.value) if is_array else [first.value]
         data += [call[f"T{number}"] for number in range(2, _MOST_TRIGGERS + 1) if call.present(f"T{number}")]
         if not all(isinstance(each, TriggData) and (is_array or each.events) for each in data):
-            raise RapidRuntimeError(FATAL, f"{call.name}: a triggdata has to be defined, by TriggIO or its like.")
+            raise call.error(FATAL, "a triggdata has to be defined, by TriggIO or its like.")
         events = [event for each in data for event in each.events]
         yield from self._acting(call, events)
 
@@ -388,8 +388,7 @@ class TriggerInstructions:
         try:
             while unit.contact is Contact.SOUGHT:
                 if next(moving, _PASSED) is _PASSED and motion.is_there(passages[0]):  # also with a zone
-                    sentence = f"ContactL: the {unit.arm.kinematics.name} has touched nothing on the way."
-                    raise RapidRuntimeError("ERR_CONTACTL", sentence)
+                    raise call.error("ERR_CONTACTL", f"the {unit.arm.kinematics.name} has touched nothing on the way.")
                 yield None
             moving.close()
             unit.arm.path.restart_at(unit.arm.planned)
@@ -422,8 +421,7 @@ class TriggerInstructions:
         both = call.present("Flanks")
         before = read()
         if not by_level and not both and before == level and not call.present("PosFlank"):
-            sentence = f"{call.name}: {name} is set already where the search begins."
-            raise RapidRuntimeError(error, sentence)
+            raise call.error(error, f"{name} is set already where the search begins.")
         stops = any(call.present(each) for each in ("Stop", "PStop", "SStop"))
         is_found = False
         moving = motion.passed(call, motion.build(call))
@@ -433,8 +431,7 @@ class TriggerInstructions:
                 hit = (both and now != before) or (not both and now == level and (by_level or before != level))
                 before = now
                 if hit and is_found and call.present("Sup"):
-                    sentence = f"{call.name}: {name} has changed more than once."
-                    raise RapidRuntimeError(error, sentence)
+                    raise call.error(error, f"{name} has changed more than once.")
                 if hit and not is_found:
                     is_found = True
                     if is_external:
@@ -451,7 +448,7 @@ class TriggerInstructions:
             moving.close()
             raise
         if not is_found:
-            raise RapidRuntimeError("ERR_WHLSEARCH", f"{call.name}: {name} has not changed on the way.")
+            raise call.error("ERR_WHLSEARCH", f"{name} has not changed on the way.")
 
 
 def _watched(call: Call) -> tuple[str, str, Callable[[], float]]:

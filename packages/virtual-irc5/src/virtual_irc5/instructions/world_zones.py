@@ -23,7 +23,7 @@ from virtual_irc5.mechanics.watched_zones import (
     ZoneShape,
     ZoneSphere,
 )
-from virtual_irc5.rapid import Call, Library, RapidRuntimeError
+from virtual_irc5.rapid import Call, Library
 
 _SMALLEST_ZONE_M = 0.01  # ABB's limit
 _MOST_ZONES = 20
@@ -126,8 +126,8 @@ class WorldZoneInstructions:
     @staticmethod
     def _check_size(call: Call, smallest: float) -> None:
         if smallest < _SMALLEST_ZONE_M:
-            sentence = f"{call.name}: a zone is at least {_SMALLEST_ZONE_M * 1e3:g} mm wide, not {smallest * 1e3:g} mm."
-            raise RapidRuntimeError(FATAL, sentence)
+            sentence = f"a zone is at least {_SMALLEST_ZONE_M * 1e3:g} mm wide, not {smallest * 1e3:g} mm."
+            raise call.error(FATAL, sentence)
 
     def _joints(self, target: Any) -> Joints:
         """Joint positions [rad] of a jointtarget in chain order."""
@@ -138,11 +138,11 @@ class WorldZoneInstructions:
     def _add(self, call: Call, changed: Callable[[bool], None]) -> None:
         shape, data = call["Shape"].shape, call["WorldZone"]
         if shape is None:
-            raise RapidRuntimeError(FATAL, f"{call.name}: the shape has to be defined before, by WZBoxDef or its like.")
+            raise call.error(FATAL, "the shape has to be defined before, by WZBoxDef or its like.")
         if data.zone is not None:
-            raise RapidRuntimeError(FATAL, f"{call.name}: the zone is in use already; WZFree gives it back.")
+            raise call.error(FATAL, "the zone is in use already; WZFree gives it back.")
         if len(self._unit.zones) >= _MOST_ZONES:
-            raise RapidRuntimeError(FATAL, f"{call.name}: {_MOST_ZONES} world zones are in use.")
+            raise call.error(FATAL, f"{_MOST_ZONES} world zones are in use.")
         data.zone = WorldZone(shape, changed)
         self._unit.zones.append(data.zone)
 
@@ -150,7 +150,7 @@ class WorldZoneInstructions:
     def _zone(call: Call) -> WorldZone:
         zone: WorldZone | None = call["WorldZone"].zone
         if zone is None:
-            raise RapidRuntimeError(FATAL, f"{call.name}: the zone is not defined, by WZDOSet or WZLimSup.")
+            raise call.error(FATAL, "the zone is not defined, by WZDOSet or WZLimSup.")
         return zone
 
 

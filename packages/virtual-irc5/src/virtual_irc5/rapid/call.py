@@ -109,13 +109,16 @@ class Call:
         """The datum itself, with its name, type and value."""
         return self._arguments[name.lower()]
 
+    def error(self, name: str, sentence: str) -> RapidRuntimeError:
+        """An execution error whose sentence begins with the name the call was made by."""
+        return RapidRuntimeError(name, f"{self.name}: {sentence}")
+
 
 def whole_argument(call: Call, name: str, lowest: int, highest: int, default: int | None = None) -> int:
     """An argument that is a whole number within limits; raises ERR_ARGVALERR."""
     value: float = call.get(name, default) if default is not None else call[name]
     if value != int(value) or not lowest <= value <= highest:
-        sentence = f"{call.name}: {name} is a whole number from {lowest} to {highest}, not {value:g}."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+        raise call.error("ERR_ARGVALERR", f"{name} is a whole number from {lowest} to {highest}, not {value:g}.")
     return int(value)
 
 

@@ -9,7 +9,15 @@ from typing import Any, Protocol
 from virtual_irc5.rapid.call import RunningTask
 from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.states import SystemEvent
-from virtual_irc5.rapid.types import ABSENT, ALL_ERRORS, Propagated, RapidRuntimeError, RapidValueError, Reference
+from virtual_irc5.rapid.types import (
+    ABSENT,
+    ALL_ERRORS,
+    Propagated,
+    RapidRuntimeError,
+    RapidValueError,
+    Reference,
+    execution_error,
+)
 
 Step = Callable[["Stack", "RoutineFrame"], None]
 Evaluate = Callable[["RoutineFrame"], Any]
@@ -264,10 +272,3 @@ class RoutineFrame:
         self.abandon()
         if self.step > 0 and not self.is_interrupted:
             self.step = self.code.spans[self.step - 1].start
-
-
-def execution_error(error: RapidValueError | ArithmeticError) -> RapidRuntimeError:
-    """RAPID's error for data that have no text, such as a socket, where it is needed, or for a number out of range."""
-    if isinstance(error, ArithmeticError):
-        return RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}.")
-    return RapidRuntimeError("ERR_ARGVALERR", str(error))

@@ -102,7 +102,7 @@ def saved_text(module: LoadedModule) -> str:
     return text
 
 
-def free(codes: Sequence[Code]) -> None:
+def free_code(codes: Sequence[Code]) -> None:
     """Free code that is not needed any more, in pieces: all at once would keep other threads waiting for cycles."""
     for code in codes:
         while code.steps:

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from virtual_irc5.rapid.call import RunningTask
 from virtual_irc5.rapid.compiler import MOST_VALUES, compile_routine, link_module
-from virtual_irc5.rapid.frame import Code, RoutineFrame, execution_error
+from virtual_irc5.rapid.frame import Code, RoutineFrame
 from virtual_irc5.rapid.interrupts import Interrupts
 from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.program import Program
@@ -28,6 +28,7 @@ from virtual_irc5.rapid.types import (
     RapidRuntimeError,
     RapidValueError,
     Reference,
+    execution_error,
     raised_as,
 )
 

@@ -18,7 +18,7 @@ from virtual_irc5.rapid.devices import Host
 from virtual_irc5.rapid.frame import RoutineFrame
 from virtual_irc5.rapid.interrupts import Interrupts
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine
-from virtual_irc5.rapid.loading import Prepared, free, prepared, removed_by
+from virtual_irc5.rapid.loading import Prepared, free_code, prepared, removed_by
 from virtual_irc5.rapid.machine import Machine
 from virtual_irc5.rapid.parser import parse_module
 from virtual_irc5.rapid.pauses import Pauses, StackEntry, StepKind
@@ -264,7 +264,7 @@ class Task(TaskData):
             self.lose_pp()
         for module in removed:
             module.clear()
-        self.background(lambda: free(discarded))
+        self.background(lambda: free_code(discarded))
 
     def unload(self, module: str) -> None:
         """Remove a module; the program pointer is lost when it is in it.
@@ -664,7 +664,7 @@ def task_named(call: Call, name: str) -> Task:
     for key, task in tasks.items():
         if key.lower() == name.lower():
             return task
-    raise RapidRuntimeError("ERR_TASKNAME", f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}.")
+    raise call.error("ERR_TASKNAME", f"there is no task '{name}'; there is: {', '.join(tasks)}.")
 
 
 def task_of_argument(call: Call) -> Task:

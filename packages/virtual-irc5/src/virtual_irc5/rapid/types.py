@@ -146,6 +146,13 @@ def raised_as(name: str, *kinds: type[Exception], before: str = "") -> Iterator[
         raise RapidRuntimeError(name, f"{before}{error}") from error
 
 
+def execution_error(error: RapidValueError | ArithmeticError) -> RapidRuntimeError:
+    """RAPID's error for data that have no text, such as a socket, where it is needed, or for a number out of range."""
+    if isinstance(error, ArithmeticError):
+        return RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}.")
+    return RapidRuntimeError("ERR_ARGVALERR", str(error))
+
+
 # ABB does not publish the values, and programs compare names only; the library counts them up from here.
 FIRST_ERROR_NUMBER = 1001
 FIRST_BOOKED_NUMBER = 5001  # what BookErrNo gives out

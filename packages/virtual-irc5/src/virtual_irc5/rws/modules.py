@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import modules as table
-from abb_protocols.rws.operations.rapid import Range
+from abb_protocols.rws.operations.modules import TextRange
 from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rapid import ast as s
@@ -124,7 +124,7 @@ def _object(module: LoadedModule, call: RwsCall) -> RwsState:
         raise CallFailure(400, RwsCode.SOURCEPOS, f"nothing is declared at row {row}")
     node = max(before, key=lambda each: each.line)
     fields = {
-        **table.TEXT_OBJECT.write(Range(node.line, node.column, node.line, -1)),
+        **table.TEXT_OBJECT.write(TextRange(node.line, node.column, node.line, -1)),
         "type": _DECLARED[type(node)],
         "list-num": str(declared.index(node) + 1),
         "list-len": str(len(declared)),

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from abb_protocols.errors import RapidError
 from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import rapid as table
-from abb_protocols.rws.operations.modules import quoted_module_text
+from abb_protocols.rws.operations.modules import TextRange, quoted_module_text
 from abb_protocols.rws.operations.motion import UNIT, JointTarget, RobTarget
 from abb_protocols.rws.values import ExecutionState, RunCycle, RwsCode, TaskExecution
 from virtual_irc5.controller.irc5 import Irc5
@@ -277,12 +277,12 @@ def _text_of(task: Task, module: str) -> str:
     raise CallFailure(404, RwsCode.FAIL, f"the task {task.name} has no module {module[:50]!r}")
 
 
-def _range(task: Task, at: StackEntry) -> table.Range:
+def _range(task: Task, at: StackEntry) -> TextRange:
     """Where a statement begins and ends: rows and columns from 1, the end of its line being its end."""
     lines = _text_of(task, at.module).splitlines()
     line = lines[at.line - 1] if 0 < at.line <= len(lines) else ""
     begin = len(line) - len(line.lstrip()) + 1
-    return table.Range(at.line, begin, at.line, max(len(line.rstrip()), begin))
+    return TextRange(at.line, begin, at.line, max(len(line.rstrip()), begin))
 
 
 @ROUTES.answer(table.CHANGE_COUNT_TOO, table.CHANGE_COUNT)

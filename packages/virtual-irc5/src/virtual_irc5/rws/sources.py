@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from abb_protocols.rws.documents import RwsLink, RwsState
-from abb_protocols.rws.operations.rapid import ACTIVE_DIALOG, range_in
+from abb_protocols.rws.operations.modules import text_range_in
+from abb_protocols.rws.operations.rapid import ACTIVE_DIALOG
 from abb_protocols.rws.values import Priority, Resource, RwsCode
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller.signals import printed_signal, signal_path
@@ -26,7 +27,7 @@ Event = tuple[RwsState, ...]
 """One event: a state, or two that belong together."""
 
 _MOST_MESSAGES = 20
-_PLACE = range_in("BegPosLine", "BegPosCol", "EndPosLine", "EndPosCol")
+_PLACE = text_range_in("BegPosLine", "BegPosCol", "EndPosLine", "EndPosCol")
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,8 @@ from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.robot_state import Report, RobotMode, RobotState
-from yumi.driver.state_machine import FIRST_SPEED_SCALE, MAIN, RAPID, ROUTINE_NAME, RUN_RAPID
+from yumi.driver.speed_setting import FIRST_SPEED_SCALE
+from yumi.driver.state_machine import MAIN, RAPID, ROUTINE_NAME, RUN_RAPID
 from yumi.driver.stops import StopLog
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 

@@ -10,7 +10,7 @@ from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.files import file_path
 from abb_protocols.rws.operations.operation import delete, get, post
 from abb_protocols.rws.operations.operation_answer import flag, pair, record
-from abb_protocols.rws.operations.service import Service, request
+from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.values import Grant
 
 _TYPE = "/rw/cfg/{domain}/{type}"
@@ -85,7 +85,7 @@ class ConfigurationService(Service):
 
     def set_cfg(self, domain: str, type: str, name: str, attributes: Mapping[str, str]) -> None:
         """Change attributes of an instance of the configuration; they act after the next restart."""
-        changed = replace(request(SET_INSTANCE, domain, type, name), form=tuple(attributes.items()))
+        changed = replace(SET_INSTANCE.request(domain, type, name), form=tuple(attributes.items()))
         self._sent(f"changing {domain}/{type}/{name}", SET_INSTANCE, changed)
 
     def create_cfg(self, domain: str, type: str, name: str) -> None:

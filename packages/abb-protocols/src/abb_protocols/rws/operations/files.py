@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.rws.operations.operation import delete, get, post, put
-from abb_protocols.rws.operations.service import OnProgress, Service, request
+from abb_protocols.rws.operations.service import OnProgress, Service
 from abb_protocols.rws.values import Grant
 
 _PATH = "/fileservice/{path:.+}"
@@ -53,7 +53,7 @@ class FilesService(Service):
 
     def write_file(self, path: str, content: bytes) -> None:
         """Create or replace a file such as ``HOME:/logo.png``."""
-        self._sent(f"writing {path}", PUT_FILE, replace(request(PUT_FILE, _place(path)), content=content))
+        self._sent(f"writing {path}", PUT_FILE, replace(PUT_FILE.request(_place(path)), content=content))
 
     def read_file(self, path: str) -> bytes:
         """Content of a file such as ``HOME:/pick.mod``."""
@@ -134,7 +134,7 @@ class FilesService(Service):
 
     def has_file(self, path: str) -> bool:
         """Whether there is a file or directory."""
-        reply = self._exchange(request(HEAD_FILE, _place(path)))
+        reply = self._exchange(HEAD_FILE.request(_place(path)))
         if reply.status_code in _NOT_FOUND:
             return False
         self._accepted(reply, f"looking for {path}")

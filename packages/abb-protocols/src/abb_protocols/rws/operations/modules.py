@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import lru_cache
 from typing import Annotated, Any
 from urllib.parse import quote, unquote, unquote_plus
@@ -10,8 +10,7 @@ from urllib.parse import quote, unquote, unquote_plus
 from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.operation import UPPER_TRUTH, Operation, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, pair, record, single
-from abb_protocols.rws.operations.rapid import Range, range_in
-from abb_protocols.rws.operations.service import Service, request
+from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.request import RwsRequest
 from abb_protocols.rws.values import Grant
 
@@ -23,6 +22,24 @@ _ATTRIBUTES: Spelling[tuple[str, ...]] = Spelling(
     lambda state, name: tuple(state.text(name).replace(",", " ").split()),
     lambda name, attributes: {name: " ".join(attributes)},
 )
+
+
+@dataclass(frozen=True, slots=True)
+class TextRange:
+    """A part of a module's text; rows and columns count from 1, the end included."""
+
+    row: int
+    column: int
+    end_row: int
+    end_column: int
+
+
+def text_range_in(*names: str) -> Spelling[TextRange]:
+    """A range in four fields."""
+    return Spelling(
+        lambda state, name: TextRange(*map(state.whole, names)),
+        lambda name, value: dict(zip(names, map(str, astuple(value)), strict=True)),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +96,7 @@ TEXT_POSITION = pair("rap-text-position", "Row", "Column")
 TEXT_PART = single("rap-mod-text", "text", TEXT)
 """Answer of ``MODULE`` with ``endrow``."""
 
-TEXT_OBJECT = single("rap-object", "", range_in("start-row", "start-column", "end-row", "end-column"))
+TEXT_OBJECT = single("rap-object", "", text_range_in("start-row", "start-column", "end-row", "end-column"))
 """Answer of ``MODULE`` with ``startrow`` alone: where the declaration is."""
 
 MODULE_TEXT = get(_MODULE, "task", resource="module-text").shows(
@@ -127,7 +144,7 @@ class ModulesService(Service):
         """The text of a module that is loaded, as the controller writes it: PERS data have their present values."""
         return self._answer(f"reading the module {module} of {task}", MODULE_TEXT, module, task=task)
 
-    def module_part(self, task: str, module: str, part: Range) -> str:
+    def module_part(self, task: str, module: str, part: TextRange) -> str:
         """A part of a module's text; -1 as last column is the end of the row."""
         what = f"reading {module} of {task}"
         return TEXT_PART.of(self._shown(what, MODULE, module, task=task, **_rows_and_columns(part)))
@@ -138,7 +155,7 @@ class ModulesService(Service):
         page = self._shown(f"searching {module}", MODULE, module, task=task, **place, text=text)
         return TEXT_POSITION.of(page)
 
-    def module_object(self, task: str, module: str, row: int, column: int, destination: str = "Inner") -> Range:
+    def module_object(self, task: str, module: str, row: int, column: int, destination: str = "Inner") -> TextRange:
         """Place of the statement or declaration at a place of the text, or of one beside it.
 
         Args:
@@ -186,12 +203,12 @@ class ModulesService(Service):
         asked = _task_first(SET_MODULE_TEXT, module, task=task, text=text)
         self._sent(f"writing {module} of {task}", SET_MODULE_TEXT, asked)
 
-    def replace_text(self, task: str, module: str, part: Range, text: str) -> None:
+    def replace_text(self, task: str, module: str, part: TextRange, text: str) -> None:
         """Replace a part of a module's text."""
         how = {"task": task, "replace_mode": "Replace", "query_mode": "Force", **_rows_and_columns(part)}
         self._call(f"writing {module} of {task}", SET_TEXT_RANGE, module, **how, text=text)
 
-    def clear_breakpoint(self, task: str, module: str, place: Range) -> None:
+    def clear_breakpoint(self, task: str, module: str, place: TextRange) -> None:
         """Remove a breakpoint at a place of ``breakpoints``.
 
         Its text is replaced by itself, as RobotWare 6 has no request for it. A program pointer in that text is lost.
@@ -201,9 +218,9 @@ class ModulesService(Service):
 
 def _task_first(operation: Operation[Any], module: str, **arguments: object) -> RwsRequest:
     """A request whose URL has the task before the action."""
-    found = request(operation, module, **arguments)
+    found = operation.request(module, **arguments)
     return replace(found, query=tuple(sorted(found.query, key=lambda pair: pair[0] == "action")))
 
 
-def _rows_and_columns(part: Range) -> dict[str, int]:
+def _rows_and_columns(part: TextRange) -> dict[str, int]:
     return {"startrow": part.row, "startcol": part.column, "endrow": part.end_row, "endcol": part.end_column}

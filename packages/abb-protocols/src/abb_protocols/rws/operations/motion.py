@@ -212,7 +212,7 @@ def pose_of(state: RwsState) -> Pose:
 
 def rob_target_of(state: RwsState) -> RobTarget:
     """A robtarget, as each of the services spells it."""
-    names = ("cf1", "cf4", "cf6", "cfx") if "cf1" in state.fields else ("j1", "j4", "j6", "jx")
+    names = TURNS_OF_TARGET if "cf1" in state.fields else TURNS
     one, four, six, x = (state.whole(name) for name in names)
     found = [state.number(name) for name in state.fields if name.startswith(("eax", "ej"))]
     external = tuple(None if angle > NO_AXIS else radians(angle) for angle in found)

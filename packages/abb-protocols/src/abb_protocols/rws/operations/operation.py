@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Generic, TypeVar, cast
 
-from abb_protocols.rws.documents import Pairs
 from abb_protocols.rws.operations.operation_answer import OperationAnswer
+from abb_protocols.rws.request import RwsRequest
 from abb_protocols.rws.values import Grant
 
 T = TypeVar("T")
@@ -89,22 +89,24 @@ class Operation(Generic[T]):
         texts = iter(places)
         return _PLACE.sub(lambda _: next(texts), self.path)
 
-    def filled(self, arguments: Mapping[str, object]) -> tuple[Pairs, Pairs]:
-        """The parameters in URL and body for arguments by name, with ``_`` for ``-``; those that are None are left out.
+    def request(self, /, *places: str, **arguments: object) -> RwsRequest:
+        """The request for the operation.
+
+        Args:
+            places: texts for the placeholders in its path, in order.
+            arguments: of URL and body by name, with ``_`` for ``-``; one that is None is left out.
 
         Raises:
             KeyError: the operation has no such parameter.
         """
-        places = {name.replace("-", "_"): name for name in (*self.query, *self.values)}
-        given = [(places[name], _text(value)) for name, value in arguments.items() if value is not None]
-        query = tuple(pair for pair in given if pair[0] in self.query)
-        return query, tuple(pair for pair in given if pair[0] not in self.query)
-
-    @property
-    def marks(self) -> Pairs:
-        """The parameters in the URL that tell it from others of its path."""
+        names = {name.replace("-", "_"): name for name in (*self.query, *self.values)}
+        given = [(names[name], _text(value)) for name, value in arguments.items() if value is not None]
         marks = (("action", self.action), ("resource", self.resource))
-        return tuple((name, text) for name, text in marks if text is not None)
+        query = [(name, text) for name, text in marks if text is not None]
+        query += [pair for pair in given if pair[0] in self.query]
+        form = tuple(pair for pair in given if pair[0] not in self.query)
+        has_form = self.method in ("POST", "PUT")
+        return RwsRequest(self.method, self.path_of(*places), tuple(query), form if has_form else None)
 
 
 def _text(value: object) -> str:

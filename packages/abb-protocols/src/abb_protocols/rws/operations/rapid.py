@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from abb_protocols.errors import ControllerRefused
 from abb_protocols.robot.joints import Joints
 from abb_protocols.rws.documents import RwsState, member
+from abb_protocols.rws.operations.modules import TextRange, text_range_in
 from abb_protocols.rws.operations.motion import TURNS_OF_TARGET, RobTarget, joint_answer, target_answer
 from abb_protocols.rws.operations.operation import get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, flag, record, single
@@ -89,29 +90,11 @@ class TaskDetails(TaskInfo):
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
-    """A part of a module's text; rows and columns count from 1, the end included."""
-
-    row: int
-    column: int
-    end_row: int
-    end_column: int
-
-
-def range_in(*names: str) -> Spelling[Range]:
-    """A range in four fields."""
-    return Spelling(
-        lambda state, name: Range(*map(state.whole, names)),
-        lambda name, value: dict(zip(names, map(str, astuple(value)), strict=True)),
-    )
-
-
-@dataclass(frozen=True, slots=True)
 class StackFrame:
     """One call that is under way in a task; ``level`` is Normal, Trap, User or Service."""
 
     level: Annotated[str, "execlevel"]
-    range: Annotated[Range, range_in("beg-row", "beg-col", "end-row", "end-col")]
+    range: Annotated[TextRange, text_range_in("beg-row", "beg-col", "end-row", "end-col")]
     stack_url: str = ""
     routine_url: str = field(kw_only=True)
 
@@ -126,12 +109,12 @@ class StackFrame:
         return self.routine_url.rpartition("/")[2]
 
 
-def _read_range(state: RwsState, name: str) -> Range | None:
+def _read_range(state: RwsState, name: str) -> TextRange | None:
     parts = f"{state.fields.get('beginposition', '')},{state.fields.get('endposition', '')}".split(",")
-    return Range(*map(int, parts)) if all(part.isdecimal() for part in parts) else None
+    return TextRange(*map(int, parts)) if all(part.isdecimal() for part in parts) else None
 
 
-def _write_range(name: str, at: Range | None) -> dict[str, str]:
+def _write_range(name: str, at: TextRange | None) -> dict[str, str]:
     if at is None:
         return {}
     return {"beginposition": f"{at.row},{at.column}", "endposition": f"{at.end_row},{at.end_column}"}
@@ -141,7 +124,7 @@ def _write_range(name: str, at: Range | None) -> dict[str, str]:
 class Pointer:
     """Where a program pointer or motion pointer stands; ``range`` is None where it is nowhere."""
 
-    range: Annotated[Range | None, Spelling(_read_range, _write_range)]
+    range: Annotated[TextRange | None, Spelling(_read_range, _write_range)]
     module: Annotated[str, "modulemame"] = ""
     routine: Annotated[str, "routinename"] = ""
 
@@ -178,7 +161,7 @@ class Breakpoint:
     """Where execution may stop."""
 
     module: Annotated[str, "module-name"]
-    range: Annotated[Range, range_in("start-row", "start-col", "end-row", "end-col")]
+    range: Annotated[TextRange, text_range_in("start-row", "start-col", "end-row", "end-col")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -488,7 +471,7 @@ class RapidService(Service):
 
     # Breakpoints
 
-    def breakpoints(self, task: str) -> tuple[tuple[str, Range], ...]:
+    def breakpoints(self, task: str) -> tuple[tuple[str, TextRange], ...]:
         """Module and place of each breakpoint."""
         found = self._answers(f"reading the breakpoints of {task}", BREAKPOINTS, task)
         return tuple((each.module, each.range) for each in found)

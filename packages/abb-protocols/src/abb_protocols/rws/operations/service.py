@@ -24,21 +24,6 @@ _MOST_SESSIONS = 70  # at a time, of a controller (reference/rws.md §2)
 _NOT_VALID = 400  # status of HTTP of a check that fails
 
 
-def request(operation: Operation[Any], /, *places: str, **arguments: object) -> RwsRequest:
-    """The request for an operation.
-
-    Args:
-        operation: of a table.
-        places: texts for the placeholders in its path, in order.
-        arguments: of URL and body by name, with ``_`` for ``-``; one that is None is left out.
-    """
-    query, form = operation.filled(arguments)
-    has_form = operation.method in ("POST", "PUT")
-    return RwsRequest(
-        operation.method, operation.path_of(*places), (*operation.marks, *query), form if has_form else None
-    )
-
-
 class Service(ABC):
     """Calls of operations in one session; :class:`abb_runtime.rws.client.RwsClient` has the session.
 
@@ -61,7 +46,7 @@ class Service(ABC):
 
     def _call(self, what: str, operation: Operation[Any], /, *places: str, **arguments: object) -> RwsReply:
         """The reply to an operation, for which the mastership is held that it needs."""
-        return self._sent(what, operation, request(operation, *places, **arguments))
+        return self._sent(what, operation, operation.request(*places, **arguments))
 
     def _sent(self, what: str, operation: Operation[Any], called: RwsRequest) -> RwsReply:
         """The reply to a request for an operation."""
@@ -100,7 +85,7 @@ class Service(ABC):
         self, what: str, operation: Operation[Any], /, *places: str, **arguments: object
     ) -> tuple[RwsState, ...]:
         """The states of a list, on all its pages."""
-        return self._states(what, request(operation, *places, **arguments))
+        return self._states(what, operation.request(*places, **arguments))
 
     def _states(self, what: str, called: RwsRequest) -> tuple[RwsState, ...]:
         found: tuple[RwsState, ...] = ()

@@ -37,13 +37,13 @@ LONGEST_PATTERN = 80
 
 
 @dataclass(eq=False, slots=True)
-class Block:
+class DataPosition:
     """What a datapos stands for: the module of a symbol that a search has found."""
 
     module: str = ""
 
 
-SYMBOLS.object_type("datapos", Block)
+SYMBOLS.object_type("datapos", DataPosition)
 
 # Patterns: each part of one is a function from the places where it may begin to those where it may end ---------------
 
@@ -138,7 +138,7 @@ def set_data_search(call: Call) -> None:
     pattern, module = call.get("Object", ".*"), call.get("InMod", "")
     matches(pattern, "")  # a pattern that is none is an error of this instruction
     if module and module.lower() not in task_of(call).program.modules:
-        raise RapidRuntimeError("ERR_MODULE", f"SetDataSearch: there is no module '{module}'.")
+        raise call.error("ERR_MODULE", f"there is no module '{module}'.")
     found = [
         (owner.name, variable.name)
         for owner, variable in _data_of_type(call, call["Type"])
@@ -185,11 +185,9 @@ def _named_datum(call: Call) -> Reference:
     root = name.partition("{")[0].partition(".")[0]
     found = program.find(root, owner)
     if not isinstance(found, Variable) or found.value is UNSET:
-        raise RapidRuntimeError("ERR_SYM_ACCESS", f"{call.name}: there is no datum '{name}'.")
+        raise call.error("ERR_SYM_ACCESS", f"there is no datum '{name}'.")
     if task is not call.task and found.storage is Storage.VAR:
-        raise RapidRuntimeError(
-            "ERR_SYM_ACCESS", f"{call.name}: '{name}' of {task.name} is a variable, which is its own."
-        )
+        raise call.error("ERR_SYM_ACCESS", f"'{name}' of {task.name} is a variable, which is its own.")
     if root == name:
         return found
     owner = owner or next(iter(program.modules.values()))
@@ -200,10 +198,9 @@ def _named_datum(call: Call) -> Reference:
 def _check_type(call: Call, wanted: Type, given: Type) -> None:
     if not is_assignable(wanted, given):
         if is_assignable(_element(wanted), _element(given)):
-            sentence = f"{call.name}: '{call['Object']}' and Value have different dimensions."
-            raise RapidRuntimeError("ERR_INVDIM", sentence)
-        sentence = f"{call.name}: '{call['Object']}' is not of the type {call.reference('Value').type.name}."
-        raise RapidRuntimeError("ERR_SYMBOL_TYPE", sentence)
+            raise call.error("ERR_INVDIM", f"'{call['Object']}' and Value have different dimensions.")
+        sentence = f"'{call['Object']}' is not of the type {call.reference('Value').type.name}."
+        raise call.error("ERR_SYMBOL_TYPE", sentence)
 
 
 def _element(type_: Type) -> Type:
@@ -223,7 +220,7 @@ def set_value(call: Call) -> None:
     datum = _named_datum(call)
     root = task_of(call).program.find(datum.name, None)
     if (isinstance(datum, Variable) and datum.is_constant) or (isinstance(root, Variable) and root.is_constant):
-        raise RapidRuntimeError("ERR_SYM_ACCESS", f"SetDataVal: '{call['Object']}' is a constant.")
+        raise call.error("ERR_SYM_ACCESS", f"'{call['Object']}' is a constant.")
     _check_type(call, datum.type, call.reference("Value").type)
     datum.value = datum.type.convert(call["Value"])
 

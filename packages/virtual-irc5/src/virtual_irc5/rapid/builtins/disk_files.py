@@ -129,10 +129,9 @@ def _file(call: Call, *, to_read: bool = False, to_write: bool = False) -> OpenF
     """The open file; raises ERR_FILEACC where it is closed or opened for something else."""
     file: OpenFile = call["IODevice"]
     if not file.path:
-        sentence = f"{call.name}: the file {call.reference('IODevice').name} is closed; Open opens it."
-        raise RapidRuntimeError("ERR_FILEACC", sentence)
+        raise call.error("ERR_FILEACC", f"the file {call.reference('IODevice').name} is closed; Open opens it.")
     if (to_read and not file.is_readable) or (to_write and not file.is_writable):
-        raise RapidRuntimeError("ERR_FILEACC", f"{call.name}: {file.path} was not opened for this.")
+        raise call.error("ERR_FILEACC", f"{file.path} was not opened for this.")
     return file
 
 
@@ -156,13 +155,13 @@ def open_file(call: Call) -> None:
     name: str = call["Object"]
     path = full_path(name, call.get("File", ""))
     if name.lower() in SERIAL:
-        sentence = f"Open: there are no serial channels on this controller, as '{name}' is; files are on HOME:."
-        raise RapidRuntimeError("ERR_FILEOPEN", sentence)
+        sentence = f"there are no serial channels on this controller, as '{name}' is; files are on HOME:."
+        raise call.error("ERR_FILEOPEN", sentence)
     if file.path:
-        raise RapidRuntimeError("ERR_FILEOPEN", f"Open: {call.reference('IODevice').name} is open; Close closes it.")
+        raise call.error("ERR_FILEOPEN", f"{call.reference('IODevice').name} is open; Close closes it.")
     opened = _opened.setdefault(call.task, WeakSet())
     if sum(bool(each.path) for each in opened) >= MOST_OPEN:
-        raise RapidRuntimeError("ERR_FILEOPEN", f"Open: the task has {MOST_OPEN} files open already; Close closes one.")
+        raise call.error("ERR_FILEOPEN", f"the task has {MOST_OPEN} files open already; Close closes one.")
     disk = call.task.host.devices.disk
     is_reading = call.present("Read")
     is_new = call.present("Write") or not (is_reading or call.present("Append"))
@@ -281,7 +280,7 @@ def read_number(call: Call) -> float:
     try:
         return float(text.strip())
     except ValueError as error:
-        raise RapidRuntimeError("ERR_RCVDATA", f"ReadNum: '{text}' is not a number.") from error
+        raise call.error("ERR_RCVDATA", f"'{text}' is not a number.") from error
 
 
 @FILES.function("ReadBin", r"VAR iodev IODevice, \num Time", "num")
@@ -304,7 +303,7 @@ def read_raw_bytes(call: Call) -> None:
     count = whole_argument(call, "NoOfBytes", 1, MOST_BYTES, MOST_BYTES)
     found = file.take(count)
     if not found or (call.present("NoOfBytes") and len(found) < count):
-        raise RapidRuntimeError("ERR_RANYBIN_EOF", f"ReadRawBytes: {file.path} has no {count} more bytes.")
+        raise call.error("ERR_RANYBIN_EOF", f"{file.path} has no {count} more bytes.")
     call["RawData"].data[:] = found
 
 
@@ -314,7 +313,7 @@ def read_any_from_file(call: Call) -> None:
     file, type_ = _file(call, to_read=True), call.reference("Data").type
     header = file.take(3)
     if len(header) < 3:
-        raise RapidRuntimeError("ERR_RANYBIN_EOF", f"ReadAnyBin: {file.path} has nothing more.")
+        raise call.error("ERR_RANYBIN_EOF", f"{file.path} has nothing more.")
     length, name_length = struct.unpack(">HB", header)
     name, literal = file.take(name_length), file.take(length).decode(ENCODING)
     try:
@@ -322,7 +321,7 @@ def read_any_from_file(call: Call) -> None:
             raise RapidValueError(f"it is a {name.decode('ascii', 'replace')}.")
         call["Data"] = parse_value(type_, literal)
     except RapidValueError as error:
-        raise RapidRuntimeError("ERR_RANYBIN_CHK", f"ReadAnyBin: no {type_.name} can be read: {error}") from error
+        raise call.error("ERR_RANYBIN_CHK", f"no {type_.name} can be read: {error}") from error
 
 
 # Directories and files as a whole ---------------------------------------------------------------------------------
@@ -338,7 +337,7 @@ def open_directory(call: Call) -> None:
 def read_directory(call: Call) -> bool:
     names = call["Dev"].names
     if names is None:
-        raise RapidRuntimeError("ERR_FILEACC", "ReadDir: the directory is closed; OpenDir opens it.")
+        raise call.error("ERR_FILEACC", "the directory is closed; OpenDir opens it.")
     if not names:
         return False
     call["FileName"] = names.pop(0)[:LONGEST_STRING]

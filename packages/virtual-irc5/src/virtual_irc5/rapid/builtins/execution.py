@@ -1,4 +1,4 @@
-"""RAPID's instructions about execution: conditions that are followed, cycles, retries, stops, where the program is."""
+"""RAPID's instructions about execution: conditions that are followed, cycles, retries, waits, stops, where it is."""
 
 from __future__ import annotations
 
@@ -212,7 +212,16 @@ def end_recording(call: Call) -> None:
         task.pauses.end_of_spy()
 
 
-# Stops and errors -----------------------------------------------------------------------------------------------------
+# Waits, stops and errors ----------------------------------------------------------------------------------------------
+
+
+@EXECUTION.instruction("WaitTime", r"\switch InPos, num Time")
+def wait_time(call: Call) -> Wait:
+    while not call.task.is_settled(call):
+        yield None
+    end = call.task.now + max(0.0, call["Time"])
+    while call.task.now < end:
+        yield end
 
 
 @EXECUTION.instruction("BookErrNo", "VAR errnum ErrorName")

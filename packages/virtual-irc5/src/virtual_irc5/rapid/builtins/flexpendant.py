@@ -91,7 +91,7 @@ def _asked(call: Call, dialog: DeviceDialog) -> Any:
             broken = _ending(call, end)
             if broken:
                 if not call.present("BreakFlag"):
-                    raise RapidRuntimeError(broken, f"{call.name}: the operator has given no answer ({broken}).")
+                    raise call.error(broken, f"the operator has given no answer ({broken}).")
                 call["BreakFlag"] = task.library.error_number(broken)
                 return None
             yield None if math.isinf(end) else end
@@ -141,7 +141,7 @@ def _button_set(call: Call) -> tuple[Choice, ...]:
     for value, names in BUTTON_SETS.values():
         if value == chosen and array is None:
             return tuple(Choice(name, float(BUTTON_RESULTS[name])) for name in names)
-    raise RapidRuntimeError("ERR_UI_BUTTONS", f"{call.name}: {chosen:g} is not a set of buttons, as btnOK is.")
+    raise call.error("ERR_UI_BUTTONS", f"{chosen:g} is not a set of buttons, as btnOK is.")
 
 
 def _numbered(texts: Sequence[str]) -> tuple[Choice, ...]:
@@ -236,14 +236,14 @@ for _prefix, _type in (("UINum", "num"), ("UIDnum", "dnum")):
         low, high, initial = call.get("MinValue"), call.get("MaxValue"), call.get("InitValue")
         whole = call.present("AsInteger") if call.name.endswith("Entry") else False
         if low is not None and high is not None and low > high:
-            raise RapidRuntimeError("ERR_UI_MAXMIN", f"{call.name}: MinValue {low:g} is above MaxValue {high:g}.")
+            raise call.error("ERR_UI_MAXMIN", f"MinValue {low:g} is above MaxValue {high:g}.")
         for value in (initial, low, high) if whole else ():
             if value is not None and value != int(value):
-                raise RapidRuntimeError("ERR_UI_NOTINT", f"{call.name}: {value:g} is not an integer.")
+                raise call.error("ERR_UI_NOTINT", f"{value:g} is not an integer.")
         is_low = initial is not None and low is not None and initial < low
         is_high = initial is not None and high is not None and initial > high
         if is_low or is_high:
-            raise RapidRuntimeError("ERR_UI_INITVALUE", f"{call.name}: InitValue {initial:g} is not within the limits.")
+            raise call.error("ERR_UI_INITVALUE", f"InitValue {initial:g} is not within the limits.")
         more = {"lowest": low, "highest": high, "is_integer": whole, "initial": initial}
         answer = yield from _asked(call, _dialog(call, DialogKind.NUMBER, _message_lines(call), **more))
         return (initial or 0.0) if answer is None else answer

@@ -169,7 +169,7 @@ def module_time(call: Call) -> float:
     """When the file of a module was written, seconds since 1970."""
     module = task_of(call).program.modules.get(call["Object"].lower())
     if module is None:
-        raise RapidRuntimeError("ERR_MOD_NOTLOADED", f"{call.name}: there is no module '{call['Object']}'.")
+        raise call.error("ERR_MOD_NOTLOADED", f"there is no module '{call['Object']}'.")
     with raised_as("ERR_FILNOTFND", OSError, before=f"{call.name}: "):
         return float(int(call.task.host.devices.disk.entry(module.syntax.filename).changed))
 
@@ -293,7 +293,7 @@ def install_text_table(call: Call) -> None:
         text = devices.disk.read(call["File"]).decode("utf-8", "replace")
     name = _TABLE_NAME.search(text)
     if name is None:
-        raise RapidRuntimeError("ERR_FILEACC", f"TextTabInstall: {call['File']} names no text table.")
+        raise call.error("ERR_FILEACC", f"{call['File']} names no text table.")
     table = {
         int(number): (_VALUE_ELEMENT.search(body) or [body, body])[1].strip()
         for number, body in _TEXT_ELEMENT.findall(text)
@@ -390,7 +390,7 @@ def warm_start(call: Call) -> Wait:
     """Restart the controller; the program does not get any further."""
     restart = call.task.host.devices.restart
     if restart is None:
-        raise RapidRuntimeError("ERR_EXECPHR", "WarmStart: this controller cannot be restarted.")
+        raise call.error("ERR_EXECPHR", "this controller cannot be restarted.")
     restart()
     while True:
         yield None

@@ -193,7 +193,7 @@ def trap_data(call: Call) -> None:
 def event_data(call: Call) -> None:
     event: LoggedEvent | None = call["TrapEvent"].event
     if event is None:
-        raise RapidRuntimeError("ERR_ARGVALERR", "ReadErrData: GetTrapData has found no event.")
+        raise call.error("ERR_ARGVALERR", "GetTrapData has found no event.")
     call["ErrorDomain"], call["ErrorId"] = float(event.domain), float(event.number)
     call["ErrorType"] = float(event.severity.value)
     texts = (event.title, *event.arguments)

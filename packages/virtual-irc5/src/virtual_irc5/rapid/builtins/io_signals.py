@@ -1,4 +1,4 @@
-"""RAPID's I/O signals: reading and writing, pulses, waiting for them, their devices and networks, and alias names."""
+"""RAPID's I/O signals: reading and writing, pulses, waits for a value, their devices and networks, and alias names."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _write_signal(call: Call, value: float) -> None:
     low, high = io.limits(name) if io is not None else (-math.inf, math.inf)
     if not low <= value <= high:
         error = "ERR_AO_LIM" if call.name == "SetAO" else "ERR_GO_LIM"
-        raise RapidRuntimeError(error, f"{call.name}: {name} takes {low:g} to {high:g}, not {value:g}.")
+        raise call.error(error, f"{name} takes {low:g} to {high:g}, not {value:g}.")
     if call.get("SDelay") is not None:
         task.later(call["SDelay"], lambda: task.write_signal(name, value))
     else:
@@ -94,19 +94,6 @@ def is_input_set(call: Call) -> bool:
 # Waiting ----------------------------------------------------------------------------------------------------------
 
 
-@SIGNALS.instruction("WaitTime", r"\switch InPos, num Time")
-def wait_time(call: Call) -> Wait:
-    yield from wait_in_position(call)
-    end = call.task.now + max(0.0, call["Time"])
-    while call.task.now < end:
-        yield end
-
-
-def wait_in_position(call: Call) -> Wait:
-    while not call.task.is_settled(call):
-        yield None
-
-
 _RELATIONS: tuple[tuple[str, Callable[[float, float], bool]], ...] = (
     ("LT", operator.lt),
     ("GT", operator.gt),
@@ -165,7 +152,7 @@ def _io_devices(call: Call, name: str, unit: str) -> IoDevices:
     io = call.task.host.devices.io
     known = (() if io is None else io.devices()) if unit == "device" else (io.devices().values() if io else ())
     if io is None or name.lower() not in (each.lower() for each in known):
-        raise RapidRuntimeError("ERR_NAME_INVALID", f"{call.name}: there is no {unit} '{name}'.")
+        raise call.error("ERR_NAME_INVALID", f"there is no {unit} '{name}'.")
     return io
 
 
@@ -173,7 +160,7 @@ def _check_device(call: Call, signal: str) -> None:
     """Raise ERR_NORUNUNIT where the signal is on a device that the program has disabled."""
     devices = call.task.host.devices
     if devices.disabled and devices.io is not None and devices.io.device_of(signal).lower() in devices.disabled:
-        raise RapidRuntimeError("ERR_NORUNUNIT", f"{call.name}: the device of {signal} is disabled; see IOEnable.")
+        raise call.error("ERR_NORUNUNIT", f"the device of {signal} is disabled; see IOEnable.")
 
 
 @SIGNALS.instruction("IODisable", "string UnitName, num MaxTime")
@@ -235,11 +222,11 @@ def connect_alias(call: Call) -> None:
     try:
         call.task.read_signal(name)
     except RapidRuntimeError as error:
-        raise RapidRuntimeError("ERR_ALIASIO_DEF", f"AliasIO: there is no signal '{name}'.") from error
+        raise call.error("ERR_ALIASIO_DEF", f"there is no signal '{name}'.") from error
     reference = call.reference("ToSignal")
     if io is not None and reference.type.name != f"signal{io.type_of(name).lower()}":
-        sentence = f"AliasIO: {name} is a signal{io.type_of(name).lower()}, {reference.name} a {reference.type.name}."
-        raise RapidRuntimeError("ERR_ALIASIO_TYPE", sentence)
+        sentence = f"{name} is a signal{io.type_of(name).lower()}, {reference.name} a {reference.type.name}."
+        raise call.error("ERR_ALIASIO_TYPE", sentence)
     reference.value = Signal(name)
 
 
@@ -247,7 +234,7 @@ def connect_alias(call: Call) -> None:
 def reset_alias(call: Call) -> None:
     reference = call.reference("Signal")
     if not reference.value.name:
-        raise RapidRuntimeError("ERR_NO_ALIASIO_DEF", f"AliasIOReset: {reference.name} stands for no signal.")
+        raise call.error("ERR_NO_ALIASIO_DEF", f"{reference.name} stands for no signal.")
     reference.value = Signal("")
 
 

@@ -143,7 +143,7 @@ def _write_array(call: Call, name: str, values: Array) -> None:
     reference: Reference = call.reference(name)
     if np.shape(reference.value) != values.shape:
         wanted = "x".join(map(str, values.shape))
-        raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name}: {reference.name} has to be {wanted}.")
+        raise call.error("ERR_ARRAY_SIZE", f"{reference.name} has to be {wanted}.")
     call[name] = values.tolist() if values.ndim == 1 else [tuple(row) for row in values.tolist()]
 
 
@@ -154,9 +154,9 @@ def solve_equations(call: Call) -> None:
     matrix, right = _read_array(call, "A"), _read_array(call, "b")
     is_square = matrix.shape[0] == matrix.shape[1]
     if matrix.shape[0] != right.shape[0] or (call.name == "MatrixSolve" and not is_square):
-        raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name}: A and b do not fit together.")
+        raise call.error("ERR_ARRAY_SIZE", "A and b do not fit together.")
     if np.linalg.matrix_rank(matrix) < matrix.shape[1]:
-        raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: the equations have no single solution.")
+        raise call.error("ERR_ARGVALERR", "the equations have no single solution.")
     _write_array(call, "x", np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64))
 
 
@@ -198,7 +198,7 @@ def fit_circle(call: Call) -> None:
         raise RapidRuntimeError("ERR_ARGVALERR", f"FitCircle needs {FEWEST_POINTS} to {len(points)} points.")
     circle = fitted_circle(np.array(points[:count], dtype=float))
     if circle is None:
-        raise RapidRuntimeError("ERR_ARGVALERR", "FitCircle: the points lie on a line.")
+        raise call.error("ERR_ARGVALERR", "the points lie on a line.")
     center, radius, normal, errors = circle
     call["Center"], call["Radius"], call["Normal"] = center.tolist(), radius, normal.tolist()
     for name, value in (

@@ -59,7 +59,7 @@ def find_slot(call: Call) -> None:
 def slot_name(call: Call) -> str:
     name: str = call["Slot"].name
     if not name:
-        raise RapidRuntimeError("ERR_RMQ_INVALID", "RMQGetSlotName: the slot stands for no queue; see RMQFindSlot.")
+        raise call.error("ERR_RMQ_INVALID", "the slot stands for no queue; see RMQFindSlot.")
     return name
 
 
@@ -117,14 +117,14 @@ def _wait_for_message(call: Call, fits: Callable[[RapidMessage], bool]) -> Wait:
 def get_message(call: Call) -> None:
     message = _queues(call).take(_own_queue(call))
     if message is None:
-        raise RapidRuntimeError("ERR_RMQ_NOMSG", "RMQGetMessage: the queue of the task is empty.")
+        raise call.error("ERR_RMQ_NOMSG", "the queue of the task is empty.")
     call["Message"].message = message
 
 
 def _received_message(call: Call) -> RapidMessage:
     message: RapidMessage | None = call["Message"].message
     if message is None:
-        raise RapidRuntimeError("ERR_RMQ_INVMSG", f"{call.name}: nothing has been received into the message.")
+        raise call.error("ERR_RMQ_INVMSG", "nothing has been received into the message.")
     return message
 
 

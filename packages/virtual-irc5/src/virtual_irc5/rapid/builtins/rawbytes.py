@@ -151,7 +151,7 @@ def _struct_letter(call: Call, type_: Type) -> str:
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
     letter = INTEGERS.get(int(call["IntX"]))
     if letter is None:
-        raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: a {type_.name} is not an IntX of {call['IntX']:g}.")
+        raise call.error("ERR_ARGVALERR", f"a {type_.name} is not an IntX of {call['IntX']:g}.")
     return letter
 
 
@@ -207,7 +207,7 @@ def _parsed_integer(call: Call, text: str, base: int) -> float:
     try:
         return float(int(text, base))
     except ValueError as error:
-        raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: '{text}' is no number of base {base}.") from error
+        raise call.error("ERR_ARGVALERR", f"'{text}' is no number of base {base}.") from error
 
 
 def _byte(call: Call, value: Any) -> int:

@@ -94,7 +94,7 @@ def _call_network(call: Call, device: SocketDevice, action: Callable[[], T]) -> 
         name = _SOCKET_ERRORS.get(error.errno or 0, "ERR_SOCK_UNSPEC")
         if name == "ERR_SOCK_CLOSED" and device.status is SocketStatus.CONNECTED:
             device.close()
-        raise RapidRuntimeError(name, f"{call.name}: {error.strerror or error}.") from error
+        raise call.error(name, f"{error.strerror or error}.") from error
 
 
 def _open_socket(call: Call) -> tuple[SocketDevice, Socket]:
@@ -102,7 +102,7 @@ def _open_socket(call: Call) -> tuple[SocketDevice, Socket]:
     device: SocketDevice = call["Socket"]
     if device.socket is None:
         variable = call.reference("Socket").name
-        raise RapidRuntimeError("ERR_SOCK_CLOSED", f"{call.name}: {variable} is closed; SocketCreate makes a socket.")
+        raise call.error("ERR_SOCK_CLOSED", f"{variable} is closed; SocketCreate makes a socket.")
     return device, device.socket
 
 
@@ -140,7 +140,7 @@ def create_socket(call: Call) -> None:
     device: SocketDevice = call["Socket"]
     if device.socket is not None:
         variable = call.reference("Socket").name
-        raise RapidRuntimeError("ERR_SOCK_IS_CONN", f"SocketCreate: {variable} is open; SocketClose closes it.")
+        raise call.error("ERR_SOCK_IS_CONN", f"{variable} is open; SocketClose closes it.")
     network, is_datagram = call.task.host.devices.network, call.present("UDP")
     socket = _call_network(call, device, network.udp if is_datagram else network.tcp)
     device.opened(socket, SocketStatus.CREATED, is_datagram=is_datagram)
@@ -161,7 +161,7 @@ def bind_socket(call: Call) -> None:
     device, socket = _open_socket(call)
     address, port = _checked_address(call, call["LocalAddress"], "LocalPort")
     if device.status is not SocketStatus.CREATED:
-        raise RapidRuntimeError("ERR_SOCK_IS_BOUND", "SocketBind: the socket has an address already.")
+        raise call.error("ERR_SOCK_IS_BOUND", "the socket has an address already.")
     _call_network(call, device, lambda: socket.bind(address, port))
     device.status = SocketStatus.BOUND
 
@@ -170,7 +170,7 @@ def bind_socket(call: Call) -> None:
 def listen_on_socket(call: Call) -> None:
     device, socket = _open_socket(call)
     if device.status is SocketStatus.CONNECTED:
-        raise RapidRuntimeError("ERR_SOCK_IS_CONN", "SocketListen: the socket is connected.")
+        raise call.error("ERR_SOCK_IS_CONN", "the socket is connected.")
     if device.status is SocketStatus.CREATED or device.is_datagram:
         raise RapidRuntimeError("ERR_SOCK_NOT_BOUND", "SocketListen needs a TCP socket with an address: SocketBind.")
     _call_network(call, device, socket.listen)
@@ -199,7 +199,7 @@ def connect_socket(call: Call) -> Wait:
     device, socket = _open_socket(call)
     address, port = _checked_address(call, call["Address"], "Port")
     if device.status in (SocketStatus.CONNECTED, SocketStatus.LISTENING):
-        raise RapidRuntimeError("ERR_SOCK_IS_CONN", "SocketConnect: the socket is connected or listens.")
+        raise call.error("ERR_SOCK_IS_CONN", "the socket is connected or listens.")
     end = _deadline(call)
     _call_network(call, device, lambda: socket.connect(address, port))
     # A socket whose connection is refused stays open.
@@ -281,7 +281,7 @@ def receive_bytes(call: Call) -> Wait:
         found = _call_network(call, device, lambda: socket.receive((wanted or room) - len(got)))
         if found == b"":
             device.close()
-            raise RapidRuntimeError("ERR_SOCK_CLOSED", "SocketReceive: the other side has closed the connection.")
+            raise call.error("ERR_SOCK_CLOSED", "the other side has closed the connection.")
         got.extend(found or b"")
         return bytes(got) if got and len(got) >= (wanted or 1) else None
 
@@ -321,7 +321,7 @@ def bytes_waiting(call: Call) -> float:
 def _connected_socket(call: Call) -> tuple[SocketDevice, Socket]:
     device, socket = _open_socket(call)
     if device.status is not SocketStatus.CONNECTED:
-        raise RapidRuntimeError("ERR_SOCK_NOT_CONN", f"{call.name}: the socket has no connection.")
+        raise call.error("ERR_SOCK_NOT_CONN", "the socket has no connection.")
     return device, socket
 
 

@@ -139,7 +139,7 @@ def other_base(call: Call) -> str:
     try:
         value = int(call["Str"], base)
     except ValueError as error:
-        raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: '{call['Str']}' is no such number.") from error
+        raise call.error("ERR_ARGVALERR", f"'{call['Str']}' is no such number.") from error
     if not 0 <= value <= LARGEST_HEX:
         raise RapidRuntimeError("ERR_INT_MAXVAL", f"{call.name} takes 0 to {LARGEST_HEX}, not {call['Str']}.")
     return f"{value:X}" if base == 10 else str(value)
@@ -149,7 +149,7 @@ def _digits(call: Call, name: str) -> int:
     """A stringdig: a whole number from 0 to 4294967295, as DeviceNet and cfg files have them."""
     text: str = call[name]
     if not (text.isascii() and text.isdigit()):
-        raise RapidRuntimeError("ERR_INT_NOTVAL", f"{call.name}: '{text}' is not a whole number in digits.")
+        raise call.error("ERR_INT_NOTVAL", f"'{text}' is not a whole number in digits.")
     if int(text) > LARGEST_DIGITS:
         raise RapidRuntimeError("ERR_INT_MAXVAL", f"{call.name} takes up to {LARGEST_DIGITS}, not {text}.")
     return int(text)
@@ -168,12 +168,12 @@ def calculate_digits(call: Call) -> str:
     """The sum, difference, product, quotient or rest of two whole numbers; raises ERR_CALC_... as ABB's does."""
     left, operation, right = _digits(call, "StrDig1"), int(call["Operation"]), _digits(call, "StrDig2")
     if operation in (4, 5) and right == 0:
-        raise RapidRuntimeError("ERR_CALC_DIVZERO", f"StrDigCalc: {left} is divided by zero.")
+        raise call.error("ERR_CALC_DIVZERO", f"{left} is divided by zero.")
     if operation not in OPERATIONS:
         raise RapidRuntimeError("ERR_ARGVALERR", "StrDigCalc takes OpAdd, OpSub, OpMult, OpDiv or OpMod.")
     value: int = OPERATIONS[operation](left, right)
     if value < 0:
-        raise RapidRuntimeError("ERR_CALC_NEG", f"StrDigCalc: {left} - {right} is negative.")
+        raise call.error("ERR_CALC_NEG", f"{left} - {right} is negative.")
     if value > LARGEST_DIGITS:
-        raise RapidRuntimeError("ERR_CALC_OVERFLOW", f"StrDigCalc: {value} is above {LARGEST_DIGITS}.")
+        raise call.error("ERR_CALC_OVERFLOW", f"{value} is above {LARGEST_DIGITS}.")
     return str(value)
