@@ -17,7 +17,7 @@ from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.gripper import RwsGripper
 from yumi.driver.robot_state import RobotMode, RobotState
 from yumi.driver.speed_setting import SpeedSetting
-from yumi.driver.surroundings import SurroundingsBox, Surroundings
+from yumi.driver.surroundings import Surroundings, SurroundingsBox
 
 ROBOT = "192.168.125.1:80"
 WAIT = 10.0

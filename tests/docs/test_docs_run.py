@@ -16,8 +16,8 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.joints import Side
 from refusals import assert_says
-from yumi.driver.settings import config_folder, read_controllers, read_settings
 from yumi.driver.initial_controllers import check_controllers
+from yumi.driver.settings import config_folder, read_controllers, read_settings
 
 in_real_time = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(300)]
 

@@ -23,7 +23,7 @@ from yumi.control.controller import Controller
 from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import ControllersLate, Event
-from yumi.driver.control_process import ArmBuffers, ControlProcessArm, ControlProcess
+from yumi.driver.control_process import ArmBuffers, ControlProcess, ControlProcessArm
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 

@@ -22,8 +22,8 @@ from yumi.control.shared_memory import shared_numbers
 from yumi.driver import control_process
 from yumi.driver.control_process import (
     NO_NUMBER,
-    ControlProcessArm,
     ControlProcessAnswer,
+    ControlProcessArm,
     ControlProcessCall,
     ControlProcessRefusal,
     ControlProcessStop,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS
 from soak import long, short, tell
-from yumi.planning.path_timing import UNLIMITED, MotionLimits, accelerating_law, time_demand, fastest_along
+from yumi.planning.path_timing import UNLIMITED, MotionLimits, accelerating_law, fastest_along, time_demand
 from yumi.planning.rounded_path import RoundedPath
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from abb_protocols.robot.joints import Side
 from abb_runtime.parameters import read_parameter_file
 from refusals import assert_says, refused
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.driver.settings import ControllerSettings, InitialState, read_controllers
 from yumi.driver.initial_controllers import check_controllers
+from yumi.driver.settings import ControllerSettings, InitialState, read_controllers
 
 RIGHT = Side.RIGHT
 LISTED = """

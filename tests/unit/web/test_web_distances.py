@@ -7,7 +7,7 @@ import pytest
 
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
 from yumi.core.collision import CollisionModel
-from yumi.driver.surroundings import SurroundingsBox, Surroundings, shapes_of
+from yumi.driver.surroundings import Surroundings, SurroundingsBox, shapes_of
 from yumi.web.distances import NEAR, Distances
 
 TURNED = Pose((0.35, 0.05, 0.1), (0.9238795, 0.0, 0.0, 0.3826834))  # by 45 degrees about z

@@ -9,7 +9,7 @@ import pytest
 
 from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side, home
 from abb_protocols.robot.kinematics import IDENTITY
-from yumi.driver.surroundings import SurroundingsBox, Surroundings, SurroundingsTool, limits_of, shapes_of
+from yumi.driver.surroundings import Surroundings, SurroundingsBox, SurroundingsTool, limits_of, shapes_of
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
 

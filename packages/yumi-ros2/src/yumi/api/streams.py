@@ -35,7 +35,7 @@ from yumi.control.tool_goal import ToolGoal, check_tool_near, check_twist, pose_
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER
-from yumi.driver.teleoperated_arm import LINK_LOST, TeleoperationFollower, JointsGoal, MotionGoal, PoseGoal
+from yumi.driver.teleoperated_arm import LINK_LOST, JointsGoal, MotionGoal, PoseGoal, TeleoperationFollower
 
 _LONGEST_BLEND = 10.0
 """So long may it take until a stream that begins elsewhere is followed as it is [s]."""

@@ -26,9 +26,9 @@ from yumi.driver.command import (
     Command,
     CommandedRobot,
     Lane,
-    SentPosition,
     RunningMotion,
     Scale,
+    SentPosition,
     TimedPoint,
     side_of,
 )

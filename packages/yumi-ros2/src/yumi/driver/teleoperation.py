@@ -28,9 +28,9 @@ from yumi.driver.teleoperated_arm import (
     ArmNow,
     Clutch,
     ClutchStep,
-    TeleoperationFollower,
     MotionGoal,
     TeleoperatedArm,
+    TeleoperationFollower,
 )
 
 OPERATOR_HOLDS = 1.0

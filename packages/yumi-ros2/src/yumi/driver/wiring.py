@@ -47,7 +47,7 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.stage_times import StageClock
 from yumi.control.tool_limits import ToolLimits
 from yumi.driver.bringup import Bringup
-from yumi.driver.control_process import ArmBuffers, ControlProcessArm, ControlProcess
+from yumi.driver.control_process import ArmBuffers, ControlProcess, ControlProcessArm
 from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.gripper import GripperRoutines, RwsGripper
 from yumi.driver.gripper_signals import GripperSignals

@@ -80,8 +80,8 @@ from yumi.ros.nodes import (
     Presets,
     TimerThread,
     declare_parameters,
-    pass_on_parameter_changes,
     parameter_remarks,
+    pass_on_parameter_changes,
 )
 
 try:
@@ -108,6 +108,7 @@ _ADVICE: Mapping[str, str] = {
     ),
 }
 """What to do about types of other robots' files."""
+
 
 class ControllerInterface(Protocol):
     """Topics or actions of one controller."""

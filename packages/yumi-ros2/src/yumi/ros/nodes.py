@@ -363,7 +363,9 @@ def declare_parameters(node: Any, infos: Iterable[ParameterInfo], presets: Prese
     return changed
 
 
-def parameter_remarks(node: Any, infos: Iterable[ParameterInfo], presets: Presets, files: Iterable[Path]) -> tuple[str, ...]:
+def parameter_remarks(
+    node: Any, infos: Iterable[ParameterInfo], presets: Presets, files: Iterable[Path]
+) -> tuple[str, ...]:
     """A sentence for each parameter that is set on a controller's node and changes nothing.
 
     Args:
