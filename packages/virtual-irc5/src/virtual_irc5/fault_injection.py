@@ -102,9 +102,8 @@ class FaultInjection:
         network, kind = self._world.network, fault.value
         sides = tuple(self._world.arms) if side is None else (side,)
         length = kind.default_duration if duration is None else duration
-        strength = amount
-        if strength is None:  # 0 is chance, or nothing to choose
-            strength = (kind.amount.default if kind.amount is not None else None) or 0.0
+        usual = kind.amount.default if kind.amount is not None else None
+        strength = (usual or 0.0) if amount is None else amount  # 0 is chance, or nothing to choose
         if fault in self._of_robot:
             self._of_robot[fault]()
         elif fault in self._lasting:
