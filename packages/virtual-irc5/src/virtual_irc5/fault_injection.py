@@ -102,9 +102,8 @@ class FaultInjection:
         network, kind = self._world.network, fault.value
         sides = tuple(self._world.arms) if side is None else (side,)
         length = kind.default_duration if duration is None else duration
-        strength = amount
-        if strength is None:  # 0 is chance, or nothing to choose
-            strength = (kind.amount.default if kind.amount is not None else None) or 0.0
+        usual = kind.amount.default if kind.amount is not None else None
+        strength = (usual or 0.0) if amount is None else amount  # 0 is chance, or nothing to choose
         if fault in self._of_robot:
             self._of_robot[fault]()
         elif fault in self._lasting:
@@ -132,18 +131,9 @@ class FaultInjection:
             )
         name = request.target.partition("?")[0].removeprefix(FAULTS_PATH).strip("/")
         if not name:
-            kinds = [
-                {
-                    "name": fault.value.name,
-                    "meaning": fault.value.meaning,
-                    "has_side": fault.value.has_side,
-                    "has_duration": fault.value.has_duration,
-                    "default_duration_s": fault.value.default_duration,
-                    "by": None if fault.value.amount is None else asdict(fault.value.amount),
-                    "has_way": fault.value.has_way,
-                }
-                for fault in Fault
-            ]
+            kinds = [asdict(fault.value) for fault in Fault]
+            for kind in kinds:  # "by" as in the form
+                kind |= {"default_duration_s": kind.pop("default_duration"), "by": kind.pop("amount")}
             return HttpReply(200, (("Content-Type", "application/json"),), json.dumps(kinds).encode())
         fault = fault_named(name)
         if fault is None or request.method != "POST":

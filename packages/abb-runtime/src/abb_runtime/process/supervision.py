@@ -102,10 +102,7 @@ class SupervisedThread:
                 return
             except Exception as error:  # whatever it is: the program depends on this thread
                 self._failures.note(f"Thread {self._name}", error)
-            try:
-                self._on_failure()
-            except Exception as error:
-                self._failures.note(f"Thread {self._name}", error)
+            self._failures.attempt(f"Thread {self._name}", self._on_failure)
             if time.monotonic() - begun > LONGEST_PAUSE:
                 pause = FIRST_PAUSE
             self._is_over.wait(pause)
