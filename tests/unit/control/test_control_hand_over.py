@@ -162,6 +162,20 @@ def test_end_of_the_controllers_ends_the_command_and_who_takes_the_arm_next_begi
     assert not arms.of(LEFT).is_reserved
 
 
+@pytest.mark.parametrize("is_silent", [True, False])
+def test_arm_was_anothers_after_a_person_has_let_it_go_or_has_fallen_silent(arms: Arms, is_silent: bool) -> None:
+    arms.taken(Commander.STREAM)
+    assert not arms.was_of_another(RIGHT)
+    arms.taken(Commander.HEADSET, "person", SOON)
+    if is_silent:
+        arms.note(CommanderSilent(RIGHT, 0.2))
+    arms.clock.advance(2.0 * SOON)
+    arms.give_back((RIGHT,))
+    assert arms.was_of_another(RIGHT)  # so that a stream does not go on from anywhere
+    assert arms.taken(Commander.STREAM)
+    assert not arms.was_of_another(RIGHT)
+
+
 def test_hand_overs_are_events_and_a_program_that_goes_on_is_none(arms: Arms) -> None:
     arms.taken(Commander.POLICY, "policy")
     arms.clock.advance(2.0)

@@ -338,7 +338,8 @@ class HandOver:
             with self._reporting():
                 held = self._held[event.side]
                 if isinstance(event, CommanderSilent):  # the next one to take the arm begins anew, who was silent, too
-                    self._before[event.side] = (Commander.NONE, event)
+                    who, _ = self._before.get(event.side, (Commander.NONE, None))
+                    self._before[event.side] = (who, event)
                 if held.command.who is not Commander.NONE:
                     self._end(event.side, held)
 
