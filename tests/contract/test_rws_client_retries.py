@@ -128,8 +128,8 @@ def test_no_request_waits_once_the_rate_limit_is_lifted(limited: tuple[RwsSessio
     assert clock.now() == 0.0
 
 
-def test_pace_is_kept_again_once_another_controller_may_answer(paced: tuple[RwsSession, ManualClock]) -> None:
-    session, clock = paced
+def test_rate_limit_is_kept_again_once_another_controller_may_answer(limited: tuple[RwsSession, ManualClock]) -> None:
+    session, clock = limited
     session.exchange(READ)
     session.lift_rate_limit()
     session.close()  # as a controller that does not know the session

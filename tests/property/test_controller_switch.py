@@ -50,8 +50,8 @@ class SwitchedLoop(EgmLoop):
         self.active: str | None = None
         self.followed = 0
         for name, (make, values) in MAKERS.items():
-            self.manager.load(name, make(self.goals, self.speeds))
-            self.manager.configure(name, values)
+            self.manager.load(name, make(self.goals, self.speeds), values)
+            self.manager.configure(name)
 
     def switch(self, name: str | None) -> None:
         leaving = (self.active,) if self.active else ()

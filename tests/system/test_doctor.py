@@ -171,13 +171,13 @@ def test_datagrams_that_go_to_another_port_are_a_problem_of_that_arm() -> None:
 
 def test_missing_module_is_a_problem_of_its_task() -> None:
     controller = world().controller
-    controller.unload_module("T_ROB_R", "TRobRAPID")
+    controller.execution.unload_module("T_ROB_R", "TRobRAPID")
     assert problems(controller) == [("modules in T_ROB_R", message("modules_missing", modules=("TRobRAPID",)))]
 
 
 def test_missing_watchdog_is_a_note_that_says_what_is_lost() -> None:
     controller = world().controller
-    controller.unload_module("T_ROB_R", "TRobWatchdog")
+    controller.execution.unload_module("T_ROB_R", "TRobWatchdog")
     assert notes(controller)["modules in T_ROB_R"] == message("watchdog_missing", module="TRobWatchdog")
 
 

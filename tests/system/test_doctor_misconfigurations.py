@@ -110,7 +110,7 @@ def edited(robot: Robot) -> None:
 
 def foreign_main(robot: Robot) -> None:
     robot.controller.execution.tasks["T_ROB_L"].lose_pp()
-    robot.controller.unload_module("T_ROB_L", "TRobMain")
+    robot.controller.execution.unload_module("T_ROB_L", "TRobMain")
     robot.controller.files["HOME:/production.mod"] = FOREIGN
     robot.controller.load_module("T_ROB_L", "HOME:/production.mod", replace=False)
 
@@ -205,7 +205,7 @@ CASES = [
     Case("module edited", edited, "modules in T_ROB_R", message("modules_differ", modules=("TRobEGM",))),
     Case(
         "module missing",
-        lambda robot: robot.controller.unload_module("T_ROB_R", "TRobEGM"),
+        lambda robot: robot.controller.execution.unload_module("T_ROB_R", "TRobEGM"),
         "modules in T_ROB_R",
         message("modules_missing", modules=("TRobEGM",)),
     ),
@@ -490,7 +490,7 @@ def test_link_that_is_lost_while_streaming_is_an_error(yumi: VirtualYumi) -> Non
 def test_stream_starts_no_program_of_another(yumi: VirtualYumi) -> None:
     controller = yumi.world.controller
     controller.files["HOME:/cell.mod"] = "MODULE Cell\n  PROC main()\n  ENDPROC\nENDMODULE\n"
-    controller.unload_module("T_ROB_L", "TRobMain")
+    controller.execution.unload_module("T_ROB_L", "TRobMain")
     with refused(RobotNotReady, "no_state_machine_to_start", task="T_ROB_L"), streaming(yumi.client(), yumi):
         pass
     controller.load_module("T_ROB_L", "HOME:/cell.mod", replace=False)

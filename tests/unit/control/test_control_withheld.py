@@ -481,7 +481,7 @@ class LedBoth:
 
 
 def swung(side: Side, times: np.ndarray) -> list[TrajectoryPoint]:
-    """Where the last joint turns to and fro [rad], and the others stand."""
+    """Where the last joint turns to and back [rad], and the others stand."""
     turns = 0.4 * (1.0 - np.cos(0.5 * np.pi * times))
     return [
         TrajectoryPoint(float(time), joints([*home(side)[:6], home(side)[6] + float(turn)]), ZERO, ZERO)

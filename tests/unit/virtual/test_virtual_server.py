@@ -97,7 +97,7 @@ def test_text_of_a_module_is_quoted_once_for_all_who_read_it(monkeypatch: pytest
 
 
 def test_module_that_is_parsed_in_the_background_is_quoted_there_too(background: Background) -> None:
-    background.submit(partial(rws_rapid.parsed, "MODULE once ENDMODULE", "once.mod")).result(5.0)
+    background.submit(partial(rws_rapid._parsed, "MODULE once ENDMODULE", "once.mod")).result(5.0)
     hits = rws_rapid.quoted_module_text.cache_info().hits
     assert rws_rapid.quoted_module_text("MODULE once ENDMODULE") == "MODULE%20once%20ENDMODULE"
     assert rws_rapid.quoted_module_text.cache_info().hits == hits + 1

@@ -15,7 +15,7 @@ import msgspec
 
 from abb_protocols.catalogue import message, quoted
 from abb_protocols.errors import CommandRefused, YumiError
-from abb_protocols.robot.joints import JOINT_COUNT, Pose, by_side, joints
+from abb_protocols.robot.joints import JOINT_COUNT, Pose, Side, by_side, joints
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.control.goals import Tracking
@@ -245,9 +245,10 @@ class RunningDriver:
             grippers, tools, obstacles = shapes_of(surroundings)
             planner = Planner(grippers, tools=tools, obstacles=obstacles, limits=limits_of(surroundings))
             self._planner = surroundings, planner
+        asked: Mapping[Side, Position | Pose] = by_side(right, left)
         goals = {
             side: goal if isinstance(goal, Pose) else checked_goal(side, goal, start[side])
-            for side, goal in by_side(right, left).items()
+            for side, goal in asked.items()
         }
         return self._planner[1].plan(start, goals, timeout=timeout, speed_scale=speed_scale, seed=seed)
 

@@ -21,7 +21,7 @@ from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, by_side,
 from abb_protocols.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
 from abb_runtime.faults import inject_fault, takes_faults
 from yumi.api.joint_positions import checked_goal
-from yumi.driver.command import Command
+from yumi.driver.command import Command, SentPosition
 from yumi.driver.commands import SwitchControllers
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER, JOG_CONTROLLER
 from yumi.driver.motion_commands import Follow
@@ -208,7 +208,8 @@ class Operator:
         self._plan = None
         start = self._live.state().planning_start()
         goals: dict[Side, Joints | Pose] = {}
-        for side, goal in by_side(request.right, request.left).items():
+        asked: Mapping[Side, SentPosition] = by_side(request.right, request.left)
+        for side, goal in asked.items():
             if not request.is_pose:
                 goals[side] = checked_goal(side, goal, start[side])
                 continue
