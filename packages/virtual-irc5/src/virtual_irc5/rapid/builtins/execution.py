@@ -1,4 +1,4 @@
-"""RAPID's instructions about execution: conditions that are followed, cycles, retries, waits, stops, where it is."""
+"""RAPID's instructions about execution: conditions to follow, cycles, retries, waits, errors, stops, where it is."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from virtual_irc5.rapid.pauses import StackEntry
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind
 from virtual_irc5.rapid.task import CyclicBool, Task, task_of, tasks_of
-from virtual_irc5.rapid.types import ABSENT, RapidRuntimeError, Reference, Variable, raised_as
+from virtual_irc5.rapid.types import ABSENT, Propagated, RapidRuntimeError, Reference, Variable, raised_as
 
 EXECUTION = Library(DATA)
 
@@ -212,7 +212,7 @@ def end_recording(call: Call) -> None:
         task.pauses.end_of_spy()
 
 
-# Waits, stops and errors ----------------------------------------------------------------------------------------------
+# Waits, errors and stops ----------------------------------------------------------------------------------------------
 
 
 @EXECUTION.instruction("WaitTime", r"\switch InPos, num Time")
@@ -222,6 +222,30 @@ def wait_time(call: Call) -> Wait:
     end = call.task.now + max(0.0, call["Time"])
     while call.task.now < end:
         yield end
+
+
+@EXECUTION.function("TestAndSet", "INOUT bool Object", "bool")
+def test_and_set(call: Call) -> bool:
+    r"""Whether it was FALSE; it is TRUE from now on. Two tasks never get it both: one is executed at a time."""
+    was_free = not call["Object"]
+    call["Object"] = True
+    return was_free
+
+
+@EXECUTION.instruction("WaitTestAndSet", "PERS bool Object")
+def wait_test_and_set(call: Call) -> Wait:
+    while call["Object"]:
+        yield None
+    call["Object"] = True
+
+
+@EXECUTION.instruction("RaiseToUser", r"\switch Continue | \switch BreakOff, \num ErrorNumber")
+def raise_to_user(call: Call) -> None:
+    """Raise the error of the handler, or another one; NOSTEPIN routines, which it leaves, are ordinary ones here."""
+    number = call.get("ErrorNumber", task_of(call).program.system_data["errno"].value)
+    error = RapidRuntimeError(task_of(call).machine.error_name(number), f"RaiseToUser: the error {number:g}.")
+    error.number = number
+    raise Propagated(error, is_long_jump=False)
 
 
 @EXECUTION.instruction("BookErrNo", "VAR errnum ErrorName")

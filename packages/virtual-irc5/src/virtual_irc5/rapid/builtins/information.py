@@ -19,7 +19,6 @@ from virtual_irc5.rapid.types import (
     BOOL,
     LONGEST_STRING,
     DatumPart,
-    Propagated,
     RapidRuntimeError,
     Variable,
     is_numeric,
@@ -193,21 +192,6 @@ def type_name(call: Call) -> str:
     return resolved(type_).name if call.present("BaseName") else type_.name
 
 
-@INFORMATION.function("TestAndSet", "INOUT bool Object", "bool")
-def test_and_set(call: Call) -> bool:
-    r"""Whether it was FALSE; it is TRUE from now on. Two tasks never get it both: one is executed at a time."""
-    was_free = not call["Object"]
-    call["Object"] = True
-    return was_free
-
-
-@INFORMATION.instruction("WaitTestAndSet", "PERS bool Object")
-def wait_test_and_set(call: Call) -> Wait:
-    while call["Object"]:
-        yield None
-    call["Object"] = True
-
-
 @INFORMATION.instruction("TryInt", "anynum DataObj, \\dnum DataObj2")
 def try_integer(call: Call) -> None:
     value: float = call["DataObj"]
@@ -262,15 +246,6 @@ def _log_event(
 
 for _name, _text in {"EMPTY": " ", "UNUSED": "ERRSTR_UNUSED", "TASK": "", "CONTEXT": ""}.items():
     INFORMATION.data(f"ERRSTR_{_name}", "errstr", _text)
-
-
-@INFORMATION.instruction("RaiseToUser", r"\switch Continue | \switch BreakOff, \num ErrorNumber")
-def raise_to_user(call: Call) -> None:
-    """Raise the error of the handler, or another one; NOSTEPIN routines, which it leaves, are ordinary ones here."""
-    number = call.get("ErrorNumber", task_of(call).program.system_data["errno"].value)
-    error = RapidRuntimeError(task_of(call).machine.error_name(number), f"RaiseToUser: the error {number:g}.")
-    error.number = number
-    raise Propagated(error, is_long_jump=False)
 
 
 @INFORMATION.instruction("SkipWarn")
