@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from threading import Lock
 from typing import Any, TypeVar
 
@@ -13,7 +14,7 @@ from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.call import VISUALIZE, CallDeadline
 from virtual_irc5.rapid.code_builder import CodeBuilder
 from virtual_irc5.rapid.expressions import Expressions, Scope, caller
-from virtual_irc5.rapid.frame import Code, Evaluate, HandlerCode, LocalName, RoutineFrame, Stack, Step, Target
+from virtual_irc5.rapid.frame import Code, Evaluate, HandlerCode, LocalName, RoutineFrame, Span, Stack, Step, Target
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, fault_in_module
 from virtual_irc5.rapid.program import Local, Program
 from virtual_irc5.rapid.rapid_library import LibraryRoutine, is_robotware_name
@@ -207,14 +208,23 @@ class Statements:
         self.labels = {**outer, **{n.name.lower(): Target() for n in block if isinstance(n, s.Label)}}
         for statement in block:
             self.expressions.count = 0
-            with self.builder.statement(statement.line) as span, _collecting(self.faults):
-                try:
-                    self._statement(statement)
-                except Unresolved as error:
-                    if self.faults is not None:
-                        raise
-                    self.builder.replace(span, self._late_statement(statement, error))
+            with (
+                self.builder.statement(statement.line) as span,
+                self._noted(partial(self._late_step, span, statement)),
+            ):
+                self._statement(statement)
         self.labels = outer
+
+    @contextmanager
+    def _noted(self, late: Callable[[Unresolved], None]) -> Iterator[None]:
+        """Note what does not fit; `late` compiles instead what names something that nothing declares."""
+        with _collecting(self.faults):
+            try:
+                yield
+            except Unresolved as error:
+                if self.faults is not None:
+                    raise
+                late(error)
 
     def _statement(self, node: s.Statement) -> None:
         _COMPILERS[type(node)](self, node)
@@ -237,8 +247,8 @@ class Statements:
 
         return late
 
-    def _late_statement(self, statement: s.Statement, error: Unresolved) -> Step:
-        """The step of a statement; one of several steps, such as a loop, raises the error in any case."""
+    def _late_step(self, span: Span, statement: s.Statement, error: Unresolved) -> None:
+        """One step for a statement; one of several steps, such as a loop, raises the error in any case."""
 
         def only_step(again: Statements) -> Step | None:
             again._statement(statement)
@@ -253,7 +263,7 @@ class Statements:
                 raise RapidRuntimeError(error.error, str(error))
             step(stack, frame)
 
-        return execute
+        self.builder.replace(span, execute)
 
     def _late_condition(self, node: s.Expression) -> Evaluate:
         def condition(again: Statements) -> Evaluate:
@@ -445,13 +455,8 @@ class Statements:
         self.builder.mark(end)
 
     def _jump_unless(self, condition: s.Expression, target: Target) -> None:
-        with _collecting(self.faults):
-            try:
-                self.builder.jump_unless(self.expressions.condition(condition), target)
-            except Unresolved:
-                if self.faults is not None:
-                    raise
-                self.builder.jump_unless(self._late_condition(condition), target)
+        with self._noted(lambda error: self.builder.jump_unless(self._late_condition(condition), target)):
+            self.builder.jump_unless(self.expressions.condition(condition), target)
 
     def while_(self, node: s.While) -> None:
         start, end = self.builder.here(), Target()
@@ -496,13 +501,8 @@ class Statements:
         for values, block in node.cases:
             matched, following = Target(), Target()
             for case in values:
-                with _collecting(self.faults):
-                    try:
-                        self.builder.jump_if(self._is_case(slot, value.type, case), matched)
-                    except Unresolved as error:
-                        if self.faults is not None:
-                            raise
-                        self.builder.add(_failing(error))
+                with self._noted(lambda error: self.builder.add(_failing(error))):
+                    self.builder.jump_if(self._is_case(slot, value.type, case), matched)
             self.builder.jump(following)
             self.builder.mark(matched)
             self._block(block)
