@@ -13,8 +13,9 @@ from flight import LOST, SENTENCE, flown, write_flight_record
 from refusals import refused
 from yumi.cli.main import main
 from yumi.recording.message_types import recorded_event
+from yumi.recording.pictures import draw_recording
 from yumi.recording.reader import Recording, read_recording
-from yumi.recording.tables import GAP, draw_recording, gaps_of, quantile
+from yumi.recording.tables import GAP, gaps_of, quantile
 
 PNG = b"\x89PNG\r\n"
 
@@ -82,7 +83,7 @@ def test_picture_draws_what_moved_and_puts_the_event_in_the_middle(
 ) -> None:
     figures = []
     monkeypatch.setattr(
-        "yumi.recording.tables._figure", lambda width, height: figures.append(Figure((width, height))) or figures[-1]
+        "yumi.recording.pictures._figure", lambda width, height: figures.append(Figure((width, height))) or figures[-1]
     )
     draw_recording(read_recording(file), Side.RIGHT, tmp_path / "stop.png")
     panels = figures[0].axes

@@ -151,16 +151,3 @@ def checked_goal(side: Side, goal: Position, others: Joints) -> Joints:
     for index, (name, value) in enumerate(zip(joint_names(side), values, strict=True)):
         check_position(name, index, value)
     return joints(values)
-
-
-def checked_scale(name: str, value: object) -> float | None:
-    """A fraction of the joints' limits as a plain number, which another process can read; None stays."""
-    if value is None:
-        return None
-    try:
-        scale = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError) as error:
-        raise CommandRefused(message("goal_scale_no_number", name=name, given=quoted(value))) from error
-    if not 0.0 < scale <= 1.0:  # NaN too; before controllers are switched for it
-        raise CommandRefused(message("goal_scale_out_of_range", name=name, value=scale))
-    return scale

@@ -7,12 +7,12 @@ from contextlib import suppress
 from functools import partial
 from math import dist
 
-from abb_protocols.catalogue import message
+from abb_protocols.catalogue import message, quoted
 from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
 from abb_protocols.robot.kinematics import compose, inverse, tool0_to_body
 from abb_runtime.clock import Clock
-from yumi.api.joint_positions import Position, TimedPosition, checked_goal, checked_scale, timed_points
+from yumi.api.joint_positions import Position, TimedPosition, checked_goal, timed_points
 from yumi.api.motion_registry import Motion, MotionRegistry, MotionWay
 from yumi.api.poses import pose_from
 from yumi.api.postures import posture_for
@@ -93,8 +93,8 @@ class MotionExecutor(ArmStreams):
             CommandRefused: a goal is impossible; nothing moves.
             RobotNotReady: an arm does not follow.
         """
-        speed_scale = checked_scale("speed_scale", speed_scale)
-        acceleration = checked_scale("acceleration", acceleration)
+        speed_scale = _checked_scale("speed_scale", speed_scale)
+        acceleration = _checked_scale("acceleration", acceleration)
         starts = {side: self.snapshot(side).sent for side in goals}
         checked = {side: checked_goal(side, goal, starts[side]) for side, goal in goals.items()}
         for side in checked:
@@ -148,7 +148,7 @@ class MotionExecutor(ArmStreams):
                 side: posture_for(side, tool0, None, None, starts[side], YUMI_LIMITS) for side, tool0 in targets.items()
             }
             return self.move(positions, speed_scale, acceleration, check=check)
-        scale = checked_scale("speed_scale", speed_scale) or 1.0
+        scale = _checked_scale("speed_scale", speed_scale) or 1.0
         paths = {
             side: ToolMotion(
                 tools[side],
@@ -288,3 +288,16 @@ class MotionExecutor(ArmStreams):
             return MotionWay(0.0, None)
         time, scale = min(max(newest.progress, 0.0), duration), newest.scale
         return MotionWay(time / duration if duration else 1.0, (duration - time) / scale if scale > 0.0 else None)
+
+
+def _checked_scale(name: str, value: object) -> float | None:
+    """A fraction of the joints' limits as a plain number, which another process can read; None stays."""
+    if value is None:
+        return None
+    try:
+        scale = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(message("goal_scale_no_number", name=name, given=quoted(value))) from error
+    if not 0.0 < scale <= 1.0:  # NaN too; before controllers are switched for it
+        raise CommandRefused(message("goal_scale_out_of_range", name=name, value=scale))
+    return scale

@@ -340,7 +340,7 @@ def demo(
     if speed_scale is not None:
         options = (*options, "--speed-scale", str(speed_scale))
     can_draw = _can_draw(is_asked=picture is not None)
-    from yumi.recording.tables import draw_joint_paths  # noqa: PLC0415 - a quick --help
+    from yumi.recording.pictures import draw_joint_paths  # noqa: PLC0415 - a quick --help
 
     if robot:
         given = {"robot": robot, "password": password, "speed_scale": speed_scale, **where}

@@ -52,7 +52,8 @@ def show_record(file: Path, cycles: int, arm: str | None, picture: Path | None, 
     """
     from rich.console import Console  # noqa: PLC0415 - a quick --help
 
-    from yumi.recording.tables import draw_recording, recording_document, recording_table  # noqa: PLC0415
+    from yumi.recording.pictures import draw_recording  # noqa: PLC0415
+    from yumi.recording.tables import recording_document, recording_table  # noqa: PLC0415
 
     recording = read_recording(file)
     side = next((side for side in Side if side.word == arm), recording.arm)
