@@ -470,8 +470,8 @@ class LedBoth:
     def follow_chunk(self, right: int = 41) -> None:
         """The same as the points of a policy, for both arms, so many for the right one."""
         start, chunks = self.rigs[Side.RIGHT].clock.now() + 0.1, {}
-        for side, count in ((Side.RIGHT, right), (Side.LEFT, 41)):
-            times = 0.05 * np.arange(count)
+        for side, points in ((Side.RIGHT, right), (Side.LEFT, 41)):
+            times = 0.05 * np.arange(points)
             rows = np.array([point.position for point in swung(side, times)])
             chunks[side] = FollowChunk(1, start, plan_chunk(side, times.tolist(), rows, YUMI_LIMITS), is_of_both=True)
         self.send(chunks)

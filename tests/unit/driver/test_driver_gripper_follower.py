@@ -74,7 +74,7 @@ def test_goal_that_was_not_given_yet_is_forgotten(gripper: FakeGripper, follower
 @pytest.mark.parametrize("command", [Jog(arm="right", speeds=(0.1, *ZERO[1:])), Move(right="ready")])
 def test_goal_that_waits_is_forgotten_when_a_person_takes_the_arm(command: Command[str]) -> None:
     driver = FakeDriver()
-    driver.robot.control.on_command = lambda each: driver.robot.end(each)
+    driver.robot.control.on_command = driver.robot.end
     robot, page = driver.server._robot, Caller(client="page", front_end=FrontEnd.PAGE)
     waiting = {side: robot.followers[side].take(0.3) for side in Side}
     carry_out(command, robot, page)

@@ -73,7 +73,7 @@ NEAR = (0.1, 0.35)
 
 
 def check_tool_near(side: Side, sent: Joints, goal: ToolGoal) -> None:
-    """Refuse a pose at which no stream goes on, of an arm that is ``sent`` to a position [rad]; raises CommandRefused."""
+    """Refuse a pose at which no stream goes on, of an arm that is ``sent`` to a position [rad]; else CommandRefused."""
     if goal.is_twist:
         return
     distance, turn = distance_between(compose(tool0_to_body(side, sent), pose_of(goal.tool)), pose_of(goal.pose))
