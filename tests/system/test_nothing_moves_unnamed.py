@@ -131,6 +131,7 @@ def test_robot_is_taken_for_real_once_another_controller_answers_at_its_address(
     kinds["takes_faults"] = False
     robot.adapter.expire_sessions()
     robot.faults.inject(Fault.GRIPPER_NOT_CALIBRATED)
+    robot.wait(0.5)
     robot.manager.recover(lambda step: None)
     assert robot.are_calibrated == [False, False]
     with refused(CommandRefused, "rapid_signal_not_written"):
