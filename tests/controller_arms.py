@@ -227,7 +227,8 @@ class PerfectArmUnderTest(ArmUnderTest):
     def __init__(self, case: Case) -> None:
         super().__init__(case)
         self._manager = ControllerManager(joint_names(SIDE))
-        self._manager.load(NAME, self._controller, case.values)
+        self._manager.load(NAME, self._controller)
+        self._manager.set_parameters(NAME, case.values)
         self._manager.configure(NAME)
         self._arm, self._now = LimitedArm(PerfectArm(home(SIDE)), ReportedLimiter(YUMI_LIMITS)), 0.0
         self.cycle()

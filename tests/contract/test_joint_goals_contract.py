@@ -72,7 +72,8 @@ class ArmUnderGoals(ABC):
 class PerfectArmUnderGoals(ArmUnderGoals):
     def __init__(self, start: Joints) -> None:
         manager = ControllerManager(joint_names(Side.RIGHT))
-        manager.load(NAME, JointGoalController(MemoryBuffer()), FULL)
+        manager.load(NAME, JointGoalController(MemoryBuffer()))
+        manager.set_parameters(NAME, FULL)
         manager.configure(NAME)
         super().__init__(manager)
         self._arm, self._stages = LimitedArm(PerfectArm(start), ReportedLimiter(YUMI_LIMITS)), StageClock()
@@ -90,7 +91,8 @@ class VirtualArmUnderGoals(ArmUnderGoals):
     def __init__(self) -> None:
         self._loop = EgmLoop(Side.RIGHT)
         super().__init__(self._loop.manager)
-        self.manager.load(NAME, JointGoalController(MemoryBuffer()), FULL)
+        self.manager.load(NAME, JointGoalController(MemoryBuffer()))
+        self.manager.set_parameters(NAME, FULL)
         self.manager.configure(NAME)
         self._loop.begin()
         self._loop.deactivate()
@@ -176,7 +178,8 @@ def test_new_goal_in_mid_motion_makes_no_jump(arm: ArmUnderGoals) -> None:
 
 def test_arm_that_another_controller_moves_is_brought_to_rest_first() -> None:
     loop = EgmLoop(Side.RIGHT)
-    loop.manager.load(NAME, JointGoalController(MemoryBuffer()), FULL)
+    loop.manager.load(NAME, JointGoalController(MemoryBuffer()))
+    loop.manager.set_parameters(NAME, FULL)
     loop.manager.configure(NAME)
     loop.begin()
     loop.go(moved(loop.snapshot.position, 3.0))

@@ -347,7 +347,8 @@ def test_control_process_loads_what_it_knows_and_lists_its_parameters(idle_contr
         for kind in idle_control.call(Commands.list_controller_kinds, RIGHT)
         if kind.endswith("/JointPositionController")
     )
-    idle_control.call(Commands.load_controller, RIGHT, "second", kind, {"p": 0.5})
+    idle_control.call(Commands.load_controller, RIGHT, "second", kind)
+    idle_control.call(Commands.set_parameters, RIGHT, "second", {"p": 0.5})
     idle_control.call(Commands.configure_controller, RIGHT, "second")
     (info,) = (
         info for info in idle_control.call(Commands.list_parameters, RIGHT, "second") if info.parameter.name == "p"

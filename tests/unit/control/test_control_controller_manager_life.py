@@ -53,54 +53,44 @@ def test_manager_tells_which_types_it_can_load(manager: ControllerManager) -> No
     assert manager.kinds == ("test/Double", "test/Broken")
 
 
-def test_manager_loads_by_type_with_parameters(manager: ControllerManager) -> None:
-    manager.load_kind("double", "test/Double", {"p": 2, "mode": "fast"})
+def test_manager_loads_by_type_with_the_parameters_as_they_are_by_default(manager: ControllerManager) -> None:
+    manager.load_kind("double", "test/Double")
     assert (info(manager).name, info(manager).kind, info(manager).state) == (
         "double",
         "test/Double",
         State.UNCONFIGURED,
     )
-    assert values(manager) == {"p": 2.0, "mode": "fast"}
+    assert values(manager) == {"p": 1.0, "mode": "slow"}
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "given", "code", "values"),
+    ("name", "kind", "code", "values"),
     [
         (
             "other",
             "test/None",
-            {},
             "controller_type_unknown",
             {"type": "test/None", "types": ("test/Double", "test/Broken")},
         ),
         (
             "other",
             "test/Broken",
-            {},
             "controller_raised",
             {"call": "load", "type": "ValueError", "error": message("text", text="other is broken")},
         ),
-        ("other", "test/Double", {"p": 3.0}, "controller_parameter_refused", {"parameter": "p"}),
-        (
-            "other",
-            "test/Double",
-            {"q": 3.0},
-            "controller_parameter_unknown",
-            {"parameter": "q", "parameters": ("p", "mode")},
-        ),
-        ("double", "test/Double", {}, "controller_loaded_already", {}),
-        ("1st", "test/Double", {}, "controller_name_not_allowed", {}),
-        ("a/b", "test/Double", {}, "controller_name_not_allowed", {}),
-        ("", "test/Double", {}, "controller_name_not_allowed", {}),
+        ("double", "test/Double", "controller_loaded_already", {}),
+        ("1st", "test/Double", "controller_name_not_allowed", {}),
+        ("a/b", "test/Double", "controller_name_not_allowed", {}),
+        ("", "test/Double", "controller_name_not_allowed", {}),
     ],
 )
 @pytest.mark.usefixtures("double")
 def test_manager_refuses_to_load(
-    manager: ControllerManager, name: str, kind: str, given: dict[str, float], code: str, values: dict[str, object]
+    manager: ControllerManager, name: str, kind: str, code: str, values: dict[str, object]
 ) -> None:
     before = manager.activity
     with refused(CommandRefused, code, controller=name, **values):
-        manager.load_kind(name, kind, given)
+        manager.load_kind(name, kind)
     assert [each.name for each in manager.controllers()] == ["double"]
     assert manager.activity == before
 
@@ -200,6 +190,22 @@ def test_manager_changes_parameters_of_an_unconfigured_controller_for_later(
     assert double.done == []
     manager.configure("double")
     assert double.values == {"p": 0.5, "mode": "fast"}
+
+
+@pytest.mark.parametrize(
+    ("given", "code", "said"),
+    [
+        ({"p": 3.0}, "controller_parameter_refused", {"parameter": "p"}),
+        ({"q": 3.0}, "controller_parameter_unknown", {"parameter": "q", "parameters": ("p", "mode")}),
+    ],
+)
+@pytest.mark.usefixtures("double")
+def test_manager_refuses_parameters_of_an_unconfigured_controller(
+    manager: ControllerManager, given: dict[str, float], code: str, said: dict[str, object]
+) -> None:
+    with refused(CommandRefused, code, controller="double", **said):
+        manager.set_parameters("double", given)
+    assert values(manager) == {"p": 1.0, "mode": "slow"}
 
 
 def test_manager_changes_parameters_of_an_active_controller_at_once(manager: ControllerManager, double: Double) -> None:

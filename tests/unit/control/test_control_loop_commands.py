@@ -78,7 +78,7 @@ def test_loop_serves_every_command_there_is(arms: Arms) -> None:
 
 def test_loop_leads_a_controller_through_its_lifecycle(arms: Arms) -> None:
     assert arms.call(Commands.list_controller_kinds, LEFT) == ("test/Double",)
-    arms.call(Commands.load_controller, LEFT, "other", "test/Double", {"p": 0.5})
+    arms.call(Commands.load_controller, LEFT, "other", "test/Double")
     assert arms.state(LEFT, "other") is State.UNCONFIGURED
     arms.call(Commands.configure_controller, LEFT, "other")
     assert arms.state(LEFT, "other") is State.INACTIVE

@@ -31,7 +31,8 @@ class Derived(JointPositionController):
 def managed(controller: Controller, values: Values | None = None) -> ControllerManager:
     """With this controller active, at ``STATE``."""
     manager = ControllerManager(joint_names(Side.RIGHT))
-    manager.load(NAME, controller, values)
+    manager.load(NAME, controller)
+    manager.set_parameters(NAME, values or {})
     manager.configure(NAME)
     manager.switch((NAME,), (), STATE)
     return manager

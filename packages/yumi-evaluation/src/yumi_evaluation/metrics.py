@@ -17,6 +17,7 @@ Series = NDArray[np.float64]
 """Shape (n, 2): time [s], value."""
 
 _FINEST = 1e-5  # [s]
+_LONGEST = 0.6  # [s] no longer delay, and no lead longer than a tenth of it, is looked for
 
 
 def series(rows: ArrayLike) -> Series:
@@ -128,7 +129,7 @@ def largest_error(reference: ArrayLike, measured: ArrayLike) -> float:
     return float(np.abs(values - np.interp(times, *series(reference).T)).max())
 
 
-def best_delay(reference: ArrayLike, measured: ArrayLike, longest: float = 0.6) -> float:
+def best_delay(reference: ArrayLike, measured: ArrayLike) -> float:
     """The delay of the reference with which it comes closest to the measured values, by least squares [s].
 
     Negative when the motion leads. The whole motion counts, where a match is about single samples.
@@ -136,12 +137,11 @@ def best_delay(reference: ArrayLike, measured: ArrayLike, longest: float = 0.6) 
     Args:
         reference: dense enough to be straight between its samples; constant before and after them.
         measured: every fourth value is used.
-        longest: no longer delay, and no lead longer than a tenth of it, is looked for [s].
     """
     goals, wanted = series(reference).T
     times, values = series(measured)[::4].T
     return minimum(
-        lambda late: float(((values - np.interp(times - late, goals, wanted)) ** 2).sum()), -0.1 * longest, longest
+        lambda late: float(((values - np.interp(times - late, goals, wanted)) ** 2).sum()), -0.1 * _LONGEST, _LONGEST
     )
 
 

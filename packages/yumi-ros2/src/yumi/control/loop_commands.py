@@ -69,9 +69,9 @@ class Commands:
             tuple(arms.values()), next((arm.collisions for arm in arms.values()), None), now
         )
 
-    def load_controller(self, side: Side, name: str, kind: str, values: Values | None = None) -> None:
-        """Make a controller of type ``kind``, unconfigured, with parameters that differ from their defaults."""
-        self._arms[side].manager.load_kind(name, kind, values)
+    def load_controller(self, side: Side, name: str, kind: str) -> None:
+        """Make a controller of type ``kind``, unconfigured."""
+        self._arms[side].manager.load_kind(name, kind)
         self._publish(side)
 
     def configure_controller(self, side: Side, name: str) -> None:

@@ -81,25 +81,22 @@ class ControllerManager:
         """The types of controllers that can be loaded."""
         return tuple(self._kinds)
 
-    def load(self, name: str, controller: Controller, values: Values | None = None) -> None:
-        """Add a controller, unconfigured, with parameters that differ from their defaults.
+    def load(self, name: str, controller: Controller) -> None:
+        """Add a controller, unconfigured.
 
         Raises:
-            CommandRefused: the name is taken or could not be that of a ROS node, or a value is not allowed; nothing was
-                changed.
+            CommandRefused: the name is taken or could not be that of a ROS node.
         """
         self._check_name(name)
         controller.sent = self.sent
-        loaded = LoadedController(name, controller, self._joint_names)
-        loaded.set_parameters(values or {})
-        self._loaded[name] = loaded
+        self._loaded[name] = LoadedController(name, controller, self._joint_names)
         self._note_change()
 
-    def load_kind(self, name: str, kind: str, values: Values | None = None) -> None:
-        """Make a controller of type ``kind``, unconfigured, with parameters that differ from their defaults.
+    def load_kind(self, name: str, kind: str) -> None:
+        """Make a controller of type ``kind``, unconfigured.
 
         Raises:
-            CommandRefused: the name is not allowed, the type unknown, or a value not allowed; nothing was changed.
+            CommandRefused: the name is not allowed, or the type unknown; nothing was changed.
         """
         self._check_name(name)
         if kind not in self._kinds:
@@ -107,7 +104,7 @@ class ControllerManager:
                 message("controller_type_unknown", controller=name, type=kind, types=tuple(self._kinds))
             )
         with _refusing(name, "load"):
-            self.load(name, self._kinds[kind](name), values)
+            self.load(name, self._kinds[kind](name))
 
     def unload(self, name: str) -> None:
         """Forget a controller.
