@@ -513,7 +513,7 @@ class Late:
     """A topic of a driver that reads each message so long after it came [s]."""
 
     def __init__(self, kind: type[CommandTopic], buffers: Boxes, waited: float, patch: pytest.MonkeyPatch) -> None:
-        patch.setattr("yumi.ros.messages.time_ns", lambda: time_ns() + int(waited * 1e9))
+        patch.setattr("yumi.ros.topic_refusals.time_ns", lambda: time_ns() + int(waited * 1e9))
         self.log, self._buffers = Node(), buffers
         self._node = rclpy.create_node("driver")
         snapshot = commanded(ZERO, goal_kind=kind.kind)
