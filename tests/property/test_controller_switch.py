@@ -50,7 +50,8 @@ class SwitchedLoop(EgmLoop):
         self.active: str | None = None
         self.followed = 0
         for name, (make, values) in MAKERS.items():
-            self.manager.load(name, make(self.goals, self.speeds), values)
+            self.manager.load(name, make(self.goals, self.speeds))
+            self.manager.set_parameters(name, values)
             self.manager.configure(name)
 
     def switch(self, name: str | None) -> None:
