@@ -218,7 +218,6 @@ class CollisionModel:
         grippers: the modules of each arm's gripper.
         tools: more parts of an arm: fingers of one's own, a tool, an object it holds.
         obstacles: what stands around the robot.
-        padding: added to every radius [m].
 
     Raises:
         CommandRefused: as :func:`check_declared`.
@@ -237,7 +236,6 @@ class CollisionModel:
         *,
         tools: Mapping[Side, Sequence[CollisionPart]] | None = None,
         obstacles: Sequence[Obstacle] = (),
-        padding: float = PADDING,
     ) -> None:
         check_declared(tools or {}, obstacles)
         self.names: list[str] = []
@@ -254,7 +252,7 @@ class CollisionModel:
         self.names += [box.name for box in fixed]
         self.frames = np.array(frames + [-1] * len(fixed))
         capsules = [
-            (part.frame, *part.start, *part.end, part.radius + padding, *_reach(part, side))
+            (part.frame, *part.start, *part.end, part.radius + PADDING, *_reach(part, side))
             for side in Side
             for part in parts[side]
         ]
