@@ -12,7 +12,7 @@ from abb_protocols.errors import CommandRefused, ControllerRefused, NoConnection
 from abb_protocols.robot.joints import Joints, Pose, Side, home
 from abb_protocols.robot.kinematics import tool0_to_body
 from abb_protocols.rws.documents import Pairs
-from abb_protocols.rws.operations import motion
+from abb_protocols.rws.operations import ctrl, event_log, modules, motion, queues
 from abb_protocols.rws.operations.modules import TextRange
 from abb_protocols.rws.operations.motion import RobTarget, Supervision
 from abb_protocols.rws.operations.operation import Operation
@@ -363,6 +363,15 @@ def test_operation_of_a_table_is_performed_without_a_call_of_its_own(client: Rws
     client.perform(motion.SET_LEAD_THROUGH, "ROB_L", status="inactive")
     supervision = client.perform(motion.PATH_SUPERVISION, mechunit="ROB_L")
     assert supervision == client.path_supervision("ROB_L")
+
+
+def test_operation_that_shows_a_list_or_perhaps_nothing_is_performed_without_a_value(client: RwsClient) -> None:
+    client.create_queue("performed")
+    assert client.perform(queues.READ, "performed") is None
+    client.remove_queue("performed")
+    assert client.perform(modules.ROUTINES, TASK, "TRobMain") is None
+    assert client.perform(event_log.LOGS) is None
+    assert client.perform(ctrl.NETWORK) is None
 
 
 def test_units_supervision_calibration(client: RwsClient, bench: Bench) -> None:

@@ -8,6 +8,8 @@ import pytest
 from rapid_bench import started
 
 from virtual_irc5.rapid import InstructionSet
+from virtual_irc5.rapid.rapid_library import ERROR_NAMES
+from virtual_irc5.rapid.types import LONGEST_NAME
 from virtual_irc5.world import World
 
 SECTIONS = {
@@ -44,3 +46,7 @@ def test_errors_are_raised_and_caught_by_their_names() -> None:
     bench = started("\n".join(f"p{i};" for i in range(len(ERRORS))), routines)
     bench.run(0.5)
     assert bench.lines == ERRORS
+
+
+def test_every_error_has_a_name_that_a_program_can_write() -> None:
+    assert max(map(len, ERROR_NAMES)) <= LONGEST_NAME

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import (
+    EventArgument,
     Form,
-    FormArgument,
     Page,
     RwsLink,
     RwsState,
@@ -31,7 +31,7 @@ fields = st.dictionaries(names.filter(lambda name: name not in ("lvalue", "pvalu
 links = st.dictionaries(names.filter("base".__ne__), names, max_size=3).map(
     lambda hrefs: tuple(RwsLink(rel, href) for rel, href in hrefs.items())
 )
-arguments = st.lists(st.builds(FormArgument, names, texts), max_size=3).map(tuple)
+arguments = st.lists(st.builds(EventArgument, names, texts), max_size=3).map(tuple)
 children = st.lists(st.builds(RwsState, st.just("cfg-ia-t-li"), texts, fields), max_size=3).map(tuple)
 states = st.builds(RwsState, names, texts, fields, links, children, arguments)
 pages = st.builds(Page, texts, texts, st.lists(states, max_size=3).map(tuple), links)

@@ -104,7 +104,7 @@ class RwsLink:
 
 
 @dataclass(frozen=True, slots=True)
-class FormArgument:
+class EventArgument:
     """One argument of an event log message: its type (``string``, ``long``, ``float``) and its text."""
 
     type: str
@@ -129,7 +129,7 @@ class RwsState:
     fields: Mapping[str, str] = field(default_factory=dict)
     links: tuple[RwsLink, ...] = ()
     children: tuple[RwsState, ...] = ()
-    arguments: tuple[FormArgument, ...] = ()
+    arguments: tuple[EventArgument, ...] = ()
 
     def text(self, name: str) -> str:
         """The text of field ``name``.
@@ -303,7 +303,7 @@ def _state(item: Element, depth: int = 1) -> RwsState:
     if depth > _DEEPEST:
         raise ProtocolError(message("document_nested_too_deeply", most=_DEEPEST))
     spans = item.findall("span")
-    arguments = tuple(FormArgument(span.get("type", ""), span.text or "") for span in spans if _is_argument(span))
+    arguments = tuple(EventArgument(span.get("type", ""), span.text or "") for span in spans if _is_argument(span))
     fields = {span.get("class", ""): span.text or "" for span in spans if not _is_argument(span)}
     children = tuple(_state(child, depth + 1) for child in item.findall("ul/li"))
     return RwsState(item.get("class", ""), item.get("title", ""), fields, _links(item), children, arguments)

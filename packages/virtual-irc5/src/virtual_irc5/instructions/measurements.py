@@ -86,7 +86,10 @@ class MeasurementInstructions:
 
     @MEASUREMENTS.function("GetMotorTorque", r"\mecunit MecUnit, num AxisNo", "num")
     def motor_torque(self, call: Call) -> float:
-        """Of an axis [N m]: what holds the arm where it is."""
+        """Of an axis [N m]: what holds the arm where it is.
+
+        RAPID reference manual: of the motor; gear ratios are not published, so that it is that of the joint.
+        """
         unit = self._named(call, "MecUnit")
         return self._dynamics_of(call, unit).torque(unit.arm.position)[self._axis(call, "AxisNo")]
 

@@ -46,6 +46,7 @@ from virtual_irc5.rapid.types import (
     DI_OR_BOOL,
     DNUM,
     FIRST_ERROR_NUMBER,
+    LONGEST_NAME,
     NUM,
     STRING,
     SWITCH,
@@ -76,7 +77,12 @@ def is_robotware_name(name: str) -> bool:
 
 # Of errors, the manuals have three more.
 _CONSTANTS = sorted((*ROBOTWARE_NAMES["constants"], "ERR_CONCAT", "ERR_UI_BUTTONS", "ERR_UI_MAXTIME"))
-ERROR_NAMES = [name for prefix in ("ERR_", "CORR_", "SYS_ERR_") for name in _CONSTANTS if name.startswith(prefix)]
+ERROR_NAMES = [
+    name
+    for prefix in ("ERR_", "CORR_", "SYS_ERR_")
+    for name in _CONSTANTS
+    if name.startswith(prefix) and len(name) <= LONGEST_NAME  # no program could write it
+]
 
 _parsed = cache(parse_parameters)  # each task has a library, and all have the same signatures
 Implementation = TypeVar("Implementation", bound=Callable[..., Any])

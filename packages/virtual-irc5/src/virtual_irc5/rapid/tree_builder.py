@@ -12,13 +12,12 @@ from typing import Any, TypeVar
 from lark import Token, Transformer, v_args
 
 from virtual_irc5.rapid import ast as s
-from virtual_irc5.rapid.types import LONGEST_STRING
+from virtual_irc5.rapid.types import LONGEST_NAME, LONGEST_STRING
 
 NodeType = TypeVar("NodeType", bound=s.Node)
 Clause = tuple[str, Any]
 ESCAPE = re.compile(r'""|\\\\|\\[0-9A-Fa-f]{2}')
 BASES = {"0x": 16, "0b": 2, "0o": 8}
-LONGEST_NAME = 32  # characters
 LONG_ROW = 21  # operands and operators
 ATTRIBUTES = frozenset(("SYSMODULE", "NOVIEW", "NOSTEPIN", "VIEWONLY", "READONLY"))
 

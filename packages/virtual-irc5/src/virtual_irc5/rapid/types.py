@@ -160,6 +160,7 @@ ALL_ERRORS = "LONG_JMP_ALL_ERR"  # in the list of an ERROR clause: it takes ever
 LARGEST_OWN_NUMBER = 90  # 1 to 90 are the program's own
 
 SINGLE = struct.Struct("f")
+LONGEST_NAME = 32  # characters, as a program can write it
 LONGEST_STRING = 80  # characters
 LARGEST_ARRAY = 50_000  # elements; a controller has memory for more, but not without end
 MOST_OBJECTS = 1000  # values of an array of clocks and the like, each of which is made anew whenever it is declared

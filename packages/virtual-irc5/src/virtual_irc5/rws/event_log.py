@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime, timezone
 
-from abb_protocols.rws.documents import FormArgument, Page, RwsLink, RwsState
+from abb_protocols.rws.documents import EventArgument, Page, RwsLink, RwsState
 from abb_protocols.rws.operations import event_log as table
 from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.irc5 import Irc5
@@ -105,7 +105,7 @@ def _event_state(type: str, domain: int, event: ControllerLogEvent, call: RwsCal
         texts = {"title": event.title, "desc": event.description}
         fields |= {**texts, "conseqs": "", "causes": "", "actions": ""}
     title = f"/rw/elog/{domain}/{event.number}"
-    arguments = tuple(FormArgument("string", text) for text in event.arguments)
+    arguments = tuple(EventArgument("string", text) for text in event.arguments)
     return RwsState(type, title, fields, (RwsLink("self", f"{domain}/{event.number}"),), arguments=arguments)
 
 

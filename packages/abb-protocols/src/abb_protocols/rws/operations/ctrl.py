@@ -89,6 +89,8 @@ class InstalledSystem:
     version: Annotated[str, "rwversion"]
 
 
+_PORT = record("ctrl-netw", NetworkPort)  # in a list
+
 CONTROLLER = get("/ctrl")
 RESTART = post(
     "/ctrl", None, "restart-mode=restart|istart|pstart|bstart|shutdown|xstart", grant=Grant.REMOTE_WARMSTART, status=200
@@ -121,7 +123,7 @@ SET_TIMEZONE = post("/ctrl/clock/timezone", "set-timezone", "timezone", grant=Gr
 TIMESERVER = get("/ctrl/clock/timeserver").shows(single("ctrl-timeserver", "timeserver", TEXT))
 SERVER_TIME = get("/ctrl/clock/timeserver", "server-ip", resource="servertime", status=400)
 SET_TIMESERVER = post("/ctrl/clock/timeserver", "set-timeserver", "timeserver", grant=Grant.CONTROLLER_PROPERTIES_WRITE)
-NETWORK = get("/ctrl/network").shows(record("ctrl-netw", NetworkPort))
+NETWORK = get("/ctrl/network")
 SET_NETWORK = post("/ctrl/network", "set", "method=fixip|dhcp|noip, address, mask, gateway", status=202)
 DNS = get("/ctrl/network/dns")
 ROUTES = get("/ctrl/network/routes").shows(record("ctrl-netw-route", NetworkRoute))
@@ -243,7 +245,7 @@ class ControllerService(Service):
 
     def network_ports(self) -> tuple[NetworkPort, ...]:
         """The controller's network ports."""
-        return self._answers("reading the network", NETWORK)
+        return tuple(map(_PORT.read, self._listed("reading the network", NETWORK)))
 
     def set_network(self, method: str, address: str = "", mask: str = "", gateway: str = "") -> None:
         """Address of the WAN port, after a restart; ``method`` is ``fixip``, ``dhcp`` or ``noip``."""

@@ -53,7 +53,9 @@ class EventDomain:
     capacity: Annotated[int, "buffsize"]
 
 
-LOGS = get("/rw/elog", "lang, resource=count").shows(record("elog-domain-li", EventDomain))
+_DOMAIN_IN_LIST = record("elog-domain-li", EventDomain)  # with resource=count
+
+LOGS = get("/rw/elog", "lang, resource=count")
 CLEAR_ALL = post("/rw/elog", "clearall", grant=Grant.EVENTLOG_CLEAR)
 SAVE_EVENTS = post("/rw/elog", "saveraw", "path", grant=Grant.FTP_WRITE, status=202)
 EVENTS = get(_DOMAIN, "lang, resource=count|info|title, order=lifo|fifo, elogseqnum, start, limit")
@@ -99,7 +101,9 @@ class EventLogService(Service):
 
     def event_domains(self) -> tuple[EventDomain, ...]:
         """The domains of the event log; 0 holds all."""
-        return self._answers("reading the event log", LOGS, lang="en", resource="count")
+        return tuple(
+            map(_DOMAIN_IN_LIST.read, self._listed("reading the event log", LOGS, lang="en", resource="count"))
+        )
 
     def event(self, number: int, domain: int = 0) -> RwsEvent:
         """One message, by its number."""

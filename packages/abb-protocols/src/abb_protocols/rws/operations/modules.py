@@ -123,8 +123,9 @@ SET_MODULE_TEXT = post(
     _MODULE, "set-module-text", "text", query="task", needs="rapid", grant=Grant.RAPID_EDIT, status=200
 )
 MODIFY_POSITION = post(_MODULE, "modify-position", _POSITIONS, query="task", grant=Grant.RAPID_MODPOS, status=400)
-ROUTINE_AT = get(f"{_MODULE}/routine", "task, row, column").shows(record("rap-routine-prop", RoutineInfo))
-ROUTINES = get(f"{_MODULES}/{{task}}/{{module}}/routines").shows(record("rap-routine-prop", RoutineInfo))
+_ROUTINE = record("rap-routine-prop", RoutineInfo)  # in a list the states are of other types
+ROUTINE_AT = get(f"{_MODULE}/routine", "task, row, column").shows(_ROUTINE)
+ROUTINES = get(f"{_MODULES}/{{task}}/{{module}}/routines")
 
 
 class ModulesService(Service):
@@ -191,7 +192,8 @@ class ModulesService(Service):
 
     def routines(self, task: str, module: str) -> tuple[RoutineInfo, ...]:
         """The routines of a module."""
-        return self._answers(f"reading the routines of {module}", ROUTINES, task, module)
+        states = self._listed(f"reading the routines of {module}", ROUTINES, task, module)
+        return tuple(map(_ROUTINE.read, states))
 
     def save_module(self, task: str, module: str, folder: str, name: str = "") -> None:
         """Write a module into a directory of the controller such as ``HOME:/``; ``.mod`` is appended to its name."""

@@ -41,10 +41,12 @@ class QueueInfo:
     slot: Annotated[int, "queue-slot-id"] = 0
 
 
+_READ_MESSAGE = record("dipc-read-li", QueueMessage)  # none where the queue is empty
+
 QUEUES = get("/rw/dipc")
 CREATE = post("/rw/dipc", "dipc-create", "dipc-queue-name, dipc-queue-size, dipc-max-msg-size", status=201)
 QUEUE = get(_QUEUE).shows(record("dipc-queue", QueueInfo))
-READ = get(_QUEUE, "timeout", action="dipc-read").shows(record("dipc-read-li", QueueMessage))
+READ = get(_QUEUE, "timeout", action="dipc-read")
 SEND = post(_QUEUE, "dipc-send", "dipc-src-queue-name, dipc-cmd, dipc-userdef, dipc-msgtype=0|1, dipc-data", status=200)
 DELETE = delete(_QUEUE)
 
@@ -99,4 +101,4 @@ class QueuesService(Service):
     def read_message(self, name: str, timeout: float = 0.0) -> QueueMessage | None:
         """The oldest message of a queue of this client; None where none comes within ``timeout`` [s]."""
         page = self._shown(f"reading from {name}", READ, name, timeout=round(timeout * _MS))
-        return next(map(READ.answered.read, page.of_type(*READ.answered.types)), None)
+        return next(map(_READ_MESSAGE.read, page.of_type(*_READ_MESSAGE.types)), None)
