@@ -22,6 +22,7 @@ from yumi.api.connect import controllers_for, settings_for
 from yumi.api.connection import Connection
 from yumi.driver import wiring
 from yumi.driver.gripper_setup import GripperSetup
+from yumi.driver.robot_manager import RobotManager
 from yumi.driver.speed_setting import FIRST_SPEED_SCALE
 from yumi.driver.state_machine import RUN_RAPID, START_JOINT, WATCHDOG
 from yumi.driver.wiring import is_real
@@ -138,6 +139,16 @@ def test_robot_is_taken_for_real_once_another_controller_answers_at_its_address(
         robot.manager.write_signal(RUN_RAPID, 0)
     assert robot.manager.session_count > sessions
     assert robot.manager.speed.value == FIRST_SPEED_SCALE
+
+
+@pytest.mark.parametrize(("begins_as_real", "speed"), [(False, FIRST_SPEED_SCALE), (True, 1.0)])
+def test_real_robot_begins_slowly_where_a_virtual_one_was_expected(begins_as_real: bool, speed: float) -> None:
+    """As behind a tunnel; where the speed is named, or begins slowly, it is left as it is."""
+    system = System()
+    manager = RobotManager(system.bringup, system.control, system, is_real=lambda: True, begins_as_real=begins_as_real)
+    with manager.starting(brings_up=True):
+        manager.start_egm()
+    assert manager.speed.value == speed
 
 
 def test_robot_that_is_ready_gets_egm_alone_where_bringup_is_not_named(robot: RealRobot) -> None:

@@ -61,6 +61,8 @@ class RobotManager:
         recovery: whether it recovers by itself where no person was involved.
         is_real: asks whether the robot moves nothing, its fingers included, that no call names; asked each time that it
             matters, since another controller may answer by then.
+        begins_as_real: whether the factor on speeds is named, or begins as for a real robot; else a robot that turns
+            out to be real is slowed down.
         rapid_check: of motions by RAPID; None: they are not checked.
 
     Attributes:
@@ -87,12 +89,13 @@ class RobotManager:
         recovery: RecoverySettings = RecoverySettings(),  # noqa: B008 - it is frozen
         *,
         is_real: Callable[[], bool] = lambda: False,
+        begins_as_real: bool = True,
         rapid_check: RapidMotionCheck | None = None,
     ) -> None:
         client = bringup.client
         self.is_real = is_real
         self._brings_up: bool | None = None  # as a start says
-        self._was_real, self._kind_asked = True, 0  # in the session of this number
+        self._was_real, self._kind_asked = begins_as_real, 0  # in the session of this number
         self.speed, self.panel = bringup.speed, bringup.panel
         self.watchdog = Watchdog(client, control.check, watchdog)
         self._stops = stops or StopLog(clock)
@@ -592,7 +595,7 @@ class RobotManager:
             yield
 
     def _settle_kind(self) -> None:
-        """A real robot that answers where a virtual one did begins as slowly as any real one."""
+        """A real robot that answers where a virtual one was expected begins as slowly as any real one."""
         if (session := self.session_count) == self._kind_asked:
             return
         was_real, self._kind_asked, self._was_real = self._was_real, session, self.is_real()

@@ -116,7 +116,7 @@ def make_parts(
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
     set_prefix(settings.ros.prefix)
-    clock, plan = SystemClock(), plan_egm(settings, controllers)
+    clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
     first = leading or settings.ros.initial_joint_controller
     for side, entries in plan.controllers.items():
         ready = {each.name: each for each in entries if each.state in {None, InitialState.INACTIVE}}
@@ -131,11 +131,11 @@ def make_parts(
                     choices=choices,
                 )
             )
-    client = settings.robot.client()
-    asks_whether_real = partial(is_real, client, is_here=settings.robot.is_on_this_machine)
+    client = robot.client()
+    asks_whether_real = partial(is_real, client, is_here=robot.is_on_this_machine)
     control = ControlProcess(partial(build_arms, plan), on_event, settings.egm.wake)
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
-    speed = SpeedSetting(settings.robot.first_speed_scale, scales, lambda side: control.snapshot(side).is_running)
+    speed = SpeedSetting(robot.first_speed_scale, scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
     manager = RobotManager(
         bringup,
@@ -147,6 +147,7 @@ def make_parts(
         stops,
         settings.recovery,
         is_real=asks_whether_real,
+        begins_as_real=robot.speed_scale is not None or not robot.is_on_this_machine,
         rapid_check=RapidMotionCheck(
             client,
             bringup.panel,

@@ -42,7 +42,7 @@ DRIVER: Mapping[str, Text] = {
         "{restart_egm}",
     ),
     "real_robot_answers": Text(
-        "another controller answers, and does not say that it is virtual: speed_scale is {value:g} from now on",
+        "the controller does not report that it is virtual, as one was expected: speed_scale is {value:g} from now on",
         "raise it once you have seen the robot move",
     ),
     # ---- the state machine on the robot
