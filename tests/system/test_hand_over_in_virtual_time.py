@@ -144,11 +144,13 @@ def test_move_of_the_page_stays_a_persons_while_the_page_sends_frames_of_an_idle
     driver = clients.driver
     moving = clients.begin(Move(right=FAR, speed_scale=0.2), PAGE)
     driver.until(lambda: driver.mover.is_moving(RIGHT), 5.0)
+    commanded = []
     for _ in range(3):
         clients.done(Teleoperate(frame=DeviceFrame(time=driver.now())), PAGE)
-        assert command(clients) == (Commander.PAGE, False)
+        commanded.append(command(clients))
         driver.wait(0.05)
     clients.ended(moving)
+    assert commanded == [(Commander.PAGE, False)] * 3
     assert driver.snapshot(RIGHT).sent == pytest.approx(FAR, abs=1e-3)
 
 

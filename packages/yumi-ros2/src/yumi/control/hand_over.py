@@ -302,14 +302,10 @@ class HandOver:
                 self._held[side] = held._replace(until=self._now() + lasts)
 
     def let_go(self, side: Side) -> None:
-        """End the command of the requester, if the requester commands the arm; a person's arm is reserved then.
-
-        A requester that says who it is ends no other command of the same client: a page whose device is idle may jog.
-        """
-        who = _requester.get().who
+        """End the command of the requester, if the requester commands the arm; a person's arm is reserved then."""
         with self._reporting():
             held = self._current(side)
-            if held.command.is_own and who in (None, held.command.who):
+            if held.command.is_own:
                 self._end(side, held)
 
     def give_back(self, sides: Sequence[Side]) -> tuple[Side, ...]:
