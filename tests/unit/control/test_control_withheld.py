@@ -37,6 +37,7 @@ from yumi.control.trajectory_commands import (
     ArmPlan,
     CancelTrajectory,
     FollowTrajectory,
+    ScaleSpeed,
     TrajectoryEnded,
     TrajectoryOutcome,
 )
@@ -467,14 +468,33 @@ class LedBoth:
         }
         self.send({side: FollowTrajectory(plan, 1) for side, plan in plans.items()})
 
+    def follow_on(self) -> None:
+        """Both arms go on along a trajectory of 2 s, from how they move now."""
+        commands = {}
+        for side in Side:
+            first, last = swung(side, np.array([1.0, 1.5]))
+            points = [first, last._replace(time=2.0)]
+            commands[side] = FollowTrajectory(ArmPlan(side, first, smooth_spline_through(points), None), 2)
+        self.send(commands)
+
+    def scale_speed(self, factor: float) -> None:
+        self.send(dict.fromkeys(Side, ScaleSpeed(factor)))
+
     def follow_chunk(self, right: int = 41) -> None:
-        """The same as the points of a policy, for both arms, so many for the right one."""
+        """The same as the points of a policy, for both arms, so many for the right one; 0 is no chunk for it."""
         start, chunks = self.rigs[Side.RIGHT].clock.now() + 0.1, {}
         for side, points in ((Side.RIGHT, right), (Side.LEFT, 41)):
+            if not points:
+                continue
             times = 0.05 * np.arange(points)
             rows = np.array([point.position for point in swung(side, times)])
             chunks[side] = FollowChunk(1, start, plan_chunk(side, times.tolist(), rows, YUMI_LIMITS), is_of_both=True)
         self.send(chunks)
+
+    def desired(self, side: Side) -> np.ndarray:
+        """Of the last joint in each cycle since the arm was led [rad]."""
+        desired = [cycle.desired for cycle in self.rigs[side].cycles]
+        return np.array([each.position[6] for each in desired if each is not None])
 
     def sent(self, side: Side) -> np.ndarray:
         return np.array([cycle.sent.position for cycle in self.rigs[side].cycles])
@@ -508,10 +528,16 @@ BOTH_STOPPED: dict[str, Callable[[LedBoth], object]] = {
 }
 
 
-@pytest.mark.parametrize("call", BOTH_LED)
+ONE_LED: dict[str, tuple[str, Callable[[LedBoth], object]]] = {
+    # by which controller, and what a policy of both arms sends, of which the left arm has points longer
+    "chunks that are exhausted": ("path", lambda led: led.follow_chunk(right=11)),
+}
+
+
+@pytest.mark.parametrize("call", [*BOTH_LED, *ONE_LED])
 @pytest.mark.parametrize("how", [each for each in BOTH_STOPPED if each != "right lost"])
 def test_call_for_both_arms_that_is_ended_on_one_before_it_begins_moves_neither(call: str, how: str) -> None:
-    name, ask = BOTH_LED[call]
+    name, ask = (BOTH_LED | ONE_LED)[call]
     led = LedBoth()
     led.begin(name)
     ask(led)
@@ -542,17 +568,81 @@ def test_arms_that_one_call_moves_both_come_to_rest_and_stay_when_one_of_them_is
         assert np.abs(sent[-1] - sent[0]).max() < 0.3 * fast[side]
 
 
-def test_arm_of_a_policy_brakes_when_the_other_one_is_taken_over_that_has_no_points_left() -> None:
+@pytest.mark.parametrize("call", ONE_LED)
+@pytest.mark.parametrize("how", BOTH_STOPPED)
+def test_arm_of_a_policy_brakes_when_the_other_one_is_ended_that_has_no_points(call: str, how: str) -> None:
+    name, ask = ONE_LED[call]
     led = LedBoth()
-    led.begin("path")
-    led.follow_chunk(right=11)
+    led.begin(name)
+    ask(led)
     led.run(1.2)
     assert np.abs(np.diff(led.sent(Side.RIGHT)[-2:], axis=0)).max() < 1e-9
     assert np.abs(np.diff(led.sent(Side.LEFT)[-2:], axis=0)).max() / CYCLE > 0.3
-    led.take_over("speeds")
+    BOTH_STOPPED[how](led)
     first = len(led.sent(Side.LEFT))
     led.run(0.6)
     assert np.abs(led.sent(Side.LEFT)[-1] - led.sent(Side.LEFT)[first]).max() < 0.2
     still = led.sent(Side.LEFT)[-1]
     led.run(1.0)
     assert led.sent(Side.LEFT)[-1] == pytest.approx(still, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["path", "both"])
+@pytest.mark.parametrize("factor", [0.5, 1.0])
+def test_arms_go_on_in_step_from_chunks_to_a_trajectory_of_both(name: str, factor: float) -> None:
+    led = LedBoth()
+    led.begin(name)
+    led.scale_speed(factor)
+    led.follow_chunk()
+    led.run(0.1 + 0.75 / factor)
+    led.follow_on()
+    led.run(0.1 + 2.5 / factor)
+    turned = {side: led.desired(side) - home(side)[6] for side in Side}
+    assert turned[Side.LEFT] == pytest.approx(turned[Side.RIGHT], abs=1e-6)
+    speeds = np.diff(turned[Side.LEFT]) / CYCLE
+    assert np.abs(np.diff(speeds)).max() / CYCLE < YUMI_LIMITS.acceleration[6]  # no step
+    assert turned[Side.LEFT][-1] == pytest.approx(swung(Side.LEFT, np.array([1.5]))[0].position[6] - home(Side.LEFT)[6])
+
+
+@pytest.mark.parametrize("name", ["path", "both"])
+def test_both_arms_go_on_from_chunks_to_a_trajectory_while_the_left_one_is_held_back(name: str) -> None:
+    led = LedBoth()
+    led.begin(name)
+    led.follow_chunk()
+    led.run(0.8)
+    wire, led.rigs[Side.LEFT].to_robot = led.rigs[Side.LEFT].to_robot, lambda datagram: ()
+    led.run(0.12)
+    led.rigs[Side.LEFT].to_robot = wire
+    led.follow_on()
+    led.run(3.0)
+    for side in Side:
+        assert led.sent(side)[-1] == pytest.approx(swung(side, np.array([1.5]))[0].position, abs=1e-3)
+
+
+def test_chunks_that_come_between_the_same_two_cycles_as_a_stop_move_both_arms() -> None:
+    led = LedBoth()
+    led.begin("path")
+    led.follow_chunk()
+    led.cancel(Side.RIGHT)
+    led.follow_chunk()
+    led.run(2.0)
+    for side in Side:
+        assert led.sent(side)[-1][6] - home(side)[6] > 0.7
+
+
+def test_plan_that_was_checked_before_a_stop_begins_with_how_the_arm_brakes() -> None:
+    led = LedBoth()
+    led.begin("path")
+    led.scale_speed(0.5)
+    led.follow_chunk()
+    led.run(1.6)
+    rig = led.rigs[Side.RIGHT]
+    first, last = swung(Side.RIGHT, np.array([1.0, 1.5]))
+    plan = ArmPlan(Side.RIGHT, first, smooth_spline_through([first, last._replace(time=2.0)]), None)
+    command = FollowTrajectory(plan, 2)
+    rig.manager.check("path", command, rig.line.state)
+    rig.manager.receive("path", CancelTrajectory(), rig.line.state)
+    rig.manager.receive("path", command, rig.line.state)
+    led.run(0.5)
+    speeds = np.diff(led.desired(Side.RIGHT)) / CYCLE
+    assert np.abs(np.diff(speeds)).max() / CYCLE < YUMI_LIMITS.acceleration[6]  # no step

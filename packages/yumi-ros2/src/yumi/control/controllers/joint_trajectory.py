@@ -108,8 +108,9 @@ class JointTrajectoryController(Controller):
         self._reports: list[object] = []
         self._goal: TrajectoryGoal | None = None
         self._state: ArmState | None = None
-        self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
-        self._is_of_both = False  # the last chunk
+        self._checked: tuple[FollowTrajectory, ArmState, _Source, Spline, float] | None = None
+        self._is_of_both = False  # the last chunk, whose sender leads the arm still
+        self._must_brake = False  # in the next cycle, if it is on chunks then
         self._checked_chunk: tuple[FollowChunk, ArmState, _Source, ChunkMotion, float, float] | None = None
         self._feedback_due = -inf
         self._standstill: StandstillDetector | None = None
@@ -177,6 +178,9 @@ class JointTrajectoryController(Controller):
 
     def update(self, state: ArmState) -> ArmCommand | None:
         self._state = state
+        if self._must_brake:
+            self._must_brake = False
+            self._brake_on_chunks()
         if self._is_braking and self._is_held_back(state):
             self._hold(state)
         if self._standstill is not None:
@@ -244,8 +248,8 @@ class JointTrajectoryController(Controller):
 
         What is left is what only this process can judge: the driver has checked the plan itself.
         """
-        state = self._checked_state(state)
-        if self._checked is not None and self._checked[0] is command and self._checked[1] is state:
+        state, known = self._checked_state(state), self._checked
+        if known is not None and known[0] is command and known[1] is state and known[2] is self._source:
             return
         plan, settings = command.plan, self._settings
         if plan.side is not self._side:
@@ -264,7 +268,7 @@ class JointTrajectoryController(Controller):
         if now > 0.0:
             now *= self._speed.value
         spline = blend(plan, setpoint, now, self._limits, settings.start_tolerance)
-        self._checked = (command, state, spline, now)
+        self._checked = (command, state, self._source, spline, now)
 
     def _checked_state(self, state: ArmState | None) -> ArmState:
         """The state of an arm that may follow what is new; raises TrajectoryRefused for another one."""
@@ -296,7 +300,7 @@ class JointTrajectoryController(Controller):
         command, state, _, motion, time, pace = self._checked_chunk
         if not command.is_of_both:
             self._leave_chunks()
-        self._is_of_both = command.is_of_both
+        self._is_of_both, self._must_brake = command.is_of_both, False
         self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
         if not isinstance(self._source, ChunkMotion):
             if self._is_braking:
@@ -328,7 +332,7 @@ class JointTrajectoryController(Controller):
 
     def _follow(self, command: FollowTrajectory) -> None:
         assert self._checked is not None
-        spline, now = self._checked[2:]
+        spline, now = self._checked[3:]
         self._leave_chunks()
         self._end(TrajectoryOutcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
         if isinstance(self._source, PointMotion):
@@ -351,12 +355,14 @@ class JointTrajectoryController(Controller):
         self._brake()
 
     def _leave_chunks(self) -> None:
-        """Who sent chunks leads the arm no further, be points left or not; the other arm, if led, too, brakes."""
+        """Who sends chunks leads the arm no further, had it any or not; the other arm, led by those of both, brakes.
+
+        It does in its next cycle: a command of the same call was checked for how it moves now.
+        """
         other: JointTrajectoryController | None = self._halves.get(self._side.other)
         was_of_both, self._is_of_both = self._is_of_both, False
         if was_of_both and other is not None and other._is_of_both:
-            other._is_of_both = False
-            other._brake_on_chunks()
+            other._is_of_both, other._must_brake = False, True
 
     def _brake_on_chunks(self) -> None:
         if isinstance(self._source, ChunkMotion):
