@@ -529,8 +529,10 @@ BOTH_STOPPED: dict[str, Callable[[LedBoth], object]] = {
 
 
 ONE_LED: dict[str, tuple[str, Callable[[LedBoth], object]]] = {
-    # by which controller, and what a policy of both arms sends, of which the left arm has points longer
+    # by which controller, and what a policy of both arms sends: points of the left arm, which the right one has no more
     "chunks that are exhausted": ("path", lambda led: led.follow_chunk(right=11)),
+    "no chunk": ("path", lambda led: led.follow_chunk(right=0)),
+    "no chunk of the dual-arm controller": ("both", lambda led: led.follow_chunk(right=0)),
 }
 
 

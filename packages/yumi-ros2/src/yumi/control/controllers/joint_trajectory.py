@@ -360,8 +360,8 @@ class JointTrajectoryController(Controller):
         It does in its next cycle: a command of the same call was checked for how it moves now.
         """
         other: JointTrajectoryController | None = self._halves.get(self._side.other)
-        was_of_both, self._is_of_both = self._is_of_both, False
-        if was_of_both and other is not None and other._is_of_both:
+        self._is_of_both = False
+        if other is not None and other._is_of_both:
             other._is_of_both, other._must_brake = False, True
 
     def _brake_on_chunks(self) -> None:
