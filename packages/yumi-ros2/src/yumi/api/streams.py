@@ -363,6 +363,7 @@ class ArmStreams(ArmAccess):
         snapshot, hand_over = self.snapshot(side), self.control.hand_over
         hand_over.check(side, Commander.STREAM)
         if not hand_over.is_own(side) and hand_over.was_of_another(side):
+            self.check_follows(side)  # else where it was sent is of before
             check_tool_near(side, snapshot.sent, goal(snapshot.session))
         session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
         with self.control.hand_over.writing((side,), Commander.STREAM):
