@@ -52,9 +52,10 @@ class Clients:
         return future.result()
 
     def jog(self, seconds: float) -> None:
+        """A key is held at the page, which says when it was."""
         begin = self.driver.now()
         while self.driver.now() - begin < seconds:
-            self.done(Jog(arm="right", speeds=SPEEDS), PAGE)
+            self.done(Jog(arm="right", speeds=SPEEDS, time=self.driver.now()), PAGE)
             self.driver.wait(0.02)
 
 

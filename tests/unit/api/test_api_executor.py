@@ -700,6 +700,11 @@ def test_poses_of_a_stream_go_on_near_the_tool_after_a_person_has_led_it(robot: 
     with refused(CommandRefused, "tool_stream_begins_elsewhere", arm="right", distance=0.3):
         follow(0.3)
     assert count() == 1
+    follows = robot.control.snapshots[Side.RIGHT]
+    robot.control.snapshots[Side.RIGHT] = follows._replace(is_running=False)  # where it was sent says nothing then
+    with refused(RobotNotReady, "goal_refused"):
+        follow(0.3)
+    robot.control.snapshots[Side.RIGHT] = follows
     for number, up in enumerate((0.05, 0.3), 2):
         follow(up)
         assert count() == number

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event, Lock
 from typing import Any
 
 import click
@@ -9,18 +12,22 @@ import msgspec
 import pytest
 
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_protocols.errors import CommandRefused
+from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.gripper_values import GripOutcome
 from abb_protocols.robot.joints import ZERO, Side
-from fake_driver import FakeDriver
+from fake_driver import WAIT, FakeDriver
 from refusals import refused
+from yumi.api.streams import OLDEST_JOG
 from yumi.cli.from_table import command_from
 from yumi.cli.main import SECTIONS
 from yumi.cli.robot_commands import DRIVER_COMMANDS
+from yumi.control.controllers.joint_goal import GoalOutcome
+from yumi.control.hand_over import Commander
+from yumi.control.loop_commands import ControllerCommand
 from yumi.driver.command import Caller, Command, Lane
 from yumi.driver.commands import COMMANDS, Calibrate, Grip, StartEgm, carry_out, offered_to
 from yumi.driver.endpoint_server import decode_request
-from yumi.driver.motion_commands import JOG_HOLDS, Jog, JogTool
+from yumi.driver.motion_commands import JOG_HOLDS, Jog, JogTool, Move
 from yumi.driver.reports import GripReport
 from yumi.web.page_messages import Ask
 
@@ -97,7 +104,22 @@ def test_stop_waits_for_nothing() -> None:
     assert stops == {"stop_egm", "motors_off", "stop_rapid"}
 
 
-@pytest.mark.parametrize("jog", [Jog(arm="right", speeds=(0.1, *ZERO[1:])), JogTool(arm="right", elbow=0.1)])
+JOGS = pytest.mark.parametrize("jog", [Jog(arm="right", speeds=(0.1, *ZERO[1:])), JogTool(arm="right", elbow=0.1)])
+PAGE = Caller(client="page", front_end=FrontEnd.PAGE)
+
+
+def at(jog: Jog | JogTool, driver: FakeDriver, age: float = 0.0) -> Jog | JogTool:
+    """It was asked for so long ago [s]."""
+    return msgspec.structs.replace(jog, time=driver.robot.clock.now() - age)
+
+
+def written(driver: FakeDriver) -> list[tuple[float, ...]]:
+    """The newest velocities of the right arm that its controllers were sent: of joints, and of the tool."""
+    speeds, goal = driver.robot.speeds[Side.RIGHT].read(), driver.robot.tool_goals[Side.RIGHT].read()
+    return ([speeds[1].velocity] if speeds else []) + ([goal[1].twist] if goal else [])
+
+
+@JOGS
 def test_jog_that_is_refused_ends_the_one_before_at_once(jog: Jog | JogTool) -> None:
     driver, held = FakeDriver(), list[float | None]()
     driver.robot.control.on_command = driver.robot.rest
@@ -109,3 +131,107 @@ def test_jog_that_is_refused_ends_the_one_before_at_once(jog: Jog | JogTool) -> 
         carry_out(old, driver.server._robot, page)
     assert held == [JOG_HOLDS, JOG_HOLDS, 0.0]
     assert driver.robot.control.hand_over.of(Side.RIGHT).who.is_person
+
+
+class MoveOfAProgram:
+    """A move of the right arm that a program asks for, and that goes on until something ends it.
+
+    The arm takes 0.5 s to come to rest.
+    """
+
+    def __init__(self, driver: FakeDriver, pool: ThreadPoolExecutor) -> None:
+        self._driver, self._begun = driver, Event()
+        driver.robot.control.on_command = self._note
+        move = Move(right="home")
+        self.end = pool.submit(carry_out, move, driver.server._robot, Caller(client="script"))
+        assert self._begun.wait(WAIT)
+
+    def _note(self, command: ControllerCommand) -> None:
+        move, *stops = self._driver.robot.control.commands
+        if not stops:
+            self._begun.set()
+            return
+        if len(stops) == 1:  # of later ones it stands already
+            self._driver.robot.clock.advance(0.5)
+            self._driver.robot.end(move, GoalOutcome.STOPPED)
+        self._driver.robot.rest(command)
+
+
+@JOGS
+def test_first_jog_of_a_person_takes_the_arm_from_a_programs_move_and_the_next_one_moves_it(
+    jog: Jog | JogTool,
+) -> None:
+    driver = FakeDriver()
+    with ThreadPoolExecutor(1) as pool:
+        move = MoveOfAProgram(driver, pool)
+        carry_out(at(jog, driver), driver.server._robot, PAGE)
+        with pytest.raises(GoalNotReached):
+            move.end.result(WAIT)
+    assert driver.robot.control.hand_over.of(Side.RIGHT).who is Commander.PAGE
+    assert written(driver) == []
+    carry_out(at(jog, driver), driver.server._robot, PAGE)
+    assert written(driver) == [jog.speeds if isinstance(jog, Jog) else (*ZERO[:6], jog.elbow)]
+
+
+@JOGS
+def test_jog_that_was_asked_for_too_long_ago_leaves_a_programs_move_alone(jog: Jog | JogTool) -> None:
+    driver = FakeDriver()
+    with ThreadPoolExecutor(1) as pool:
+        move = MoveOfAProgram(driver, pool)
+        with refused(CommandRefused, "jog_too_old"):
+            carry_out(at(jog, driver, 0.2), driver.server._robot, PAGE)
+        assert driver.robot.control.hand_over.of(Side.RIGHT).who is Commander.TRAJECTORY
+        (command,) = driver.robot.control.commands
+        driver.robot.end(command)
+        move.end.result(WAIT)
+
+
+class HeldForAMoment:
+    """A lock that another thread holds, as a point of a stream does; who waits for it has it after a time [s]."""
+
+    def __init__(self, driver: FakeDriver, time: float) -> None:
+        self._driver, self._time, self._lock = driver, time, Lock()
+        self.is_held = False
+
+    def acquire(self, blocking: bool = True, timeout: float = -1.0) -> bool:
+        if self.is_held:
+            if not blocking or timeout == 0.0:
+                return False
+            assert self._time < timeout
+            self._driver.robot.clock.advance(self._time)
+            self.is_held = False
+        return self._lock.acquire(blocking=False)
+
+    def release(self) -> None:
+        self._lock.release()
+
+
+@JOGS
+@pytest.mark.parametrize("wait", [0.01, 0.15])
+@pytest.mark.parametrize("is_own", [True, False])
+def test_jog_of_a_person_waits_for_a_point_of_a_programs_stream_and_moves_the_arm_only_while_it_is_new(
+    jog: Jog | JogTool, wait: float, *, is_own: bool
+) -> None:
+    driver = FakeDriver()
+    driver.robot.control.on_command = driver.robot.rest
+    lock = HeldForAMoment(driver, wait)
+    robot = dataclasses.replace(driver.server._robot, moving=lock)  # type: ignore[arg-type]
+    for _ in range(2):
+        carry_out(at(jog, driver), robot, PAGE)
+    (before,) = written(driver)
+    if not is_own:  # the key was let go
+        driver.robot.executor.end_jog(Side.RIGHT, PAGE.client)
+        driver.robot.clock.advance(1.0)
+        assert driver.robot.control.hand_over.of(Side.RIGHT).who is Commander.NONE
+    lock.is_held = True
+    faster = msgspec.structs.replace(jog, **({"speeds": (0.2, *ZERO[1:])} if isinstance(jog, Jog) else {"elbow": 0.2}))
+    if is_own and wait > OLDEST_JOG:
+        with refused(CommandRefused, "jog_too_old"):
+            carry_out(at(faster, driver), robot, PAGE)
+        assert written(driver) == [before]
+    else:  # the first one of a press takes the arm over only
+        carry_out(at(faster, driver), robot, PAGE)
+        assert written(driver) == [tuple(2.0 * value for value in before) if is_own else ZERO]
+        carry_out(at(faster, driver), robot, PAGE)
+        assert written(driver) == [tuple(2.0 * value for value in before)]
+    assert not lock.is_held

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import platform
+import threading
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager
@@ -414,6 +415,33 @@ def test_page_loses_a_virtual_robot_once_a_real_one_answers_at_its_address(
             kinds["is_virtual"] = True
             driver.manager.session_count += 1
             await page.until("view", lambda view: view["is_virtual"])
+
+    run(story)
+
+
+def test_page_that_comes_while_it_is_asked_whether_the_robot_is_virtual_hears_that_it_still_is(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_asked, is_answered = threading.Event(), threading.Event()
+
+    def is_virtual(address: str) -> bool:
+        if driver.manager.session_count > 1:
+            is_asked.set()
+            assert is_answered.wait(SOON)
+        return True
+
+    monkeypatch.setattr(live, "_is_virtual", is_virtual)
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.until("view", lambda view: view["is_virtual"])
+            driver.manager.session_count += 1
+            await eventually(is_asked.is_set)
+            async with site.page() as other:
+                assert not (await other.until("view"))["is_virtual"]
+                is_answered.set()
+                await other.until("view", lambda view: view["is_virtual"])
+                await other.take_control()
 
     run(story)
 

@@ -246,9 +246,7 @@ class ArmStreams(ArmAccess):
         owner: object,
         time: float | None,
     ) -> bool:
-        # To stand is never asked for too late.
-        asked = None if time is None or time > self.clock.now() or values == ZERO else time
-        self._check_recent(asked)
+        self.check_jog_recent(values, time)
         self._check_owner(side, owner)
         session, is_new = self._begin_stream(side, controller, is_jog=True)  # may last seconds, so without the lock
         with self._jog_locks[side]:
@@ -260,13 +258,23 @@ class ArmStreams(ArmAccess):
                     self.streaming.pop(side, None)
                     raise CommandRefused(message("jog_streamed_by_another", controller=controller, arm=side.word))
                 with self.control.hand_over.writing((side,), Commander.STREAM, _JOG_GAP):
-                    self._check_recent(asked)  # until here it may have waited
-                    write(session, values, self.clock.now() if asked is None else asked)
+                    self.check_jog_recent(values, time)  # until here it may have waited
+                    now = self.clock.now()
+                    write(session, values, now if time is None or values == ZERO else min(time, now))
             self._jogs[side] = _Jog(controller, self.clock.now(), _number(buffer), buffer, write, owner)
         return is_first
 
-    def _check_recent(self, asked: float | None) -> None:
-        age = 0.0 if asked is None else self.clock.now() - asked
+    def check_jog_recent(self, values: Sequence[float], time: float | None) -> None:
+        """Refuse a jog that was asked for too long ago; that the arm stands is never asked for too late.
+
+        Args:
+            values: the speeds, or the velocity of the tool, (7,).
+            time: as of :meth:`jog`.
+
+        Raises:
+            CommandRefused: it is too old.
+        """
+        age = 0.0 if time is None or tuple(values) == ZERO else self.clock.now() - time
         if not age <= OLDEST_JOG:  # NaN too
             raise CommandRefused(message("jog_too_old", age=age, oldest=OLDEST_JOG))
 
@@ -363,6 +371,7 @@ class ArmStreams(ArmAccess):
         snapshot, hand_over = self.snapshot(side), self.control.hand_over
         hand_over.check(side, Commander.STREAM)
         if not hand_over.is_own(side) and hand_over.was_of_another(side):
+            self.check_follows(side)  # else where it was sent is of before
             check_tool_near(side, snapshot.sent, goal(snapshot.session))
         session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
         with self.control.hand_over.writing((side,), Commander.STREAM):

@@ -16,7 +16,7 @@ from abb_protocols.catalogue import headline, message
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.joints import Joints, Side, by_side
+from abb_protocols.robot.joints import ZERO, Joints, Side, by_side
 from yumi.control.goals import Tracking, stream_delay
 from yumi.control.hand_over import MOTION_BEGINS, Commander
 from yumi.control.loop_commands import Commands
@@ -154,7 +154,11 @@ class Jog(Command[str], frozen=True):
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
-        return _jog(robot, caller, side, lambda: robot.mover.jog(side, self.speeds, caller.client, self.time))
+
+        def jog(speeds: Joints) -> bool:
+            return robot.mover.jog(side, speeds, caller.client, self.time)
+
+        return _jog(robot, caller, side, self.speeds, self.time, jog)
 
 
 class JogTool(Command[str], frozen=True):
@@ -179,13 +183,12 @@ class JogTool(Command[str], frozen=True):
 
     def run(self, robot: CommandedRobot, caller: Caller) -> str:
         side = side_of(self.arm)
-        twist, is_in_tool = (*self.linear, *self.angular, self.elbow), self.frame == "tool"
-        return _jog(
-            robot,
-            caller,
-            side,
-            lambda: robot.mover.jog_tool(side, twist, FINGERTIPS, caller.client, self.time, is_in_tool=is_in_tool),
-        )
+        is_in_tool = self.frame == "tool"
+
+        def jog(twist: Joints) -> bool:
+            return robot.mover.jog_tool(side, twist, FINGERTIPS, caller.client, self.time, is_in_tool=is_in_tool)
+
+        return _jog(robot, caller, side, (*self.linear, *self.angular, self.elbow), self.time, jog)
 
 
 class Stream(Command[str], frozen=True):
@@ -271,18 +274,30 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
             caller.hold("teleoperation", lambda: teleoperation.lose(caller.client), teleoperation.lasts())
 
 
-def _jog(robot: CommandedRobot, caller: Caller, side: Side, jog: Callable[[], bool]) -> str:
-    """Move an arm for a moment, whatever timeouts its controllers have.
+def _jog(
+    robot: CommandedRobot,
+    caller: Caller,
+    side: Side,
+    values: Joints,
+    time: float | None,
+    jog: Callable[[Joints], bool],
+) -> str:
+    """Move an arm for a moment, whatever timeouts its controllers have; ``values`` were asked for at a ``time`` [s].
 
-    A move that is being carried out goes first, but a person takes the arm over from a program's.
+    A move that is being carried out goes first, but a person takes the arm over from a program's, as the first jog does
+    it: the next one moves the arm. Who jogs it already waits briefly for what others ask of the other arm.
     """
     holds = 0.0  # where this one is refused, what the one before began ends at once
     try:
-        if not robot.moving.acquire(blocking=False) and not _acquire_from_program(robot, caller, side):
-            raise CommandRefused(message("another_move_under_way"))
+        robot.mover.check_jog_recent(values, time)  # before anything is taken from a program
+        is_own = robot.control.hand_over.is_own(side)
+        if not robot.moving.acquire(timeout=MOTION_BEGINS if is_own else 0.0):
+            if not _acquire_from_program(robot, caller, side):
+                raise CommandRefused(message("another_move_under_way"))
+            values = ZERO  # which is never too old: to wait for the arm may have taken seconds
         try:
             caller.check()
-            if jog():  # a controller was switched
+            if jog(values):  # a controller was switched
                 if caller.commander is not None:
                     robot.followers[side].forget()  # what a stream has sent before, and waits for the gripper
                 robot.on_change()

@@ -93,7 +93,7 @@ class LiveRobot:
         robot: its address or namespace, where several drivers run.
         on_state: called with each state, as JSON.
         on_events: called with new lines of the driver's log.
-        on_change: called when a driver was found or lost, or another controller answers it.
+        on_change: called when a driver was found or lost, or another controller may answer it.
 
     Attributes:
         why_not: why there is no state; None while there is one.
@@ -217,10 +217,9 @@ class LiveRobot:
                 self.why_not = None
                 self._on_change()
             elif part.sessions != sessions:
-                was_virtual, self.is_virtual = self.is_virtual, False  # while it is asked
+                self.is_virtual = False  # while it is asked, which a page hears that comes meanwhile
                 self.is_virtual = await asyncio.to_thread(_is_virtual, self.address)
-                if self.is_virtual is not was_virtual:
-                    self._on_change()
+                self._on_change()
             sessions = part.sessions
             limited = shown.update({arm: place.limited for arm, place in arms.items()}, now)
             before, held = held, [(it.part, it.other) for it in limited.values()]
