@@ -24,8 +24,14 @@ in_real_time = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(300)
 NEEDS = {"docs/how-to/read-a-flight-record.md": "docs/tutorials/first-motion.md"}
 """Pages that go on where another one ended."""
 
+ALONE = {"docs/how-to/real-robot.md"}
+"""Pages that measure: the robot of that one sends ten times as often as a real one, and losses end its installation."""
 
-@pytest.mark.parametrize("page", [pytest.param(page, marks=in_real_time) for page in pages()])
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=[*in_real_time, *([pytest.mark.alone] if page in ALONE else [])]) for page in pages()],
+)
 def test_page_works_as_it_is_written(documentation: Pages, page: str) -> None:
     if page in NEEDS:
         documentation.run(NEEDS[page])

@@ -69,7 +69,7 @@ def test_demonstration_passes_robot_speed_and_password_on_to_its_driver(
 ) -> None:
     monkeypatch.setattr(demo, "_run_application", lambda *_, approaches: {})
     monkeypatch.setattr(demo, "read_positions", lambda robot: GOALS)
-    monkeypatch.setattr("yumi.recording.tables.draw_joint_paths", lambda paths, picture: None)
+    monkeypatch.setattr("yumi.recording.pictures.draw_joint_paths", lambda paths, picture: None)
     secret = tmp_path / "password"
     secret.write_text(SECRET)
     secret.chmod(0o600)
