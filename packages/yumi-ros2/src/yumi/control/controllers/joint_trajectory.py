@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, isnan
-from typing import Any, Protocol
+from typing import Protocol
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, TrajectoryRefused
@@ -94,7 +94,7 @@ class JointTrajectoryController(Controller):
         feedback: Buffer[TrajectoryFeedback],
         limits: JointLimits = YUMI_LIMITS,
         speed: SpeedScale | None = None,
-        halves: dict[Side, Any] | None = None,
+        halves: dict[Side, object] | None = None,
     ) -> None:
         self._side = side
         self._halves = {} if halves is None else halves
@@ -359,9 +359,9 @@ class JointTrajectoryController(Controller):
 
         It does in its next cycle: a command of the same call was checked for how it moves now.
         """
-        other: JointTrajectoryController | None = self._halves.get(self._side.other)
+        other = self._halves.get(self._side.other)
         self._is_of_both = False
-        if other is not None and other._is_of_both:
+        if isinstance(other, JointTrajectoryController) and other._is_of_both:
             other._is_of_both, other._must_brake = False, True
 
     def _brake_on_chunks(self) -> None:
