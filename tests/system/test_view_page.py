@@ -29,6 +29,8 @@ pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(180)
 SOON = 20_000  # [ms]
 JOGGED_ON = 0.6
 """A jog that goes on ends at the joint's limit, two radians away; on a busy machine a stop may be late [rad]."""
+TOO_SLOW = "too slow now|asked for .* ago|arm follows no commands"
+"""What the page tells of a jog that it ended since the machine was busy for a moment."""
 
 
 @pytest.fixture(scope="module")
@@ -108,13 +110,14 @@ class Page:
         raise AssertionError(f"{selector} says {text!r}, not {pattern!r}")
 
     def jog(self, begin: Callable[[], None], end: Callable[[], None], condition: Callable[[], bool]) -> None:
-        """Jog until the condition holds; where the page says that it is too slow now, press again, as it asks."""
+        """Jog until the condition holds; where the page tells that it was too slow for it, press again, as it asks."""
         begin()
         for _ in range(SOON // 50):
             if condition():
                 return
-            if re.search(words(message("page_too_slow_to_jog")), self.text("#toast")):
+            if re.search(TOO_SLOW, self.text("#toast")):
                 end()
+                self.wait("#verdict", "EGM holds both arms|Ready")
                 self.tab.evaluate("document.querySelector('#toast').textContent = ''")
                 begin()
             self.tab.wait_for_timeout(50)
@@ -375,6 +378,21 @@ def test_arm_stops_when_its_page_is_closed_and_when_another_one_takes_control(ch
         watch.wait_for_rest()
     assert watch.travel() < JOGGED_ON
     first.wait("#toast", words(message("control_taken_by_other")))
+
+
+def test_page_tells_why_it_ends_a_jog_whose_key_is_still_held(chromium: Any, held: str) -> None:
+    page = Page(chromium, held)
+    page.wait("#verdict", "EGM holds both arms")
+    page.take_control()
+    with Watch() as watch:
+        watch.wait(lambda: True)
+        page.jog(partial(page.begin, "joint 0 1"), page.tab.mouse.up, lambda: watch.travel() > 0.02)
+        robot = str(page.tab.inner_text("#chips .chip:first-child b")).partition(",")[0]
+        inject_fault(robot, "egm-silence", {"arm": "right", "duration": "0.5"})
+        page.wait("#toast", "The right arm follows no commands: press “Start EGM”|Jog refused: .* press again")
+        watch.wait_for_rest()
+    page.tab.mouse.up()
+    assert page.errors == []
 
 
 class Watch:

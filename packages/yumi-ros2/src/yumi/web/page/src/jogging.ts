@@ -67,7 +67,9 @@ export class Jogging {
     this.bindFrame();
     this.bindPicture();
     store.show((page) => {
-      if (!hasControl(page) || permissions(page).move) this.end(); // a button that is disabled is let go unseen
+      const whyNot = permissions(page).move; // a button that is disabled is let go unseen
+      if (!hasControl(page)) this.end();
+      else if (whyNot && this.end()) toast(whyNot);
     });
     for (const event of ["blur", "pagehide"]) window.addEventListener(event, () => this.end());
     document.addEventListener("visibilitychange", () => document.hidden && this.end());
