@@ -135,10 +135,9 @@ class Page:
         self.wait("#remedy-button", label)
         self.press("#remedy-button")
 
-    def hold(self, jog: str, seconds: float) -> None:
-        """Keep a jog button pressed, with the mouse."""
-        self.begin(jog)
-        self.tab.wait_for_timeout(1000 * seconds)
+    def hold(self, jog: str, condition: Callable[[], bool]) -> None:
+        """Keep a jog button pressed with the mouse until the condition holds, and wait until the arm stands."""
+        self.jog(partial(self.begin, jog), self.tab.mouse.up, condition)
         self.tab.mouse.up()
         self.wait("#verdict", "Ready")
 
@@ -209,20 +208,23 @@ def test_robot_is_operated_through_the_page(chromium: Any, url: str) -> None:
 
     # Jog a joint with the mouse, and with the keyboard.
     assert page.angle(0) == pytest.approx(0.0, abs=0.1)
-    page.hold("joint 0 1", 0.8)
+    page.hold("joint 0 1", lambda: page.angle(0) > 5.0)
     moved = page.angle(0)
     assert 5.0 < moved < 40.0
     assert "EGM runs on both arms" in str(page.tab.get_attribute("#start:disabled", "title"))
-    page.tab.locator('[data-jog="joint 0 -1"]').focus()
-    page.tab.keyboard.down(" ")
-    page.wait("#verdict", "moves")
+
+    def press_key() -> None:
+        page.tab.locator('[data-jog="joint 0 -1"]').focus()  # a button that was disabled has lost it
+        page.tab.keyboard.down(" ")
+
+    page.jog(press_key, partial(page.tab.keyboard.up, " "), lambda: "moves" in page.text("#verdict"))
     page.tab.keyboard.up(" ")
     page.wait("#verdict", "Ready")
     assert page.angle(0) < moved
 
     # Jog the tool along a line, forwards; upwards from here the arm would meet the robot's body.
     before = page.tip()
-    page.hold("linear x 1", 1.0)
+    page.hold("linear x 1", lambda: page.tip()[0] - before[0] > 20.0)
     x, y, z = (after - start for after, start in zip(page.tip(), before, strict=True))
     assert x > 20.0
     assert (y, z) == pytest.approx((0.0, 0.0), abs=3.0)
