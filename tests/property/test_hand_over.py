@@ -139,9 +139,9 @@ class Scene:
         """See that an arm that a person has let go stays where it has come to rest.
 
         While its joints follow a leader an arm is sent ahead of where it is, 18 mrad at 0.24 rad/s, and a stop brings
-        the command back to the arm. That is over within 0.3 s: a later stop, which is open to all, moves nothing.
-        The stop of a person who has pressed and let go at once is waited for: it comes from a thread that has less time
-        than the robot here.
+        the command back to the arm. That is over within 0.3 s, and no program that was granted the arm before, and is
+        late, stops it once more. The stop of a person who has pressed and let go at once is waited for: it comes from a
+        thread that has less time than the robot here.
         """
         command, sent = self._driver.hand_over.of(side), self._driver.snapshot(side).sent
         is_held = command.who is Commander.NONE and command.is_reserved and not self._operator.is_taking_over

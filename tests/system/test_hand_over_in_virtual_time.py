@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from math import cos
 from pathlib import Path
@@ -14,14 +14,16 @@ import pytest
 
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached
-from abb_protocols.robot.joints import Joints, Side, joints
+from abb_protocols.robot.joints import CYCLE, Joints, Side, joints
 from cartesian_bench import shares
 from refusals import refused
 from system.teleoperation_bench import LEFT_START, RIGHT, START, WITHIN, driver_in_egm
 from system.test_endpoint_in_virtual_time import Driver
-from yumi.control.hand_over import Commander
+from yumi.control.controller import IDLE
+from yumi.control.hand_over import Commander, requested_by
 from yumi.driver.command import Caller, Command
 from yumi.driver.commands import GiveBack, carry_out
+from yumi.driver.controller_names import JOG_CONTROLLER
 from yumi.driver.device_frame import DeviceFrame
 from yumi.driver.motion_commands import Jog, Move, Stream, Teleoperate
 
@@ -99,6 +101,34 @@ def test_person_takes_an_arm_from_a_scripts_move_and_gives_it_back(clients: Clie
     assert driver.snapshot(RIGHT).sent == pytest.approx(START, abs=1e-5)
     for side in Side:
         assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
+
+
+@pytest.mark.parametrize("is_let_go", [False, True])
+def test_program_that_was_granted_an_arm_before_a_person_took_it_does_not_stop_it_afterwards(
+    clients: Clients, monkeypatch: pytest.MonkeyPatch, is_let_go: bool
+) -> None:
+    driver = clients.driver
+    take_all = driver.hand_over.take_all
+
+    def grant_and_be_late(sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> frozenset[Side]:
+        handed_over = take_all(sides, kind, lasts)
+        monkeypatch.undo()
+        clients.jog(0.5)
+        driver.wait(1.0 if is_let_go else CYCLE)
+        return handed_over
+
+    monkeypatch.setattr(driver.hand_over, "take_all", grant_and_be_late)
+    code = "arm_reserved_for_person" if is_let_go else "arm_commanded_by_another"
+    with requested_by(Commander.POLICY, "policy", "policy"), refused(CommandRefused, code):
+        driver.mover.stream({RIGHT: START}, blend=0.5)
+    assert driver.mover.commanding(RIGHT) == (JOG_CONTROLLER,)
+    sent = driver.snapshot(RIGHT).sent
+    if is_let_go:
+        driver.wait(0.5)
+        assert driver.snapshot(RIGHT).sent == sent
+    else:
+        clients.jog(0.2)
+        assert driver.snapshot(RIGHT).sent[6] > sent[6] + 0.02  # it goes on as it was
 
 
 @pytest.mark.parametrize("way", ["jogged by a person", "moved by a person", "stopped", "client gone"])

@@ -85,12 +85,18 @@ class ArmAccess:
     def stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
         """Have arms come to rest, as fast as their joints may; those that do not follow stand already.
 
+        A stop is open to all, whichever client commands the arms.
+
         Returns:
             The motions to standstill.
         """
-        moving = [side for side in sides if self.control.snapshot(side).is_commanded]
         with requested_by(only_holds=True):
-            self.activate(moving, GOAL_CONTROLLER)
+            return self._stop(sides)
+
+    def _stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
+        """As :meth:`stop`, where the requester may have another controller command the arms."""
+        moving = [side for side in sides if self.control.snapshot(side).is_commanded]
+        self.activate(moving, GOAL_CONTROLLER)
         motions = tuple(self.motions.begin(side) for side in moving)
         return self.send(
             [ControllerCommand(each.side, GOAL_CONTROLLER, StopMotion(each.identity)) for each in motions], motions
@@ -106,8 +112,7 @@ class ArmAccess:
 
     def bring_to_rest(self, sides: Iterable[Side]) -> None:
         """Stop arms and wait until they stand; raises GoalNotReached when one did not come to rest."""
-        for motion in self.stop(sides):
-            motion.wait(_LAST_STOP)
+        _wait_for_rest(self.stop(sides))
 
     def check_has(self, side: Side, name: str) -> None:
         """Raises CommandRefused where an arm has no controller of that name."""
@@ -117,10 +122,11 @@ class ArmAccess:
     def take_over(self, sides: Collection[Side], name: str, anew: Collection[Side] = ()) -> None:
         """Have a controller command arms, from standstill: controllers plan their motions differently.
 
-        On the arms ``anew`` a controller that commands already begins anew, and what it was sent before ends.
+        On the arms ``anew`` a controller that commands already begins anew, and what it was sent before ends. An arm
+        that a person has taken from the requester since it was granted is not stopped, and the refusal raised.
         """
         others = [side for side in sides if side in anew or self.commanding(side) != (name,)]
-        self.bring_to_rest(others)
+        _wait_for_rest(self._stop(others))
         self.activate(others, name)
 
     def check_follows(self, side: Side) -> None:
@@ -136,10 +142,15 @@ class ArmAccess:
     def activate(self, sides: Iterable[Side], name: str) -> None:
         """Switch the arms to a controller; what commands one until then is deactivated in the same switch."""
         for side in sides:
-            commanding = self.commanding(side)
+            commanding, stream = self.commanding(side), self.streaming.get(side)
             if commanding != (name,):
-                self.streaming.pop(side, None)
                 self.control.call(Commands.switch_controllers, side, (name,), commanding)
+                self.forget_stream(side, stream)
+
+    def forget_stream(self, side: Side, stream: tuple[str, int, int] | None) -> None:
+        """Have the next point begin a stream anew; one that another client has begun since then goes on."""
+        if self.streaming.get(side) == stream:
+            self.streaming.pop(side, None)
 
     def commanding(self, side: Side) -> tuple[str, ...]:
         """The controllers that command an arm."""
@@ -156,6 +167,11 @@ class ArmAccess:
             self.motions.forget(motions)
             raise
         return motions
+
+
+def _wait_for_rest(stops: Sequence[Motion]) -> None:
+    for motion in stops:
+        motion.wait(_LAST_STOP)
 
 
 def wait_for(motions: Sequence[Motion], timeout: float | None, arms: ArmAccess) -> None:

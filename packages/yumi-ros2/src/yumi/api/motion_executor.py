@@ -230,9 +230,8 @@ class MotionExecutor(ArmStreams):
         for side in sides:
             self.check_follows(side)
         handed_over = self.control.hand_over.take_all(sides, kind, None)
-        if from_rest:
-            self.bring_to_rest([side for side in sides if self.is_moving(side)])
-        self.take_over(sides, name, anew=handed_over)
+        moving = [side for side in sides if self.is_moving(side)] if from_rest else []
+        self.take_over(sides, name, anew=handed_over.union(moving))
         for side in sides:
             self.streaming.pop(side, None)
         before = {side: self.control.snapshot(side).command_epoch for side in sides}

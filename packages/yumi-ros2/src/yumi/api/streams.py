@@ -333,10 +333,10 @@ class ArmStreams(ArmAccess):
                 self.check_follows(side)
                 new.add(side)
         lasts = _JOG_GAP if is_jog else IDLE if kind is Commander.STREAM else LINK_LOST
-        handed_over = hand_over.take_all(sides, kind, lasts)
         last = {side: self.streaming.get(side, ("", 0, 0)) for side in sides}
+        handed_over = hand_over.take_all(sides, kind, lasts)
         for side in handed_over:
-            self.streaming.pop(side, None)  # one that cannot be switched now begins anew later
+            self.forget_stream(side, last[side])  # one that cannot be switched now begins anew later
         switched = [side for side in sides if side in new or side in handed_over]
         for side in switched if is_jog else ():
             self._check_jog_begins(side, known[side], last[side], is_handed_over=side in handed_over)
