@@ -21,6 +21,7 @@ from system.teleoperation_bench import LEFT_START, RIGHT, START, WITHIN, driver_
 from system.test_endpoint_in_virtual_time import Driver
 from yumi.control.controller import IDLE
 from yumi.control.hand_over import Commander, requested_by
+from yumi.driver import motion_commands
 from yumi.driver.command import Caller, Command
 from yumi.driver.commands import GiveBack, carry_out
 from yumi.driver.controller_names import JOG_CONTROLLER
@@ -220,6 +221,32 @@ def test_person_takes_one_arm_of_a_stream_and_the_other_one_brakes_and_holds(cli
         turn = 0.2 * (1.0 - cos(1.5 * (driver.now() - begin)))
         assert driver.snapshot(side).sent == pytest.approx((*start[:6], start[6] + sign * turn), abs=0.05)
         assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
+
+
+def test_stream_of_one_arm_goes_on_while_a_jog_of_the_other_one_is_carried_out(
+    clients: Clients, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver, jog, has_begun, goes_on = clients.driver, clients.driver.mover.jog, Event(), Event()
+
+    def jog_later(*args: Any) -> bool:
+        has_begun.set()
+        assert goes_on.wait(10.0)
+        return jog(*args)
+
+    clients.done(Stream(right=START), SCRIPT)
+    monkeypatch.setattr(driver.mover, "jog", jog_later)
+    monkeypatch.setattr(motion_commands, "MOTION_BEGINS", 10.0)  # of this machine's clock
+    jogging = clients.begin(Jog(arm="left", speeds=SPEEDS, time=driver.now()), PAGE)
+    assert has_begun.wait(10.0)
+    streaming = clients.begin(Stream(right=START), SCRIPT)
+    wait([streaming], 0.3)
+    goes_on.set()
+    clients.ended(streaming)
+    clients.ended(jogging)
+    assert {side: driver.hand_over.of(side).who for side in Side} == {
+        RIGHT: Commander.STREAM,
+        Side.LEFT: Commander.PAGE,
+    }
 
 
 def test_stop_of_a_script_is_open_to_it_while_a_person_commands(clients: Clients) -> None:

@@ -230,7 +230,7 @@ class Stream(Command[str], frozen=True):
         closed = {side_of(arm): closed_of(arm, width) for arm, width in (self.grippers or {}).items()}
         velocities = {side_of(arm): velocity for arm, velocity in (self.velocities or {}).items()}
         delay = stream_delay(self.tracking, self.delay)
-        if not robot.moving.acquire(blocking=False):
+        if not robot.moving.acquire(timeout=MOTION_BEGINS):  # a jog of the other arm holds it for moments
             raise CommandRefused(message("another_move_under_way"))
         try:
             caller.check()
