@@ -24,7 +24,7 @@ from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands
-from yumi.driver.controller_names import TRAJECTORY_CONTROLLER
+from yumi.driver.controller_names import GOAL_CONTROLLER, TRAJECTORY_CONTROLLER
 
 PERIOD = 0.05
 HOLD = 1.0 - np.cos(np.arange(40) * PERIOD)  # of a wave that begins at rest
@@ -181,6 +181,28 @@ def test_other_arm_of_a_policy_brakes_when_one_is_taken_over_and_no_chunk_moves_
     for side in Side:
         assert driver.snapshot(side).sent == pytest.approx(still[side], abs=1e-6)
         assert shares(np.array(driver.arms[side].admitted)) <= WITHIN
+
+
+def test_chunk_for_one_arm_is_refused_in_the_cycle_in_which_the_other_one_is_taken_over(
+    driver: Driver, chunks: ChunkFollower, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call = driver.call
+
+    def take_right_over_first(command: Callable[..., Any], *args: Any) -> Any:
+        monkeypatch.undo()
+        call(Commands.switch_controllers, Side.RIGHT, (GOAL_CONTROLLER,), (TRAJECTORY_CONTROLLER,))
+        return call(command, *args)
+
+    chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT), left=points(driver, Side.LEFT)))
+    driver.wait(0.3)
+    monkeypatch.setattr(driver, "call", take_right_over_first)
+    with refused(CommandRefused, "chunks_taken_over", arm="right"):
+        chunks.send(Chunk(PERIOD, left=points(driver, Side.LEFT)))
+    driver.wait(0.5)
+    still = driver.snapshot(Side.LEFT).sent
+    driver.wait(0.5)
+    assert driver.snapshot(Side.LEFT).sent == pytest.approx(still, abs=1e-6)
+    assert shares(np.array(driver.arms[Side.LEFT].admitted)) <= WITHIN
 
 
 def test_policy_takes_no_arm_from_another_one_and_keeps_those_that_it_moves(

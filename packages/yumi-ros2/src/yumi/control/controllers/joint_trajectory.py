@@ -281,6 +281,8 @@ class JointTrajectoryController(Controller):
     def _check_chunk(self, command: FollowChunk, state: ArmState | None) -> None:
         """Judge a chunk, and keep the motion that goes on along it, with the time on it and its pace."""
         state, known = self._checked_state(state), self._checked_chunk
+        if command.is_of_both and self._side.other not in self._halves:
+            raise trajectory_refused(message("chunks_taken_over", arm=self._side.other.word))
         if known is not None and known[0] is command and known[1] is state and known[2] is self._source:
             return
         before: ChunkMotion | Setpoint
