@@ -9,6 +9,7 @@ from threading import Thread
 import numpy as np
 import pytest
 
+from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints
 from abb_runtime.clock import ManualClock
@@ -283,6 +284,24 @@ def test_chunk_of_a_policy_takes_its_arm_and_no_chunk_passes_while_another_one_c
         arms.passing(Commands.take_commands, (chunk,), {}),
     ):
         pass
+
+
+@pytest.mark.parametrize("who", [Commander.PAGE, Commander.TRAJECTORY])
+def test_command_that_the_controller_refuses_takes_no_arm(arms: Arms, who: Commander) -> None:
+    goal = ControllerCommand(RIGHT, "c", JointGoal(home(RIGHT)))
+    if who.is_person:
+        arms.taken(Commander.STREAM, "program")
+    before = arms.of(RIGHT)
+    with (
+        requested_by(who, "other", "other"),
+        refused(CommandRefused, "arm_without_egm"),
+        arms.passing(Commands.send_commands, (goal,), {}),
+    ):
+        raise CommandRefused(message("arm_without_egm", arm="right"))
+    assert arms.of(RIGHT) == before
+    with requested_by(who, "other", "other"), arms.passing(Commands.send_commands, (goal,), {}):
+        assert arms.of(RIGHT) == before
+    assert arms.of(RIGHT).who is who
 
 
 def test_blend_begins_where_the_arm_is_sent_and_ends_on_the_stream() -> None:

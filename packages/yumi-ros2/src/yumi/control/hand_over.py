@@ -264,10 +264,12 @@ class HandOver:
     ) -> Iterator[None]:
         """Whether a command of :class:`.Commands` may be carried out, and while it is, none takes its arms over.
 
+        The requester commands them from then on, unless the command is refused: then nothing was changed.
+
         Raises:
             CommandRefused: as :meth:`take`.
         """
-        requester = _requester.get()
+        requester, kinds = _requester.get(), dict[Side, Commander]()
         with ExitStack() as gates:
             if command in (Commands.send_commands, Commands.take_commands):
                 given = [each for each in args if isinstance(each, ControllerCommand)]
@@ -277,13 +279,18 @@ class HandOver:
                 }
                 for side, kind in kinds.items():
                     self.check(side, kind)
-                for side, kind in kinds.items():
-                    self.take(side, kind, None)
             elif command is Commands.switch_controllers and not requester.only_holds:
                 named = signature(command).bind(None, *args, **options).arguments
                 for side in self._entered(gates, {named["side"]} if named.get("activate") else set()):
                     self._check_switch(side, requester)
-            yield
+            try:
+                yield
+            except CommandRefused:
+                kinds.clear()
+                raise
+            finally:
+                for side, kind in kinds.items():
+                    self.take(side, kind, None)
 
     def is_foreign(self, side: Side) -> bool:
         """Whether another client than the requester commands an arm."""
