@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,7 @@ from test_ros_command_topics import Node, commanded
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side
+from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side, joints
 from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
 from abb_protocols.robot.urdf import robot_description
 from refusals import refused
@@ -22,6 +23,7 @@ from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.goals import GoalKind, MemoryBuffer
 from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
+from yumi.control.trajectory_commands import CancelTrajectory, FollowTrajectory
 from yumi.ros.frames import RobotFrames
 from yumi.ros.tool_topics import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
 
@@ -93,6 +95,23 @@ def test_a_line_planned_before_a_stop_is_not_followed_after_it(node: Node, contr
     topic.take(pose(0.02))
     assert len(control.commands) == (not is_stopped)
     assert node.warnings == [str(message("interrupted_while_planned", arm="right"))] * is_stopped
+
+
+@pytest.mark.parametrize("is_moving", [False, True])
+def test_target_that_no_arm_can_have_takes_no_arm_and_ends_no_motion(
+    node: Node, control: Control, is_moving: bool
+) -> None:
+    topic, target = make(TargetPoseTopic, node, control), pose(math.nan if is_moving else 5.0)
+    topic.limits = YUMI_LIMITS
+    control.now = control.now._replace(velocity=joints([1.0 if is_moving else 0.0] * 7))
+    topic.take(target)
+    assert len(node.warnings) == 1
+    assert control.commands == []
+    assert control.hand_over.of(Side.RIGHT).who is Commander.NONE
+    topic.take(pose(0.02))
+    (command,) = control.commands
+    assert isinstance(command.message, CancelTrajectory if is_moving else FollowTrajectory)
+    assert control.hand_over.of(Side.RIGHT).who is Commander.STREAM
 
 
 @pytest.mark.parametrize(("kind", "noun"), [(ServoPoseTopic, "Pose"), (ServoTwistTopic, "Velocity")])

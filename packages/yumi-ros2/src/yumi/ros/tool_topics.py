@@ -163,15 +163,16 @@ class TargetPoseTopic(ToolTopic):
         self.turn = Lock()  # one goal of an action at a time is planned
 
     def checked(self, received: Any, snapshot: Snapshot, time: float) -> Callable[[], None]:
-        return partial(self._move, received, snapshot)
-
-    def _move(self, received: Any, snapshot: Snapshot) -> None:
         if max(map(abs, snapshot.velocity)) > STANDING:
-            # The line begins where the arm stands: what it follows now ends first.
-            self.command(CancelTrajectory())
-            raise target_refused(message("arm_still_moved", arm=self._side.word))
-        plan = self.plan(LineGoal((received,)))
-        self.command(FollowTrajectory(plan, next(line_numbers)), snapshot.activation)
+            self._pose(received)
+            return self._end_motion
+        line = FollowTrajectory(self.plan(LineGoal((received,))), next(line_numbers))
+        return partial(self.command, line, snapshot.activation)
+
+    def _end_motion(self) -> None:
+        """The line begins where the arm stands: what it follows now ends first."""
+        self.command(CancelTrajectory())
+        raise target_refused(message("arm_still_moved", arm=self._side.word))
 
     def plan(self, goal: LineGoal) -> ArmPlan:
         """Lines through poses, from where the arm stands.
