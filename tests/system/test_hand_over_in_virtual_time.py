@@ -55,10 +55,11 @@ class Clients:
         return future.result()
 
     def jog(self, seconds: float) -> None:
-        """A key is held at the page, which says when it was."""
+        """A key is held at the page, which says when it was; only to take the arm over takes time."""
         begin = self.driver.now()
+        self.done(Jog(arm="right", speeds=SPEEDS), PAGE)
         while self.driver.now() - begin < seconds:
-            self.done(Jog(arm="right", speeds=SPEEDS, time=self.driver.now()), PAGE)
+            self.begin(Jog(arm="right", speeds=SPEEDS, time=self.driver.now()), PAGE).result(10.0)
             self.driver.wait(0.02)
 
 
