@@ -411,6 +411,19 @@ def scripts(*actions: st.SearchStrategy[Action]) -> st.SearchStrategy[Script]:
     ],
     feeds_speed=False,
 )
+@example(  # a late datagram of the session before the last, with the number due next, hid that the last command leads
+    script=[
+        (0, restart),
+        (0, for_a_while("is_swapped", 39)),
+        (25, for_a_while("is_swapped", 60)),
+        (0, restart),
+        (0, old(189, 1)),
+    ],
+    feeds_speed=True,
+)
+@example(  # of a clock that was set back, one datagram is left aside: two cycles pass until the next reply
+    script=[(10, for_a_while("is_shuffled", 34)), (0, set_clock(-10000.0))], feeds_speed=True
+)
 @given(scripts(*ACCIDENTS), st.booleans())
 def test_what_leaves_and_how_the_robot_is_led_keep_the_limits_after_accidents(
     script: Script, feeds_speed: bool
@@ -820,7 +833,7 @@ def test_arm_comes_to_rest_without_a_step_when_the_robots_numbers_begin_anew_aga
     loop = in_motion()
     left_at, before = loop.sent[-1], len(loop.cycles)
     loop.changed = lambda message: replace(message, seqno=message.seqno % length)
-    loop.move(400)
+    loop.move(700)  # the first datagram of each session gets no reply
     assert_within_limits(loop)
     assert_led_within_limits(loop)
     assert len(loop.cycles) - before > 100  # the others are answered

@@ -231,8 +231,8 @@ def test_loop_begins_a_new_session_without_controllers_and_without_a_jump(
 ) -> None:
     feed(loop, arm, ZERO)
     loop.manager.switch(["pusher"], [], loop.state)
-    feed(loop, arm, middle, session=2, now=20.0)
-    feed(loop, arm, middle, session=2, now=20.004)
+    for now in (20.0, 20.004, 20.008):  # the first datagram alone may be late
+        feed(loop, arm, middle, session=2, now=now)
     assert arm.told[1:] == [ArmCommand(middle), ArmCommand(middle)]
 
 

@@ -500,6 +500,50 @@ def test_limiter_begins_where_the_robot_stands_when_its_new_session_does_not_fol
     assert limiter.limit(checked, None) == ArmCommand(planned)
 
 
+@pytest.mark.parametrize("late", [(0,), (1,), (3, 5, 7)])
+def test_no_late_datagram_in_a_session_hides_that_the_last_command_leads_its_robot(
+    limiter: ReportedLimiter, middle: Joints, late: tuple[int, ...]
+) -> None:
+    """The robot stands where its session has begun, which is less from the last command than can be known as false."""
+    limiter.limit(state(middle), None)
+    there = reportable(moved(middle, 0, 0.019))
+    for count in range(10):
+        now = state(middle if count in late else there, session=2, dt=DT * bool(count))._replace(time=0.3 + count * DT)
+        assert limiter.check(now) is None
+    begun = state(there, session=2)._replace(time=1.001)
+    checked = limiter.check(begun)
+    assert checked is not None
+    assert limiter.limit(checked, None) == ArmCommand(there)
+
+
+@pytest.mark.parametrize("late", [(0,), (1,), (2, 4, 6)])
+def test_no_session_begins_where_a_late_datagram_alone_says_that_its_robot_stands(
+    limiter: ReportedLimiter, middle: Joints, late: tuple[int, ...]
+) -> None:
+    """After the robot could follow the last command."""
+    limiter.limit(state(middle), None)
+    there, commands = reportable(moved(middle, 0, 0.019)), []
+    for count in range(10):
+        now = state(middle if count in late else there, session=2, dt=DT * bool(count))._replace(time=2.0 + count * DT)
+        checked = limiter.check(now)
+        if checked is not None:
+            commands.append(limiter.limit(checked, None))
+            limiter.observe(checked)
+    assert commands == [ArmCommand(there)] * len(commands)
+    assert len(commands) >= 2
+
+
+def test_session_goes_on_from_the_last_command_when_two_datagrams_show_that_it_leads_nowhere(
+    limiter: ReportedLimiter, middle: Joints
+) -> None:
+    limiter.limit(state(middle), None)
+    here = state(moved(middle, 0, 0.005), session=2, dt=0.0)
+    assert limiter.check(here._replace(time=0.3)) is None
+    checked = limiter.check(here._replace(time=0.3 + DT, dt=DT))
+    assert checked is not None
+    assert limiter.limit(checked, None) == ArmCommand(middle)
+
+
 def test_limiter_does_not_answer_a_session_that_begins_far_out_of_range(
     limiter: ReportedLimiter, middle: Joints
 ) -> None:
@@ -523,7 +567,8 @@ def test_limiter_does_not_begin_in_a_new_session_where_the_arm_cannot_have_got_s
     assert path == [ArmCommand(start)] * 3
     assert limiter.implausible_position == far
     in_time = state(far, session=4, dt=0.0)._replace(time=1.6)
-    assert limiter.limit(in_time, None) == ArmCommand(far)
+    assert limiter.check(in_time) is None  # one datagram alone may be late
+    assert limiter.limit(in_time._replace(time=1.6 + DT, dt=DT), None) == ArmCommand(far)
 
 
 @pytest.mark.parametrize("is_running", [True, False])

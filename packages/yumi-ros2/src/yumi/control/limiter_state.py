@@ -81,9 +81,11 @@ MEANINGS: Mapping[LimiterState, str] = {
 
 SEEN: Mapping[LimiterEvent, str] = {
     _E.SESSION_ELSEWHERE: "a session begins where the arm cannot be, by its range, its plan or the last command",
-    _E.SESSION_LED: "a session begins less than about 1 s after the last command, which still leads the robot on",
+    _E.SESSION_LED: "a session begins less than about 1 s after the last command, which still leads the robot on; or "
+    "that datagram and the one before do not both show that it does not, or, later, that the robot stands there",
     _E.SESSION_NEW: "a session begins, and nothing was sent for about 1 s, or ever: no command can move the robot",
-    _E.SESSION_CONTINUED: "a session begins less than about 1 s after the last command, which leads the robot nowhere",
+    _E.SESSION_CONTINUED: "a session begins less than about 1 s after the last command, which leads the robot nowhere, "
+    "as two datagrams in a row show",
     _E.FIRST_SENT: "the first command of a session was sent",
     _E.FEEDBACK_LOST: "20 positions or more in a row that no joint could have reached",
     _E.FEEDBACK_DOUBTED: "5 positions or more in a row that no joint could have reached (before, the arm goes on as if "

@@ -5,8 +5,8 @@
 // session goes on and so does the last reference, or it has begun anew, then everything begins at where it stands.
 //
 // UDP may deliver a datagram late, twice or after a newer one. The robot's number and its clock tell these from the
-// next datagram of the session and from the first of another: accidents are meant, not a sender that forges both
-// (docs/explanation/decisions/0055-threat-model.md).
+// next datagram of the session and from the first of another; where the clock has gone back, two in a row do. Accidents
+// are meant, not a sender that forges both (docs/explanation/decisions/0055-threat-model.md).
 
 #pragma once
 
@@ -125,12 +125,11 @@ public:
     // Whether a message of this number and the robot's time is newer than all before it: the session's next one, or the
     // first of another.
     bool takes(std::uint32_t seqno, double robot_time, double now) {
-        if (!judge(seqno, robot_time, now)) return false;
+        if (!judge({seqno, robot_time, now})) return false;
         counters.late += is_accepted;
         is_accepted = true;
         const double passed = before_ ? robot_time - before_->time : 0.0;
-        period = 0.0 < passed && passed <= LONGEST_PERIOD ? passed : CYCLE;
-        if (!before_ || state != OPEN) period = 0.0;
+        period = state != OPEN ? 0.0 : 0.0 < passed && passed <= LONGEST_PERIOD ? passed : CYCLE;
         return true;
     }
 
@@ -161,8 +160,8 @@ private:
     static constexpr int REORDERED = 16;
     // a number higher by more is none of the session: that is a silence
     static constexpr std::int64_t LARGEST_GAP = 64;
-    // [s] after which a datagram begins a session whatever the robot's clock says: the controller was restarted
-    static constexpr double LONG_SILENCE = 1.0;
+    // of the time between two datagrams of the robot: what comes sooner after the other has waited on its way
+    static constexpr double TOO_SOON = 0.5;
     static constexpr double LONGEST_PERIOD = 0.100;  // [s] the robot's clock is not believed beyond this
     static constexpr double CLOCK_TOLERANCE = 0.05;  // by so much the time for datagrams may differ from their number
     static constexpr std::uint32_t WINDOW = (2u << REORDERED) - 1;
@@ -175,33 +174,40 @@ private:
     // How many datagrams a message was sent after another; the robot's count wraps.
     static std::int64_t ahead_of(std::uint32_t before, std::uint32_t seqno) { return std::int32_t(seqno - before); }
 
-    bool judge(std::uint32_t seqno, double robot_time, double now) {
-        if (!last_) {
-            begin(seqno, robot_time, now);
-            return true;
-        }
-        const std::int64_t ahead = ahead_of(last_->seqno, seqno);
-        const double later = robot_time - last_->time, silence = now - last_->arrival;
-        bool goes_on, is_new;
-        if (state != SILENT && (silence <= silence_ || ahead == 1)) {
-            // The very next number counts whatever the robot's clock says, which may have been set.
-            goes_on = ahead == 1 || (later > 0.0 && 0 < ahead && ahead <= LARGEST_GAP);
-            is_new = later > 0.0;
-        } else {
-            const bool is_of_session = agree(ahead, later);
-            goes_on = is_of_session && ahead > 0;
-            // A datagram of the session comes late by a few, not by many after a long silence: a simulated robot that
-            // was restarted may count and keep time exactly as the first time.
-            const bool is_late = is_of_session && -REORDERED <= ahead && ahead <= 0;
-            is_new = !goes_on && !is_late && (silence > LONG_SILENCE || (!is_of_session && later > 0.0));
-        }
+    bool judge(const Heard& heard) {
+        const Heard last = last_.value_or(heard);
+        const std::int64_t ahead = ahead_of(last.seqno, heard.seqno);
+        const double later = heard.time - last.time;
+        const bool is_open = state != SILENT && (heard.arrival - last.arrival <= silence_ || ahead == 1);
+        const bool is_of_session = agree(ahead, later), is_set_back = later < 0.0 && confirms(heard);
+        const bool counts = later > 0.0 || (later == 0.0 && ahead == 1) || is_set_back;
+        const bool goes_on = counts && ahead > 0 && (is_open ? ahead <= LARGEST_GAP : is_of_session);
+        // A datagram of the session comes late by a few, not by many: a simulated robot that was restarted may count
+        // and keep time exactly as the first time.
+        const bool is_of_another = (is_open && later > 0.0) || !is_of_session || ahead < -REORDERED;
+        const bool begins = !last_ || (counts && is_of_another && !goes_on), is_taken = goes_on || begins;
+        // What is confirmed is counted as lost; by the new clock, it was that much later than the one before it.
+        if (before_ && goes_on && is_set_back)
+            counters.stale -= ahead > 1, before_->time = heard.time - double(ahead) * CYCLE;
         if (goes_on)
-            go_on(seqno, robot_time, ahead, now);
-        else if (is_new)
-            begin(seqno, robot_time, now);
+            go_on(ahead);
+        else if (begins)
+            begin(heard);
         else
-            count_old(seqno, -ahead);
-        return goes_on || is_new;
+            count_old(heard.seqno, -ahead);
+        counters.received += is_taken;
+        doubted_.reset();
+        (is_taken ? last_ : doubted_) = heard;
+        return is_taken;
+    }
+
+    // Where the robot's clock has gone back, it was set, or the controller was restarted, or the datagram is late, of
+    // this session or any before: whether this is the one after that which was left aside, and comes as much later.
+    bool confirms(const Heard& heard) const {
+        const Heard before = doubted_.value_or(heard);
+        const double passed = heard.time - before.time;
+        return passed > 0.0 && ahead_of(before.seqno, heard.seqno) == 1 &&
+               heard.arrival - before.arrival > TOO_SOON * passed;
     }
 
     // Whether the robot's clock has gone on by the time of so many datagrams, or back where these are negative. Our
@@ -211,36 +217,27 @@ private:
         return std::abs(later - double(ahead) * cycle) <= cycle + CLOCK_TOLERANCE * std::abs(later);
     }
 
-    void go_on(std::uint32_t seqno, double robot_time, std::int64_t ahead, double now) {
+    void go_on(std::int64_t ahead) {
         if (state == SILENT) state = RESUMED;
-        ++counters.received;
         counters.lost += ahead - 1;
         seen_ = ahead > REORDERED ? 1 : (seen_ << ahead | 1) & WINDOW;
         sent_ += ahead;
-        last_ = Heard{seqno, robot_time, now};
     }
 
-    void begin(std::uint32_t seqno, double robot_time, double now) {
+    void begin(const Heard& heard) {
         state = BEGUN;
         ++number;
-        ++counters.received;
-        reply_seqno_ = 0, sent_ = 0;
-        seen_ = 1;
-        first_seqno_ = seqno;
-        last_ = Heard{seqno, robot_time, now};
-        arrivals_.begin(now, robot_time);
+        reply_seqno_ = 0, sent_ = 0, seen_ = 1, first_seqno_ = heard.seqno;
+        arrivals_.begin(heard.arrival, heard.time);
         arrivals = arrivals_;
     }
 
     // Count a datagram that is left aside; what belongs to another session is stale, too.
     void count_old(std::uint32_t seqno, std::int64_t behind) {
         const bool is_remembered = 0 <= behind && behind <= REORDERED;
-        if (is_remembered && (seen_ >> behind & 1)) {
-            ++counters.repeated;
-            return;
-        }
-        ++counters.stale;
-        if (is_remembered && behind > 0 && ahead_of(first_seqno_, seqno) >= 0) {
+        const bool is_repeated = is_remembered && (seen_ >> behind & 1);
+        ++(is_repeated ? counters.repeated : counters.stale);
+        if (is_remembered && !is_repeated && ahead_of(first_seqno_, seqno) >= 0) {
             --counters.lost;  // it was counted as such when a newer one came
             seen_ |= 1u << behind;
         }
@@ -249,6 +246,7 @@ private:
     double silence_;
     Arrivals arrivals_;
     std::optional<Heard> last_, before_;  // accepted last, and when what waits together began to be taken
+    std::optional<Heard> doubted_;        // what has come since, and was left aside
     std::uint32_t first_seqno_ = 0;
     std::uint32_t seen_ = 0;     // a bit for each of the newest numbers, bit 0 for the last
     std::int64_t sent_ = 0;      // datagrams that the robot sent since the one settled last

@@ -14,6 +14,8 @@
 
 #pragma once
 
+#include <utility>
+
 #include "arm_collisions.hpp"
 #include "feed_forward_limiter.hpp"
 #include "limiter_state.hpp"
@@ -200,8 +202,12 @@ private:
             return false;
         }
         const bool may_follow = state.time - sent_at_ < following_;
-        const bool is_led = largest(references_.speeds(state, last)) >= SLIGHT_LEAD * EGM_GAIN;
-        if (may_follow && is_led) {  // a speed that was sent with it may keep the robot away from where it was sent
+        const ArmCommand first = may_follow ? last : ArmCommand{state.position, {}, false};
+        // A speed that was sent with it may keep the robot away from where it was sent.
+        auto leads = [&](const auto& at) { return largest(references_.speeds(at, first)) >= SLIGHT_LEAD * EGM_GAIN; };
+        // One datagram may be late, so two in a row have to show it, but for a robot that was sent nothing yet.
+        const std::optional<ArmState> before = std::exchange(entering_, state);
+        if (leads(state) || (sent_at_ > -INF && (!before || leads(*before)))) {
             accept(state);
             go(SESSION_LED);
             return false;
@@ -239,7 +245,7 @@ private:
 
     // Go on with the motion for a state that was checked; whether the collision limiter has accepted it.
     bool limit_within(const ArmState& state, const ArmCommand* desired) {
-        sent_at_ = state.time;
+        sent_at_ = state.time, entering_.reset();
         if (state_ == BEGINNING) {
             begin(state);
             go(FIRST_SENT);
@@ -507,6 +513,7 @@ private:
     ArmCollisionLimiter* collisions_;
     std::int64_t session_ = 0;
     double sent_at_ = -INF;
+    std::optional<ArmState> entering_;  // the last state at which a session might have begun, since that was sent
     std::optional<Values> measured_;  // last; none before the first cycle
     PositionDelay delay_;
     bool is_unanswered_ = false;         // of this cycle
