@@ -31,6 +31,7 @@ from yumi.cli.main import main
 
 ROOT = Path(__file__).parents[2]
 LANGUAGES = {"bash", "python", "text", "yaml", "json", "rapid", "mermaid"}
+OF_THE_EVALUATION = ("bench", "compare", "evaluate", "measure", "tune")
 IN_TEST_COMMANDS = "needs a driver; tests/system/test_commands.py runs it"
 
 LEFT_OUT = {
@@ -141,7 +142,8 @@ def pages() -> list[str]:
 def help_examples() -> Iterator[str]:
     """All commands under "Example" in the help of ``yumi`` and its commands."""
     context = click.Context(main)
-    own = {f"yumi {name}": main.get_command(context, name) for name in (*main.commands, "controller", "rapid")}
+    names = [name for name in main.list_commands(context) if name not in OF_THE_EVALUATION]
+    own = {f"yumi {name}": main.get_command(context, name) for name in names}
     commands = {"yumi": main, **{path: each for path, each in own.items() if each is not None}}
     for path, group in own.items():
         if isinstance(group, click.Group):

@@ -25,7 +25,7 @@ from abb_protocols.robot.joints import YUMI_LIMITS, Side, named_pose
 from abb_runtime.faults import Fault
 from abb_runtime.process.command_process import CommandProcess
 from refusals import refused
-from yumi.cli.graph import GRAPH_COMMANDS
+from yumi.cli import graph
 from yumi.cli.main import main
 from yumi.cli.robot_commands import DRIVER_COMMANDS
 
@@ -212,7 +212,7 @@ def apart(*commands: Sequence[str]) -> list[tuple[int, str, str]]:
 def test_commands_see_the_ros_graph_and_the_driver(driver: CommandProcess) -> None:
     assert "EGM runs" in run("start")
     assert "stands at the goal" in run("move", "left", "ready", "--speed-scale", "1")
-    examples = list(examples_of(GRAPH_COMMANDS))
+    examples = list(examples_of((graph.topics, graph.echo, graph.call, graph.param)))
     assert len(examples) > 5
     node = "r/joint_position_controller"
     right = [

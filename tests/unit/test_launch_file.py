@@ -51,10 +51,15 @@ def start(launch_file: dict[str, Any], **given: str) -> list[Any]:
     return started
 
 
+def command_of(name: str) -> click.Command:
+    command = cli.main.get_command(click.Context(cli.main), name)
+    assert command is not None
+    return command
+
+
 def parse(node: Any) -> dict[str, Any]:
     """What the command line makes of it; raises where that knows no such option."""
-    command = cli.main.get_command(click.Context(cli.main), node.arguments[0])
-    assert command is not None
+    command = command_of(node.arguments[0])
     return command.make_context(node.arguments[0], list(node.arguments[1:]), parent=click.Context(cli.main)).params
 
 
@@ -74,7 +79,7 @@ def test_driver_is_started_with_what_was_given(launch_file: dict[str, Any], tmp_
 
 
 def test_every_option_of_the_driver_is_an_argument(launch_file: dict[str, Any]) -> None:
-    options = {parameter.name for parameter in cli.main.commands["up"].params if parameter.name != "help"}
+    options = {parameter.name for parameter in command_of("up").params if parameter.name != "help"}
     without_a_terminal = options - {"ask_password", "until_stdin_closes", "with_ros"}
     assert without_a_terminal <= {name for name, _, _ in launch_file["ARGUMENTS"]}
 

@@ -19,7 +19,7 @@ from fake_driver import WAIT, FakeDriver
 from refusals import refused
 from yumi.api.streams import OLDEST_JOG
 from yumi.cli.from_table import command_from
-from yumi.cli.main import SECTIONS
+from yumi.cli.main import sections
 from yumi.cli.robot_commands import DRIVER_COMMANDS
 from yumi.control.controllers.joint_goal import GoalOutcome
 from yumi.control.hand_over import Commander
@@ -79,7 +79,7 @@ def test_page_asks_for_what_is_offered_to_it_and_no_more(kind: type[Command[Any]
 def test_command_line_has_each_command_that_is_offered_to_it() -> None:
     names = {each.name for each in DRIVER_COMMANDS}
     assert {kind.shell_name or kind.method().replace("_", "-") for kind in offered_to(FrontEnd.SHELL)} <= names
-    assert names <= {*SECTIONS["Operate"]}
+    assert names <= {*sections()["Operate"]}
 
 
 def test_arguments_on_the_command_line_are_those_of_the_command() -> None:

@@ -14,9 +14,6 @@ from abb_protocols.errors import MissingPrerequisite
 from abb_runtime.options import OF_SETTINGS, Command, Decorator, password_options, robot_option, user_option
 from yumi.driver.settings import Settings, address_values, override, read_settings
 
-ROS_ARGUMENTS = "yumi.ros_arguments"
-"""Where a command's context has what came after ``--ros-args``."""
-
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _DISCOVERY_VARIABLES = (_DISCOVERY, "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
 """ROS's own variables that say who finds whom; the first three are rmw's, the last one is Fast DDS's."""

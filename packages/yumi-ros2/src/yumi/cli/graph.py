@@ -201,9 +201,6 @@ def parameter_line(name: str, value: object, descriptor: Any) -> str:
     return f"{line}  # {'; '.join(remark.rstrip('.') for remark in remarks)}" if remarks else line
 
 
-GRAPH_COMMANDS = (topics, echo, call, param)
-
-
 @contextmanager
 def _graph_node() -> Iterator[Any]:
     """A node that looks at the graph, with the discovery that the driver has by default."""

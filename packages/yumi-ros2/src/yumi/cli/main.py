@@ -1,5 +1,6 @@
 """The command line: ``yumi <command>``. A refusal is one sentence and an exit code.
 
+A command is loaded when it is asked for: ``yumi controller`` need not wait for what the driver's commands import.
 Commands of other packages, such as ``yumi evaluate``, come by the entry-point group ``yumi.commands``.
 """
 
@@ -18,23 +19,11 @@ import click
 from abb_protocols.catalogue import message, speak_as
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import SettingsError, YumiError, missing_extra
-from abb_runtime.fault_command import fault
 from abb_runtime.options import with_json_targets
 from yumi import __version__
-from yumi.cli.answer import answer
-from yumi.cli.demo import demo
-from yumi.cli.doctor import doctor
-from yumi.cli.driver_options import ROS_ARGUMENTS
-from yumi.cli.graph import GRAPH_COMMANDS
-from yumi.cli.install import install, uninstall
-from yumi.cli.moveit import moveit_config
-from yumi.cli.record import record
-from yumi.cli.robot_commands import DRIVER_COMMANDS
-from yumi.cli.rws_command import rws
-from yumi.cli.shell import completion, shell
-from yumi.cli.teleop import teleop
-from yumi.cli.up import up
-from yumi.cli.view import view
+
+ROS_ARGUMENTS = "yumi.ros_arguments"
+"""Where a command's context has what came after ``--ros-args``."""
 
 _NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
 """A rule of rcl's remapping that gives nodes another namespace or name."""
@@ -46,16 +35,38 @@ _OPERATE = (
     *("state", "mode", "start", "stop", "recover", "retreat", "move", "grip", "calibrate"),
     *("speed-scale", "controllers", "switch", "shell", "teleop"),
 )
-SECTIONS: Mapping[str, tuple[str, ...]] = {
+_SECTIONS: Mapping[str, tuple[str, ...]] = {
     "Start": ("demo", "controller", "up"),
-    "Operate": (*_OPERATE, *(str(each.name) for each in DRIVER_COMMANDS if each.name not in _OPERATE)),
+    "Operate": _OPERATE,
     "ROS 2": ("topics", "echo", "call", "param", "moveit-config"),
     "RAPID and web services": ("rapid", "answer", "rws", "fault"),
     "Look": ("view", "record"),
     "Measure": ("measure", "compare", "tune", "evaluate", "bench"),
     "Set up": ("doctor", "install", "uninstall", "completion"),
 }
-"""The commands as `yumi --help` groups them; one that is missing here is listed at the end."""
+"""The headings of `yumi --help`, with their commands."""
+
+_OWN: Mapping[str, str] = {
+    "answer": "yumi.cli.answer:answer",
+    "call": "yumi.cli.graph:call",
+    "completion": "yumi.cli.shell:completion",
+    "demo": "yumi.cli.demo:demo",
+    "doctor": "yumi.cli.doctor:doctor",
+    "echo": "yumi.cli.graph:echo",
+    "fault": "abb_runtime.fault_command:fault",
+    "install": "yumi.cli.install:install",
+    "moveit-config": "yumi.cli.moveit:moveit_config",
+    "param": "yumi.cli.graph:param",
+    "record": "yumi.cli.record:record",
+    "rws": "yumi.cli.rws_command:rws",
+    "shell": "yumi.cli.shell:shell",
+    "teleop": "yumi.cli.teleop:teleop",
+    "topics": "yumi.cli.graph:topics",
+    "uninstall": "yumi.cli.install:uninstall",
+    "up": "yumi.cli.up:up",
+    "view": "yumi.cli.view:view",
+}
+"""Where the commands are, beside those that are made from the driver's table of commands."""
 
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
 
@@ -84,9 +95,9 @@ class _Commands(click.Group):
         """The commands under headings, all in the same two columns."""
         names = self.list_commands(context)
         width = max(map(len, names))
-        known = {name for section in SECTIONS.values() for name in section}
-        sections = {**SECTIONS, "Others": tuple(name for name in names if name not in known)}
-        for heading, section in sections.items():
+        known = {name for section in sections().values() for name in section}
+        others = {"Others": tuple(name for name in names if name not in known)}
+        for heading, section in {**sections(), **others}.items():
             commands = [(name, self.get_command(context, name)) for name in section if name in names]
             rows = [
                 (name.ljust(width), command.get_short_help_str(formatter.width - 6 - width))
@@ -98,12 +109,18 @@ class _Commands(click.Group):
                     formatter.write_dl(rows)
 
     def list_commands(self, context: click.Context) -> list[str]:
-        return sorted({*super().list_commands(context), *_entry_points()})
+        return sorted({*super().list_commands(context), *_OWN, *_of_driver(), *_entry_points()})
 
     def get_command(self, context: click.Context, name: str) -> click.Command | None:
-        """A command of another package is loaded only when it is asked for: it may need much, or what is missing."""
-        if name not in self.commands and name in _entry_points():
+        """A command is loaded only when it is asked for: it may need much, one of another package what is missing."""
+        if name in self.commands:
+            return self.commands[name]
+        if name in _OWN:
+            self.add_command(EntryPoint(name, _OWN[name], "yumi.commands").load(), name)
+        elif name in _entry_points():
             self.add_command(_load(_entry_points()[name]), name)
+        elif name in _of_driver():
+            self.add_command(_of_driver()[name], name)
         return super().get_command(context, name)
 
     def invoke(self, context: click.Context) -> Any:
@@ -122,6 +139,18 @@ class _Commands(click.Group):
             reason = message("text", text=str(error)) if str(error) else message("no_memory")
             click.echo(f"Error: {message('machine_gives_too_little', reason=reason)}", err=True)
             sys.exit(1)
+
+
+def sections() -> Mapping[str, tuple[str, ...]]:
+    """All commands as `yumi --help` groups them."""
+    return {**_SECTIONS, "Operate": (*_OPERATE, *(name for name in _of_driver() if name not in _OPERATE))}
+
+
+def _of_driver() -> Mapping[str, click.Command]:
+    """The commands that are made from the driver's table of commands."""
+    from yumi.cli.robot_commands import DRIVER_COMMANDS  # noqa: PLC0415 - most other commands do without
+
+    return {str(each.name): each for each in DRIVER_COMMANDS}
 
 
 def _entry_points() -> dict[str, EntryPoint]:
@@ -185,11 +214,3 @@ def main() -> None:
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     for noisy in ("httpx", "matplotlib"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
-
-
-_COMMANDS = (
-    *(answer, completion, demo, doctor, fault, install, moveit_config, record, rws, shell),
-    *(teleop, uninstall, up, view, *DRIVER_COMMANDS, *GRAPH_COMMANDS),
-)
-for _command in _COMMANDS:
-    main.add_command(_command)

@@ -40,7 +40,6 @@ from abb_runtime.udp import address_of_host
 from yumi.api.connection import commanded_robot, motion_executor, recorded_sources
 from yumi.api.motion_registry import MotionRegistry
 from yumi.cli.driver_options import (
-    ROS_ARGUMENTS,
     bringup_option,
     config_option,
     demand_ros,
@@ -48,6 +47,7 @@ from yumi.cli.driver_options import (
     robot_options,
     settings_of,
 )
+from yumi.cli.main import ROS_ARGUMENTS
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import Event, is_logged, is_warning
 from yumi.control.speed_scale import FULL
