@@ -82,7 +82,7 @@ class Monitored:
 @pytest.fixture
 def monitored() -> Monitored:
     monitored = Monitored(MovingSystem())
-    monitored.wait(1.0)  # until the requests of the start no longer delay those that follow
+    monitored.wait(0.4)  # until the monitor's first requests no longer delay those that follow
     return monitored
 
 

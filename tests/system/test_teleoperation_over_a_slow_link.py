@@ -88,9 +88,10 @@ class Page:
         """Press the clutch until the arm follows; whether it does."""
         for _ in range(3):
             self.hold(0.5, lambda time: RELEASED)
-            self.hold(1.5, lambda time: at())
-            if self._operator.clutch == "engaged":
-                return True
+            for _ in range(15):
+                self.hold(0.1, lambda time: at())
+                if self._operator.clutch == "engaged":
+                    return True
         return False
 
 
