@@ -98,6 +98,8 @@ class ContactDetector:
             fingers: of each gripper, from its middle [m].
             supervised: the arms that notice when they touch something; others are let through.
         """
+        if positions == self.free:
+            return {}
         changes = {
             side: sum(abs(now - before) for now, before in zip(positions[side], self.free[side], strict=True))
             for side in Side

@@ -13,6 +13,7 @@ from collections import deque
 from dataclasses import dataclass
 from enum import Enum
 from math import exp, pi, radians
+from operator import le
 from typing import NamedTuple
 
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose
@@ -165,6 +166,8 @@ class EgmMotion:
         self._model = model
         self.start = position
         self._caps = tuple(min(settings.max_speed, most) for most in model.limits.velocity)
+        reach = settings.max_deviation
+        self._reach = tuple([each - reach for each in position]), tuple([each + reach for each in position])
         self.state = MotionState.standing(position)
         self._filtered: tuple[float, ...] = self.state.velocity
         self._time = 0.0
@@ -204,20 +207,18 @@ class EgmMotion:
             if needed > 1.0:
                 speed = tuple([now + change / needed for now, change in zip(before.velocity, changes, strict=True)])
             self.utilization = max(self.utilization, needed)
-        reach = settings.max_deviation
-        position = tuple(
-            [
-                max(start - reach, min(start + reach, now + value * dt))
-                for start, now, value in zip(self.start, before.position, speed, strict=True)
-            ]
-        )
+        position = tuple([now + value * dt for now, value in zip(before.position, speed, strict=True)])
+        lowest, highest = self._reach
+        if not (all(map(le, lowest, position)) and all(map(le, position, highest))):
+            position = tuple(map(max, lowest, map(min, highest, position)))
         velocity = _mean_rate(before.position, position, dt)  # less than asked for where the deviation is bounded
         self.state = MotionState(position, velocity, _mean_rate(before.velocity, velocity, dt))
 
     def _used(self, dt: float) -> tuple[Joints, Joints]:
         """The references that count during the next step: the mean of what was held ``reference_delay`` before."""
         taken, held = self._taken, _Taken(self._time + dt, self.reference, self.reference_velocity)
-        if taken[-1][1:] == held[1:]:
+        last = taken[-1]
+        if last.position == held.position and last.velocity == held.velocity:
             taken.pop()
         taken.append(held)
         begin = self._time - self._model.reference_delay
@@ -250,4 +251,4 @@ _ROUNDING = 1e-9  # [s] of sums of cycles
 
 
 def _mean_rate(before: Joints, now: Joints, dt: float) -> Joints:
-    return tuple((new - old) / dt for old, new in zip(before, now, strict=True))
+    return tuple([(new - old) / dt for old, new in zip(before, now, strict=True)])

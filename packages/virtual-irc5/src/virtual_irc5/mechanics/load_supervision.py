@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from math import exp
+from operator import le
 
 from abb_protocols.robot.description import HAND
 from abb_protocols.robot.joints import Joints, Side
@@ -66,13 +67,8 @@ class LoadSupervision:
         is computed only once a state beyond the limits comes.
         """
         limits = self._model.limits
-        if self._is_strong and all(
-            -most <= value <= most
-            for value, most in (
-                *zip(state.acceleration, limits.acceleration, strict=True),
-                *zip(state.velocity, limits.velocity, strict=True),
-            )
-        ):
+        is_slow = _are_within(state.velocity, limits.velocity)
+        if self._is_strong and is_slow and _are_within(state.acceleration, limits.acceleration):
             self._rest.append((state, dt))
             return None
         self._catch_up()
@@ -94,3 +90,7 @@ class LoadSupervision:
             return None
         joint = loads.index(max(loads))
         return Overload(joint, abs(self._torque[joint]), self._model.torque[joint])
+
+
+def _are_within(values: Joints, most: Joints) -> bool:
+    return all(map(le, map(abs, values), most))
