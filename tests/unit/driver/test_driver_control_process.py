@@ -12,16 +12,26 @@ from typing import Any
 
 import pytest
 
-from abb_protocols.errors import RobotNotReady
-from abb_protocols.robot.joints import Side
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused, RobotNotReady
+from abb_protocols.robot.joints import Side, home
 from abb_runtime.process.child import PipeClosed
 from refusals import refused
+from yumi.control.controllers.joint_goal import JointGoal
 from yumi.control.counters import WireCounters
-from yumi.control.loop_commands import Commands
+from yumi.control.hand_over import Commander
+from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event
 from yumi.control.shared_state import Snapshot
 from yumi.driver import control_process
-from yumi.driver.control_process import HUNG, STALE, STARTING, ControlProcess
+from yumi.driver.control_process import (
+    HUNG,
+    STALE,
+    STARTING,
+    ControlProcess,
+    ControlProcessAnswer,
+    ControlProcessRefusal,
+)
 
 LONG = 5.0
 LEFT = Side.LEFT
@@ -121,6 +131,17 @@ def test_command_that_is_not_answered_is_given_up_for_the_process_too(
         with refused(RobotNotReady, "control_process_does_not_answer", timeout=0.01):
             control.call(Commands.hold, LEFT)
         assert control._given_up[0] == number
+
+
+def test_command_that_the_process_refuses_takes_no_arm(
+    child: Child, control: ControlProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refusal = ControlProcessRefusal(message("arm_without_egm", arm="left"))
+    goal = ControllerCommand(LEFT, "c", JointGoal(home(LEFT)))
+    with monkeypatch.context() as answering, refused(CommandRefused, "arm_without_egm"):
+        answering.setattr(child, "send", lambda call: child.says.put(ControlProcessAnswer(call.number, refusal)))
+        control.call(Commands.send_commands, goal)
+    assert control.hand_over.of(LEFT).who is Commander.NONE
 
 
 def test_command_is_refused_and_not_kept_for_a_process_that_is_starting_again(

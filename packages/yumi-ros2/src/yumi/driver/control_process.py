@@ -527,8 +527,8 @@ class ControlProcess:
             if not self._answers:
                 raise RobotNotReady(ENDED)
             value = self._answers.pop()
-        if isinstance(value, ControlProcessRefusal):
-            raise CommandRefused(value.said)
+            if isinstance(value, ControlProcessRefusal):
+                raise CommandRefused(value.said)
         return cast("_T", value)
 
     def stop(self) -> None:
