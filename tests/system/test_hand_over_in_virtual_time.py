@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from math import cos
 from pathlib import Path
@@ -14,13 +14,17 @@ import pytest
 
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached
-from abb_protocols.robot.joints import CYCLE, Joints, Side, joints
+from abb_protocols.robot.description import FINGERTIPS
+from abb_protocols.robot.joints import CYCLE, ZERO, Joints, Side, joints
+from abb_protocols.robot.kinematics import tool0_to_body
 from cartesian_bench import shares
 from refusals import refused
-from system.teleoperation_bench import LEFT_START, RIGHT, START, WITHIN, driver_in_egm
+from system.teleoperation_bench import LEFT_START, RATE, RELEASED, RIGHT, START, WITHIN, at, driver_in_egm, operator_of
 from system.test_endpoint_in_virtual_time import Driver
+from yumi.api.motion_registry import Motion
 from yumi.control.controller import IDLE
-from yumi.control.hand_over import Commander, requested_by
+from yumi.control.hand_over import Commander, is_person_requesting, requested_by
+from yumi.control.loop_commands import ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.standstill import AT_GOAL
 from yumi.driver import motion_commands
@@ -41,10 +45,10 @@ class Clients:
 
     def __init__(self, driver: Driver, pool: ThreadPoolExecutor) -> None:
         self.driver = driver
-        self._pool = pool
+        self.pool = pool
 
     def begin(self, command: Command[Any], caller: Caller) -> Future[Any]:
-        return self._pool.submit(carry_out, command, self.driver.server._robot, caller)
+        return self.pool.submit(carry_out, command, self.driver.server._robot, caller)
 
     def done(self, command: Command[Any], caller: Caller) -> Any:
         """The result of a command; time goes by meanwhile."""
@@ -138,6 +142,76 @@ def test_program_that_was_granted_an_arm_before_a_person_took_it_does_not_stop_i
     else:
         clients.jog(0.2)
         assert driver.snapshot(RIGHT).sent[6] > sent[6] + 0.02  # it goes on as it was
+
+
+def stream(driver: Driver) -> None:
+    driver.mover.stream({RIGHT: START}, blend=0.5)
+
+
+def follow_line(driver: Driver) -> None:
+    place = tool0_to_body(RIGHT, driver.snapshot(RIGHT).sent, FINGERTIPS).position
+    driver.mover.move_tools({RIGHT: place}, {RIGHT: FINGERTIPS}, None, None, None, is_linear=True)
+
+
+def jog_tool(driver: Driver) -> None:
+    driver.mover.jog_tool(RIGHT, ZERO, FINGERTIPS, "policy", is_in_tool=False)
+
+
+@pytest.mark.parametrize(
+    ("program", "passed", "code"),
+    [
+        (stream, "activate", "arm_commanded_by_another"),  # it has switched the controllers to stop the arm
+        (follow_line, "activate", "arm_commanded_by_another"),
+        (stream, "take_over", "arm_commanded_by_another"),  # and to move it
+        (follow_line, "take_over", "arm_commanded_by_another"),
+        (jog_tool, "_begin_stream", "jog_streamed_by_another"),
+    ],
+)
+def test_program_that_is_late_while_it_takes_an_arm_over_does_not_end_what_a_person_has_begun(
+    clients: Clients, monkeypatch: pytest.MonkeyPatch, program: Callable[[Driver], None], passed: str, code: str
+) -> None:
+    driver, mover, send = clients.driver, clients.driver.mover, clients.driver.mover.send
+    pass_step, is_late, goes_on, is_stopping = getattr(mover, passed), Event(), Event(), Event()
+
+    def be_late(*args: Any, **options: Any) -> Any:
+        result = pass_step(*args, **options)
+        if not is_late.is_set():
+            is_late.set()
+            assert goes_on.wait(20.0)
+        return result
+
+    def send_and_report(commands: Sequence[ControllerCommand], motions: tuple[Motion, ...]) -> tuple[Motion, ...]:
+        sent = send(commands, motions)
+        if is_person_requesting():
+            is_stopping.set()
+        return sent
+
+    def run() -> None:
+        with requested_by(Commander.POLICY, "policy", "policy"):
+            program(driver)
+
+    if program is jog_tool:
+        clients.ended(clients.pool.submit(run))
+    monkeypatch.setattr(mover, passed, be_late)
+    monkeypatch.setattr(mover, "send", send_and_report)
+    running = clients.pool.submit(run)
+    while not is_late.wait(0.002):
+        driver.wait(CYCLE)
+    with operator_of(driver) as operator:
+        if passed == "activate":
+            operator.send(RELEASED)
+            operator.send(at(), driver.now() + CYCLE)
+            assert is_stopping.wait(10.0)  # the stop of the person is not over: no time goes by
+        else:
+            operator.engage(at())
+        goes_on.set()
+        wait([running], 1.0)
+        operator.hold(0.2, lambda time: at())
+        while operator.clutch == "engaging":
+            operator.hold(1.0 / RATE, lambda time: at())
+        assert operator.clutch == "engaged", operator.why
+    with refused(CommandRefused, code):
+        clients.ended(running)
 
 
 @pytest.mark.parametrize("way", ["jogged by a person", "moved by a person", "stopped", "client gone"])

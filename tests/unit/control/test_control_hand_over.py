@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from math import inf, isnan
 from threading import Event as Flag
 from threading import Thread
@@ -23,6 +25,7 @@ from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ArmGivenBack, CommanderChanged, CommanderSilent, Event
 from yumi.control.motion.stream_begin import StreamBegin
+from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.planning.chunk_plan import plan_chunk
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
@@ -195,14 +198,18 @@ def test_hand_overs_are_events_and_a_program_that_goes_on_is_none(arms: Arms) ->
     ]
 
 
-def test_commands_that_move_pass_only_for_who_commands_and_a_stop_passes_always(arms: Arms) -> None:
+def test_commands_that_move_pass_only_for_who_commands_and_what_only_stops_passes_always(arms: Arms) -> None:
     goal = ControllerCommand(RIGHT, "c", JointGoal(home(RIGHT), 1, None, None))
     stop = ControllerCommand(RIGHT, "c", StopMotion(2))
+    end = ControllerCommand(RIGHT, "c", CancelTrajectory())
     arms.taken(Commander.DEVICE, "person")
-    with arms.passing(Commands.send_commands, (stop,), {}), arms.passing(Commands.hold, (RIGHT,), {}):
+    with arms.passing(Commands.send_commands, (end,), {}), arms.passing(Commands.hold, (RIGHT,), {}):
         pass
-    with refused(CommandRefused, "arm_commanded_by_another"), arms.passing(Commands.send_commands, (goal,), {}):
+    with requested_by(only_holds=True), arms.passing(Commands.send_commands, (stop,), {}):
         pass
+    for each in (goal, stop):  # by a stop the requester takes the arm over
+        with refused(CommandRefused, "arm_commanded_by_another"), arms.passing(Commands.send_commands, (each,), {}):
+            pass
     for options in ({"activate": ("c",)}, {"activate": ("c",), "deactivate": ("d",)}):
         with (
             refused(CommandRefused, "arm_commanded_by_another"),
@@ -216,9 +223,18 @@ def test_commands_that_move_pass_only_for_who_commands_and_a_stop_passes_always(
     with requested_by(client="person"), arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}):
         pass
     assert arms.of(RIGHT).who is Commander.DEVICE
+    with requested_by(client="person"):
+        arms.let_go(RIGHT)
+    with refused(CommandRefused, "arm_reserved_for_person"), arms.passing(Commands.send_commands, (stop,), {}):
+        pass
 
 
-def test_who_takes_an_arm_over_waits_until_a_goal_of_before_is_written(arms: Arms) -> None:
+@pytest.mark.parametrize(
+    "keep", [lambda arms: arms.writing((RIGHT,), Commander.STREAM), lambda arms: arms.switching((RIGHT,))]
+)
+def test_who_takes_an_arm_over_waits_until_a_goal_of_before_is_written(
+    arms: Arms, keep: Callable[[Arms], AbstractContextManager[None]]
+) -> None:
     order: list[str] = []
     begins = Flag()
 
@@ -228,7 +244,7 @@ def test_who_takes_an_arm_over_waits_until_a_goal_of_before_is_written(arms: Arm
         order.append("taken")
 
     other = Thread(target=take)
-    with arms.writing((RIGHT,), Commander.STREAM):
+    with keep(arms):
         other.start()
         begins.wait()
         other.join(0.05)  # would be over by then

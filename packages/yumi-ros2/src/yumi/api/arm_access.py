@@ -13,7 +13,7 @@ from abb_protocols.robot.joints import Side
 from abb_runtime.clock import Clock
 from yumi.api.motion_registry import Motion, MotionRegistry
 from yumi.control.controllers.joint_goal import StopMotion
-from yumi.control.hand_over import requested_by
+from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
@@ -128,6 +128,29 @@ class ArmAccess:
         others = [side for side in sides if side in anew or self.commanding(side) != (name,)]
         _wait_for_rest(self._stop(others))
         self.activate(others, name)
+
+    def take_for_trajectories(
+        self, sides: Collection[Side], kind: Commander, name: str, *, from_rest: bool = False
+    ) -> dict[Side, tuple[int, int]]:
+        """Take arms for a controller of trajectories; the streams that they followed are over.
+
+        Where another client commanded an arm last, what that client sent before does not go on afterwards. With
+        ``from_rest`` arms that move come to rest first.
+
+        Returns:
+            The session and activation of the controller on each arm.
+
+        Raises:
+            CommandRefused: another client commands an arm, or a person has taken one meanwhile.
+            GoalNotReached: an arm that moved did not come to rest.
+        """
+        handed_over = self.control.hand_over.take_all(sides, kind, None)
+        moving = [side for side in sides if self.is_moving(side)] if from_rest else []
+        self.take_over(sides, name, anew=handed_over.union(moving))
+        with self.control.hand_over.switching(sides):  # a person who has taken an arm since then has a stream of it
+            for side in sides:
+                self.streaming.pop(side, None)
+            return {side: self.control.snapshot(side).command_epoch for side in sides}
 
     def check_follows(self, side: Side) -> None:
         """Raises RobotNotReady where an arm does not follow, or waits for a recovery."""

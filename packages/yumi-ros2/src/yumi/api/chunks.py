@@ -107,11 +107,7 @@ class ChunkFollower:
     def __enter__(self) -> ChunkFollower:
         for side in self._sides:
             self._access.check_follows(side)
-        handed_over = self._access.control.hand_over.take_all(self._sides, Commander.POLICY, None)
-        self._access.take_over(self._sides, TRAJECTORY_CONTROLLER, anew=handed_over)
-        for side in self._sides:
-            self._access.streaming.pop(side, None)
-        self._activations = {side: self._access.snapshot(side).command_epoch for side in self._sides}
+        self._activations = self._access.take_for_trajectories(self._sides, Commander.POLICY, TRAJECTORY_CONTROLLER)
         self._stack.callback(self._activations.clear)
         self._stack.enter_context(self._grippers)
         return self

@@ -222,19 +222,10 @@ class MotionExecutor(ArmStreams):
         *,
         from_rest: bool = False,
     ) -> tuple[Motion, ...]:
-        """Have a controller of each arm follow what ``plan`` makes of where the arms stand.
-
-        Where another client commanded an arm last, what that client sent before does not go on afterwards. With
-        ``from_rest`` arms that move come to rest first.
-        """
+        """Have a controller of each arm follow what ``plan`` makes of where the arms stand, else as taken for it."""
         for side in sides:
             self.check_follows(side)
-        handed_over = self.control.hand_over.take_all(sides, kind, None)
-        moving = [side for side in sides if self.is_moving(side)] if from_rest else []
-        self.take_over(sides, name, anew=handed_over.union(moving))
-        for side in sides:
-            self.streaming.pop(side, None)
-        before = {side: self.control.snapshot(side).command_epoch for side in sides}
+        before = self.take_for_trajectories(sides, kind, name, from_rest=from_rest)
         try:
             plans = plan(self.control.call(Commands.commanded_positions, *sides))
         except CommandRefused:  # found only now, where the arms stand: other clients need not wait for nothing

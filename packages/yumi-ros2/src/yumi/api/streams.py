@@ -248,6 +248,7 @@ class ArmStreams(ArmAccess):
     ) -> bool:
         self.check_jog_recent(values, time)
         self._check_owner(side, owner)
+        stream = self.streaming.get(side)
         session, is_new = self._begin_stream(side, controller, is_jog=True)  # may last seconds, so without the lock
         with self._jog_locks[side]:
             self._check_owner(side, owner)
@@ -255,7 +256,7 @@ class ArmStreams(ArmAccess):
             is_first = is_new or last is None or last.controller != controller
             if last is not None and not is_first:
                 if _number(buffer) != last.number:  # a ROS topic: two streams must not alternate
-                    self.streaming.pop(side, None)
+                    self.forget_stream(side, stream)
                     raise CommandRefused(message("jog_streamed_by_another", controller=controller, arm=side.word))
                 with self.control.hand_over.writing((side,), Commander.STREAM, _JOG_GAP):
                     self.check_jog_recent(values, time)  # until here it may have waited
@@ -341,9 +342,10 @@ class ArmStreams(ArmAccess):
         for side in switched if is_jog else ():
             self._check_jog_begins(side, known[side], last[side], is_handed_over=side in handed_over)
         self.take_over(switched, controller, anew=handed_over)
-        for side in switched:
-            snapshot = self.control.snapshot(side)
-            known[side] = self.streaming[side] = (controller, snapshot.session, snapshot.activation)
+        with hand_over.switching(switched):  # a person who has taken an arm since then has a stream of it
+            for side in switched:
+                snapshot = self.control.snapshot(side)
+                known[side] = self.streaming[side] = (controller, snapshot.session, snapshot.activation)
         return {side: (known[side][1], side in switched) for side in sides}
 
     def _check_jog_begins(
@@ -353,7 +355,7 @@ class ArmStreams(ArmAccess):
         jog = self._jogs.get(side)
         is_recent = jog is not None and self.clock.now() - jog.time < _JOG_GAP
         if jog is not None and is_recent and last[0] == jog.controller and last[1:] != known[1:]:
-            self.streaming.pop(side, None)  # the next press of a key may take the arm back
+            self.forget_stream(side, last)  # the next press of a key may take the arm back
             raise CommandRefused(message("jog_switched_by_another", arm=side.word))
         is_jogged = last[0] in (JOG_CONTROLLER, CARTESIAN_CONTROLLER) and last[1:] == known[1:]
         if not is_jogged and not is_handed_over and self.is_moving(side):

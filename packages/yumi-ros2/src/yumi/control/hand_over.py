@@ -42,7 +42,7 @@ MOTION_BEGINS = 0.2
 """A motion that was asked for is seen to move the arm, or to be over, within this time [s]."""
 
 STOPS = (StopMotion, CancelTrajectory)
-"""What ends a motion is open to all."""
+"""What ends a motion is open to all, but for a :class:`.StopMotion` by which the requester takes an arm over."""
 
 _ENDINGS = (
     CommanderSilent,
@@ -259,6 +259,19 @@ class HandOver:
             self.let_go(side)
 
     @contextmanager
+    def switching(self, sides: Collection[Side]) -> Iterator[None]:
+        """Keep arms whose controllers the requester may switch: none takes them over meanwhile.
+
+        Raises:
+            CommandRefused: a person commands one of them, or it is reserved for a person.
+        """
+        requester = _requester.get()
+        with ExitStack() as gates:
+            for side in self._entered(gates, sides):
+                self._check_switch(side, requester)
+            yield
+
+    @contextmanager
     def passing(
         self, command: Callable[..., object], args: Sequence[object], options: Mapping[str, object]
     ) -> Iterator[None]:
@@ -274,15 +287,17 @@ class HandOver:
             if command in (Commands.send_commands, Commands.take_commands):
                 given = [each for each in args if isinstance(each, ControllerCommand)]
                 moved = {each.side: each.message for each in given if not isinstance(each.message, STOPS)}
-                kinds = {
-                    side: self._kind_of_motion(side, moved[side], requester) for side in self._entered(gates, moved)
-                }
+                stopped = (
+                    set() if requester.only_holds else {it.side for it in given if isinstance(it.message, StopMotion)}
+                )
+                ordered = self._entered(gates, {*moved, *stopped})
+                kinds = {side: self._kind_of_motion(side, moved[side], requester) for side in ordered if side in moved}
                 for side, kind in kinds.items():
                     self.check(side, kind)
+                gates.enter_context(self.switching(stopped))
             elif command is Commands.switch_controllers and not requester.only_holds:
                 named = signature(command).bind(None, *args, **options).arguments
-                for side in self._entered(gates, {named["side"]} if named.get("activate") else set()):
-                    self._check_switch(side, requester)
+                gates.enter_context(self.switching({named["side"]} if named.get("activate") else set()))
             try:
                 yield
             except CommandRefused:
