@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from abb_protocols.catalogue import message
-from abb_protocols.errors import CommandRefused
+from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints
 from abb_runtime.clock import ManualClock
 from refusals import refused
@@ -302,18 +302,21 @@ def test_chunk_of_a_policy_takes_its_arm_and_no_chunk_passes_while_another_one_c
         pass
 
 
+@pytest.mark.parametrize("error", [CommandRefused, RobotNotReady])
 @pytest.mark.parametrize("who", [Commander.PAGE, Commander.TRAJECTORY])
-def test_command_that_the_controller_refuses_takes_no_arm(arms: Arms, who: Commander) -> None:
+def test_command_that_is_refused_or_cannot_be_given_takes_no_arm(
+    arms: Arms, who: Commander, error: type[CommandRefused | RobotNotReady]
+) -> None:
     goal = ControllerCommand(RIGHT, "c", JointGoal(home(RIGHT)))
     if who.is_person:
         arms.taken(Commander.STREAM, "program")
     before = arms.of(RIGHT)
     with (
         requested_by(who, "other", "other"),
-        refused(CommandRefused, "arm_without_egm"),
+        refused(error, "arm_without_egm"),
         arms.passing(Commands.send_commands, (goal,), {}),
     ):
-        raise CommandRefused(message("arm_without_egm", arm="right"))
+        raise error(message("arm_without_egm", arm="right"))
     assert arms.of(RIGHT) == before
     with requested_by(who, "other", "other"), arms.passing(Commands.send_commands, (goal,), {}):
         assert arms.of(RIGHT) == before
