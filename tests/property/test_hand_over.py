@@ -41,6 +41,7 @@ from yumi.driver.teleoperated_arm import LINK_LOST
 
 LEFT = Side.LEFT
 HOLDS = 1e-4  # [rad] as near as the limiter brings a command back to the arm
+COMMAND_STILL = 0.5  # [s] after which the command of an arm that was let go at full speed stands, too
 STARTS = {RIGHT: START, LEFT: LEFT_START}
 REFUSED = {"arm_commanded_by_another", "arm_reserved_for_person"}
 BUSY = {"goal_not_reached", "stream_begins_elsewhere", "interrupted_while_planned", "goal_refused"}
@@ -102,7 +103,7 @@ class Scene:
         self._silent_until = 0.0
         self._reserved_since: dict[Side, float] = {}
         self._let_go: dict[Side, float] = {}  # when it was seen first with nothing that takes it over
-        self._still: dict[Side, Joints] = {}
+        self._still: dict[tuple[Side, float], Joints] = {}
         driver.hand_over._on_event = self._note
 
     def _note(self, event: Event) -> None:
@@ -138,18 +139,20 @@ class Scene:
     def _check_holds(self, side: Side, step: int) -> None:
         """See that an arm that a person has let go stays where it has come to rest.
 
-        While its joints follow a leader an arm is sent ahead of where it is, 18 mrad at 0.24 rad/s, and a stop brings
-        the command back to the arm. That is over within 0.3 s, and no program that was granted the arm before, and is
-        late, stops it once more. The stop of a person who has pressed and let go at once is waited for: it comes from a
-        thread that has less time than the robot here.
+        While its joints follow a leader an arm is sent ahead of where it is, 18 mrad at 0.24 rad/s, 0.2 rad at 1 rad/s,
+        and a stop brings the command back to the arm, which stands meanwhile. No program that was granted the arm
+        before, and is late, stops it once more. The stop of a person who has pressed and let go at once is waited for:
+        it comes from a thread that has less time than the robot here.
         """
-        command, sent = self._driver.hand_over.of(side), self._driver.snapshot(side).sent
+        command, snapshot = self._driver.hand_over.of(side), self._driver.snapshot(side)
         is_held = command.who is Commander.NONE and command.is_reserved and not self._operator.is_taking_over
         if not is_held or command.since != self._reserved_since.get(side):
             self._reserved_since[side], self._let_go[side] = command.since, self._driver.now()
-            self._still.pop(side, None)
-        elif self._driver.now() - self._let_go[side] > STILL:
-            assert sent == pytest.approx(self._still.setdefault(side, sent), abs=HOLDS), (step, side)
+            for after in (STILL, COMMAND_STILL):
+                self._still.pop((side, after), None)
+        for after, where in ((STILL, snapshot.position), (COMMAND_STILL, snapshot.sent)):
+            if self._driver.now() - self._let_go[side] > after:
+                assert where == pytest.approx(self._still.setdefault((side, after), where), abs=HOLDS), (step, side)
 
     def _send(self, *, is_mixed: bool) -> None:
         for hand in self._hands.values():
