@@ -23,7 +23,8 @@ from abb_protocols.catalogue import message
 from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmState, Joints, Side, joints
-from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop, Wire
+from abb_runtime.clock import ManualClock
+from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop, VirtualArmEnd, Wire
 from refusals import assert_says, refused
 from reported_limiter import ReportedLimiter
 from soak import RECEIVE_EXAMPLES
@@ -421,8 +422,18 @@ def scripts(*actions: st.SearchStrategy[Action]) -> st.SearchStrategy[Script]:
     ],
     feeds_speed=True,
 )
-@example(  # of a clock that was set back, one datagram is left aside: two cycles pass until the next reply
+@example(  # a clock that was set back: no reply for a second, then that of another session
     script=[(10, for_a_while("is_shuffled", 34)), (0, set_clock(-10000.0))], feeds_speed=True
+)
+@example(  # late datagrams of a second ago, when two of a robot whose clock was set back are believed
+    script=[
+        (25, set_clock(-10000.0)),
+        (0, for_a_while("is_silent", 120)),
+        (25, for_a_while("is_silent", 66)),
+        (0, old(240, 50)),
+        (3, old(240, 50)),
+    ],
+    feeds_speed=False,
 )
 @given(scripts(*ACCIDENTS), st.booleans())
 def test_what_leaves_and_how_the_robot_is_led_keep_the_limits_after_accidents(
@@ -841,6 +852,36 @@ def test_arm_comes_to_rest_without_a_step_when_the_robots_numbers_begin_anew_aga
     assert is_at_rest(loop)
     assert loop.robot.arm.motors_on
     assert dist(loop.sent[-1], left_at) < BRAKING
+
+
+class FastClock(ManualClock):
+    """Ours, of a robot that is so many times faster than a real one."""
+
+    def __init__(self, pace: float) -> None:
+        super().__init__(100.0)
+        self._pace = pace
+
+    def advance(self, duration: float) -> None:
+        super().advance(duration / self._pace)
+
+
+@pytest.mark.parametrize("pace", [0.5, 1.0, 3.0, 10.0])
+def test_virtual_robot_that_was_restarted_is_answered_after_a_second_whatever_its_pace(pace: float) -> None:
+    """Its clock begins anew with it."""
+    loop = EgmLoop()
+    loop.clock = FastClock(pace)
+    loop.begin()
+    loop.run(2.0 * pace)
+    loop.robot = VirtualArmEnd(Side.LEFT, position=loop.robot.arm.position)
+    loop.robot.start(FULL_SPEED)
+    begun, before = loop.clock.now(), len(loop.cycles)
+    loop.run(1.1 * pace)
+    assert loop.snapshot.session == 2
+    assert 1.0 < loop.cycles[before].state.time - begun < 1.0 + 5.0 * max(CYCLE, CYCLE / pace)
+    assert loop.snapshot.is_running
+    loop.activate()
+    loop.run(1.0)
+    assert loop.snapshot.is_commanded
 
 
 STATES = {"motors": MotorState.OFF, "mci": MciState.STOPPED, "rapid": RapidState.STOPPED}

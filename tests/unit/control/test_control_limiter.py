@@ -533,6 +533,37 @@ def test_no_session_begins_where_a_late_datagram_alone_says_that_its_robot_stand
     assert len(commands) >= 2
 
 
+@pytest.mark.parametrize("later", [0.3, 2.0])  # while the robot may follow the last command, and after
+@pytest.mark.parametrize("between", ["another session", "elsewhere", "interruption"])
+def test_two_datagrams_that_let_a_session_begin_are_of_that_session_and_in_a_row(
+    limiter: ReportedLimiter, middle: Joints, between: str, later: float
+) -> None:
+    limiter.limit(state(middle), None)
+    first, here = (state(middle, session=2)._replace(time=later + count * DT) for count in range(2))
+    assert limiter.check(first) is None
+    if between == "another session":
+        here = here._replace(session=3)
+    elif between == "elsewhere":
+        assert limiter.check(here._replace(planned=moved(middle, 0, 0.5))) is None
+    else:
+        limiter.note_interruption()
+        here = here._replace(dt=0.0)
+    assert limiter.check(here) is None
+    assert limiter.check(here._replace(time=later + 2 * DT, dt=DT)) is not None
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.5 * EGM_GAIN, EGM_GAIN, 4.0 * EGM_GAIN])
+@pytest.mark.parametrize(("apart", "begins"), [(0.009, True), (0.011, False)])
+def test_session_begins_where_two_datagrams_show_the_robot_within_the_same_distance_at_every_gain(
+    middle: Joints, gain: float, apart: float, *, begins: bool
+) -> None:
+    limiter = ReportedLimiter(YUMI_LIMITS, gain=gain)
+    limiter.limit(state(middle), None)
+    assert limiter.check(state(middle, session=2)._replace(time=5.0)) is None
+    there = state(reportable(moved(middle, 0, apart)), session=2)._replace(time=5.0 + DT)
+    assert (limiter.check(there) is not None) == begins
+
+
 def test_session_goes_on_from_the_last_command_when_two_datagrams_show_that_it_leads_nowhere(
     limiter: ReportedLimiter, middle: Joints
 ) -> None:

@@ -99,7 +99,8 @@ def test_session_does_not_begin_where_the_arm_was_in_the_session_before() -> Non
     assert limiter.check(first) is None
     false = joints([each + 3.0 for each in here])
     assert limiter.check(first._replace(time=20.0 + CYCLE, dt=CYCLE, position=false, planned=false)) is None
-    state = limiter.check(first._replace(time=20.0 + 2.0 * CYCLE, dt=CYCLE))
+    assert limiter.check(first._replace(time=20.0 + 2.0 * CYCLE, dt=CYCLE)) is None
+    state = limiter.check(first._replace(time=20.0 + 3.0 * CYCLE, dt=CYCLE))
     assert state is not None
     assert limiter.limit(state, ArmCommand(there)).position == here
 

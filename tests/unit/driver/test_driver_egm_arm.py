@@ -85,18 +85,6 @@ def test_arm_does_not_believe_a_clock_that_stands_or_jumps(wire: tuple[EgmArm, R
     assert state.dt == CYCLE
 
 
-def test_arm_believes_a_clock_that_was_set_back_with_its_second_datagram(wire: tuple[EgmArm, Robot]) -> None:
-    arm, robot = wire
-    robot.say(MESSAGE)
-    arm.receive(0.0)
-    robot.say(replace(MESSAGE, seqno=1, measured_time=0.5))
-    assert arm.receive(CYCLE) is None
-    robot.say(replace(MESSAGE, seqno=2, measured_time=0.504))
-    state = arm.receive(2.0 * CYCLE)
-    assert state is not None
-    assert state.dt == pytest.approx(2.0 * CYCLE)
-
-
 @pytest.mark.parametrize(
     ("change", "is_running"),
     [

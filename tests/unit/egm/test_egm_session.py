@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -18,7 +19,7 @@ MESSAGE = RobotMessage(
 CYCLE = 0.004
 REORDERED = 16  # of the newest numbers are remembered
 LARGEST_GAP = 64  # a number higher by more is of another session
-LONG_SILENCE = 1.0  # [s]
+LONG_SILENCE = 1.0  # [s] after which a robot whose clock has gone back is believed
 
 
 def datagram(seqno: int, time: float | None = None) -> bytes:
@@ -157,17 +158,102 @@ def test_session_goes_on_when_the_robots_clock_is_set_forward_or_stands(
     assert session.number == 1
 
 
-@pytest.mark.parametrize("lost", [0, 5])
-@pytest.mark.parametrize("leap", [-500.0, -0.5])
-def test_session_goes_on_with_the_second_datagram_after_the_robots_clock_is_set_back(
-    session: SensorSession[JointReport], leap: float, lost: int
+@pytest.mark.parametrize("lost", [0, 1, 5, LARGEST_GAP - 2])
+def test_session_goes_on_when_a_datagram_is_lost_of_a_robot_whose_clock_stands(
+    session: SensorSession[JointReport], lost: int
 ) -> None:
-    now, first = live(session, 300), 300 + lost
-    assert session.accept([datagram(first, 1000.0 + leap)], now + CYCLE) is None
-    for count in range(1, 4):
-        assert session.accept([datagram(first + count, 1000.0 + leap + count * CYCLE)], now + (count + 1) * CYCLE)
-    assert session.accept([datagram(first, 1000.0 + leap)], now + 4 * CYCLE) is None
-    assert (session.number, session.is_first, session.counters.missed) == (1, False, 1 + lost)
+    assert session.accept([datagram(0, 1000.0)], 0.0) is not None
+    assert session.accept([datagram(1, 1000.0)], CYCLE) is not None
+    assert session.accept([datagram(2 + lost, 1000.0)], 2 * CYCLE) is not None
+    assert (session.number, session.counters.lost) == (1, lost)
+
+
+def as_sent(count: int) -> list[tuple[float, int]]:
+    """Each number of a robot, and when it arrives [cycles]."""
+    return [(number, number) for number in range(count)]
+
+
+def in_pairs_swapped(count: int) -> list[tuple[float, int]]:
+    return [(number, number ^ 1) for number in range(count)]
+
+
+def every_second(count: int) -> list[tuple[float, int]]:
+    return [(number, number) for number in range(0, count, 2)]
+
+
+def doubled(later: float) -> Callable[[int], list[tuple[float, int]]]:
+    return lambda count: sorted([*as_sent(count), *((number + later, number) for number in range(count))])
+
+
+@pytest.mark.parametrize("is_noticed", [False, True])
+@pytest.mark.parametrize("clock", [0.0, 1.0, 12.0])  # it stands, goes as a robot's, and as one of another sample rate
+@pytest.mark.parametrize("pace", [0.5, 1.0, 3.0, 10.0])
+@pytest.mark.parametrize("arriving", [as_sent, in_pairs_swapped, every_second, *map(doubled, (0.1, 0.3, 0.6, 0.9))])
+def test_robot_whose_clock_went_back_is_heard_after_a_second_whatever_its_pace(
+    session: SensorSession[JointReport],
+    arriving: Callable[[int], list[tuple[float, int]]],
+    pace: float,
+    clock: float,
+    *,
+    is_noticed: bool,
+) -> None:
+    """It was restarted, a virtual one as fast as its machine allows."""
+    begin, cycle, accepted = live(session, 300) + CYCLE, CYCLE / pace, []
+    for at, number in arriving(round(1.2 * LONG_SILENCE / cycle)):
+        now = begin + at * cycle
+        if is_noticed:
+            session.close_if_silent(now)
+        if session.accept([datagram(number, 5.0 + number * CYCLE * clock)], now) is not None:
+            accepted.append(now)
+    assert session.number == 2
+    assert accepted[0] <= begin + LONG_SILENCE + 4 * max(cycle, CYCLE)
+    assert len(accepted) > 0.3 * (begin + 1.2 * LONG_SILENCE - accepted[0]) / cycle
+
+
+@pytest.mark.parametrize("leap", [-500.0, -2.0])
+def test_robot_whose_clock_goes_back_in_a_session_begins_another_after_a_second(
+    session: SensorSession[JointReport], leap: float
+) -> None:
+    now, in_vain = live(session, 300), round(LONG_SILENCE / CYCLE)
+    for count in range(1, in_vain + 4):
+        later = count * CYCLE
+        answered = session.accept([datagram(299 + count, 1001.196 + leap + later)], now + later) is not None
+        assert answered == (count > in_vain)
+    assert (session.number, session.counters.missed) == (2, in_vain)
+
+
+def test_session_goes_on_when_the_clock_has_caught_up_with_what_it_was_set_back(
+    session: SensorSession[JointReport],
+) -> None:
+    now = live(session, 300)
+    accepted = []
+    for count in range(1, 6):
+        later = count * CYCLE
+        if session.accept([datagram(299 + count, 1001.196 - 0.010 + later)], now + later) is not None:
+            accepted.append(count)
+    assert (accepted, session.number) == ([3, 4, 5], 1)
+
+
+def test_late_datagrams_of_a_session_before_count_beside_what_was_lost(session: SensorSession[JointReport]) -> None:
+    begin = live(session, 300) + 0.3
+    assert session.accept([datagram(0, 1001.5)], begin) is not None
+    assert accept(session, 1, 2, now=begin + CYCLE) is None
+    assert session.accept([datagram(3, 1001.512)], begin + 3 * CYCLE) is not None
+    assert session.counters == SessionCounters(received=302, lost=2, stale=2)
+
+
+@pytest.mark.parametrize("count", [1, 2, 100])
+def test_late_datagrams_that_arrive_at_once_begin_no_session_however_long_none_was_accepted(
+    session: SensorSession[JointReport], count: int
+) -> None:
+    """Of a robot whose clock went back; one alone does not, and many waited together."""
+    now = live(session, 300) + 10.0 * LONG_SILENCE
+    late = [datagram(number, 900.0 + number * CYCLE) for number in range(count)]
+    assert session.accept(late, now) is None
+    assert session.accept([datagram(500, 5.0)], now + 0.5 * CYCLE) is None
+    assert session.accept(late, now + CYCLE) is None
+    assert session.accept([datagram(501, 5.0 + CYCLE)], now + 1.5 * CYCLE) is not None
+    assert session.number == 2
 
 
 @pytest.mark.parametrize("apart", [0.0, 0.2 * CYCLE])
@@ -266,7 +352,8 @@ def test_session_begins_anew_when_the_controller_was_restarted_and_its_clock_wit
     accept(session, 300)
     assert session.close_if_silent(0.5)
     assert session.accept([datagram(0, 5.0)], 0.5) is None
-    assert session.accept([datagram(1, 5.0 + CYCLE)], 0.5 + CYCLE) is not None
+    assert session.accept([datagram(1, 5.0 + CYCLE)], 0.5 + CYCLE) is None  # so soon both may be late
+    assert session.accept([datagram(2, 5.0 + 2 * CYCLE)], 0.1 + LONG_SILENCE) is not None
     assert (session.number, session.is_first) == (2, True)
 
 
@@ -280,7 +367,7 @@ def test_session_begins_anew_when_a_simulated_robot_was_restarted_and_counts_and
     end = 15000 * CYCLE
     assert session.close_if_silent(end + 0.5)
     assert session.accept([datagram(0, 1000.0 + began_later)], end + 0.5) is None  # it may be a late datagram
-    assert session.accept([datagram(1, 1000.0 + began_later + CYCLE)], end + 0.5 + CYCLE) is not None
+    assert session.accept([datagram(1, 1000.0 + began_later + CYCLE)], end + 0.1 + LONG_SILENCE) is not None
     assert (session.number, session.is_first) == (2, True)
 
 

@@ -5,8 +5,8 @@
 // session goes on and so does the last reference, or it has begun anew, then everything begins at where it stands.
 //
 // UDP may deliver a datagram late, twice or after a newer one. The robot's number and its clock tell these from the
-// next datagram of the session and from the first of another; where the clock has gone back, two in a row do. Accidents
-// are meant, not a sender that forges both (docs/explanation/decisions/0055-threat-model.md).
+// next datagram of the session and from the first of another; where the clock has gone back, a silence and two in a row
+// do. Accidents are meant, not a sender that forges both (docs/explanation/decisions/0055-threat-model.md).
 
 #pragma once
 
@@ -125,11 +125,21 @@ public:
     // Whether a message of this number and the robot's time is newer than all before it: the session's next one, or the
     // first of another.
     bool takes(std::uint32_t seqno, double robot_time, double now) {
-        if (!judge({seqno, robot_time, now})) return false;
+        const Heard heard{seqno, robot_time, now};
+        const std::int64_t ahead = last_ ? ahead_of(last_->seqno, seqno) : 0;
+        const Verdict verdict = judge(heard, ahead);
+        if (verdict == OLD) {
+            count_old(seqno, -ahead);
+            if (!set_aside_ || now - set_aside_->arrival >= APART) set_aside_ = heard;
+            return false;
+        }
+        verdict == CONTINUES ? go_on(ahead) : begin(heard);
+        ++counters.received;
         counters.late += is_accepted;
         is_accepted = true;
         const double passed = before_ ? robot_time - before_->time : 0.0;
         period = state != OPEN ? 0.0 : 0.0 < passed && passed <= LONGEST_PERIOD ? passed : CYCLE;
+        last_ = heard, set_aside_.reset();
         return true;
     }
 
@@ -160,8 +170,10 @@ private:
     static constexpr int REORDERED = 16;
     // a number higher by more is none of the session: that is a silence
     static constexpr std::int64_t LARGEST_GAP = 64;
-    // of the time between two datagrams of the robot: what comes sooner after the other has waited on its way
-    static constexpr double TOO_SOON = 0.5;
+    // [s] without an accepted datagram: from then on the robot's clock may go back, the controller was restarted
+    static constexpr double LONG_SILENCE = 1.0;
+    static constexpr double APART = 0.002;   // [s] what arrives sooner after something else may have waited with it
+    static constexpr double SLOWEST = 1.0;   // [s] at most from one datagram of a robot to its next, by its clock
     static constexpr double LONGEST_PERIOD = 0.100;  // [s] the robot's clock is not believed beyond this
     static constexpr double CLOCK_TOLERANCE = 0.05;  // by so much the time for datagrams may differ from their number
     static constexpr std::uint32_t WINDOW = (2u << REORDERED) - 1;
@@ -174,40 +186,28 @@ private:
     // How many datagrams a message was sent after another; the robot's count wraps.
     static std::int64_t ahead_of(std::uint32_t before, std::uint32_t seqno) { return std::int32_t(seqno - before); }
 
-    bool judge(const Heard& heard) {
-        const Heard last = last_.value_or(heard);
-        const std::int64_t ahead = ahead_of(last.seqno, heard.seqno);
-        const double later = heard.time - last.time;
-        const bool is_open = state != SILENT && (heard.arrival - last.arrival <= silence_ || ahead == 1);
-        const bool is_of_session = agree(ahead, later), is_set_back = later < 0.0 && confirms(heard);
-        const bool counts = later > 0.0 || (later == 0.0 && ahead == 1) || is_set_back;
-        const bool goes_on = counts && ahead > 0 && (is_open ? ahead <= LARGEST_GAP : is_of_session);
+    enum Verdict { CONTINUES, BEGINS, OLD };
+
+    // What a datagram is, so far ahead of the one accepted last; in the order of the table of docs/reference/egm.md.
+    Verdict judge(const Heard& heard, std::int64_t ahead) const {
+        if (!last_) return BEGINS;
+        const double later = heard.time - last_->time, silence = heard.arrival - last_->arrival;
+        const bool is_open = state != SILENT && (silence <= silence_ || ahead == 1);
+        const bool is_of_session = agree(ahead, later);
+        if (ahead > 0 && (is_open ? ahead <= LARGEST_GAP && later >= 0.0 : is_of_session)) return CONTINUES;
+        if (later > 0.0 && (is_open || !is_of_session)) return BEGINS;
         // A datagram of the session comes late by a few, not by many: a simulated robot that was restarted may count
         // and keep time exactly as the first time.
-        const bool is_of_another = (is_open && later > 0.0) || !is_of_session || ahead < -REORDERED;
-        const bool begins = !last_ || (counts && is_of_another && !goes_on), is_taken = goes_on || begins;
-        // What is confirmed is counted as lost; by the new clock, it was that much later than the one before it.
-        if (before_ && goes_on && is_set_back)
-            counters.stale -= ahead > 1, before_->time = heard.time - double(ahead) * CYCLE;
-        if (goes_on)
-            go_on(ahead);
-        else if (begins)
-            begin(heard);
-        else
-            count_old(heard.seqno, -ahead);
-        counters.received += is_taken;
-        doubted_.reset();
-        (is_taken ? last_ : doubted_) = heard;
-        return is_taken;
+        if (is_of_session && -REORDERED <= ahead) return OLD;
+        return silence > LONG_SILENCE && set_aside_ && is_next(*set_aside_, heard) ? BEGINS : OLD;
     }
 
-    // Where the robot's clock has gone back, it was set, or the controller was restarted, or the datagram is late, of
-    // this session or any before: whether this is the one after that which was left aside, and comes as much later.
-    bool confirms(const Heard& heard) const {
-        const Heard before = doubted_.value_or(heard);
-        const double passed = heard.time - before.time;
-        return passed > 0.0 && ahead_of(before.seqno, heard.seqno) == 1 &&
-               heard.arrival - before.arrival > TOO_SOON * passed;
+    // Whether one datagram comes after another of the same robot, whatever its pace is: what is late fits no robot that
+    // was restarted, nor does it come alone.
+    static bool is_next(const Heard& before, const Heard& heard) {
+        const std::int64_t ahead = ahead_of(before.seqno, heard.seqno);
+        const double later = heard.time - before.time, apart = heard.arrival - before.arrival;
+        return apart >= APART && 0 < ahead && ahead <= LARGEST_GAP && 0.0 <= later && later <= SLOWEST * double(ahead);
     }
 
     // Whether the robot's clock has gone on by the time of so many datagrams, or back where these are negative. Our
@@ -246,7 +246,7 @@ private:
     double silence_;
     Arrivals arrivals_;
     std::optional<Heard> last_, before_;  // accepted last, and when what waits together began to be taken
-    std::optional<Heard> doubted_;        // what has come since, and was left aside
+    std::optional<Heard> set_aside_;      // what has come since and was not taken; the first of what came together
     std::uint32_t first_seqno_ = 0;
     std::uint32_t seen_ = 0;     // a bit for each of the newest numbers, bit 0 for the last
     std::int64_t sent_ = 0;      // datagrams that the robot sent since the one settled last

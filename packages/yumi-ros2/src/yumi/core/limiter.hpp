@@ -92,6 +92,7 @@ public:
     // arrived for so long that the arm's controllers are deactivated.
     void lose(Event event) {
         go(event);
+        candidate_.reset();
         if (collisions_) collisions_->lose_connection();
     }
 
@@ -198,16 +199,19 @@ private:
         if (!feedback_.is_start(state, last.position)) {
             ++motion_.counters.implausible;
             feedback_.reject(state);
+            candidate_.reset();
             go(SESSION_ELSEWHERE);
             return false;
         }
         const bool may_follow = state.time - sent_at_ < following_;
-        const ArmCommand first = may_follow ? last : ArmCommand{state.position, {}, false};
         // A speed that was sent with it may keep the robot away from where it was sent.
-        auto leads = [&](const auto& at) { return largest(references_.speeds(at, first)) >= SLIGHT_LEAD * EGM_GAIN; };
-        // One datagram may be late, so two in a row have to show it, but for a robot that was sent nothing yet.
-        const std::optional<ArmState> before = std::exchange(entering_, state);
-        if (leads(state) || (sent_at_ > -INF && (!before || leads(*before)))) {
+        auto leads = [&](const auto& at) { return largest(references_.speeds(at, last)) >= SLIGHT_LEAD * EGM_GAIN; };
+        // One datagram may be late: the one before has to show the same, but for a robot that was sent nothing yet.
+        const std::optional<ArmState> before = std::exchange(candidate_, state);
+        const bool is_second = before && before->session == state.session;
+        const bool is_shown = is_second && (may_follow ? !leads(state) && !leads(*before)
+                                                       : distance(state.position, before->position) < SLIGHT_LEAD);
+        if (sent_at_ > -INF && !is_shown) {
             accept(state);
             go(SESSION_LED);
             return false;
@@ -245,7 +249,7 @@ private:
 
     // Go on with the motion for a state that was checked; whether the collision limiter has accepted it.
     bool limit_within(const ArmState& state, const ArmCommand* desired) {
-        sent_at_ = state.time, entering_.reset();
+        sent_at_ = state.time, candidate_.reset();
         if (state_ == BEGINNING) {
             begin(state);
             go(FIRST_SENT);
@@ -513,7 +517,7 @@ private:
     ArmCollisionLimiter* collisions_;
     std::int64_t session_ = 0;
     double sent_at_ = -INF;
-    std::optional<ArmState> entering_;  // the last state at which a session might have begun, since that was sent
+    std::optional<ArmState> candidate_;   // the state before, when a session might have begun with it
     std::optional<Values> measured_;  // last; none before the first cycle
     PositionDelay delay_;
     bool is_unanswered_ = false;         // of this cycle
