@@ -130,6 +130,8 @@ class Attacked(EgmLoop):
             self.cycle()
 
     def cycle(self) -> None:
+        if self.is_silent:  # nothing is sent then that the robot could hear
+            self.unheard_until += CYCLE
         motion, reported = self.robot.arm.egm, self.robot.arm.position
         used = (motion.reference, motion.reference_velocity) if motion else (ZERO, ZERO)
         was_waiting, sent = self.limiter.is_waiting, len(self.sent)
@@ -435,6 +437,9 @@ def scripts(*actions: st.SearchStrategy[Action]) -> st.SearchStrategy[Script]:
     ],
     feeds_speed=False,
 )
+@example(  # a session whose clock went back had the number and the clock of the one before, after a silence
+    script=[(0, set_clock(-0.5)), (0, restart), (0, for_a_while("is_silent", 82))], feeds_speed=False
+)
 @given(scripts(*ACCIDENTS), st.booleans())
 def test_what_leaves_and_how_the_robot_is_led_keep_the_limits_after_accidents(
     script: Script, feeds_speed: bool
@@ -471,6 +476,9 @@ def test_what_leaves_and_how_the_robot_is_led_keep_the_limits_after_accidents(
         (0, for_a_while("is_swapped", 15)),
     ],
     feeds_speed=True,
+)
+@example(  # a command waits to be heard for as many datagrams after a silence as before it
+    script=[(0, deaf(7)), (0, for_a_while("is_silent", 4)), (0, for_a_while("is_swapped", 1))], feeds_speed=False
 )
 @given(scripts(*ACCIDENTS, *FORGERIES), st.booleans())
 def test_what_leaves_keeps_the_limits_whatever_arrives(script: Script, feeds_speed: bool) -> None:

@@ -334,6 +334,16 @@ def test_session_goes_on_after_a_silence_when_the_robot_had_stopped_its_clock_wi
     assert (session.number, session.is_resumed, session.counters.lost) == (1, True, 1)
 
 
+def test_session_begins_anew_when_a_clock_that_went_back_fits_the_count_after_a_silence(
+    session: SensorSession[JointReport],
+) -> None:
+    accept(session, 10)
+    assert session.accept([datagram(80, 999.0)], 0.1) is None
+    assert session.close_if_silent(0.5)
+    assert accept(session, 110, now=0.5) == 110
+    assert (session.number, session.is_first) == (2, True)
+
+
 @pytest.mark.parametrize("behind", [0, 1, 10])
 @pytest.mark.parametrize("silence", [0.1, 10.0 * LONG_SILENCE])
 def test_session_does_not_begin_with_its_own_datagrams_after_a_silence_however_long(

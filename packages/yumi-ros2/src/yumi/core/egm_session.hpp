@@ -128,9 +128,9 @@ public:
         const Heard heard{seqno, robot_time, now};
         const std::int64_t ahead = last_ ? ahead_of(last_->seqno, seqno) : 0;
         const Verdict verdict = judge(heard, ahead);
-        if (verdict == OLD) {
+        if (verdict == LATE || verdict == OLD) {
             count_old(seqno, -ahead);
-            if (!set_aside_ || now - set_aside_->arrival >= APART) set_aside_ = heard;
+            if (verdict == OLD && (!set_aside_ || now - set_aside_->arrival >= APART)) set_aside_ = heard;
             return false;
         }
         verdict == CONTINUES ? go_on(ahead) : begin(heard);
@@ -186,19 +186,20 @@ private:
     // How many datagrams a message was sent after another; the robot's count wraps.
     static std::int64_t ahead_of(std::uint32_t before, std::uint32_t seqno) { return std::int32_t(seqno - before); }
 
-    enum Verdict { CONTINUES, BEGINS, OLD };
+    enum Verdict { CONTINUES, BEGINS, LATE, OLD };
 
     // What a datagram is, so far ahead of the one accepted last; in the order of the table of docs/reference/egm.md.
     Verdict judge(const Heard& heard, std::int64_t ahead) const {
         if (!last_) return BEGINS;
         const double later = heard.time - last_->time, silence = heard.arrival - last_->arrival;
         const bool is_open = state != SILENT && (silence <= silence_ || ahead == 1);
-        const bool is_of_session = agree(ahead, later);
+        // A robot whose clock went back meanwhile may count and keep time by chance as the session would have.
+        const bool is_of_session = agree(ahead, later) && (ahead <= 0 || !set_aside_);
         if (ahead > 0 && (is_open ? ahead <= LARGEST_GAP && later >= 0.0 : is_of_session)) return CONTINUES;
         if (later > 0.0 && (is_open || !is_of_session)) return BEGINS;
         // A datagram of the session comes late by a few, not by many: a simulated robot that was restarted may count
         // and keep time exactly as the first time.
-        if (is_of_session && -REORDERED <= ahead) return OLD;
+        if (is_of_session && -REORDERED <= ahead) return LATE;
         return silence > LONG_SILENCE && set_aside_ && is_next(*set_aside_, heard) ? BEGINS : OLD;
     }
 
