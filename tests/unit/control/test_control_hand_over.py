@@ -302,25 +302,33 @@ def test_chunk_of_a_policy_takes_its_arm_and_no_chunk_passes_while_another_one_c
         pass
 
 
-@pytest.mark.parametrize("error", [CommandRefused, RobotNotReady])
 @pytest.mark.parametrize("who", [Commander.PAGE, Commander.TRAJECTORY])
-def test_command_that_is_refused_or_cannot_be_given_takes_no_arm(
-    arms: Arms, who: Commander, error: type[CommandRefused | RobotNotReady]
-) -> None:
+def test_command_that_the_controller_refuses_takes_no_arm(arms: Arms, who: Commander) -> None:
     goal = ControllerCommand(RIGHT, "c", JointGoal(home(RIGHT)))
     if who.is_person:
         arms.taken(Commander.STREAM, "program")
     before = arms.of(RIGHT)
     with (
         requested_by(who, "other", "other"),
-        refused(error, "arm_without_egm"),
+        refused(CommandRefused, "arm_without_egm"),
         arms.passing(Commands.send_commands, (goal,), {}),
     ):
-        raise error(message("arm_without_egm", arm="right"))
+        raise CommandRefused(message("arm_without_egm", arm="right"))
     assert arms.of(RIGHT) == before
     with requested_by(who, "other", "other"), arms.passing(Commands.send_commands, (goal,), {}):
         assert arms.of(RIGHT) == before
     assert arms.of(RIGHT).who is who
+
+
+def test_command_without_an_answer_in_time_takes_its_arm_as_it_may_be_carried_out(arms: Arms) -> None:
+    goal = ControllerCommand(RIGHT, "c", JointGoal(home(RIGHT)))
+    with (
+        requested_by(Commander.PAGE, "page", "page"),
+        refused(RobotNotReady, "control_process_does_not_answer"),
+        arms.passing(Commands.send_commands, (goal,), {}),
+    ):
+        raise RobotNotReady(message("control_process_does_not_answer", timeout=5.0))
+    assert arms.of(RIGHT).who is Commander.PAGE
 
 
 def test_blend_begins_where_the_arm_is_sent_and_ends_on_the_stream() -> None:

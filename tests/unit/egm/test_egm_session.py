@@ -334,6 +334,18 @@ def test_session_goes_on_after_a_silence_when_the_robot_had_stopped_its_clock_wi
     assert (session.number, session.is_resumed, session.counters.lost) == (1, True, 1)
 
 
+@pytest.mark.parametrize("heard", [5.0, 20.0, 60.0])
+def test_session_begins_anew_when_egm_was_stopped_and_started_during_a_silence(
+    session: SensorSession[JointReport], heard: float
+) -> None:
+    """However long the other session runs before the first datagram of it arrives: the arm may have moved between."""
+    accept(session, *range(50))
+    assert session.close_if_silent(heard)
+    count = round((heard - 0.5) / CYCLE)  # EGM did not run for 0.5 s, then counted anew
+    assert session.accept([datagram(count, 1000.0 + 49 * CYCLE + heard)], heard) is not None
+    assert (session.number, session.is_first) == (2, True)
+
+
 def test_session_begins_anew_when_a_clock_that_went_back_fits_the_count_after_a_silence(
     session: SensorSession[JointReport],
 ) -> None:

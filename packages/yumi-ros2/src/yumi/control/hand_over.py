@@ -18,7 +18,7 @@ from threading import Lock, RLock
 from typing import NamedTuple
 
 from abb_protocols.catalogue import Message, message
-from abb_protocols.errors import CommandRefused, YumiError
+from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
 from yumi.control.chunk_commands import FollowChunk
 from yumi.control.controller import IDLE
@@ -277,8 +277,8 @@ class HandOver:
     ) -> Iterator[None]:
         """Whether a command of :class:`.Commands` may be carried out, and while it is, none takes its arms over.
 
-        The requester commands them from then on, unless the command is refused or could not be given: then nothing was
-        changed.
+        The requester commands them from then on, unless the command is refused: then nothing was changed. What got no
+        answer in time may have been carried out all the same.
 
         Raises:
             CommandRefused: as :meth:`take`.
@@ -301,7 +301,7 @@ class HandOver:
                 gates.enter_context(self.switching({named["side"]} if named.get("activate") else set()))
             try:
                 yield
-            except YumiError:
+            except CommandRefused:
                 kinds.clear()
                 raise
             finally:

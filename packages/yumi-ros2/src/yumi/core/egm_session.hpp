@@ -175,7 +175,9 @@ private:
     static constexpr double APART = 0.002;   // [s] what arrives sooner after something else may have waited with it
     static constexpr double SLOWEST = 1.0;   // [s] at most from one datagram of a robot to its next, by its clock
     static constexpr double LONGEST_PERIOD = 0.100;  // [s] the robot's clock is not believed beyond this
-    static constexpr double CLOCK_TOLERANCE = 0.05;  // by so much the time for datagrams may differ from their number
+    // by such a share, and so much [s], the time for datagrams may differ from their number; after a long silence, too:
+    // EGM may have been stopped meanwhile, the arm moved, and EGM started again
+    static constexpr double DRIFT = 0.05, LARGEST_DRIFT = 0.1;
     static constexpr std::uint32_t WINDOW = (2u << REORDERED) - 1;
 
     struct Heard {
@@ -215,7 +217,7 @@ private:
     // clock does not count: a virtual robot stands still with us on a machine that stalls.
     bool agree(std::int64_t ahead, double later) const {
         const double measured = arrivals_.cycle_time, cycle = measured != 0.0 ? measured : CYCLE;
-        return std::abs(later - double(ahead) * cycle) <= cycle + CLOCK_TOLERANCE * std::abs(later);
+        return std::abs(later - double(ahead) * cycle) <= cycle + std::min(DRIFT * std::abs(later), LARGEST_DRIFT);
     }
 
     void go_on(std::int64_t ahead) {
