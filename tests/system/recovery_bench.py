@@ -10,7 +10,6 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import StopNotConfirmed
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from abb_runtime.faults import Fault
-from abb_runtime.rws.session import RateLimit
 from abb_runtime.rws.transport import INTERVAL
 from system.virtual_time_bench import System
 from yumi.control.flight_recorder import RecordedCycle
@@ -36,9 +35,9 @@ class MovingSystem(System):
     def __init__(self, motion: EgmMotionSettings | None = None) -> None:
         super().__init__(motion=motion, request_interval=INTERVAL)
         self.told: list[str] = []
-        session = self.client._session
-        session._rate_limit = RateLimit(self, 0.0)  # a start that has to wait for its turns takes 2 s more
+        self.client.lift_rate_limit()  # a start that has to wait for its turns takes 2 s more
         self.manager.start_egm()
+        session = self.client._session
         session._rate_limit = session._own_limit
         self.go(GOALS)
         self.wait(0.3)

@@ -163,6 +163,10 @@ class Page:
         pair = re.fullmatch(r"The right arm is kept apart: (right .+ – .+)", texts[0].strip())
         return (pair[1] if pair else "", texts[1])
 
+    def robot(self) -> str:
+        """Address of the robot's controller, as the page shows it."""
+        return self.text("#chips .chip:first-child b").partition(",")[0]
+
     def take_control(self) -> None:
         self.wait("#take", "Take control")
         self.press("#take")
@@ -184,7 +188,7 @@ def test_stop_is_explained_and_confirmed_on_the_page(chromium: Any, url: str) ->
     page.wait("#remedy", "^" + words(message("stop_open", stop="")))
     page.mend("Recover")
     assert "Is no person near it" in page.wait("#confirm", "Confirm the stop")
-    inject_fault(str(page.tab.inner_text("#chips .chip:first-child b")).partition(",")[0], "emergency-stop", {})
+    inject_fault(page.robot(), "emergency-stop", {})
     page.wait("#confirm", rf"Not yet: first end what stops the robot\s+{pressed}")
     assert not page.tab.is_visible("#confirm-yes")
     page.press("#confirm-no")
@@ -389,8 +393,7 @@ def test_page_tells_why_it_ends_a_jog_whose_key_is_still_held(chromium: Any, hel
     with Watch() as watch:
         watch.wait(lambda: True)
         page.jog(partial(page.begin, "joint 0 1"), page.tab.mouse.up, lambda: watch.travel() > 0.02)
-        robot = str(page.tab.inner_text("#chips .chip:first-child b")).partition(",")[0]
-        inject_fault(robot, "egm-silence", {"arm": "right", "duration": "0.5"})
+        inject_fault(page.robot(), "egm-silence", {"arm": "right", "duration": "0.5"})
         page.wait("#toast", "The right arm follows no commands: press “Start EGM”|Jog refused: .* press again")
         watch.wait_for_rest()
     page.tab.mouse.up()

@@ -218,15 +218,13 @@ class Statements:
     @contextmanager
     def _noted(self, late: Callable[[Unresolved], None]) -> Iterator[None]:
         """Note what does not fit; `late` compiles instead what names something that nothing declares."""
-        try:
-            yield
-        except RapidReferenceError as fault:
-            if self.faults is not None:
-                self.faults.append(fault)
-            elif isinstance(fault, Unresolved):
-                late(fault)
-            else:
-                raise
+        with _collecting(self.faults):
+            try:
+                yield
+            except Unresolved as error:
+                if self.faults is not None:
+                    raise
+                late(error)
 
     def _statement(self, node: s.Statement) -> None:
         _COMPILERS[type(node)](self, node)

@@ -172,8 +172,8 @@ private:
     static constexpr std::int64_t LARGEST_GAP = 64;
     // [s] without an accepted datagram: from then on the robot's clock may go back, the controller was restarted
     static constexpr double LONG_SILENCE = 1.0;
-    static constexpr double APART = 0.002;   // [s] what arrives sooner after something else may have waited with it
-    static constexpr double SLOWEST = 1.0;   // [s] at most from one datagram of a robot to its next, by its clock
+    static constexpr double APART = 0.002;  // [s] what arrives sooner after something else may have waited with it
+    static constexpr double SLOWEST = 1.0;  // [s] at most from one datagram of a robot to its next, by its clock
     static constexpr double LONGEST_PERIOD = 0.100;  // [s] the robot's clock is not believed beyond this
     // by such a share, and so much [s], the time for datagrams may differ from their number; after a long silence, too:
     // EGM may have been stopped meanwhile, the arm moved, and EGM started again
@@ -249,7 +249,7 @@ private:
     double silence_;
     Arrivals arrivals_;
     std::optional<Heard> last_, before_;  // accepted last, and when what waits together began to be taken
-    std::optional<Heard> set_aside_;      // what has come since and was not taken; the first of what came together
+    std::optional<Heard> set_aside_;      // an older one of another session since; of what came together, the first
     std::uint32_t first_seqno_ = 0;
     std::uint32_t seen_ = 0;     // a bit for each of the newest numbers, bit 0 for the last
     std::int64_t sent_ = 0;      // datagrams that the robot sent since the one settled last

@@ -517,7 +517,7 @@ private:
     ArmCollisionLimiter* collisions_;
     std::int64_t session_ = 0;
     double sent_at_ = -INF;
-    std::optional<ArmState> candidate_;   // the state before, when a session might have begun with it
+    std::optional<ArmState> candidate_;  // the state before, when a session might have begun with it
     std::optional<Values> measured_;  // last; none before the first cycle
     PositionDelay delay_;
     bool is_unanswered_ = false;         // of this cycle
