@@ -114,7 +114,10 @@ def test_power_cut_leaves_flight_records_of_both_arms_and_the_recording_goes_on(
         assert flight.stop is not None
         assert flight.stop.kind == "SessionLost"
         assert flight.frames[side][-1] == recording.frames[side][-1]
-        assert all(frame.stages.reply > 0.0 for frame in flight.frames[side])
+        # Where the machine was late the core has answered, and braked: of such a cycle no controller has times.
+        by_core = [frame for frame in flight.frames[side] if frame.stages.reply == 0.0]
+        assert len(by_core) < len(flight.frames[side])
+        assert all(frame.desired is None and frame.reference is None for frame in by_core)
     # Beside the cycles it holds what became of the robot and its grippers.
     states = list(rows(session.file, "state"))
     assert {row["egm.r"] for row in states} >= {"off", "running"}
