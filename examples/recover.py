@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 from yumi_interfaces.action import Recover, SetMode
 from yumi_interfaces.msg import RobotState
 
+RUNNING = "running", "RUN_EGM_ROUTINE"  # of EGM and of the state machine, which is read a moment later
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -59,7 +60,7 @@ class RecoverRobot(Node):
         if not result.success:
             raise RuntimeError(result.message)
         end = self.get_clock().now().nanoseconds + 5e9
-        while self.state is None or self.state.left_egm != "running":
+        while self.state is None or (self.state.left_egm, self.state.left_state_machine) != RUNNING:
             rclpy.spin_once(self, timeout_sec=0.1)
             if self.get_clock().now().nanoseconds > end:
                 raise RuntimeError("EGM did not run on the left arm within 5 s.")

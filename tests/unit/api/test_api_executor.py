@@ -1,7 +1,8 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from math import inf, isnan, nan
 from threading import Event
 from typing import Any
@@ -16,6 +17,7 @@ from controller_states import read_goal
 from fake_robot import FakeRobot, Switch
 from refusals import assert_says, refused
 from yumi.api import motion_executor
+from yumi.api.arm_access import wait_for
 from yumi.api.motion_registry import MotionRegistry
 from yumi.api.robot_arm import Arm
 from yumi.api.streams import OLDEST_JOG
@@ -23,7 +25,7 @@ from yumi.control.controller import IDLE
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
 from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, MemoryBuffer, SessionGoal, stream_delay, write_speeds
-from yumi.control.hand_over import Commander, HandOver, requested_by
+from yumi.control.hand_over import MOTION_BEGINS, Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
     ControllerFailed,
@@ -32,6 +34,7 @@ from yumi.control.loop_events import (
     RobotStoppedFollowing,
     SessionLost,
 )
+from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.motion.stream_begin import NEAR
 from yumi.control.shared_state import Skew, TrajectoryFeedback
@@ -407,6 +410,44 @@ def test_blend_of_a_stream_for_the_future_begins_with_its_first_point(robot: Fak
         assert goal is not None
         assert goal.position == pytest.approx([value - left for value in FAR])
         robot.clock.advance(0.2)
+
+
+def test_stream_that_is_late_leaves_the_blend_of_the_one_that_has_taken_its_arm(
+    robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot.control.on_command = robot.rest
+    switching = robot.control.hand_over.switching
+
+    @contextmanager
+    def late(sides: Collection[Side]) -> Iterator[None]:
+        with switching(sides):
+            yield
+        monkeypatch.undo()
+        robot.clock.advance(IDLE + 0.1)
+        with requested_by(client="other"):
+            robot.executor.stream({Side.RIGHT: FAR}, blend=1.0)
+
+    monkeypatch.setattr(robot.control.hand_over, "switching", late)
+    with refused(CommandRefused, "arm_commanded_by_another"):
+        robot.executor.stream({Side.RIGHT: RIGHT})
+    robot.clock.advance(0.01)
+    with requested_by(client="other"):
+        robot.executor.stream({Side.RIGHT: FAR})
+    newest = read_goal(robot.goals[Side.RIGHT], 1)
+    assert newest is not None
+    assert largest_difference(newest[1].position, robot.control.snapshots[Side.RIGHT].sent) < 0.1 * NEAR
+
+
+@pytest.mark.parametrize("who", [Commander.PAGE, Commander.STREAM])
+def test_program_that_ends_stops_no_arm_that_another_one_has_taken_meanwhile(robot: FakeRobot, who: Commander) -> None:
+    motions = robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
+    robot.clock.advance(MOTION_BEGINS + 0.1)
+    with requested_by(who, "other"):
+        robot.control.hand_over.take(Side.RIGHT, who)
+    robot.control.on_command = robot.rest
+    with refused(GoalNotReached, "goal_not_reached_in_time", arms=("right", "left")):
+        wait_for(motions, 0.0, robot.executor)
+    assert [each.side for each in robot.control.commands if isinstance(each.message, StopMotion)] == [Side.LEFT]
 
 
 def test_point_that_comes_long_after_the_last_one_begins_a_stream(robot: FakeRobot) -> None:

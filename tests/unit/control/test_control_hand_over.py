@@ -229,8 +229,43 @@ def test_commands_that_move_pass_only_for_who_commands_and_what_only_stops_passe
         pass
 
 
+def test_program_that_is_late_switches_no_controller_of_another_program(arms: Arms) -> None:
+    arms.taken(Commander.STREAM, "other")
+    with (
+        refused(CommandRefused, "arm_commanded_by_another"),
+        arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}),
+    ):
+        pass
+    with arms.passing(Commands.switch_controllers, (Side.LEFT, ("c",)), {}):
+        pass
+    arms.clock.advance(IDLE + SOON)
+    with arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}):
+        pass
+
+
+@pytest.mark.parametrize("other", [*PERSONS, *PROGRAMS])
+def test_arms_of_ones_own_are_those_that_none_has_taken_meanwhile(arms: Arms, other: Commander) -> None:
+    for side in Side:
+        arms.taken(Commander.TRAJECTORY, side=side)
+    with arms.keeping_own(Side) as own:
+        assert own == tuple(Side)
+    arms.clock.advance(IDLE + SOON)
+    arms.taken(other, "other")
+    with arms.keeping_own(Side) as own:
+        assert own == (LEFT,)
+    with requested_by(client="other"):
+        arms.let_go(RIGHT)
+    with arms.keeping_own(Side) as own:  # what a person has let go rests already
+        assert own == ((LEFT,) if other.is_person else (RIGHT, LEFT))
+
+
 @pytest.mark.parametrize(
-    "keep", [lambda arms: arms.writing((RIGHT,), Commander.STREAM), lambda arms: arms.switching((RIGHT,))]
+    "keep",
+    [
+        lambda arms: arms.writing((RIGHT,), Commander.STREAM),
+        lambda arms: arms.switching((RIGHT,)),
+        lambda arms: arms.keeping_own((RIGHT,)),
+    ],
 )
 def test_who_takes_an_arm_over_waits_until_a_goal_of_before_is_written(
     arms: Arms, keep: Callable[[Arms], AbstractContextManager[None]]

@@ -93,6 +93,11 @@ class ArmAccess:
         with requested_by(only_holds=True):
             return self._stop(sides)
 
+    def stop_own(self, sides: Collection[Side]) -> tuple[Motion, ...]:
+        """As :meth:`stop`, at the end of what the requester has begun: an arm that another one has by now goes on."""
+        with self.control.hand_over.keeping_own(sides) as own:
+            return self._stop(own)
+
     def _stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
         """As :meth:`stop`, where the requester may have another controller command the arms."""
         moving = [side for side in sides if self.control.snapshot(side).is_commanded]
@@ -113,6 +118,10 @@ class ArmAccess:
     def bring_to_rest(self, sides: Iterable[Side]) -> None:
         """Stop arms and wait until they stand; raises GoalNotReached when one did not come to rest."""
         _wait_for_rest(self.stop(sides))
+
+    def bring_own_to_rest(self, sides: Collection[Side]) -> None:
+        """As :meth:`bring_to_rest`, for the arms of :meth:`stop_own`."""
+        _wait_for_rest(self.stop_own(sides))
 
     def check_has(self, side: Side, name: str) -> None:
         """Raises CommandRefused where an arm has no controller of that name."""
@@ -223,4 +232,4 @@ def check_ended(motions: Iterable[Motion], timeout: float | None) -> None:
 def halt(motions: Iterable[Motion], arms: ArmAccess) -> None:
     """Stop the arms of those motions that are under way, and wait until they stand."""
     with suppress(YumiError):  # what ended the wait is what a person must read; the control process holds what it can
-        arms.bring_to_rest([motion.side for motion in motions if not motion.is_done])
+        arms.bring_own_to_rest([motion.side for motion in motions if not motion.is_done])

@@ -118,7 +118,7 @@ class ChunkFollower:
         own = [side for side in self._activations if self._is_own(side)]
         try:  # arms first: a gripper may take seconds
             with suppress(*() if kind is None else (YumiError,)):  # what ended the block is what a person must read
-                self._access.bring_to_rest(own)
+                self._access.bring_own_to_rest(own)
         finally:
             self._stack.close()
 

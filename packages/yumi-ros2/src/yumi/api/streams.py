@@ -137,11 +137,11 @@ class ArmStreams(ArmAccess):
         begun = self._begin_streams(tuple(goals), STREAM_CONTROLLER)
         now = self.clock.now()  # not before: to take an arm over may last seconds
         stamp = now if time is None else float(time)
-        for side, (_, is_new) in begun.items():
-            if is_new or side in begins:
-                blended = StreamBegin(self.control.snapshot(side).sent, positions[side], duration or 0.0)
-                self._begun[side] = _Begun(max(now, stamp), blended, self.control.hand_over.of(side).client)
         with self.control.hand_over.writing(goals, Commander.STREAM):
+            for side, (_, is_new) in begun.items():
+                if is_new or side in begins:
+                    blended = StreamBegin(self.control.snapshot(side).sent, positions[side], duration or 0.0)
+                    self._begun[side] = _Begun(max(now, stamp), blended, self.control.hand_over.of(side).client)
             for side, position in positions.items():
                 begin = self._begun[side]
                 point, speed = begin.blend.at(position, stamp - begin.time, speeds[side])
@@ -173,9 +173,8 @@ class ArmStreams(ArmAccess):
         if begun is None or begun.client != owner or not is_known:
             return
         with requested_by(client=owner):
-            if not self.control.hand_over.is_foreign(side):
-                self.stop((side,))
-                self.control.hand_over.let_go(side)
+            self.stop_own((side,))
+            self.control.hand_over.let_go(side)
 
     def jog(self, side: Side, speeds: Sequence[float], owner: object, time: float | None = None) -> bool:
         """Have an arm move with joint speeds [rad/s], (7,), until its controller's timeout or :meth:`end_jog`.

@@ -259,11 +259,22 @@ class HandOver:
             self.let_go(side)
 
     @contextmanager
+    def keeping_own(self, sides: Collection[Side]) -> Iterator[tuple[Side, ...]]:
+        """Keep those of the arms that have not gone to another client or a person: none takes them over meanwhile."""
+        with ExitStack() as gates:
+            commands = {side: self.of(side) for side in self._entered(gates, sides)}
+            yield tuple(
+                side
+                for side, command in commands.items()
+                if command.is_own or (command.who is Commander.NONE and not command.is_reserved)
+            )
+
+    @contextmanager
     def switching(self, sides: Collection[Side]) -> Iterator[None]:
         """Keep arms whose controllers the requester may switch: none takes them over meanwhile.
 
         Raises:
-            CommandRefused: a person commands one of them, or it is reserved for a person.
+            CommandRefused: another client commands one of them, or it is reserved for a person.
         """
         requester = _requester.get()
         with ExitStack() as gates:
@@ -403,10 +414,10 @@ class HandOver:
         return command.who if is_known else Commander.TRAJECTORY
 
     def _check_switch(self, side: Side, requester: Requester) -> None:
-        """Controllers begin where the arm is measured: a person's arm is left alone by them, too."""
+        """Controllers begin where the arm is measured: the arm of another client is left alone by them, too."""
         with self._reporting():
             command = self._current(side).command
-            if command.is_reserved or (command.who.is_person and command.client != requester.client):
+            if command.is_reserved or command.client != requester.client:
                 self._check(side, command, requester.who or Commander.TRAJECTORY, requester.client)
 
     def _current(self, side: Side) -> _Held:

@@ -255,6 +255,8 @@ class Mover(TeleoperatedArms, Protocol):
 
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
 
+    def stop_own(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
+
     def stream(
         self,
         goals: Mapping[Side, SentPosition],

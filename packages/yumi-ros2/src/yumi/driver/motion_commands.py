@@ -392,5 +392,5 @@ def _wait(robot: CommandedRobot, motions: Sequence[RunningMotion], timeout: floa
             future.result()
     except BaseException:
         with suppress(YumiError):  # what ended the motion is what a person must read
-            robot.mover.stop([motion.side for motion in motions if not motion.future.done()])
+            robot.mover.stop_own([motion.side for motion in motions if not motion.future.done()])
         raise
