@@ -87,6 +87,7 @@ def test_controller_takes_faults_by_their_names(controller: ControllerProcess) -
         controller.inject("warm")
 
 
+@pytest.mark.alone  # else another test may get a port that has just become free
 @pytest.mark.parametrize("count", [short(2), long(CONTROLLERS, 900.0)])
 def test_controllers_one_after_another_leave_no_process_port_or_file(
     count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

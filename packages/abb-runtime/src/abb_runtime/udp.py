@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
+from random import SystemRandom
 from typing import Protocol
 from urllib.parse import urlsplit
 
@@ -258,10 +259,17 @@ def address_of_host(host: str) -> str:
 
 
 def free_port() -> int:
-    """A UDP port that is free at this moment."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A UDP port that is free, below those that the system gives away: none takes it by chance before it is used."""
+    while True:
+        port = SystemRandom().randrange(10_000, 32_000)  # Linux gives away 32768 to 60999
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError as error:
+                if error.errno != errno.EADDRINUSE:
+                    raise
+            else:
+                return port
 
 
 def is_loopback(host: str) -> bool:
