@@ -25,6 +25,7 @@ from yumi.api.motion_registry import Motion
 from yumi.control.controller import IDLE
 from yumi.control.hand_over import Commander, is_person_requesting, requested_by
 from yumi.control.loop_commands import ControllerCommand
+from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.standstill import AT_GOAL
 from yumi.driver import motion_commands
@@ -238,6 +239,42 @@ def test_move_of_both_arms_that_ends_on_one_ends_on_the_other_and_does_not_go_on
         assert driver.snapshot(side).sent == pytest.approx(still[side], abs=1e-9)
         assert abs(still[side][6] - goal[6]) > 0.2
         assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
+
+
+def slow_move(clients: Clients, front_end: FrontEnd, gone: Event) -> Future[Any]:
+    """A move below the speed at which an arm counts as standing, which is under way."""
+    driver, caller = clients.driver, Caller(client="slow", front_end=front_end, is_gone=gone.is_set)
+    moving = clients.begin(Move(right=FAR, speed_scale=0.01), caller)
+    driver.until(lambda: driver.snapshot(RIGHT).sent[6] > START[6] + 0.01, 5.0)
+    assert max(map(abs, driver.snapshot(RIGHT).velocity)) < STANDING
+    return moving
+
+
+@pytest.mark.parametrize("front_end", [FrontEnd.PAGE, FrontEnd.SCRIPT])
+def test_slow_move_keeps_its_arm_and_ends_where_its_client_is_gone(clients: Clients, front_end: FrontEnd) -> None:
+    driver, gone = clients.driver, Event()
+    moving = slow_move(clients, front_end, gone)
+    commander = Commander.PAGE if front_end is FrontEnd.PAGE else Commander.TRAJECTORY
+    assert command(clients) == (commander, False)
+    gone.set()
+    with refused(GoalNotReached, "motion_stopped_asker_gone"):
+        clients.ended(moving)
+    driver.wait(0.5)
+    still = driver.snapshot(RIGHT).sent
+    driver.wait(1.0)
+    assert driver.snapshot(RIGHT).sent == pytest.approx(still, abs=1e-9)
+
+
+def test_person_takes_an_arm_from_a_slow_move_of_a_script(clients: Clients) -> None:
+    gone = Event()
+    moving = slow_move(clients, FrontEnd.SCRIPT, gone)
+    try:
+        clients.jog(0.3)
+        assert command(clients) == (Commander.PAGE, False)
+    finally:
+        gone.set()
+        with pytest.raises(GoalNotReached):
+            clients.ended(moving)
 
 
 def test_move_of_the_page_is_a_persons_and_no_scripts_move_follows_it_by_itself(clients: Clients) -> None:

@@ -115,7 +115,8 @@ class MemoryControl:
             return serve(self._commands, command, *args, **kwargs)
 
     def _is_busy(self, side: Side) -> bool:
-        return max(map(abs, self.snapshot(side).velocity)) > STANDING
+        snapshot = self.snapshot(side)
+        return snapshot.is_on_way or max(map(abs, snapshot.velocity)) > STANDING
 
 
 class System(ManualClock):

@@ -257,6 +257,8 @@ def test_arms_of_ones_own_are_those_that_none_has_taken_meanwhile(arms: Arms, ot
         arms.let_go(RIGHT)
     with arms.keeping_own(Side) as own:  # what a person has let go rests already
         assert own == ((LEFT,) if other.is_person else (RIGHT, LEFT))
+    with requested_by(client="other"), arms.keeping_own((RIGHT,)) as own:
+        assert own == (RIGHT,)
 
 
 @pytest.mark.parametrize(

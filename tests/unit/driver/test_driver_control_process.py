@@ -14,11 +14,12 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.joints import Side, home
+from abb_protocols.robot.joints import ZERO, Side, home, joints
 from abb_runtime.process.child import PipeClosed
 from refusals import refused
 from yumi.control.controllers.joint_goal import JointGoal
 from yumi.control.counters import WireCounters
+from yumi.control.goals import GoalKind
 from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event
@@ -121,6 +122,20 @@ def test_process_that_stands_still_does_not_count_as_running(
     snapshot = control.snapshot(LEFT)
     assert (snapshot.is_streaming, snapshot.is_running, snapshot.is_commanded) == (is_known,) * 3
     assert snapshot.session == 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "away", "is_busy"),
+    [(GoalKind.NONE, 0.1, True), (GoalKind.NONE, 0.0, False), (GoalKind.POSITION, 0.1, False)],
+)
+def test_arm_that_stands_before_its_goal_keeps_its_commander(
+    kind: GoalKind, away: float, is_busy: bool, control: ControlProcess
+) -> None:
+    goal = joints([away, *ZERO[1:]])
+    made = Snapshot(time.monotonic() + LONG, is_running=True, activation=7, goal_kind=kind, reference=goal)
+    control.buffers[LEFT].snapshots.write(made)
+    control.hand_over.take(LEFT, Commander.TRAJECTORY, -1.0)
+    assert control.hand_over.of(LEFT).who is (Commander.TRAJECTORY if is_busy else Commander.NONE)
 
 
 def test_command_that_is_not_answered_is_given_up_for_the_process_too(

@@ -156,7 +156,7 @@ class HandOver:
 
     Args:
         now: the time on the machine's monotonic clock [s].
-        is_busy: whether an arm moves, or follows a trajectory however slowly.
+        is_busy: whether an arm moves, or is on its way however slowly.
         on_event: called with each hand-over, on the thread that made it.
 
     Attributes:
@@ -261,12 +261,15 @@ class HandOver:
     @contextmanager
     def keeping_own(self, sides: Collection[Side]) -> Iterator[tuple[Side, ...]]:
         """Keep those of the arms that have not gone to another client or a person: none takes them over meanwhile."""
+        client = _requester.get().client
         with ExitStack() as gates:
             commands = {side: self.of(side) for side in self._entered(gates, sides)}
+            last = {side: self._before.get(side, (Commander.NONE, client))[1] for side in commands}
             yield tuple(
                 side
                 for side, command in commands.items()
-                if command.is_own or (command.who is Commander.NONE and not command.is_reserved)
+                if command.is_own
+                or (command.who is Commander.NONE and (last[side] == client or not command.is_reserved))
             )
 
     @contextmanager

@@ -10,6 +10,8 @@ from abb_protocols.catalogue import Message, clause, message
 from abb_protocols.robot.joints import ZERO, Joints, Side
 from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.control.goals import Buffer, GoalKind
+from yumi.control.motion.setpoint import largest_difference
+from yumi.control.motion.standstill import AT_GOAL
 
 
 class Problem(IntEnum):
@@ -116,6 +118,12 @@ class Snapshot(NamedTuple):
     def command_epoch(self) -> tuple[int, int]:
         """What changes when EGM begins anew or another controller commands: session and activation."""
         return self.session, self.activation
+
+    @property
+    def is_on_way(self) -> bool:
+        """Whether a goal sends the arm elsewhere than it is, however slowly, or while it is held; not of a stream."""
+        is_stream = self.goal_kind != GoalKind.NONE
+        return not is_stream and self.reference is not None and largest_difference(self.reference, self.sent) > AT_GOAL
 
     @property
     def limited(self) -> Limited | None:

@@ -571,13 +571,13 @@ class ControlProcess:
                 self._answered.set()
 
     def _is_busy(self, side: Side) -> bool:
-        """Whether an arm moves, or follows a trajectory however slowly."""
+        """Whether an arm moves, or is on its way however slowly."""
         snapshot, buffers = self.snapshot(side), self.buffers[side]
         if not snapshot.is_running:
             return False
         newest = (each.read() for each in (buffers.trajectory, buffers.dual_trajectory, buffers.tool_path))
         is_followed = any(it is not None and it[1].goal and snapshot.time - it[1].time < FRESH for it in newest)
-        return is_followed or max(map(abs, snapshot.velocity)) > STANDING
+        return is_followed or snapshot.is_on_way or max(map(abs, snapshot.velocity)) > STANDING
 
     def _handle(self, event: Event) -> None:
         try:
