@@ -20,7 +20,7 @@ from abb_protocols.robot.joints import ZERO, Joints, Side, home, joints
 from refusals import assert_says, refused
 from yumi.control.counters import WireCounters
 from yumi.control.goals import GoalKind, MemoryBuffer
-from yumi.control.hand_over import HandOver
+from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
 from yumi.control.motion.spline import TrajectoryPoint
@@ -132,7 +132,10 @@ class Bench:
         self.target, self.snapshot, self.is_followed = Target(), STANDS, Event()
         self.target.snapshot = lambda: self.snapshot
         buffers = {Side.RIGHT: SimpleNamespace(tool_path=MemoryBuffer())}
-        self.control: Any = SimpleNamespace(buffers=buffers, snapshot=lambda side: self.snapshot, call=self.call)
+        self.hand_over = HandOver(lambda: 0.0)
+        self.control: Any = SimpleNamespace(
+            buffers=buffers, snapshot=lambda side: self.snapshot, call=self.call, hand_over=self.hand_over
+        )
         targets, frames = {Side.RIGHT: self.target}, SimpleNamespace(measured=lambda side: None)
         self.action = MoveLinearAction(Side.RIGHT, Node(), "", self.control, lambda: 0.0, targets, frames, "base")
 
@@ -222,6 +225,26 @@ def test_line_that_is_cancelled_while_it_waits_stops_nobody_elses_motion(bench: 
     result = bench.action._execute(handle)
     assert (handle.end, result.message) == ("cancelled", "Cancelled before the arm moved.")
     assert all(isinstance(each, CancelTrajectory) and each.goal is not None for each in bench.target.commands)
+
+
+@pytest.mark.parametrize("is_taken_meanwhile", [False, True])
+def test_line_for_an_arm_that_a_person_moves_does_not_brake_it(bench: Bench, is_taken_meanwhile: bool) -> None:
+    def take() -> None:
+        with requested_by(Commander.HEADSET, "person"):
+            bench.hand_over.take(Side.RIGHT, Commander.HEADSET)
+
+    def moves() -> Iterator[Joints]:
+        for step in range(100):
+            if step == 2:
+                take()
+            yield joints([0.01 * step, *ZERO[1:]])
+
+    if not is_taken_meanwhile:
+        take()
+    handle, bench.target.motion = Handle(), moves()
+    result = bench.action._execute(handle)
+    assert (handle.end, result.code) == ("aborted", "arm_commanded_by_another")
+    assert bench.target.commands == [CancelTrajectory()] * is_taken_meanwhile
 
 
 def test_line_that_is_cancelled_before_it_is_executed_does_not_move_the_arm(bench: Bench) -> None:

@@ -26,6 +26,7 @@ from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.joints import Joints, Pose, Side
 from abb_protocols.robot.kinematics import tool0_to_body
 from abb_runtime.clock import SystemClock
+from yumi.control.hand_over import Commander
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ControlProcessEnded, ReportsDropped
 from yumi.control.shared_state import Snapshot
@@ -248,17 +249,20 @@ class LineAction(ABC):
     def _bring_to_rest(
         self, line: _Line, targets: Mapping[Side, TargetPoseTopic], snapshots: Mapping[Side, Snapshot]
     ) -> None:
-        """Raises CommandRefused where an arm goes on moving."""
+        """Raises CommandRefused where an arm goes on moving, or is commanded by another client."""
 
         def commanded() -> Mapping[Side, Joints]:
             return {side: target.commanded() for side, target in targets.items()}
 
+        hand_over = self._control.hand_over
+        hand_over.check_all(targets, Commander.TRAJECTORY)
         deadline, before = monotonic() + _LAST_STOP, commanded()
         while line.is_over.wait(_STANDS_FOR) or before != (now := commanded()):
             if line.is_cancelled:  # what others have asked for goes on
                 raise _Cancelled
             if line.is_over.is_set() or monotonic() > deadline:
                 raise target_refused(message("arm_not_at_rest", arms=tuple(side.word for side in targets)))
+            hand_over.check_all(targets, Commander.TRAJECTORY)  # a cancel is open to all: it would brake another client
             for side, target in targets.items():
                 target.command(CancelTrajectory(), snapshots[side].activation)
             before = now
