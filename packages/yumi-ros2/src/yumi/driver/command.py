@@ -15,6 +15,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from functools import partial
 from threading import Lock
 from typing import Annotated, ClassVar, Generic, Literal, Protocol, SupportsFloat, TypeVar, get_args
 
@@ -357,13 +358,18 @@ class CommandedRobot:
         object.__setattr__(self, "teleoperation", Teleoperation(self.mover, self.control, grippers, self.on_change))
 
     def follow_with_grippers(self, closed: Mapping[Side, float], elsewhere: Elsewhere) -> None:
-        """The next goals of a stream for grippers, from 0, open, to 1, closed; the newest counts, nothing waits."""
-        for side, goal in closed.items():
+        """The next goals of a stream for grippers, from 0, open, to 1, closed; the newest counts, nothing waits.
 
-            def report(reason: Message, side: Side = side) -> None:
-                log.warning("%s", message("gripper_follows_not", arm=side.word, reason=reason))
+        Raises:
+            CommandRefused: another client commands one of the arms by now, or it is reserved for a person.
+        """
 
-            work = self.followers[side].follow(goal, report)
+        def report(side: Side, reason: Message) -> None:
+            log.warning("%s", message("gripper_follows_not", arm=side.word, reason=reason))
+
+        with self.control.hand_over.switching(closed):  # who takes an arm over afterwards forgets its gripper's goal
+            works = [self.followers[side].follow(goal, partial(report, side)) for side, goal in closed.items()]
+        for work in works:
             if work is not None:
                 elsewhere(work)
 
