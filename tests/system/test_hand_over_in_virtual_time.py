@@ -28,11 +28,12 @@ from yumi.control.loop_commands import ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.standstill import AT_GOAL
+from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver import motion_commands
 from yumi.driver.command import Caller, Command
 from yumi.driver.commands import GiveBack, carry_out
 from yumi.driver.controller_names import JOG_CONTROLLER
-from yumi.driver.device_frame import DeviceFrame
+from yumi.driver.device_frame import DeviceFrame, DeviceHand
 from yumi.driver.motion_commands import Jog, Move, Stream, Teleoperate
 
 PAGE = Caller(client="page", front_end=FrontEnd.PAGE)
@@ -213,6 +214,45 @@ def test_program_that_is_late_while_it_takes_an_arm_over_does_not_end_what_a_per
         assert operator.clutch == "engaged", operator.why
     with refused(CommandRefused, code):
         clients.ended(running)
+
+
+def test_end_of_a_programs_jog_that_comes_late_does_not_brake_the_arm_of_a_person(
+    clients: Clients, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver, mover, call = clients.driver, clients.driver.mover, clients.driver.call
+    is_late, goes_on = Event(), Event()
+
+    def jog() -> None:
+        with requested_by(Commander.POLICY, "policy", "policy"):
+            mover.jog_tool(RIGHT, (0.0, 0.0, 0.02, 0.0, 0.0, 0.0, 0.0), FINGERTIPS, "policy", is_in_tool=False)
+
+    def be_late(command: Callable[..., Any], *args: Any) -> Any:
+        if any(isinstance(each, ControllerCommand) and isinstance(each.message, CancelTrajectory) for each in args):
+            monkeypatch.undo()
+            is_late.set()
+            assert goes_on.wait(60.0)
+        return call(command, *args)
+
+    for _ in range(5):
+        clients.ended(clients.pool.submit(jog))
+    monkeypatch.setattr(driver, "call", be_late)
+    ending = clients.pool.submit(mover.end_jog, RIGHT, "policy")
+    assert is_late.wait(10.0)
+    with operator_of(driver) as operator:
+        operator.engage(at())
+        speeds = []
+
+        def hand(time: float) -> DeviceHand:
+            if time > 0.7 and not goes_on.is_set():
+                goes_on.set()
+                ending.result(10.0)
+            if time > 0.6:
+                speeds.append(max(map(abs, driver.snapshot(RIGHT).velocity)))
+            return at(x=0.1 * time)
+
+        operator.hold(1.0, hand)
+    assert operator.clutch == "engaged"
+    assert max(speeds) < 1.5 * min(speeds)
 
 
 @pytest.mark.parametrize("way", ["jogged by a person", "moved by a person", "stopped", "client gone"])

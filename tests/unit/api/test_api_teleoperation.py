@@ -90,7 +90,8 @@ def test_frames_become_goals_of_the_cartesian_controller(driver: FakeDriver) -> 
         assert newest(driver).pose[1:] == pytest.approx(begin[1:])
         assert [each.activate for each in driver.robot.control.switches][-1] == (CARTESIAN_CONTROLLER,)
         assert device.send(clutch=False).clutch == "released"
-        assert brakes(driver) == [ControllerCommand(Side.RIGHT, CARTESIAN_CONTROLLER, CancelTrajectory())]
+        activation = driver.robot.control.snapshot(Side.RIGHT).activation
+        assert brakes(driver) == [ControllerCommand(Side.RIGHT, CARTESIAN_CONTROLLER, CancelTrajectory(), activation)]
 
 
 @pytest.mark.usefixtures("patient")

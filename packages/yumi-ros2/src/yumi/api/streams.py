@@ -9,7 +9,7 @@ from threading import Lock
 from typing import Any, NamedTuple, SupportsFloat
 
 from abb_protocols.catalogue import message, quoted
-from abb_protocols.errors import CommandRefused, YumiError
+from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, joints
 from abb_runtime.clock import Clock
@@ -303,9 +303,10 @@ class ArmStreams(ArmAccess):
             if is_commanding and _number(last.buffer) == last.number:
                 if last.controller == CARTESIAN_CONTROLLER:
                     # By joints: a stream slows down along its line, which takes longer, and braking begins anew then.
-                    stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory())
-                    with suppress(YumiError):
-                        self.control.call(Commands.send_commands, stop)
+                    stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory(), snapshot.activation)
+                    with suppress(RobotNotReady):
+                        with suppress(CommandRefused):  # who has taken the arm over meanwhile goes on
+                            self.control.call(Commands.send_commands, stop)
                         return
                 last.write(snapshot.session, ZERO, self.clock.now())
                 self._jogs[side] = last._replace(number=_number(last.buffer))
@@ -430,8 +431,9 @@ class ArmStreams(ArmAccess):
             return
         if self.streaming[side][0] == CARTESIAN_CONTROLLER:
             # As at the end of a jog.
-            self.control.call(Commands.send_commands, ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory()))
             _, _, activation = self.streaming[side]
+            stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory(), activation)
+            self.control.call(Commands.send_commands, stop)
             self.control.buffers[side].deadline.write(SharedDeadline(self.clock.now(), inf, activation))
         else:
             self.stop((side,))
