@@ -32,7 +32,7 @@ from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver import motion_commands
 from yumi.driver.command import Caller, Command
 from yumi.driver.commands import GiveBack, carry_out
-from yumi.driver.controller_names import JOG_CONTROLLER
+from yumi.driver.controller_names import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER
 from yumi.driver.device_frame import DeviceFrame, DeviceHand
 from yumi.driver.motion_commands import Jog, Move, Stream, Teleoperate
 
@@ -279,6 +279,22 @@ def test_move_of_both_arms_that_ends_on_one_ends_on_the_other_and_does_not_go_on
         assert driver.snapshot(side).sent == pytest.approx(still[side], abs=1e-9)
         assert abs(still[side][6] - goal[6]) > 0.2
         assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
+
+
+def test_move_of_both_arms_gives_one_back_also_where_a_person_takes_the_other_one_at_its_end(
+    clients: Clients, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver, wait_for_motions = clients.driver, motion_commands._wait
+
+    def wait_and_be_late(*args: Any) -> None:
+        wait_for_motions(*args)
+        with requested_by(Commander.HEADSET, "person"):
+            driver.hand_over.take(RIGHT, Commander.HEADSET)
+
+    clients.done(Stream(right=START, left=LEFT_START), SCRIPT)
+    monkeypatch.setattr(motion_commands, "_wait", wait_and_be_late)
+    clients.done(Move(right=START, left=LEFT_START), SCRIPT)
+    assert [driver.mover.commanding(side) for side in (RIGHT, Side.LEFT)] == [(GOAL_CONTROLLER,), (STREAM_CONTROLLER,)]
 
 
 def slow_move(clients: Clients, front_end: FrontEnd, gone: Event) -> Future[Any]:

@@ -367,10 +367,11 @@ def _move(
 
 def _give_back(robot: CommandedRobot, commanding: Mapping[Side, tuple[str, ...]]) -> None:
     """Have these controllers command the arms again; not after a motion that was stopped: the arm holds then."""
-    for side, names in commanding.items():
-        now = robot.mover.commanding(side)
-        if names and names != now and robot.control.snapshot(side).is_running:
-            robot.control.call(Commands.switch_controllers, side, names, now)
+    with robot.control.hand_over.keeping_own(commanding) as own:  # who has taken one meanwhile goes on with it
+        for side in own:
+            names, now = commanding[side], robot.mover.commanding(side)
+            if names and names != now and robot.control.snapshot(side).is_running:
+                robot.control.call(Commands.switch_controllers, side, names, now)
 
 
 def _wait(robot: CommandedRobot, motions: Sequence[RunningMotion], timeout: float | None, caller: Caller) -> None:
