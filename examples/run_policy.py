@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 from policy_wire import pack, unpack
+from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 import yumi
@@ -42,13 +43,18 @@ def run(robot, server, seconds: float) -> None:
     print(f"{state.sent} chunks, {state.replaced} points replaced, {state.late} too late")
 
 
-if __name__ == "__main__":
-    given = dict(enumerate(sys.argv[1:]))
+def main(seconds: float = 10.0, address: str = "127.0.0.1", server: str = "127.0.0.1:8000") -> None:
+    """Connect to the policy before the robot: without a policy the robot is left as it is."""
     try:
-        with (
-            yumi.connect(given.get(1, "127.0.0.1")) as robot,
-            connect(f"ws://{given.get(2, '127.0.0.1:8000')}", compression=None, max_size=None) as server,
-        ):
-            run(robot, server, float(given.get(0, 10.0)))
-    except (yumi.errors.YumiError, OSError) as error:
+        with connect(f"ws://{server}", compression=None, max_size=None) as policy, yumi.connect(address) as robot:
+            run(robot, policy, seconds)
+    except yumi.errors.YumiError as error:
         sys.exit(f"Error: {error}")
+    except (OSError, WebSocketException) as error:
+        sys.exit(f"Error: the policy server at {server} does not answer, the arms hold: {error}")
+    except KeyboardInterrupt:
+        sys.exit("Stopped.")
+
+
+if __name__ == "__main__":
+    main(*map(float, sys.argv[1:2]), *sys.argv[2:4])
