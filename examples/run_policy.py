@@ -14,15 +14,37 @@ from websockets.sync.client import connect
 
 import yumi
 
+PEOPLE = ("page", "headset", "device", "lead-through")  # who takes an arm over from a program
+
 
 def run(robot, server, seconds: float) -> None:
     period = unpack(server.recv())["period"]
     robot.move_to(right="ready", left="ready")
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        try:
+            follow(robot, server, period, end)
+        except yumi.errors.CommandRefused as refusal:
+            if not is_with_a_person(robot):
+                raise
+            print(f"{refusal} Waiting until a person gives the arms back.", flush=True)
+            while is_with_a_person(robot) and time.monotonic() < end:
+                time.sleep(0.1)
+
+
+def is_with_a_person(robot) -> bool:
+    """Whether a person commands an arm, or has let it go and not given it back."""
+    commands = [arm.state.command for arm in (robot.right, robot.left)]
+    return any(each.is_reserved or each.who in PEOPLE for each in commands)
+
+
+def follow(robot, server, period: float, end: float) -> None:
+    """Follow the policy from where the arms are, until the time is over."""
     start = np.array([*robot.right.position, *robot.left.position])
     with robot.follow_chunks() as chunks:
         begin = time.monotonic()
         behind = 0.0  # [s] that the arms have waited for points
-        while (observed := time.monotonic()) < begin + seconds:
+        while (observed := time.monotonic()) < end:
             position = np.array([*robot.right.position, *robot.left.position])
             server.send(pack({"start": start, "position": position, "time": observed - begin - behind}))
             actions = unpack(server.recv())["actions"]

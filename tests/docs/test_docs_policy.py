@@ -6,7 +6,7 @@ import socket
 import sys
 from collections.abc import Iterator
 from threading import Thread
-from unittest.mock import MagicMock
+from unittest.mock import MagicMock, PropertyMock
 
 import numpy as np
 import pytest
@@ -16,6 +16,11 @@ from websockets.exceptions import ConnectionClosedError, ConnectionClosedOK
 from websockets.frames import Close
 from websockets.sync.client import connect
 from websockets.sync.server import serve
+
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from yumi.control.hand_over import Commander
+from yumi.driver.reports import CommandingReport
 
 sys.path += [str(ROOT / "docs" / "images"), str(ROOT / "examples")]
 
@@ -112,6 +117,45 @@ def test_program_ends_with_a_sentence(
     monkeypatch.setattr(run_policy, "run", MagicMock(side_effect=ending))
     with pytest.raises(SystemExit, match=says):
         run_policy.main(1.0, "memory", f"127.0.0.1:{port}")
+
+
+@pytest.fixture
+def commands(monkeypatch: pytest.MonkeyPatch) -> PropertyMock:
+    """What both arms of a robot show of who commands them, one for each look; a policy follows until it is refused."""
+    monkeypatch.setattr(run_policy, "unpack", lambda data: {"period": 0.02})
+    monkeypatch.setattr(run_policy.time, "sleep", lambda seconds: None)
+    return PropertyMock()
+
+
+def test_policy_goes_on_when_a_person_has_given_the_arms_back(
+    monkeypatch: pytest.MonkeyPatch, commands: PropertyMock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, refusal = MagicMock(), CommandRefused(message("chunks_taken_over", arm="right"))
+    person, reserved, free = CommandingReport(who="device"), CommandingReport(is_reserved=True), CommandingReport()
+    commands.side_effect = [person, free, reserved, free, free, free]  # right and left arm, in turn
+    type(robot.right.state).command = type(robot.left.state).command = commands
+    follow = MagicMock(side_effect=[refusal, KeyboardInterrupt])
+    monkeypatch.setattr(run_policy, "follow", follow)
+    with pytest.raises(KeyboardInterrupt):
+        run_policy.run(robot, MagicMock(), 60.0)
+    assert follow.call_count == 2
+    assert commands.call_count == 6
+    assert "Waiting until a person gives the arms back." in capsys.readouterr().out
+
+
+def test_people_of_the_example_are_those_of_the_driver() -> None:
+    assert {each.value for each in Commander if each.is_person} == set(run_policy.PEOPLE)
+
+
+def test_refusal_without_a_person_ends_the_policy(monkeypatch: pytest.MonkeyPatch, commands: PropertyMock) -> None:
+    robot = MagicMock()
+    commands.return_value = CommandingReport(who="policy")
+    type(robot.right.state).command = type(robot.left.state).command = commands
+    monkeypatch.setattr(
+        run_policy, "follow", MagicMock(side_effect=CommandRefused(message("chunks_taken_over", arm="left")))
+    )
+    with pytest.raises(CommandRefused):
+        run_policy.run(robot, MagicMock(), 60.0)
 
 
 def test_picture_shows_one_motion_here_and_steps_upstream() -> None:
