@@ -11,11 +11,13 @@ from contextlib import suppress
 
 import numpy as np
 from policy_wire import pack, unpack
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
 METADATA = {"name": "wave", "period": 0.02, "joints": "right arm, left arm [rad], right gripper, left gripper [0 to 1]"}
 POINTS = 50
-SWING, RATE = 0.1, 2.0  # [rad] and [rad/s] of the wave
+RATE = 2.0  # [rad/s] of the wave
+SWING = np.array([0.1] * 7 + [-0.1, 0.1, -0.1, 0.1, -0.1, 0.1, -0.1])  # [rad] the left arm mirrors the right one
 
 
 def infer(observation: dict) -> np.ndarray:
@@ -30,14 +32,18 @@ def infer(observation: dict) -> np.ndarray:
 
 
 def answer(connection) -> None:
-    connection.send(pack(METADATA))
-    for received in connection:
-        connection.send(pack({"actions": infer(unpack(received))}))
+    with suppress(ConnectionClosed):  # a client that was stopped has no last word
+        connection.send(pack(METADATA))
+        for received in connection:
+            connection.send(pack({"actions": infer(unpack(received))}))
 
 
 if __name__ == "__main__":
     port = int(sys.argv[1]) if len(sys.argv) > 1 else 8000
-    with serve(answer, "127.0.0.1", port, compression=None, max_size=None) as server:
-        print(f"ready on port {server.socket.getsockname()[1]}", flush=True)
-        with suppress(KeyboardInterrupt):
-            server.serve_forever()
+    try:
+        with serve(answer, "127.0.0.1", port, compression=None, max_size=None) as server:
+            print(f"ready on port {server.socket.getsockname()[1]}", flush=True)
+            with suppress(KeyboardInterrupt):
+                server.serve_forever()
+    except OSError as error:
+        sys.exit(f"Error: port {port} cannot be opened ({error.strerror}); give another one.")

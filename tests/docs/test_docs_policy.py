@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import socket
 import sys
 from collections.abc import Iterator
 from threading import Thread
+from unittest.mock import MagicMock, PropertyMock
 
 import numpy as np
 import pytest
 from chunk_runs import steps_of
 from doc_pages import ROOT
+from websockets.exceptions import ConnectionClosedError, ConnectionClosedOK
+from websockets.frames import Close
 from websockets.sync.client import connect
 from websockets.sync.server import serve
+
+from abb_protocols.catalogue import message
+from abb_protocols.errors import CommandRefused
+from yumi.control.hand_over import Commander
+from yumi.driver.reports import CommandingReport
 
 sys.path += [str(ROOT / "docs" / "images"), str(ROOT / "examples")]
 
 import make_chunks
 import policy_server
+import run_policy
 from policy_wire import pack, unpack
 
 # {"a": np.arange(6, dtype=np.float32).reshape(2, 3), "s": np.float64(1.5), "t": "x", "l": [1, np.zeros(2)]} as
@@ -68,8 +78,84 @@ def test_server_gives_chunks_that_begin_where_the_arms_are_and_lead_back_to_the_
             assert actions.shape == (50, 16)
             assert actions[0, :14] == pytest.approx(position)
             wave = policy_server.SWING * (1.0 - np.cos(policy_server.RATE * (time + 0.98)))
-            assert abs(actions[-1, 0] - wave) < 0.4 * abs(0.05 - wave) + 0.04
+            assert abs(actions[-1, 0] - wave[0]) < 0.4 * abs(0.05 - wave[0]) + 0.04
             assert set(actions[:, 14:].ravel().tolist()) <= {0.0, 1.0}
+
+
+def test_left_arm_waves_as_the_mirrored_right_one() -> None:
+    actions = policy_server.infer({"start": np.zeros(14), "position": np.zeros(14), "time": 0.0})
+    assert actions[-1, 0] > 0.05
+    assert actions[:, 7:14] == pytest.approx(actions[:, :7] * [-1, 1, -1, 1, -1, 1, -1])
+
+
+def test_server_ends_an_answer_when_its_client_is_killed() -> None:
+    connection = MagicMock()
+    connection.__iter__.side_effect = ConnectionClosedError(None, None)
+    policy_server.answer(connection)
+    assert unpack(connection.send.call_args.args[0])["name"] == "wave"
+
+
+def test_robot_is_left_as_it_is_when_no_policy_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = MagicMock()
+    monkeypatch.setattr(run_policy.yumi, "connect", robot)
+    with socket.socket() as deaf:
+        deaf.bind(("127.0.0.1", 0))
+        server = f"127.0.0.1:{deaf.getsockname()[1]}"
+        with pytest.raises(SystemExit, match=f"the policy server at {server} does not answer"):
+            run_policy.main(1.0, "memory", server)
+    robot.assert_not_called()
+
+
+@pytest.mark.parametrize(
+    ("ending", "says"),
+    [(ConnectionClosedOK(Close(1001, ""), None), "does not answer, the arms hold"), (KeyboardInterrupt(), "Stopped.")],
+)
+def test_program_ends_with_a_sentence(
+    monkeypatch: pytest.MonkeyPatch, port: int, ending: BaseException, says: str
+) -> None:
+    monkeypatch.setattr(run_policy.yumi, "connect", MagicMock())
+    monkeypatch.setattr(run_policy, "run", MagicMock(side_effect=ending))
+    with pytest.raises(SystemExit, match=says):
+        run_policy.main(1.0, "memory", f"127.0.0.1:{port}")
+
+
+@pytest.fixture
+def commands(monkeypatch: pytest.MonkeyPatch) -> PropertyMock:
+    """What both arms of a robot show of who commands them, one for each look; a policy follows until it is refused."""
+    monkeypatch.setattr(run_policy, "unpack", lambda data: {"period": 0.02})
+    monkeypatch.setattr(run_policy.time, "sleep", lambda seconds: None)
+    return PropertyMock()
+
+
+def test_policy_goes_on_when_a_person_has_given_the_arms_back(
+    monkeypatch: pytest.MonkeyPatch, commands: PropertyMock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, refusal = MagicMock(), CommandRefused(message("chunks_taken_over", arm="right"))
+    person, reserved, free = CommandingReport(who="device"), CommandingReport(is_reserved=True), CommandingReport()
+    commands.side_effect = [person, free, reserved, free, free, free]  # right and left arm, in turn
+    type(robot.right.state).command = type(robot.left.state).command = commands
+    follow = MagicMock(side_effect=[refusal, KeyboardInterrupt])
+    monkeypatch.setattr(run_policy, "follow", follow)
+    with pytest.raises(KeyboardInterrupt):
+        run_policy.run(robot, MagicMock(), 60.0)
+    assert follow.call_count == 2
+    assert commands.call_count == 6
+    assert "Waiting until a person gives the arms back." in capsys.readouterr().out
+
+
+def test_people_of_the_example_are_those_of_the_driver() -> None:
+    assert {each.value for each in Commander if each.is_person} == set(run_policy.PEOPLE)
+
+
+def test_refusal_without_a_person_ends_the_policy(monkeypatch: pytest.MonkeyPatch, commands: PropertyMock) -> None:
+    robot = MagicMock()
+    commands.return_value = CommandingReport(who="policy")
+    type(robot.right.state).command = type(robot.left.state).command = commands
+    monkeypatch.setattr(
+        run_policy, "follow", MagicMock(side_effect=CommandRefused(message("chunks_taken_over", arm="left")))
+    )
+    with pytest.raises(CommandRefused):
+        run_policy.run(robot, MagicMock(), 60.0)
 
 
 def test_picture_shows_one_motion_here_and_steps_upstream() -> None:

@@ -207,6 +207,15 @@ def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
     assert robot.control.commands == []
 
 
+def test_goal_of_a_stopped_robot_is_refused_with_what_stopped_it(robot: FakeRobot) -> None:
+    robot.control.snapshots[Side.LEFT] = robot.control.snapshots[Side.LEFT]._replace(is_running=False)
+    robot.motions.cause = lambda: Cause((message("emergency_stop_pressed"),), "10013-1-a")
+    reason = message("goal_refused", reason=message("arm_without_egm", arm="left"))
+    with refused(RobotNotReady, "explained_stop", event=reason, stop="10013-1-a") as caught:
+        robot.executor.move({Side.LEFT: LEFT}, None, None)
+    assert caught.value.stop == "10013-1-a"
+
+
 def test_arm_that_no_one_named_is_not_moved() -> None:
     robot = FakeRobot((Side.RIGHT,))
     with refused(RobotNotReady, "arm_not_named_to_connect", arm="left"):

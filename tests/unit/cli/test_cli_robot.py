@@ -176,6 +176,14 @@ def test_both_arms_are_moved_to_a_pose(driver: FakeDriver) -> None:
     assert sentence(message("both_arms_take_a_pose"), FrontEnd.SHELL) in refusal("move", "both", "j1=0", code=2)
 
 
+def test_motion_that_is_interrupted_ends_with_a_sentence(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(commands.RunningDriver, "move_to", interrupted)
+    assert refusal("move", "right", "home").strip() == "Stopped: the arms come to rest and hold."
+
+
 def in_shell(code: str, **values: Any) -> str:
     """What the shell says of a message."""
     return sentence(message(code, **values), FrontEnd.SHELL)

@@ -157,6 +157,8 @@ def test_page_on_another_machine_has_no_faults_of_a_virtual_robot_and_says_so(
         elsewhere = "" if is_here else sentence(message("faults_only_here"), FrontEnd.VIRTUAL_PAGE)
         assert page.text_content("#no-faults") == elsewhere
         assert page.is_visible("#no-faults") is not is_here
+        page.set_viewport_size({"width": 320, "height": 844})
+        assert page.evaluate("document.documentElement.scrollWidth") == 320
     assert errors == []
 
 

@@ -9,7 +9,7 @@ from abb_protocols.catalogue.text import Text
 VIEW: Mapping[str, Text] = {
     "view_failed": Text("{program} failed with {kind}: {why}; see its output"),
     "page_needs_token": Text("on {host} other machines reach the page; it needs a token"),
-    "port_cannot_be_opened": Text("port {port} on {host} cannot be opened ({why})"),
+    "port_cannot_be_opened": Text("port {port} on {host} cannot be opened ({why})", "choose another one with --port"),
     # ---- a controller
     "no_driver_for_controller": Text("no driver runs for this controller; it can be looked at only"),
     "no_description_of_robot": Text("there is no description of this robot here: its joints are shown as numbers"),

@@ -20,6 +20,7 @@ from yumi.control.shared_state import Snapshot, TrajectoryFeedback
 from yumi.driver.control_process import FRESH, ControlProcess
 from yumi.driver.controller_names import GOAL_CONTROLLER
 from yumi.driver.readiness import why_arm_does_not_follow
+from yumi.driver.stops import because
 
 _LAST_STOP = 5.0
 """An arm must have come to rest within this time [s]; it takes a tenth of it."""
@@ -169,7 +170,8 @@ class ArmAccess:
             raise RobotNotReady(message("arm_waits_for_recovery", arm=side.word, fault=fault), stop)
         reason = why_arm_does_not_follow(side, snapshot)
         if reason is not None:
-            raise RobotNotReady(message("goal_refused", reason=reason))
+            cause = self.motions.cause()
+            raise RobotNotReady(because(message("goal_refused", reason=reason), cause), cause.stop)
 
     def activate(self, sides: Iterable[Side], name: str) -> None:
         """Switch the arms to a controller; what commands one until then is deactivated in the same switch."""

@@ -60,7 +60,7 @@ def motion_executor(
     parts: DriverParts, settings: Settings, motions: MotionRegistry, arms: tuple[Side, ...]
 ) -> MotionExecutor:
     """What gives the arms of a driver their goals; ``motions`` end with the cause that the driver finds."""
-    motions.explain = parts.manager.monitor.explain
+    motions.explain, motions.cause = parts.manager.monitor.explain, parts.manager.monitor.cause
     return MotionExecutor(
         parts.control,
         motions,

@@ -109,11 +109,13 @@ class MotionRegistry:
 
     Attributes:
         explain: a fault ends motions with the cause that it calls back with.
+        cause: what has stopped the robot, as far as it is known now; a goal is refused with it.
         limited_by: what an arm is kept apart from now, which may be why it does not arrive.
     """
 
     def __init__(self, *, is_script: bool = True) -> None:
         self.explain: Explain = lambda then: then(Cause())
+        self.cause: Callable[[], Cause] = Cause
         self.limited_by: Callable[[Side], Limited | None] = lambda side: None
         self._is_script = is_script
         self._log = log.log if is_script else _no_log

@@ -220,10 +220,7 @@ def move(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[dict[str, MotionReport]], None]]:
-    """Shows on a terminal how far motions are."""
-    if not sys.stderr.isatty():
-        yield lambda motions: None
-        return
+    """Shows on a terminal how far motions are; Ctrl-C ends the command, and the driver stops what it has begun."""
 
     def show(motions: dict[str, MotionReport]) -> None:
         parts = [
@@ -232,10 +229,15 @@ def _progress() -> Iterator[Callable[[dict[str, MotionReport]], None]]:
         ]
         click.echo(f"\r{'   '.join(parts):<60}", nl=False, err=True)
 
+    is_terminal = sys.stderr.isatty()
     try:
-        yield show
+        yield show if is_terminal else lambda motions: None
+    except KeyboardInterrupt:
+        click.echo("\nStopped: the arms come to rest and hold.", err=True)
+        sys.exit(1)
     finally:
-        click.echo(err=True)
+        if is_terminal:
+            click.echo(err=True)
 
 
 @click.command()

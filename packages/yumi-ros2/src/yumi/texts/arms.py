@@ -38,7 +38,7 @@ ARMS: Mapping[str, Text] = {
     ),
     "arm_given_back": Text("{arm} arm: given back; programs may command it"),
     "session_resumed": Text(
-        "{arm} arm: EGM feedback is back, session {session} goes on and the arm holds", "{recover} to go on"
+        "{arm} arm: EGM feedback is back, session {session} goes on and the arm holds", "{start_egm} to go on"
     ),
     "session_ended": Text("{arm} arm: EGM has ended; the robot has been silent for {silence:.0ms}"),
     "feedback_lost": Text(

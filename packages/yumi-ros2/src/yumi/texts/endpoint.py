@@ -16,7 +16,9 @@ ENDPOINT: Mapping[str, Text] = {
     "no_driver_of_robot": Text("no driver of {robot:quoted} runs on this machine; there is one of {drivers:list}"),
     "several_drivers_run": Text("several drivers run on this machine: {drivers:list}", "name one with --robot"),
     "driver_does_not_answer": Text("the driver behind {path} does not answer: {why}"),
-    "driver_connection_lost": Text("the connection to the driver behind {name} is lost: {why}"),
+    "driver_connection_lost": Text(
+        "the connection to the driver behind {name} is lost: {why}", "see its output, and start it again with `yumi up`"
+    ),
     "driver_of_other_version": Text(
         "the driver's answer cannot be read ({why})",
         "use the same version of driver and client",

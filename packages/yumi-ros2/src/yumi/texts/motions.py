@@ -300,7 +300,7 @@ CONTROLLERS: Mapping[str, Text] = {
         "the {arm} arm is commanded by {who} ({client})", "wait until that has ended, or stop it"
     ),
     "arm_reserved_for_person": Text(
-        "the {arm} arm is reserved for a person, who has let it go, and {who} is none", "{give_back}"
+        "the {arm} arm is reserved for a person, who has let it go; {who} is a program", "{give_back} for programs"
     ),
     "give_back_while_commanded": Text(
         "the {arm} arm is commanded by a person now ({who})", "let it go first: release the clutch or the key"

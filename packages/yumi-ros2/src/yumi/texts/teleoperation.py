@@ -24,15 +24,17 @@ TELEOPERATION: Mapping[str, Text] = {
     ),
     # ---- why a held clutch moves nothing
     "teleoperation_begins": Text("the clutch was held already when the device connected", _AGAIN),
-    "teleoperation_link_lost": Text("no frame of the device came for a while; the arm holds", _AGAIN),
+    "teleoperation_link_lost": Text("no frame of the device came for a while; the clutch moves nothing", _AGAIN),
     "teleoperation_link_slow": Text(
         "the link to the device is slow: a frame may be {age:.2f} s old when it comes, allowed are {most:.1f} s; "
-        "the arm holds",
+        "the clutch moves nothing",
         "use a faster network, then release the clutch and press it again",
     ),
     "teleoperation_interrupted": Text("something else commands the {arm} arm, or EGM has ended on it", _AGAIN),
-    "device_hand_jumped": Text("the device's hand for the {arm} arm has jumped; the arm holds", _AGAIN),
-    "device_motion_changed": Text("the device moves the {arm} arm in another way than before; the arm holds", _AGAIN),
+    "device_hand_jumped": Text("the device's hand for the {arm} arm has jumped; the clutch moves nothing", _AGAIN),
+    "device_motion_changed": Text(
+        "the device moves the {arm} arm in another way than before; the clutch moves nothing", _AGAIN
+    ),
     "leader_too_far": Text(
         "a joint of the leader is {distance:.1°} away from the {arm} arm; it may be {most:.1°} away",
         "bring the leader to where the arm is, then press the clutch again",

@@ -15,7 +15,8 @@ const HELP: Record<DeviceName, string> = {
 };
 
 const CLUTCH: Record<TeleoperatedArm["clutch"], string> = {
-  released: "clutch released: holds", engaging: "being taken over", engaged: "follows", inert: "holds: release the clutch, press it again",
+  released: "clutch released: moves nothing", engaging: "being taken over", engaged: "follows",
+  inert: "moves nothing: release the clutch, press it again",
 };
 
 /** @param name of the device; empty where none is connected. @param isImmersive whether a headset shows the scene. */
@@ -32,7 +33,7 @@ export function showTeleoperation(page: Page, name: string, isImmersive: boolean
   const rows = SIDES.map((side) => {
     const arm = teleoperated?.arms[side];
     const row = make("li", {}, make("b", { textContent: `${capitalised(side)} arm` }), make("span", { textContent: armWords(arm) }));
-    row.dataset.clutch = arm?.limited ? "limited" : (arm?.clutch ?? "released");
+    row.dataset.clutch = arm?.limited && arm.clutch !== "inert" ? "limited" : (arm?.clutch ?? "released");
     return row;
   });
   const list = at("teleop-arms-list");
@@ -51,9 +52,9 @@ function deviceWords(device: DeviceName, name: string, isImmersive: boolean): st
 export function armWords(arm: TeleoperatedArm | undefined): string {
   if (!arm) return "–";
   return [
-    arm.clutch === "inert" && arm.why ? arm.why.sentence : CLUTCH[arm.clutch],
+    arm.clutch === "inert" && arm.why ? arm.why.sentence.replace(/\.$/, "") : CLUTCH[arm.clutch],
     ...(arm.limited ? [`kept apart: ${arm.limited.part} – ${arm.limited.other}`] : []),
-    ...(arm.gripper ? [arm.gripper.sentence] : []),
+    ...(arm.gripper ? [arm.gripper.sentence.replace(/\.$/, "")] : []),
   ].join("; ");
 }
 
