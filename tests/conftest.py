@@ -35,6 +35,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
     A shell starts what goes on in its background so that Ctrl-C is ignored, and every command would inherit that.
     """
+    # A virtual controller is some ten thousand objects that refer to each other, and the modules of all tests are far
+    # more. With Python's own threshold the collector looks at each of them several times while they are made.
+    gc.set_threshold(50_000, 20, 20)
     config.stash[_RUNTIME] = tempfile.mkdtemp(prefix="yumi-tests-")  # short: sockets in it have paths
     os.environ["XDG_RUNTIME_DIR"] = config.stash[_RUNTIME]  # where the one driver of a machine is found
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -73,14 +76,9 @@ def is_in_real_time(item: pytest.Item) -> bool:
 
 
 def pytest_collection_finish() -> None:
-    """The modules of all tests stay: the garbage collector need not look at them again and again.
-
-    A virtual controller is some ten thousand objects that refer to each other. With Python's own threshold the
-    collector looks at each of them several times while one is made, which takes as long as making it.
-    """
+    """The modules of all tests stay: the garbage collector need not look at them again and again."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000, 20, 20)
 
 
 # How long an example takes is the machine's affair. `make soak` has the long form of every property.
