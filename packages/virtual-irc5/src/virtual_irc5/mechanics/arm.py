@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 from math import acos, dist, pi, sin
 
@@ -29,6 +30,7 @@ PUSH_TIME = 0.8
 
 _PUSHED_JOINT = 3  # axis 3, the elbow: its place in the chain
 _WAYPOINTS = 32  # into which the path of the tool is divided to measure its length
+_tool_pose = lru_cache(maxsize=8)(tool0_to_body)  # an arm that stands has the same poses in each cycle
 
 
 class VirtualArm:
@@ -87,7 +89,7 @@ class VirtualArm:
     def tool_pose(self, position: Joints, tool: Pose | None) -> Pose:
         """Where a tool (seen from tool0) is in the world at joint positions [rad]."""
         if self.kinematics.is_of_yumi:
-            return tool0_to_body(self.side, position, tool)
+            return _tool_pose(self.side, position, tool)
         tool0 = self.kinematics.tool0(position)
         return tool0 if tool is None else compose(tool0, tool)
 
