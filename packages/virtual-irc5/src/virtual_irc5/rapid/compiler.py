@@ -218,13 +218,15 @@ class Statements:
     @contextmanager
     def _noted(self, late: Callable[[Unresolved], None]) -> Iterator[None]:
         """Note what does not fit; `late` compiles instead what names something that nothing declares."""
-        with _collecting(self.faults):
-            try:
-                yield
-            except Unresolved as error:
-                if self.faults is not None:
-                    raise
+        try:
+            yield
+        except RapidReferenceError as error:
+            if self.faults is not None:
+                self.faults.append(error)
+            elif isinstance(error, Unresolved):
                 late(error)
+            else:
+                raise
 
     def _statement(self, node: s.Statement) -> None:
         _COMPILERS[type(node)](self, node)

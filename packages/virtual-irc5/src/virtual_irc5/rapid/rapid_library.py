@@ -269,8 +269,8 @@ class Library:
         """
         for key, routine in other._routines.maps[0].items():
             is_method = owner is not None and routine.support is Support.DONE
-            implementation = partial(routine.implementation, owner) if is_method else routine.implementation
-            self._routines[key] = replace(routine, implementation=implementation)
+            own = replace(routine, implementation=partial(routine.implementation, owner)) if is_method else routine
+            self._routines[key] = own
         self._types.update(other._types.maps[0])
         self._data.update(other._data.maps[0])
         self._errors.update(other._errors.maps[0])

@@ -28,6 +28,7 @@ from collections import namedtuple
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Protocol
 
 from abb_protocols.errors import RapidError
@@ -212,6 +213,7 @@ class RecordType:
     value_class: Any = field(compare=False, default=None)
 
     @staticmethod
+    @lru_cache(maxsize=256)  # each task of each controller declares the same ones
     def named(name: str, components: tuple[tuple[str, Type], ...]) -> RecordType:
         value_class = namedtuple(name, [n for n, _ in components], rename=True)  # type: ignore[misc]
         return RecordType(name, components, value_class)
