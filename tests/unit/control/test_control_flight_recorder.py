@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import sys
-from array import array
 from math import nan
 from struct import pack_into
 
@@ -28,12 +27,12 @@ def cycle(number: int, *, wanted: bool = True) -> Cycle:
 
 
 @pytest.fixture
-def memory() -> array[float]:
+def memory() -> memoryview[float]:
     return flight_memory()
 
 
 @pytest.fixture
-def recorder(memory: array[float]) -> FlightRecorder:
+def recorder(memory: memoryview[float]) -> FlightRecorder:
     return FlightRecorder(memory)
 
 
@@ -99,20 +98,24 @@ def test_copy_stays_as_it_is_while_the_recorder_goes_on(recorder: FlightRecorder
     assert [frame.number for frame in copy.frames()] == list(range(1, 11))
 
 
-def test_recorder_leaves_out_a_cycle_that_is_being_replaced(memory: array[float], recorder: FlightRecorder) -> None:
+def test_recorder_leaves_out_a_cycle_that_is_being_replaced(
+    memory: memoryview[float], recorder: FlightRecorder
+) -> None:
     record(recorder, 3)
-    slot = memory.index(2.0, 1) * memory.itemsize
+    slot = memory.tolist().index(2.0, 1) * memory.itemsize
     pack_into("d", memory, slot, 2562.0)  # the front of the slot as the recorder writes it first
     assert [frame.number for frame in recorder.frames()] == [1, 3]
 
 
-def test_recorder_goes_on_where_another_one_ended(memory: array[float], recorder: FlightRecorder) -> None:
+def test_recorder_goes_on_where_another_one_ended(memory: memoryview[float], recorder: FlightRecorder) -> None:
     record(recorder, 5)
     record(FlightRecorder(memory), 1)
     assert FlightRecorder(memory).newest == 6
 
 
-def test_recorder_needs_no_more_memory_the_longer_it_records(memory: array[float], recorder: FlightRecorder) -> None:
+def test_recorder_needs_no_more_memory_the_longer_it_records(
+    memory: memoryview[float], recorder: FlightRecorder
+) -> None:
     record(recorder, RECORDED_CYCLES)
     blocks = sys.getallocatedblocks()
     record(recorder, 3 * RECORDED_CYCLES)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan
+from mmap import mmap
 from struct import Struct
 from typing import TYPE_CHECKING
 
@@ -68,15 +68,15 @@ class RecordedCycle:
     stages: StageTimes
 
 
-def flight_memory() -> array[float]:
-    """Memory for a recorder in one process."""
-    return array("d", bytes(FLIGHT_SIZE * _NUMBER.size))
+def flight_memory() -> memoryview[float]:
+    """Memory for a recorder in one process; no more of it is taken than has been recorded in."""
+    return memoryview(mmap(-1, FLIGHT_SIZE * _NUMBER.size)).cast("d")
 
 
 class FlightRecorder:
     """Remembers the newest cycles of one arm, in memory that never grows; one process only may record, any may read.
 
-    The memory is passed in: an array for tests and virtual time, shared memory in the driver, so that another process
+    The memory is passed in: its own for tests and virtual time, shared memory in the driver, so that another process
     reads it while the control loop goes on recording. Each cycle has a slot with the cycle's number at both ends; a
     slot that was replaced while it was read is left out.
 
