@@ -79,8 +79,16 @@ def pytest_collection_finish() -> None:
     collector looks at each of them several times while one is made, which takes as long as making it.
     """
     gc.collect()
+    settle_collector()
+
+
+COLLECTOR = (50_000, 20, 20)
+"""After how many new objects the collector looks at the young, the older and all of them."""
+
+
+def settle_collector() -> None:
     gc.freeze()
-    gc.set_threshold(50_000, 20, 20)
+    gc.set_threshold(*COLLECTOR)
 
 
 # How long an example takes is the machine's affair. `make soak` has the long form of every property.
@@ -101,16 +109,13 @@ def middle() -> Joints:
 
 
 @pytest.fixture(autouse=True)
-def _words_of_a_script() -> Iterator[None]:
-    """What a command that ran in this process has chosen does not last."""
-    yield
-    speak_as(FrontEnd.SCRIPT)
-
-
-@pytest.fixture(autouse=True)
-def _no_thread_is_left() -> Iterator[None]:
+def _nothing_lasts() -> Iterator[None]:
+    """What a test has chosen for the whole process ends with it, and no thread of it goes on."""
     before = set(threading.enumerate())
     yield
+    speak_as(FrontEnd.SCRIPT)  # a command may have chosen other words
+    if gc.get_threshold() != COLLECTOR:  # a controller that ran in this process has set it for itself
+        settle_collector()
     # What reads the output of a whole module's process lives as long as the process.
     left = [thread for thread in threading.enumerate() if thread not in before and not thread.name.endswith("-output")]
     for thread in left:
