@@ -30,7 +30,7 @@ from yumi_evaluation.logs import Logs, RobotLog
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 ANOTHER = VirtualRobot(
-    Dynamics(6.0, replace(ArmModel(), reference_delay=0.002, delay=0.018, lag=0.009)), radians(1e-4), 0.01
+    Dynamics(10.0, replace(ArmModel(), reference_delay=0.002, delay=0.018, lag=0.009)), radians(1e-4), 0.01
 )
 
 
@@ -66,11 +66,11 @@ def test_command_prints_each_record_and_writes_settings_of_a_robot_that_moves_so
     assert record["joints_deg"] == pytest.approx(
         np.sqrt(np.square(difference).mean(axis=0)).tolist(), rel=0.02, abs=1e-4
     )
-    assert robot["k"]["value"] == pytest.approx(6.0, rel=0.02)
+    assert robot["k"]["value"] == pytest.approx(10.0, rel=0.02)
     assert "start it with the settings file" in robot["verdict"]
     assert (tmp_path / "out" / "comparison.svg").read_text().count("<svg") == 1
     parameters = read_egm_parameters(tmp_path / "out" / "yumi.yaml")
-    assert parameters.position_gain == pytest.approx(6.0, rel=0.02)
+    assert parameters.position_gain == pytest.approx(10.0, rel=0.02)
     model = parameters.applied(ArmModel(), CHAIN_AXES)
     quiet = replace(ANOTHER, noise=0.0, lost=0.0)
     true = log_of(quiet)
