@@ -122,8 +122,7 @@ class GarbledController:
 EMPTY = b"<html><body><div class='state'/></body></html>"
 
 
-@pytest.fixture
-def client() -> RwsClient:
+def garbled() -> RwsClient:
     return RwsClient(GarbledController(), clock=ManualClock())
 
 
@@ -144,13 +143,12 @@ def called(client: RwsClient, name: str) -> object:
 
 
 @pytest.mark.parametrize("kind", PAGES)
-@pytest.mark.parametrize("name", CALLS)
-def test_garbled_answer_is_read_or_refused_in_our_words(
-    client: RwsClient, monkeypatch: pytest.MonkeyPatch, name: str, kind: str
-) -> None:
+def test_garbled_answer_is_read_or_refused_in_our_words(monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
     answer(monkeypatch, kind)
-    with suppress(YumiError):
-        called(client, name)
+    assert len(CALLS) > 200
+    for name in CALLS:
+        with suppress(YumiError):
+            called(garbled(), name)
 
 
 @pytest.mark.parametrize(
@@ -168,8 +166,8 @@ def test_garbled_answer_is_read_or_refused_in_our_words(
     ],
 )
 def test_answer_without_meaning_is_an_error_of_the_protocol(
-    client: RwsClient, monkeypatch: pytest.MonkeyPatch, name: str, kind: str
+    monkeypatch: pytest.MonkeyPatch, name: str, kind: str
 ) -> None:
     answer(monkeypatch, kind)
     with pytest.raises(ProtocolError):
-        called(client, name)
+        called(garbled(), name)
