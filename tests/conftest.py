@@ -23,6 +23,13 @@ from abb_runtime.clock import ManualClock
 
 _RUNTIME = pytest.StashKey[str]()
 
+COLLECTOR = (50_000, 20, 20)
+"""After how many new objects the collector looks at the young, the older and all of them.
+
+A virtual controller is some ten thousand objects that refer to each other, and the modules of all tests are far more.
+With Python's own thresholds the collector looks at each of them several times while they are made.
+"""
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
@@ -35,9 +42,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     A shell starts what goes on in its background so that Ctrl-C is ignored, and every command would inherit that.
     """
-    # A virtual controller is some ten thousand objects that refer to each other, and the modules of all tests are far
-    # more. With Python's own threshold the collector looks at each of them several times while they are made.
-    gc.set_threshold(50_000, 20, 20)
+    gc.set_threshold(*COLLECTOR)
     config.stash[_RUNTIME] = tempfile.mkdtemp(prefix="yumi-tests-")  # short: sockets in it have paths
     os.environ["XDG_RUNTIME_DIR"] = config.stash[_RUNTIME]  # where the one driver of a machine is found
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -78,7 +83,12 @@ def is_in_real_time(item: pytest.Item) -> bool:
 def pytest_collection_finish() -> None:
     """The modules of all tests stay: the garbage collector need not look at them again and again."""
     gc.collect()
+    settle_collector()
+
+
+def settle_collector() -> None:
     gc.freeze()
+    gc.set_threshold(*COLLECTOR)
 
 
 # How long an example takes is the machine's affair. `make soak` has the long form of every property.
@@ -99,16 +109,13 @@ def middle() -> Joints:
 
 
 @pytest.fixture(autouse=True)
-def _words_of_a_script() -> Iterator[None]:
-    """What a command that ran in this process has chosen does not last."""
-    yield
-    speak_as(FrontEnd.SCRIPT)
-
-
-@pytest.fixture(autouse=True)
-def _no_thread_is_left() -> Iterator[None]:
+def _nothing_lasts() -> Iterator[None]:
+    """What a test has chosen for the whole process ends with it, and no thread of it goes on."""
     before = set(threading.enumerate())
     yield
+    speak_as(FrontEnd.SCRIPT)  # a command may have chosen other words
+    if gc.get_threshold() != COLLECTOR:  # a controller that ran in this process has set it for itself
+        settle_collector()
     # What reads the output of a whole module's process lives as long as the process.
     left = [thread for thread in threading.enumerate() if thread not in before and not thread.name.endswith("-output")]
     for thread in left:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from math import dist, radians
 
+import numpy as np
 import pytest
 
 from abb_protocols.catalogue import message
@@ -103,27 +103,21 @@ class ScaledArm:
         return self.notices[known]
 
 
-def steps(values: list[Joints]) -> list[Joints]:
-    return [joints([(new - old) / CYCLE for old, new in zip(*pair, strict=True)]) for pair in pairwise(values)]
+def sent(cycles: list[Cycle]) -> np.ndarray:
+    return np.array([cycle.sent.position for cycle in cycles])
 
 
 def assert_smooth(cycles: list[Cycle]) -> None:
     """What was sent keeps the joints' speeds, accelerations and jerks."""
-    motion = [cycle.sent.position for cycle in cycles]
+    motion = sent(cycles)
     for limit in (LIMITS.velocity, LIMITS.acceleration, LIMITS.jerk):
-        motion = steps(motion)
-        for values in motion:
-            assert all(abs(value) <= 1.01 * most for value, most in zip(values, limit, strict=True))
+        motion = np.diff(motion, axis=0) / CYCLE
+        assert np.all(np.abs(motion) <= 1.01 * np.array(limit))
 
 
 def fastest(cycles: list[Cycle]) -> float:
     """The largest share of its limit that any joint's command moved with."""
-    speeds = steps([cycle.sent.position for cycle in cycles])
-    return max(abs(value) / most for speed in speeds for value, most in zip(speed, LIMITS.velocity, strict=True))
-
-
-def distance_to_path(point: Joints, path: list[Joints]) -> float:
-    return min(dist(point, each) for each in path)
+    return float(np.max(np.abs(np.diff(sent(cycles), axis=0)) / CYCLE / LIMITS.velocity))
 
 
 @pytest.mark.parametrize("scale", [0.1, 0.5])
@@ -139,9 +133,10 @@ def test_trajectory_takes_as_much_longer_and_keeps_its_tolerances_and_its_path(s
         assert end.outcome is TrajectoryOutcome.SUCCEEDED
         arm.duration = arm.arm.clock.now() - begin  # type: ignore[attr-defined]
         assert_smooth(arm.arm.cycles[first:])
-        paths.append([cycle.sent.position for cycle in arm.arm.cycles[first:]])
+        paths.append(sent(arm.arm.cycles[first:]))
     assert slow.duration - full.duration == pytest.approx(0.8 / scale - 0.8, abs=0.1)  # type: ignore[attr-defined]
-    assert max(distance_to_path(point, paths[1]) for point in paths[0]) < 0.02
+    apart = np.linalg.norm(paths[0][:, None] - paths[1], axis=2)
+    assert apart.min(axis=1).max() < 0.02
 
 
 def test_trajectory_feedback_tells_the_scale_and_the_slower_speed() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from functools import cache
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -65,24 +66,27 @@ def test_navigation_names_every_page_once() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "page", ["README.md", "CONTRIBUTING.md", *(str(f.relative_to(ROOT)) for f in DOCS.rglob("*.md"))]
-)
-def test_links_of_a_page_lead_somewhere(page: str) -> None:
-    text = re.sub(r"```.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.DOTALL)
-    broken = []
+def test_links_of_a_page_lead_somewhere() -> None:
+    pages = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *FILES)
+    assert {str(page): found for page in pages if (found := broken(page))} == {}
+
+
+def broken(page: Path) -> list[str]:
+    """The links of a page that lead nowhere."""
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    lost = []
     for target in _LINK.findall(text):
         file, _, anchor = target.partition("#")
         if "://" in target or target.startswith("mailto:"):
             continue
-        place = ((ROOT / page).parent / file).resolve() if file else ROOT / page
+        place = (page.parent / file).resolve() if file else page
         generated = str(place).removeprefix(f"{DOCS}/") in docs_site.GENERATED
         found = generated or place.exists()
         if found and anchor and not generated and place.suffix == ".md":
             found = anchor in anchors(place.read_text(encoding="utf-8"))
         if not found:
-            broken.append(target)
-    assert broken == []
+            lost.append(target)
+    return lost
 
 
 def test_page_about_the_real_robot_says_which_options_are_needed_and_which_are_not() -> None:
@@ -169,12 +173,14 @@ def test_what_belongs_to_a_list_item_stays_in_the_list() -> None:
     )
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(DOCS)))
-def test_no_link_of_the_site_leads_out_of_the_pages(file: Path) -> None:
+def test_no_link_of_the_site_leads_out_of_the_pages() -> None:
     """`make docs` would end with it."""
-    text = re.sub(r"```.*?```", "", docs_site.rewritten(file.read_text(encoding="utf-8"), file), flags=re.DOTALL)
-    targets = [each.partition("#")[0] for each in re.findall(r"\]\(([^)\s]+)", text) if "://" not in each]
-    assert [each for each in targets if not (file.parent / each).resolve().is_relative_to(DOCS)] == []
+    outside = []
+    for file in FILES:
+        text = re.sub(r"```.*?```", "", docs_site.rewritten(file.read_text(encoding="utf-8"), file), flags=re.DOTALL)
+        targets = [each.partition("#")[0] for each in re.findall(r"\]\(([^)\s]+)", text) if "://" not in each]
+        outside += [(file, each) for each in targets if not (file.parent / each).resolve().is_relative_to(DOCS)]
+    assert outside == []
 
 
 def test_first_page_begins_as_the_readme_does() -> None:
@@ -248,6 +254,12 @@ def test_no_link_of_the_contributing_page_leads_out_of_the_pages() -> None:
     assert [each for each in targets if not (DOCS / each).is_file()] == []
 
 
+@cache
+def shown(page: str) -> str:
+    """A page of the reference as the site has it."""
+    return str(docs_site.rewritten(docs_site.with_tables(_text(f"docs/reference/{page}")), DOCS / "reference" / page))
+
+
 @pytest.mark.parametrize(
     ("page", "row"),
     [
@@ -260,9 +272,8 @@ def test_page_gets_its_tables_when_the_site_is_built(page: str, row: str) -> Non
     source = _text(f"docs/reference/{page}")
     assert row not in source
     assert len(source) < 4000
-    shown = docs_site.rewritten(docs_site.with_tables(source), DOCS / "reference" / page)
-    assert row in shown
-    assert "when the site is built. -->" not in shown
+    assert row in shown(page)
+    assert "when the site is built. -->" not in shown(page)
 
 
 def test_bars_in_the_code_of_a_table_lose_the_backslash_that_github_wants() -> None:
@@ -275,10 +286,9 @@ def test_role_of_a_name_in_a_docstring_is_left_out() -> None:
     assert docs_site.on_page_content(html, None, None, None) == "<p>See <code>a.b</code>, <code>C</code>.</p>"
 
 
-@pytest.mark.parametrize("page", other_pages())
-def test_command_or_script_of_a_page_that_is_not_run_has_a_reason(page: str) -> None:
-    unexplained = [fence for fence in read(page) if fence.language in {"bash", "python"} and not fence.reason]
-    assert [f"{fence.page}:{fence.line}" for fence in unexplained] == []
+def test_command_or_script_of_a_page_that_is_not_run_has_a_reason() -> None:
+    fences = [fence for page in other_pages() for fence in read(page) if fence.language in {"bash", "python"}]
+    assert [f"{fence.page}:{fence.line}" for fence in fences if not fence.reason] == []
 
 
 def test_inventory_counts_what_runs_and_gives_a_reason_for_the_rest() -> None:

@@ -172,7 +172,7 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
     over = Event()
     over.set()
     parts_of_driver = ("Recorder", "RobotConnection", "_commanded_robot", "EndpointServer", "set_up_grippers")
-    for name in (*parts_of_driver, "SupervisedThread", "settle_memory"):
+    for name in (*parts_of_driver, "SupervisedThread", "settle_memory", "release_process"):
         monkeypatch.setattr(f"yumi.cli.up.{name}", Mock())
     monkeypatch.setattr("yumi.cli.up.make_parts", make_parts)
     monkeypatch.setattr("yumi.cli.up.start_robot", bring_up)
@@ -194,7 +194,7 @@ def test_event_reaches_all_who_take_it_although_the_first_one_fails(
     parts.manager.speed = SpeedSetting()
     parts.control.started_as = "the control process has started"
     over.set()
-    for name in ("RobotConnection", "set_up_grippers", "SupervisedThread", "settle_memory"):
+    for name in ("RobotConnection", "set_up_grippers", "SupervisedThread", "settle_memory", "release_process"):
         monkeypatch.setattr(f"yumi.cli.up.{name}", Mock())
     records, motions, endpoint = Mock(), Mock(), Mock()
     records.on_event.side_effect = ValueError("a fault of ours")

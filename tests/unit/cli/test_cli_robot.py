@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -286,18 +283,11 @@ def test_completion_is_printed_for_a_shell(name: str) -> None:
 
 
 def completions(words: str, incomplete: str) -> list[str]:
-    code = "from yumi.__main__ import main; main(prog_name='yumi')"
     arguments = [*words.split(), incomplete]
-    environment = {"_YUMI_COMPLETE": "bash_complete", "COMP_WORDS": " ".join(arguments), "COMP_CWORD": "99"}
+    environment = {"_YUMI_COMPLETE": "bash_complete", "COMP_WORDS": " ".join(arguments)}
     environment["COMP_CWORD"] = str(len(arguments) - 1)
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, **environment},
-    )
-    return [line.partition(",")[2] for line in done.stdout.splitlines()]
+    result = CliRunner().invoke(main, prog_name="yumi", env=environment)
+    return [line.partition(",")[2] for line in result.stdout.splitlines()]
 
 
 def test_arms_retreat_slowly_unless_told_otherwise(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -267,7 +267,7 @@ def look_into() -> PyDLL:
     source = Path(__file__).with_name("collision_segments.cpp")
     with TemporaryDirectory() as folder:
         library = f"{folder}/segments.so"
-        command = [*_compiler(), *FLAGS, "-shared", "-I", str(FOLDER), str(source), *STANDARD, "-o", library]
+        command = [*_compiler(), *FLAGS, "-O0", "-shared", "-I", str(FOLDER), str(source), *STANDARD, "-o", library]
         subprocess.run(command, check=True)
         found = PyDLL(library)
     found.collisions_segments.restype, found.collisions_motion.restype = c_int64, c_void_p

@@ -80,10 +80,11 @@ def judged(episode: int, cycles: int) -> Nearest:
             last_lost = cycle
         arms.cycle(drives)
         # An arm that was lost may have coasted into its margins: there it may be commanded to be, until it has left.
-        moved = within_margins(arms, arms.measured())
-        if cycle - last_lost < COASTS:
-            coasted = {pair: min(distance, coasted.get(pair, inf)) for pair, distance in moved.items()}
-        coasted = {pair: least for pair, least in coasted.items() if pair in moved}
+        if coasted or cycle - last_lost < COASTS:
+            moved = within_margins(arms, arms.measured())
+            if cycle - last_lost < COASTS:
+                coasted = {pair: min(distance, coasted.get(pair, inf)) for pair, distance in moved.items()}
+            coasted = {pair: least for pair, least in coasted.items() if pair in moved}
         if cycle % EVERY:
             continue
         commanded, beyond = arms.commanded(), inf

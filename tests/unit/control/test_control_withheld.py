@@ -222,7 +222,7 @@ class Led:
     def begin(self, name: str) -> None:
         self.rig.start()
         self.rig.switch_to(name)
-        self.rig.run(0.5)
+        self.rig.run(0.1)
         self._name, self._begun = name, self.rig.clock.now()
 
     def send(self, command: object) -> None:
@@ -319,7 +319,7 @@ def test_arm_that_is_let_go_while_it_is_held_back_goes_nowhere_by_what_was_withh
     rig.run_until(is_held_back, limit=4.0)
     let_go(led)
     first = len(rig.cycles)
-    rig.run(2.0)
+    rig.run(2.0 if let_go is nothing else 1.0)  # silence ends what is led only after a while
     after = rig.cycles[first:]
     if let_go is not nothing:
         assert after[0].desired is None  # the limiter brings it to rest from what it was sent
@@ -424,7 +424,7 @@ class LedBoth:
             rig.start()
             rig.switch_to(name)
         self._name = name
-        self.run(0.5)
+        self.run(0.1)
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / CYCLE)):
@@ -544,7 +544,7 @@ def test_call_for_both_arms_that_is_ended_on_one_before_it_begins_moves_neither(
     led.begin(name)
     ask(led)
     BOTH_STOPPED[how](led)
-    led.run(1.0)
+    led.run(0.4)
     for side in Side:
         assert np.abs(led.sent(side) - home(side)).max() < 1e-5
 
@@ -561,7 +561,7 @@ def test_arms_that_one_call_moves_both_come_to_rest_and_stay_when_one_of_them_is
     assert min(fast.values()) > 0.3
     first = {side: len(led.rigs[side].cycles) for side in Side}
     BOTH_STOPPED[how](led)
-    led.run(1.5)
+    led.run(0.9)
     for side in Side:
         sent = led.sent(side)[first[side] - 4 :]
         assert max(shares(sent)) < 1.01  # no step
@@ -577,7 +577,7 @@ def test_arm_of_a_policy_brakes_when_the_other_one_is_ended_that_has_no_points(c
     led = LedBoth()
     led.begin(name)
     ask(led)
-    led.run(1.2)
+    led.run(1.0)
     assert np.abs(np.diff(led.sent(Side.RIGHT)[-2:], axis=0)).max() < 1e-9
     assert np.abs(np.diff(led.sent(Side.LEFT)[-2:], axis=0)).max() / CYCLE > 0.3
     BOTH_STOPPED[how](led)
@@ -585,7 +585,7 @@ def test_arm_of_a_policy_brakes_when_the_other_one_is_ended_that_has_no_points(c
     led.run(0.6)
     assert np.abs(led.sent(Side.LEFT)[-1] - led.sent(Side.LEFT)[first]).max() < 0.2
     still = led.sent(Side.LEFT)[-1]
-    led.run(1.0)
+    led.run(0.4)
     assert led.sent(Side.LEFT)[-1] == pytest.approx(still, abs=1e-6)
 
 

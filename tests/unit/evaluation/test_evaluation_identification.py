@@ -28,7 +28,7 @@ def judged(robot: VirtualRobot, found: Identified) -> None:
 
 @pytest.mark.timeout(120)
 def test_identification_finds_the_robot_that_made_a_log() -> None:
-    random = np.random.default_rng(1)
+    random = np.random.default_rng(8)
     robot = random_robot(random)
     judged(robot, identify([robot.log(motions(random), random)], EXPECTED))
 
@@ -133,7 +133,7 @@ def test_limited_rows_begin_where_the_joint_is_slower_than_asked() -> None:
 
 @pytest.mark.timeout(120)
 def test_of_a_long_log_the_part_counts_in_which_most_happens() -> None:
-    random = np.random.default_rng(4)
+    random = np.random.default_rng(6)
     robot = random_robot(random)
-    commands = np.vstack((np.tile(HOME, (9000, 1)), motions(random), np.tile(HOME, (500, 1))))
+    commands = np.vstack((np.tile(HOME, (4500, 1)), motions(random), np.tile(HOME, (500, 1))))
     judged(robot, identify([robot.log(commands, random)], EXPECTED))

@@ -122,12 +122,12 @@ def test_recording_that_was_cut_off_gives_what_is_whole(file: Path) -> None:
 
 
 def test_recording_may_be_cut_off_anywhere(file: Path) -> None:
-    frames = flown(20).frames()
+    frames = flown(8).frames()
     write_flight_record(file, EPOCH, recorded_event(LOST, frames[-1].time), {Side.RIGHT: frames})
     content = file.read_bytes()
     for end in range(len(content) // 2, len(content) - 100, 9):
         file.write_bytes(content[:end])
-        assert len(read_recording(file).frames.get(Side.RIGHT, ())) <= 20
+        assert len(read_recording(file).frames.get(Side.RIGHT, ())) <= 8
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -41,22 +42,28 @@ def imported(file: Path) -> Iterator[str]:
             yield (node.module or "").partition(".")[0]
 
 
+@cache
+def distributions_of_modules() -> dict[str, list[str]]:
+    """The distributions that have a top-level module."""
+    ours = {each.name.replace("-", "_"): [each.name] for each in PACKAGES} | {"yumi": ["yumi-ros2"]}
+    # Python 3.10 does not find out whose a namespace package is.
+    return {"google": ["protobuf"], **packages_distributions(), **ours}
+
+
 PRODUCTS = [each for each in PACKAGES if each.name != "yumi-evaluation"]
 
 
 @pytest.mark.parametrize("package", PRODUCTS, ids=lambda package: package.name)
 def test_every_package_that_is_imported_at_once_is_a_dependency(package: Path) -> None:
-    # Python 3.10 does not find out whose a namespace package is.
-    distributions, missing = {"google": ["protobuf"], **packages_distributions()}, []
-    distributions |= {each.name.replace("-", "_"): [each.name] for each in PACKAGES} | {"yumi": ["yumi-ros2"]}
-    source = package / "src"
+    distributions, source, missing = distributions_of_modules(), package / "src", []
+    needed = declared(package)
     for file in sorted(source.rglob("*.py")):
         path = str(file.relative_to(source))
         if path.startswith(OF_EXTRAS) or "/bench/sources/" in path:
             continue
         for module in set(imported(file)) - set(sys.stdlib_module_names) - {path.partition("/")[0]}:
             names = {canonicalize_name(each) for each in distributions.get(module, [module])}
-            if not names & declared(package):
+            if not names & needed:
                 missing.append(f"{path} imports {module}")
     assert missing == []
 

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 import release
+from hatchling.builders.sdist import SdistBuilder
 
 import yumi
 
@@ -138,9 +139,7 @@ def test_licence_is_a_file_in_the_sources_of_each_package(name: str, tmp_path: P
     licence = (ROOT / "LICENSE").read_bytes()
     assert not (ROOT / "packages" / name / "LICENSE").is_symlink()
     assert (ROOT / "packages" / name / "LICENSE").read_bytes() == licence
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)]
-    subprocess.run(command, cwd=ROOT / "packages" / name, check=True, capture_output=True)
-    (archive,) = tmp_path.iterdir()
+    (archive,) = SdistBuilder(str(ROOT / "packages" / name)).build(directory=str(tmp_path))
     with tarfile.open(archive) as files:
         (found,) = (each for each in files.getmembers() if each.name.endswith("/LICENSE"))
         assert found.isfile()

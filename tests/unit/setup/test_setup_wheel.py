@@ -52,11 +52,23 @@ def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_wheel(source, tmp_path_factory.mktemp("wheel"))
 
 
+BUILD_WHEELS = """
+import sys
+from hatchling.builders.wheel import WheelBuilder
+for root in sys.argv[2:]:
+    list(WheelBuilder(root).build(directory=sys.argv[1]))
+"""
+
+
 @pytest.fixture(scope="module")
 def others(source: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The wheels of the other packages."""
-    names = [each.name for each in (ROOT / "packages").iterdir() if each.name != "yumi-ros2"]
-    return [build_wheel(source, tmp_path_factory.mktemp("wheel"), name) for name in sorted(names)]
+    packages, folder = sorted((source / "packages").iterdir()), tmp_path_factory.mktemp("wheels")
+    roots = [str(each) for each in packages if each.name != "yumi-ros2"]
+    run([sys.executable, "-c", BUILD_WHEELS, str(folder), *roots], source)
+    wheels = sorted(folder.glob("*.whl"))
+    assert len(wheels) == len(roots)
+    return wheels
 
 
 def test_wheel_for_every_python_brings_the_compiled_library(wheel: Path, others: list[Path], tmp_path: Path) -> None:
@@ -97,9 +109,9 @@ def installed(
     return folder
 
 
-def build_wheel(source: Path, folder: Path, package: str = "yumi-ros2", **variables: str) -> Path:
+def build_wheel(source: Path, folder: Path, **variables: str) -> Path:
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    run(command, source / "packages" / package, **variables)
+    run(command, source / "packages" / "yumi-ros2", **variables)
     (wheel,) = folder.glob("*.whl")
     return wheel
 

@@ -36,11 +36,12 @@ YUMI = (
 )
 
 
-def turned(axis: int, angle: float) -> Array:
-    frame = np.eye(4)
+def turned(axis: int, angle: float | Array) -> Array:
+    """By each of some angles (n,), (n, 4, 4), or by one."""
+    frame = np.tile(np.eye(4), (*np.shape(angle), 1, 1))
     second, third = (axis + 1) % 3, (axis + 2) % 3
-    frame[second, second] = frame[third, third] = np.cos(angle)
-    frame[third, second], frame[second, third] = np.sin(angle), -np.sin(angle)
+    frame[..., second, second] = frame[..., third, third] = np.cos(angle)
+    frame[..., third, second], frame[..., second, third] = np.sin(angle), -np.sin(angle)
     return frame
 
 
@@ -50,16 +51,16 @@ def moved(x: float, y: float, z: float) -> Array:
     return frame
 
 
-def flange(robot: str, joints: tuple[float, ...]) -> Array:
-    """tool0 in the base, (4, 4) [mm]."""
+def flange(robot: str, joints: Array) -> Array:
+    """tool0 in the base, (n, 4, 4) [mm], of each of some positions (n, k) [rad]."""
     frame = np.eye(4)
     if robot == "irb120":
-        for angle, (offset, d, a, alpha) in zip(joints, IRB120, strict=True):
+        for angle, (offset, d, a, alpha) in zip(joints.T, IRB120, strict=True):
             frame = frame @ turned(2, angle + radians(offset)) @ moved(a, 0, d) @ turned(0, radians(alpha))
         return frame
     if robot == "yumi":  # the right arm's foot (reference/yumi.md §1.5)
         frame = moved(0, -50, 384) @ turned(0, 0.629233) @ turned(1, 0.950657) @ turned(2, 0.184266)
-    for angle, (alpha, a, d, offset) in zip(joints, YUMI, strict=True):
+    for angle, (alpha, a, d, offset) in zip(joints.T, YUMI, strict=True):
         frame = frame @ turned(0, radians(alpha)) @ moved(a, 0, 0)
         frame = frame @ turned(2, angle + radians(offset)) @ moved(0, 0, d)
     return frame
@@ -103,24 +104,25 @@ class Performance:
         watched = [name.split()[0] for word in SIGNAL_WORDS for name in expected.of(word)]
         levels = dict.fromkeys(watched, 0.0)
         self.changes: dict[tuple[str, float], tuple[Array, Array]] = {}
-        points, self.joints = [], []
+        self.joints: list[tuple[float, ...]] = []
         while self.task.is_running:
             self.world.cycle({})
             self.joints.append(self.world.arms[Side.RIGHT].planned)
-            points.append(self.place(self.joints[-1]))
             if controller.time >= touch:
                 controller.signals.drive("custom_DI_0", 1.0)
             for name in levels:
                 value = controller.signals.get(name).value
                 if value != levels[name]:
                     levels[name] = value
-                    self.changes[name, value] = self.place(self.world.arms[Side.RIGHT].position), points[-1]
+                    is_at, is_planned = self.places([self.world.arms[Side.RIGHT].position, self.joints[-1]])
+                    self.changes[name, value] = is_at, is_planned
             assert controller.time < 60.0, "still running after a minute"
-        self.points = np.array(points)
+        self.points = self.places(self.joints)
 
-    def place(self, joints: tuple[float, ...]) -> Array:
-        place: Array = (flange(self._robot, joints) @ self._tool)[:3]
-        return place
+    def places(self, joints: list[tuple[float, ...]]) -> Array:
+        """Of the tool in each of some positions, (n, 3) [mm]."""
+        places: Array = (flange(self._robot, np.array(joints)) @ self._tool)[:, :3]
+        return places
 
     def nearest(self, point: list[float]) -> float:
         return float(np.min(np.linalg.norm(self.points - point, axis=1)))

@@ -26,6 +26,21 @@ from yumi.web import live, page_operator, view_server
 from yumi.web.view_server import ViewServer, ViewSettings
 
 
+@pytest.fixture(scope="module")
+def program() -> Iterator[Any]:
+    """Chromium, which all tests share."""
+    with browser() as chromium:
+        yield chromium
+
+
+@pytest.fixture
+def chromium(program: Any) -> Iterator[Any]:
+    """The browser, in which no page is open; each page has its own storage."""
+    yield program
+    for context in program.contexts:
+        context.close()
+
+
 @pytest.fixture(autouse=True)
 def slow_browser(monkeypatch: pytest.MonkeyPatch) -> None:
     """A browser that draws in software may be slow: the page jogs and keeps control nevertheless."""
@@ -68,7 +83,7 @@ def running() -> Iterator[FakeDriver]:
 
 def operated(chromium: Any, url: str, errors: list[str], script: str = "") -> Any:
     """A page that has control, in which a script ran first; what it logs as an error is appended."""
-    page = chromium.new_page(viewport={"width": 1280, "height": 900})
+    page = chromium.new_page(viewport={"width": 1000, "height": 450})
     page.add_init_script(script)
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(url)
@@ -80,11 +95,11 @@ def operated(chromium: Any, url: str, errors: list[str], script: str = "") -> An
 
 @pytest.mark.timeout(120)
 def test_token_of_the_address_lets_every_tab_of_a_browser_in_and_stands_in_no_cookie(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     ready = "() => document.querySelector('#verdict').innerText.includes('Ready')"
-    with browser() as chromium, running(), served() as url:
+    with running(), served() as url:
         base = url.partition("#")[0]
         small = {"width": 400, "height": 200}  # since three pages are drawn in software
         context, other = chromium.new_context(viewport=small), chromium.new_context(viewport=small)
@@ -101,10 +116,12 @@ def test_token_of_the_address_lets_every_tab_of_a_browser_in_and_stands_in_no_co
 
 
 @pytest.mark.timeout(120)
-def test_every_control_is_reached_by_tab_with_a_visible_focus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_control_is_reached_by_tab_with_a_visible_focus(
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     errors: list[str] = []
-    with browser() as chromium, running(), served() as url:
+    with running(), served() as url:
         page = operated(chromium, url, errors)
         counts = []
         for tab in ("joints", "tool", "poses"):
@@ -144,13 +161,13 @@ def test_every_control_is_reached_by_tab_with_a_visible_focus(tmp_path: Path, mo
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize("is_here", [True, False])
 def test_page_on_another_machine_has_no_faults_of_a_virtual_robot_and_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_here: bool
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_here: bool
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(view_server, "is_of_this_machine", lambda request: is_here)
     monkeypatch.setattr(live, "_is_virtual", lambda address: True)
     errors: list[str] = []
-    with browser() as chromium, running(), served() as url:
+    with running(), served() as url:
         page = operated(chromium, url, errors)
         for selector in ("#press-stop", "#tab-virtual"):
             assert page.is_visible(selector) is is_here
@@ -164,11 +181,11 @@ def test_page_on_another_machine_has_no_faults_of_a_virtual_robot_and_says_so(
 
 @pytest.mark.timeout(120)
 def test_part_that_is_held_is_drawn_and_buttons_that_cannot_work_say_why(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     errors: list[str] = []
-    with browser() as chromium, running() as driver, served() as url:
+    with running() as driver, served() as url:
         page = operated(chromium, url, errors)
 
         def becomes(condition: str) -> None:
@@ -248,10 +265,10 @@ class Frames:
 
 
 @pytest.mark.timeout(120)
-def test_command_key_of_a_mac_lets_every_key_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_key_of_a_mac_lets_every_key_go(chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     errors: list[str] = []
-    with browser() as chromium, running(), served() as url:
+    with running(), served() as url:
         page = operated(chromium, url, errors, FRAMES)
         frames, keys = Frames(page), page.keyboard
         for key in (" ", "r"):
@@ -271,11 +288,11 @@ def test_command_key_of_a_mac_lets_every_key_go(tmp_path: Path, monkeypatch: pyt
 
 @pytest.mark.timeout(120)
 def test_frames_wait_for_no_connection_that_is_behind_and_the_clutch_must_be_pressed_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     errors: list[str] = []
-    with browser() as chromium, running(), served() as url:
+    with running(), served() as url:
         page = operated(chromium, url, errors, FRAMES)
         frames, keys = Frames(page), page.keyboard
         keys.down(" ")
@@ -302,11 +319,11 @@ IN_VIEW = """ids => ids.filter(id => {
 
 @pytest.mark.timeout(120)
 def test_what_is_used_together_is_seen_together_and_the_picture_stays_on_a_telephone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     errors: list[str] = []
-    with browser() as chromium, running(), served() as url:
+    with running(), served() as url:
         page = operated(chromium, url, errors)
         page.set_viewport_size({"width": 1440, "height": 757})
         always = ["#scene", "#stop", "#start", "#recover", "#tool-pose", "#open", "#close"]
@@ -331,11 +348,11 @@ def test_what_is_used_together_is_seen_together_and_the_picture_stays_on_a_telep
 
 @pytest.mark.timeout(120)
 def test_goal_is_that_of_the_arm_that_is_chosen_and_an_empty_field_moves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     errors: list[str] = []
-    with browser() as chromium, running() as driver, served() as url:
+    with running() as driver, served() as url:
         at_left = joints([radians(angle) for angle in (5.0, -110.0, -30.0, 25.0, 10.0, 40.0, -15.0)])
         snapshots = driver.robot.control.snapshots
         snapshots[Side.LEFT] = snapshots[Side.LEFT]._replace(position=at_left)
@@ -388,10 +405,12 @@ def test_goal_is_that_of_the_arm_that_is_chosen_and_an_empty_field_moves_nothing
 
 
 @pytest.mark.timeout(120)
-def test_tool_follows_the_handle_and_the_keys_on_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tool_follows_the_handle_and_the_keys_on_the_picture(
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     errors: list[str] = []
-    with browser() as chromium, running() as driver, served() as url:
+    with running() as driver, served() as url:
         page = operated(chromium, url, errors)
 
         def twist(condition: Callable[[Joints], bool]) -> None:
