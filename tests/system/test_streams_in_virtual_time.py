@@ -24,8 +24,10 @@ def assert_follows(found: Followed, lag: float) -> None:
     assert all("follows a stream" in said for said in found.said)
 
 
-@pytest.mark.parametrize("fastest", [0.3, 1.0])
-@pytest.mark.parametrize(("rate", "lag"), [(30.0, 0.060), (100.0, 0.040), (10.0, 0.130), (500.0, 0.040)])
+@pytest.mark.parametrize(
+    ("rate", "lag", "fastest"),
+    [(30.0, 0.060, 0.3), (30.0, 0.060, 1.0), (100.0, 0.040, 1.0), (10.0, 0.130, 0.3), (500.0, 0.040, 1.0)],
+)
 def test_fourteen_joints_follow_a_smooth_policy_one_period_late_and_as_smoothly(
     rate: float, lag: float, fastest: float
 ) -> None:
