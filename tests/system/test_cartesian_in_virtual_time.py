@@ -311,10 +311,24 @@ def places(positions: np.ndarray) -> np.ndarray:
     return np.array([tool0_to_body(Side.RIGHT, joints(each.tolist())).position for each in positions])
 
 
-@pytest.mark.parametrize("way", [(0.0, -1.0, 0.0), (1.0, -2.0, 0.7), (0.0, 0.0, -1.0)])
-@pytest.mark.parametrize("kind", ["twist", "pose", "far pose"])
-@pytest.mark.parametrize("speed", [0.1, 0.3, 0.5])
-def test_a_stream_stays_behind_a_wall_and_slides_along_it(way: Vector, kind: str, speed: float) -> None:
+ASIDE, ASKEW, DOWN = (0.0, -1.0, 0.0), (1.0, -2.0, 0.7), (0.0, 0.0, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "way", "speed"),
+    [
+        ("twist", ASIDE, 0.1),
+        ("twist", ASKEW, 0.3),
+        ("twist", DOWN, 0.5),
+        ("pose", ASIDE, 0.3),
+        ("pose", ASKEW, 0.5),
+        ("pose", DOWN, 0.1),
+        ("far pose", ASIDE, 0.5),
+        ("far pose", ASKEW, 0.1),
+        ("far pose", DOWN, 0.3),
+    ],
+)
+def test_a_stream_stays_behind_a_wall_and_slides_along_it(kind: str, way: Vector, speed: float) -> None:
     begin = tool0_to_body(Side.RIGHT, POSTURE)
     wall = wall_before(begin.position, 0.05, way)
     bench = CartesianBench(Side.RIGHT, POSTURE, within=ToolLimits(walls=(wall,)))

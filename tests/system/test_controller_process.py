@@ -25,8 +25,10 @@ PATIENCE = 20.0  # [s]
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Of a controller whose user may write no signals."""
     log = tmp_path_factory.mktemp("controller") / "log"
-    with CommandProcess("controller", "yumi", ["controller", "--rws-port", "0"], Path(log)) as command:
+    arguments = ["controller", "--rws-port", "0", "--without-grant", "UAS_IO_WRITE"]
+    with CommandProcess("controller", "yumi", arguments, Path(log)) as command:
         yield command.wait_until_ready(PATIENCE).rpartition("/")[2]
 
 
@@ -44,22 +46,17 @@ def test_controller_takes_its_password_from_the_environment_and_neither_shows_no
     assert secret not in log.read_text()
 
 
-def test_controller_refuses_what_its_user_was_not_granted(tmp_path: Path) -> None:
-    arguments = ["controller", "--rws-port", "0", "--without-grant", "UAS_IO_WRITE"]
-    with (
-        CommandProcess("controller", "yumi", arguments, tmp_path / "log") as command,
-        RwsClient(command.wait_until_ready(PATIENCE).rpartition("/")[2]) as client,
-    ):
-        assert "UAS_IO_WRITE" not in client.grants()
-        with refused(ControllerRefused, "rws_refused", reason=message("rws_uas_reject")):
-            client.set_signal("custom_DO_0", 1)
-        client.set_motors(True)
-
-
 @pytest.fixture
 def client(address: str) -> Iterator[RwsClient]:
     with RwsClient(address) as client:
         yield client
+
+
+def test_controller_refuses_what_its_user_was_not_granted(client: RwsClient) -> None:
+    assert "UAS_IO_WRITE" not in client.grants()
+    with refused(ControllerRefused, "rws_refused", reason=message("rws_uas_reject")):
+        client.set_signal("custom_DO_0", 1)
+    client.set_motors(True)
 
 
 @pytest.fixture

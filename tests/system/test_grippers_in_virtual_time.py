@@ -526,14 +526,14 @@ def test_vacuum_that_no_gripper_has_is_refused(left: RwsGripper, channel: int) -
 
 
 def egm_motion(commands: Callable[[System], None]) -> DriverArm:
-    """The left arm on its way for six seconds, with ``commands`` beside it."""
+    """The left arm on its way for four seconds, with ``commands`` beside it."""
     system = System(are_calibrated=True)
     system.start_egm()
     system.signals.keep_open()
     arm, begin = system.arms[Side.LEFT], system.now()
     arm.go((*home(Side.LEFT)[:6], home(Side.LEFT)[6] + radians(60.0)))
     commands(system)
-    left_over = 6.0 - (system.now() - begin)
+    left_over = 4.0 - (system.now() - begin)
     assert left_over > 0.0
     system.wait(left_over)
     return arm
@@ -559,7 +559,7 @@ def test_gripper_commands_during_a_motion_change_no_cycle_of_it() -> None:
     beside = egm_motion(use_both_hands)
     assert (beside.snapshot.wire.missed, beside.snapshot.wire.late, beside.snapshot.wire.lost) == (0, 0, 0)
     count = min(len(alone.measured), len(beside.measured))
-    assert count > 1400
+    assert count > 900
     assert beside.admitted[:count] == alone.admitted[:count]
     assert beside.measured[:count] == alone.measured[:count]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import pytest
 
@@ -72,6 +73,12 @@ def gone() -> System:
     system = ready()
     system.http.is_there = False
     return system
+
+
+@pytest.fixture(scope="module")
+def robots() -> Callable[[Callable[[], System]], System]:
+    """A robot in each state, for all requests, since none of them changes it."""
+    return cache(lambda robot: robot())
 
 
 def seen(system: System) -> tuple[object, ...]:
@@ -207,9 +214,13 @@ VARIABLE = {"module": "TRobSG", "variable": "target_position_input", "task": "T_
     ],
 )
 def test_request_that_is_refused_says_what_to_do_and_changes_nothing(
-    robot: Callable[[], System], requests: list[tuple[object, ...]], expected: Expected, actions: set[Action]
+    robots: Callable[[Callable[[], System]], System],
+    robot: Callable[[], System],
+    requests: list[tuple[object, ...]],
+    expected: Expected,
+    actions: set[Action],
 ) -> None:
-    system = robot()
+    system = robots(robot)
     before = seen(system)
     for name, *arguments in requests:
         request = getattr(system.manager.panel if name in PANEL else system.manager, str(name))

@@ -19,8 +19,10 @@ from abb_protocols.rws.values import ControllerState, EventType, ExecutionState,
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import Fault
 from abb_runtime.rws.client import Change, OnChange, OnLost, Subscription
+from abb_runtime.rws.transport import INTERVAL
 from refusals import assert_says, numbers_in
 from system.recovery_bench import MovingSystem
+from system.virtual_time_bench import System
 from yumi.control.loop_events import Event as ArmEvent
 from yumi.control.loop_events import is_fault
 from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
@@ -41,7 +43,7 @@ class Monitored:
         lines: what it has logged, with the level.
     """
 
-    def __init__(self, system: MovingSystem) -> None:
+    def __init__(self, system: System) -> None:
         self.system = system
         self.monitor = system.manager.monitor
         self.told: list[RobotState] = []
@@ -79,19 +81,30 @@ class Monitored:
             self.wait(0.004)
 
 
+def ready_system() -> System:
+    """A robot whose program runs, without EGM: its time passes several times as fast as with it."""
+    system = System(request_interval=INTERVAL)
+    system.manager.make_ready()
+    return system
+
+
+def watched(system: System) -> Monitored:
+    """A robot and its monitor, whose first requests no longer delay those that follow."""
+    monitored = Monitored(system)
+    monitored.wait(0.4)
+    return monitored
+
+
 @pytest.fixture
 def monitored() -> Monitored:
-    monitored = Monitored(MovingSystem())
-    monitored.wait(0.4)  # until the monitor's first requests no longer delay those that follow
-    return monitored
+    """A robot that is ready, with its monitor."""
+    return watched(ready_system())
 
 
 @pytest.fixture
-def without_egm(monitored: Monitored) -> Monitored:
-    """A robot with its monitor whose EGM has ended: its time passes several times as fast."""
-    monitored.system.manager.stop_egm()
-    monitored.wait(0.3)
-    return monitored
+def guided() -> Monitored:
+    """A robot that moves in EGM, with its monitor."""
+    return watched(MovingSystem())
 
 
 @pytest.mark.parametrize(
@@ -130,10 +143,10 @@ def test_what_a_request_reads_during_a_step_that_fails_after_it_stays_known(
     monitored.until(lambda state: state.is_connected)
 
 
-def test_program_that_ended_a_motion_by_itself_is_known_within_200_ms(monitored: Monitored) -> None:
-    monitored.system.faults.inject(Fault.EGM_CONVERGENCE)
-    monitored.wait_for_idle_programs()
-    assert monitored.until(lambda state: set(state.machines.values()) == {MachineState.IDLE}) <= NOTICED
+def test_program_that_ended_a_motion_by_itself_is_known_within_200_ms(guided: Monitored) -> None:
+    guided.system.faults.inject(Fault.EGM_CONVERGENCE)
+    guided.wait_for_idle_programs()
+    assert guided.until(lambda state: set(state.machines.values()) == {MachineState.IDLE}) <= NOTICED
 
 
 @pytest.mark.parametrize("fault", [Fault.COLLISION, Fault.EMERGENCY_STOP])
@@ -146,7 +159,7 @@ def test_program_that_ended_a_motion_by_itself_is_known_within_200_ms(monitored:
     ids=["jog", "write_signal"],
 )
 def test_jog_ends_when_a_stop_comes_that_a_person_must_confirm(
-    monitored: Monitored, fault: Fault, jog: Callable[[MovingSystem], None]
+    monitored: Monitored, fault: Fault, jog: Callable[[System], None]
 ) -> None:
     system, right = monitored.system, monitored.system.grippers[Side.RIGHT]
     jog(system)
@@ -174,10 +187,7 @@ def test_fingers_can_be_stopped_by_their_signal_while_a_stop_is_open(monitored: 
 
 def test_start_signal_of_another_client_is_known(monitored: Monitored) -> None:
     system = monitored.system
-    system.manager.stop_egm()
-    monitored.until(lambda state: state.machines[Side.LEFT] is MachineState.IDLE)
-    system.world.controller.signals.set(START_JOINT, 0)
-    monitored.wait(0.1)
+    assert monitored.monitor.state().machines[Side.LEFT] is MachineState.IDLE
     system.world.controller.signals.set(START_JOINT, 1)
     assert monitored.until(lambda state: state.machines[Side.LEFT] is MachineState.RUN_EGM_ROUTINE) <= NOTICED
 
@@ -232,27 +242,27 @@ def test_monitor_goes_on_after_its_web_socket_broke(monitored: Monitored) -> Non
 
 
 def test_change_that_is_forgotten_while_the_web_socket_opens_is_known(
-    monitored: Monitored, monkeypatch: pytest.MonkeyPatch
+    guided: Monitored, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    subscribe = monitored.system.client.subscribe
+    subscribe = guided.system.client.subscribe
 
     def forget(resources: Sequence[Resource], on_change: OnChange, on_lost: OnLost) -> Subscription:
         told: list[Change] = []
         subscription = subscribe(resources, told.append, on_lost)
         for change in tuple(told):
             on_change(change)
-        monitored.system.world.controller.set_motors(False)
+        guided.system.world.controller.set_motors(False)
         return subscription
 
-    monkeypatch.setattr(monitored.system.client, "subscribe", forget)
-    monitored.system.faults.inject(Fault.WEB_SOCKET_DROP)
-    assert monitored.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= NOTICED
-    monitored.wait(1.0)
-    assert monitored.monitor.state().controller_state is ControllerState.MOTORS_OFF
+    monkeypatch.setattr(guided.system.client, "subscribe", forget)
+    guided.system.faults.inject(Fault.WEB_SOCKET_DROP)
+    assert guided.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= NOTICED
+    guided.wait(1.0)
+    assert guided.monitor.state().controller_state is ControllerState.MOTORS_OFF
 
 
 def test_monitor_that_may_not_subscribe_looks_at_the_event_log(monkeypatch: pytest.MonkeyPatch) -> None:
-    system = MovingSystem()
+    system = ready_system()
 
     def refuse(*_: object) -> None:
         raise ControllerRefused("no subscriptions left", status=400)
@@ -288,40 +298,55 @@ def test_reading_that_began_before_a_change_does_not_undo_it(
     assert monitored.monitor.state().speed_ratio == 50
 
 
-def test_monitor_reports_each_change_once(monitored: Monitored) -> None:
-    monitored.told.clear()
-    monitored.system.faults.inject(Fault.PROGRAM_STOP)
-    monitored.wait(1.0)
-    assert monitored.told[-1].execution is ExecutionState.STOPPED
-    assert all(before != after for before, after in pairwise(monitored.told))
+def test_monitor_reports_each_change_once(guided: Monitored) -> None:
+    guided.told.clear()
+    guided.system.faults.inject(Fault.PROGRAM_STOP)
+    guided.wait(1.0)
+    assert guided.told[-1].execution is ExecutionState.STOPPED
+    assert all(before != after for before, after in pairwise(guided.told))
 
 
-def test_monitor_asks_little_while_nothing_happens(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
+def requests(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """The requests from now on."""
     asked: list[object] = []
     exchange = monitored.system.http.handle_request
     monkeypatch.setattr(
         monitored.system.http, "handle_request", lambda *request: asked.append(request) or exchange(*request)
     )
-    monitored.wait(5.5)
+    return asked
+
+
+def test_monitor_asks_little_while_nothing_happens(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = requests(monitored, monkeypatch)
+    monitored.wait(1.1 * WHOLE_POLL)
     assert len(asked) <= 11
 
 
-def test_request_of_ours_is_left_most_of_the_requests_a_second(
-    monitored: Monitored, monkeypatch: pytest.MonkeyPatch
+def test_monitor_asks_nothing_while_egm_runs_until_all_is_read_again(
+    guided: Monitored, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    client = monitored.system.client
+    guided.monitor.read()
+    asked = requests(guided, monkeypatch)
+    guided.wait(1.0)
+    assert asked == []
+
+
+def test_request_of_ours_is_left_most_of_the_requests_a_second(
+    guided: Monitored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = guided.system.client
     client.set_symbol(Side.RIGHT.task, "TRobMain", "current_state", "1")  # about to change from now on
-    monitored.monitor.request_poll()
-    monitored.wait(0.5)
+    guided.monitor.request_poll()
+    guided.wait(0.5)
     asked: list[object] = []
     symbol = client.symbol
     monkeypatch.setattr(client, "symbol", lambda *name: asked.append(name) or symbol(*name))
-    with monitored.monitor.log.requested(frozenset()):
-        monitored.wait(2.0)
+    with guided.monitor.log.requested(frozenset()):
+        guided.wait(2.0)
     assert 2 <= len(asked) <= 5
-    monitored.wait(0.5)
+    guided.wait(0.5)
     asked.clear()
-    monitored.wait(2.0)
+    guided.wait(2.0)
     assert len(asked) >= 15
 
 
@@ -341,26 +366,30 @@ STOPS = [
     (Fault.MANUAL_MODE, logging.WARNING, 10015),
     (Fault.MOTORS_OFF, logging.WARNING, 10010),
     (Fault.PROGRAM_STOP, logging.WARNING, 10125),
-    (Fault.DYNAMIC_LOAD, logging.ERROR, 50375),
 ]
 
 
-@pytest.mark.parametrize("is_guided", [True, False], ids=["egm", "no-egm"])
+@pytest.mark.parametrize(("fault", "level", "number"), [*STOPS, (Fault.DYNAMIC_LOAD, logging.ERROR, 50375)])
+def test_stop_of_egm_is_logged_once_with_its_cause(guided: Monitored, fault: Fault, level: int, number: int) -> None:
+    check_is_logged_once(guided, fault, level, number)
+
+
 @pytest.mark.parametrize(("fault", "level", "number"), STOPS)
-def test_stop_is_logged_once_with_its_cause_whether_or_not_egm_runs(
-    monitored: Monitored, fault: Fault, level: int, number: int, is_guided: bool
+def test_stop_without_egm_is_logged_once_with_its_cause(
+    monitored: Monitored, fault: Fault, level: int, number: int
 ) -> None:
-    if not is_guided:
-        if fault is Fault.DYNAMIC_LOAD:
-            return  # it is a fault of EGM
-        monitored.system.manager.stop_egm()
-        monitored.wait(2.0)
+    check_is_logged_once(monitored, fault, level, number)
+
+
+def check_is_logged_once(monitored: Monitored, fault: Fault, level: int, number: int) -> None:
     monitored.lines.clear()
     monitored.system.faults.inject(fault)
-    monitored.wait(2.0)
+    monitored.wait(1.5)
     assert [line[0] for line in monitored.lines] == [level], monitored.lines
     assert numbers_in(monitored.lines[0][1]) == {number}
-    monitored.wait(WHOLE_POLL)
+    monitored.monitor.read()
+    monitored.step()
+    monitored.wait(0.5)
     assert len(monitored.lines) == 1
 
 
@@ -417,16 +446,15 @@ def test_emergency_stop_during_a_request_is_an_alarm(monitored: Monitored) -> No
 
 
 @pytest.mark.parametrize("fault", [Fault.MOTORS_OFF, Fault.PROGRAM_STOP])
-def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(monitored: Monitored, fault: Fault) -> None:
-    monitored.system.manager.go_to(RobotMode.READY, print)
-    monitored.lines.clear()
-    monitored.system.faults.inject(fault)
-    monitored.wait(1.0)
-    assert [level for level, _ in monitored.lines if level > logging.INFO] == [logging.WARNING]
+def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(guided: Monitored, fault: Fault) -> None:
+    guided.system.manager.go_to(RobotMode.READY, print)
+    guided.lines.clear()
+    guided.system.faults.inject(fault)
+    guided.wait(1.0)
+    assert [level for level, _ in guided.lines if level > logging.INFO] == [logging.WARNING]
 
 
-def test_error_event_that_stops_nothing_is_logged_once(without_egm: Monitored) -> None:
-    monitored = without_egm
+def test_error_event_that_stops_nothing_is_logged_once(monitored: Monitored) -> None:
     monitored.lines.clear()
     events = monitored.system.world.controller.events
     events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", EventType.ERROR)
@@ -437,8 +465,7 @@ def test_error_event_that_stops_nothing_is_logged_once(without_egm: Monitored) -
     assert numbers_in(monitored.lines[0][1]) == {112755}
 
 
-def test_old_error_is_not_the_cause_of_a_later_stop(without_egm: Monitored) -> None:
-    monitored = without_egm
+def test_old_error_is_not_the_cause_of_a_later_stop(monitored: Monitored) -> None:
     events = monitored.system.world.controller.events
     events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", EventType.ERROR)
     monitored.wait(10.0)
@@ -458,27 +485,27 @@ def test_old_error_is_not_the_cause_of_a_later_stop(without_egm: Monitored) -> N
     ],
 )
 def test_end_of_egm_is_explained_within_half_a_second(
-    monitored: Monitored, monkeypatch: pytest.MonkeyPatch, fault: Fault, numbers: list[int], has_stop: bool
+    guided: Monitored, monkeypatch: pytest.MonkeyPatch, fault: Fault, numbers: list[int], has_stop: bool
 ) -> None:
     """EGM's end is known before the controller's event is."""
-    monkeypatch.setattr(monitored.monitor, "_thread", object())  # its steps are made by this test
+    monkeypatch.setattr(guided.monitor, "_thread", object())  # its steps are made by this test
     causes: list[Cause] = []
-    monitored.system.faults.inject(fault)
-    monitored.system.wait(0.02)
-    begin = monitored.system.now()
-    monitored.monitor.explain(causes.append)
+    guided.system.faults.inject(fault)
+    guided.system.wait(0.02)
+    begin = guided.system.now()
+    guided.monitor.explain(causes.append)
     while not causes:
-        monitored.wait(0.004)
-    assert monitored.system.now() - begin < 0.8
+        guided.wait(0.004)
+    assert guided.system.now() - begin < 0.8
     assert numbers_of(causes[0]) == numbers
     assert bool(causes[0].stop) is has_stop
 
 
 def test_flight_record_of_a_stop_by_the_controller_has_its_cause(
-    monitored: Monitored, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    guided: Monitored, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(monitored.monitor, "_thread", object())  # its steps are made by this test
-    system, arm = monitored.system, monitored.system.arms[Side.RIGHT]
+    monkeypatch.setattr(guided.monitor, "_thread", object())  # its steps are made by this test
+    system, arm = guided.system, guided.system.arms[Side.RIGHT]
     clock, described = ManualClock(system.now()), list[Message]()
 
     def describe(event: ArmEvent, then: Callable[[Message], None]) -> None:
@@ -486,7 +513,7 @@ def test_flight_record_of_a_stop_by_the_controller_has_its_cause(
             described.append(said)
             then(said)
 
-        monitored.monitor.describe(event, hear)
+        guided.monitor.describe(event, hear)
 
     records = Recorder(tmp_path, 50, {Side.RIGHT: arm.recorder}, lambda sentence: None, clock, describe)
     arm.events.clear()
@@ -494,7 +521,7 @@ def test_flight_record_of_a_stop_by_the_controller_has_its_cause(
     system.until(lambda: any(map(is_fault, arm.events)), 0.5)
     stop = next(filter(is_fault, arm.events))
     records.on_event(stop, system.now(), 1_800_000_000.0)
-    monitored.wait(1.0)
+    guided.wait(1.0)
     records.close()
     recorded = read_recording(next(tmp_path.glob("*.mcap"))).stop
     assert recorded is not None
@@ -538,17 +565,17 @@ def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> No
     assert str(state).startswith(clause(state.reasons[0]))
 
 
-def test_state_is_known_for_as_long_as_the_monitor_makes_its_steps(without_egm: Monitored) -> None:
-    without_egm.told.clear()
-    without_egm.wait(1.2 * STALE)
-    assert all(state.is_connected for state in without_egm.told)
-    assert without_egm.monitor.state().is_connected
+def test_state_is_known_for_as_long_as_the_monitor_makes_its_steps(monitored: Monitored) -> None:
+    monitored.told.clear()
+    monitored.wait(1.2 * STALE)
+    assert all(state.is_connected for state in monitored.told)
+    assert monitored.monitor.state().is_connected
 
 
 def test_monitor_goes_on_after_an_unexpected_exception_and_knows_nothing_meanwhile(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    system, told = MovingSystem(), Queue[RobotState]()
+    system, told = ready_system(), Queue[RobotState]()
     may_go_on = Event()
     monitor = system.manager.monitor
     monitor.start()
@@ -584,37 +611,37 @@ def measured(monitored: Monitored, side: Side) -> tuple[float, tuple[float, ...]
     return monitored.system.now() - state.time, state.position
 
 
-def test_joints_are_read_while_egm_reports_none_and_never_unasked(monitored: Monitored) -> None:
-    monitored.system.manager.stop_egm()
-    monitored.wait(1.0)
-    assert monitored.monitor.joints(Side.RIGHT) is None
-    monitored.monitor.reads_joints = True
-    monitored.step()
+def test_joints_are_read_while_egm_reports_none_and_never_unasked(guided: Monitored) -> None:
+    guided.system.manager.stop_egm()
+    guided.wait(1.0)
+    assert guided.monitor.joints(Side.RIGHT) is None
+    guided.monitor.reads_joints = True
+    guided.step()
     for _ in range(20):
-        monitored.wait(0.1)
+        guided.wait(0.1)
         for side in Side:
-            age, position = measured(monitored, side)
+            age, position = measured(guided, side)
             assert age <= AGE
-            assert position == pytest.approx(monitored.system.world.arms[side].position, abs=1e-4)
+            assert position == pytest.approx(guided.system.world.arms[side].position, abs=1e-4)
 
 
-def test_joints_are_read_from_a_stop_on_and_not_while_egm_reports_them(monitored: Monitored) -> None:
-    monitored.monitor.reads_joints = True
-    monitored.wait(1.0)
-    assert monitored.monitor.joints(Side.RIGHT) is None
-    monitored.system.faults.inject(Fault.EMERGENCY_STOP)
-    monitored.wait(0.3 + AGE)
+def test_joints_are_read_from_a_stop_on_and_not_while_egm_reports_them(guided: Monitored) -> None:
+    guided.monitor.reads_joints = True
+    guided.wait(1.0)
+    assert guided.monitor.joints(Side.RIGHT) is None
+    guided.system.faults.inject(Fault.EMERGENCY_STOP)
+    guided.wait(0.3 + AGE)
     for _ in range(20):
-        assert all(measured(monitored, side)[0] <= AGE for side in Side)
-        monitored.wait(0.1)
+        assert all(measured(guided, side)[0] <= AGE for side in Side)
+        guided.wait(0.1)
 
 
 def test_joints_of_an_arm_that_the_other_one_keeps_clear_of_are_read_once_and_while_that_has_egm(
     monitored: Monitored,
 ) -> None:
     manager, monitor = monitored.system.manager, monitored.monitor
-    manager.stop_egm()
     monitor.keeps_apart = True
+    monitored.step()
     monitored.wait(1.0)
     for side in Side:
         assert measured(monitored, side)[0] > 0.5
@@ -629,9 +656,8 @@ def test_joints_of_an_arm_that_the_other_one_keeps_clear_of_are_read_once_and_wh
 
 
 def test_what_a_request_of_ours_has_read_is_not_read_again_at_once(
-    without_egm: Monitored, monkeypatch: pytest.MonkeyPatch
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monitored = without_egm
     client = monitored.system.client
     monitored.wait(0.6 * WHOLE_POLL)
     monitored.monitor.read()

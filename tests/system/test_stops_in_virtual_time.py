@@ -13,7 +13,7 @@ from abb_protocols.robot.joints import Joints, Side, joints
 from abb_protocols.rws.values import ControllerState, EventType, ExecutionState
 from abb_runtime.faults import Fault
 from refusals import assert_says, numbers_in, refused
-from system.recovery_bench import MovingSystem
+from system.recovery_bench import GOALS, MovingSystem
 from system.virtual_time_bench import System
 from yumi.driver.commissioning.stream_checks import streaming
 from yumi.driver.robot_state import RobotMode
@@ -106,7 +106,7 @@ def test_confirmed_robot_stands_until_it_gets_a_new_goal(system: MovingSystem, f
     stop(system, fault)
     before = positions(system)
     assert str(NUMBERS[fault]) in system.recover_by_person()
-    system.wait(2.0)
+    system.wait(1.0)
     for now, then in zip(positions(system), before, strict=True):
         assert now == pytest.approx(then, abs=1e-4)
     assert system.manager.state().stop == ""
@@ -116,9 +116,10 @@ def test_confirmed_robot_stands_until_it_gets_a_new_goal(system: MovingSystem, f
 
 def test_arms_that_nothing_keeps_apart_meet_and_go_back_after_a_confirmation(system: MovingSystem) -> None:
     """The limiter of this system does not know the arms' shapes."""
-    system.wait(4.0)
+    system.until(lambda: all(system.is_near(side, goal) for side, goal in GOALS.items()), 4.0)
     system.go(MEETING)
-    system.wait(6.0)
+    system.until(lambda: not system.world.controller.is_running, 6.0)
+    system.wait(0.3)
     state = system.manager.state()
     assert [each.code for each in state.causes] == ["event_50204_with_detail"]
     assert "has met the" in state.causes[0].values["detail"]  # the virtual controller's own text
@@ -133,7 +134,7 @@ def test_goals_given_while_the_stop_was_open_are_dropped(system: MovingSystem) -
     before = positions(system)
     system.go({side: tuple(0.9 * value for value in arm.snapshot.position) for side, arm in system.arms.items()})  # type: ignore[misc]
     system.recover_by_person()
-    system.wait(2.0)
+    system.wait(1.0)
     for now, then in zip(positions(system), before, strict=True):
         assert now == pytest.approx(then, abs=1e-4)
 

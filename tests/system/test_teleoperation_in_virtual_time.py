@@ -99,7 +99,7 @@ def test_tool_moves_by_what_the_hand_moves(driver: Driver, operator: Operator) -
     before, angle = tip(driver), arm_angle(RIGHT, driver.snapshot(RIGHT).sent)
     operator.engage(at())
     assert is_exact(before, tip(driver))
-    operator.hold(2.0, lambda time: at(0.05, -0.04, 0.03, (0.0, 0.0, 0.2)))
+    operator.hold(1.2, lambda time: at(0.05, -0.04, 0.03, (0.0, 0.0, 0.2)))
     x, y, z = before.position
     turned = multiply(quaternion_of((0.0, 0.0, 0.2)), before.orientation)
     assert is_exact(tip(driver), Pose((x + 0.05, y - 0.04, z + 0.03), turned))
@@ -129,7 +129,7 @@ def test_clutch_that_is_pressed_again_goes_on_from_where_the_arm_is(driver: Driv
     before = tip(driver)
     operator.hold(0.5, lambda time: at(0.2, 0.3, -0.2, (0.5, 0.0, 0.3)))
     assert is_exact(before, tip(driver))
-    operator.hold(2.0, lambda time: at(0.23, 0.3, -0.2, (0.5, 0.0, 0.3)))
+    operator.hold(1.2, lambda time: at(0.23, 0.3, -0.2, (0.5, 0.0, 0.3)))
     x, y, z = before.position
     assert is_exact(tip(driver), Pose((x + 0.03, y, z), before.orientation))
     assert is_within_limits(driver)
@@ -150,7 +150,7 @@ def test_releasing_the_clutch_brakes_and_holds(driver: Driver, operator: Operato
 def test_burst_after_a_gap_is_followed_within_the_limits(driver: Driver, operator: Operator, gap: float) -> None:
     operator.engage(at())
     begin = driver.now()
-    for _ in range(4):
+    for _ in range(2):
         operator.hold(0.4, lambda _: sway(driver.now() - begin))
         late = [driver.now() + number / RATE for number in range(round(gap * RATE))]
         driver.wait(gap)
@@ -237,7 +237,7 @@ def test_way_of_the_hand_is_scaled_and_seen_from_where_the_operator_stands(drive
     operator.settings = DeviceSettings(cutoff=0.0, scale=0.25, yaw=pi)
     operator.engage(at())
     before = tip(driver)
-    operator.hold(2.0, lambda time: at(0.08, 0.04, 0.04, (0.2, 0.0, 0.0)))
+    operator.hold(1.2, lambda time: at(0.08, 0.04, 0.04, (0.2, 0.0, 0.0)))
     x, y, z = before.position
     turned = multiply(quaternion_of((-0.2, 0.0, 0.0)), before.orientation)
     assert is_exact(tip(driver), Pose((x - 0.02, y - 0.01, z + 0.01), turned))
@@ -245,10 +245,10 @@ def test_way_of_the_hand_is_scaled_and_seen_from_where_the_operator_stands(drive
 
 def test_scale_that_is_changed_while_the_clutch_is_held_moves_nothing(driver: Driver, operator: Operator) -> None:
     operator.engage(at())
-    operator.hold(2.0, lambda time: at(0.04, 0.02))
+    operator.hold(1.2, lambda time: at(0.04, 0.02))
     before = tip(driver)
     operator.settings = DeviceSettings(cutoff=0.0, scale=0.2, yaw=1.0)
-    operator.hold(1.0, lambda time: at(0.04, 0.02))
+    operator.hold(0.5, lambda time: at(0.04, 0.02))
     assert is_exact(before, tip(driver))
 
 
@@ -288,7 +288,7 @@ def test_tool_is_sent_a_moment_after_the_hand(driver: Driver, operator: Operator
     operator.settings = DeviceSettings(speed=1.0)
     operator.engage(at())
     start, count = tip(driver).position[0], len(sent(driver))
-    operator.hold(4.0, lambda time: at(swing(time)))
+    operator.hold(3.0, lambda time: at(swing(time)))
     tips = [compose(tool0_to_body(RIGHT, joints(row)), FINGERTIPS).position[0] for row in sent(driver)[count:].tolist()]
     times = CYCLE * np.arange(1, 1 + len(tips))
     settled = times > 1.5
@@ -419,7 +419,7 @@ def test_follower_of_a_leader_arm_keeps_the_offset(driver: Driver, operator: Ope
     operator.engage(leader(*far))
     operator.hold(0.5, lambda time: leader(*far))
     assert sent(driver)[-1] == pytest.approx(START, abs=1e-4)
-    operator.hold(3.0, lambda time: leader(0.4 + 0.1 * min(1.0, time), *far[1:]))
+    operator.hold(2.0, lambda time: leader(0.4 + 0.1 * min(1.0, time), *far[1:]))
     assert sent(driver)[-1] == pytest.approx((START[0] + 0.1, *START[1:]), abs=2e-3)
     cycles = len(sent(driver))
     operator.hold(0.5, lambda time: leader(0.5 - 0.5 * time, *far[1:]))

@@ -126,14 +126,14 @@ def test_arm_over_a_link_that_is_fast_enough_follows_and_stands_soon_after_a_los
 ) -> None:
     page = Page(driver, operator, np.random.default_rng(1))
     page.delay, page.jitter = delay, jitter
-    for _ in range(3):
+    for _ in range(2):
         assert page.engage()
         page.hold(0.7, sway)
         assert operator.clutch == "engaged"
         cut = len(driver.arms[RIGHT].admitted)
         assert standstill(driver, cut - 50) > 0.19  # it moves until then
         page.is_cut = True
-        page.hold(1.0, sway)
+        page.hold(LINK_LOST + STANDS + 0.2, sway)
         page.is_cut = False
         assert standstill(driver, cut) < LINK_LOST + STANDS
         still = driver.snapshot(RIGHT).sent
@@ -143,7 +143,7 @@ def test_arm_over_a_link_that_is_fast_enough_follows_and_stands_soon_after_a_los
     assert delay <= max(page.ages) <= LINK_LOST
 
 
-@pytest.mark.parametrize(("delay", "jitter"), [(0.1, 0.1), (0.15, 0.0), (0.25, 0.0), (0.8, 0.2)])
+@pytest.mark.parametrize(("delay", "jitter"), [(0.1, 0.1), (0.15, 0.0), (0.8, 0.2)])
 def test_arm_over_a_link_that_is_too_slow_is_not_moved(
     driver: Driver, operator: Operator, delay: float, jitter: float
 ) -> None:
@@ -171,7 +171,7 @@ def test_arm_stands_soon_after_its_link_has_become_slow(driver: Driver, operator
     assert max(page.ages) <= LINK_LOST
 
 
-@pytest.mark.parametrize("times", [short(6), long(300, 3600.0)])
+@pytest.mark.parametrize("times", [short(3), long(300, 3600.0)])
 def test_no_arm_moves_by_a_frame_that_is_too_old_whatever_the_link_does(
     driver: Driver, operator: Operator, times: int
 ) -> None:

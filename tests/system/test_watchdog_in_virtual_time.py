@@ -22,7 +22,7 @@ from virtual_irc5.mechanics.arm_motion import ArmModel
 from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, START_JOINT, WATCHDOG, SgCommand
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 
-TIMEOUT = 1.5
+TIMEOUT = 1.0
 RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 0.2 s
 SETTINGS = WatchdogSettings(timeout=TIMEOUT)
 
@@ -63,7 +63,7 @@ def test_robot_stops_gently_and_says_so_when_its_driver_dies(system: MovingSyste
     braking = hardest_braking(system, TIMEOUT + RAMP)
     assert execution(system) is ExecutionState.STOPPED
     assert system.client.controller_state() is ControllerState.MOTORS_ON
-    assert "No sign of life for 1.5 s: T_ROB_R" in logged(system, 80001)
+    assert f"No sign of life for {TIMEOUT} s: T_ROB_R" in logged(system, 80001)
     assert all(arm.is_stationary for arm in system.world.arms.values())
     assert braking < ArmModel().brake_deceleration
 
@@ -110,7 +110,7 @@ def test_sign_that_met_a_stopped_program_keeps_no_other_from_being_seen(system: 
     driver.beat()  # which is not taken back
     system.recover()
     driver.arm_robot()
-    for _ in range(6):
+    for _ in range(4):
         driver.beat()
         system.wait(TIMEOUT / 2)
     assert execution(system) is ExecutionState.RUNNING
@@ -118,7 +118,7 @@ def test_sign_that_met_a_stopped_program_keeps_no_other_from_being_seen(system: 
 
 def test_robot_goes_on_as_long_as_its_driver_lives(system: MovingSystem) -> None:
     driver = watchdog(system)
-    for _ in range(6):
+    for _ in range(4):
         driver.beat()
         system.wait(TIMEOUT / 2)
     assert execution(system) is ExecutionState.RUNNING
@@ -146,7 +146,8 @@ def test_stop_request_stops_the_robot_at_once(system: MovingSystem) -> None:
 
 
 def test_watchdog_that_is_not_active_stops_nothing() -> None:
-    system = MovingSystem()
+    system = System()
+    system.manager.make_ready()
     system.manager.write_signal("WD_STOP_REQUEST", 1)
     system.wait(6.0)
     assert execution(system) is ExecutionState.RUNNING
@@ -166,7 +167,8 @@ def test_task_that_was_held_by_a_gripper_does_not_take_it_for_silence(system: Mo
     system.gives_signs = True
     system.client.set_symbol("T_ROB_L", GRIPPER, "command_input", rapid_values.encode(float(SgCommand.CALIBRATE)))
     system.client.pulse_signal(RUN_GRIPPER)
-    system.wait(8.0)
+    system.until(lambda: system.world.grippers[Side.LEFT].is_calibrated, 8.0)
+    system.wait(1.2 * TIMEOUT)
     assert system.grippers[Side.LEFT].is_calibrated()
     assert execution(system) is ExecutionState.RUNNING
 

@@ -1,6 +1,6 @@
 """Datagrams that are late, forged, cut, lost, swapped or doubled, over real sockets: what is sent never jumps.
 
-Every attack, with the number of cycles that stay without an answer, is in ``test_wire_faults_in_virtual_time``.
+How many cycles may stay without an answer is in ``test_wire_faults_in_virtual_time``.
 """
 
 from __future__ import annotations

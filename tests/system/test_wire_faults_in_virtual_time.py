@@ -9,6 +9,20 @@ from abb_protocols.robot.joints import Side
 from system.virtual_time_bench import System
 
 BEFORE, AFTER = 0.6, 0.6  # [s]
+ELSEWHERE = {
+    "egm-stale-30",
+    "egm-stale-60",
+    "egm-stale-200",
+    "egm-forge-old-5",
+    "egm-forge-old-30",
+    "egm-forge-ahead-5",
+    "egm-forge-ahead-30",
+}
+"""As others of their kind: ``make soak`` has them, see ``test_wire_faults``."""
+
+ATTACKS = [each for each in (*SINGLE, *LASTING) if str(each) not in ELSEWHERE]
+
+assert len(ATTACKS) == len((*SINGLE, *LASTING)) - len(ELSEWHERE)
 
 
 class Tap:
@@ -30,17 +44,16 @@ class Tap:
 
 
 class SwingingSystem(System):
-    """Both arms swing, led by goals that are streamed."""
+    """Both arms swing, led by goals that are streamed; they stand where the swing begins."""
 
     def __init__(self) -> None:
         super().__init__()
         self.taps = {side: Tap(link, self) for side, link in self._robot_ends.items()}
         self._robot_ends.update(self.taps)  # type: ignore[arg-type]
         self._begin: float | None = None
+        for side, virtual_arm in self.world.arms.items():
+            virtual_arm.strike(swing(side, 0.0))
         self.start_egm()
-        for side, arm in self.arms.items():
-            arm.go(swing(side, 0.0))
-        self.wait(0.6)
         self._begin = self.now()
         self.wait(BEFORE)
 
@@ -70,7 +83,7 @@ def test_swing_that_nothing_disturbs_goes_on_within_the_limits(system: SwingingS
         assert not is_at_rest(recent)
 
 
-@pytest.mark.parametrize("attack", [*SINGLE, *LASTING], ids=str)
+@pytest.mark.parametrize("attack", ATTACKS, ids=str)
 def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(system: SwingingSystem, attack: Attack) -> None:
     begin = {side: system.passed(side).cycle for side in Side}
     paths = {side: Swing(side, system.passed(side).heard[-124:]) for side in Side}
