@@ -32,7 +32,7 @@ from yumi.egm.egm_session import SensorSession
 from yumi.egm.joint_codec import JointCodec, JointReport
 
 LONG_SILENCE = 1.0  # [s] after which a robot whose clock has gone back is believed
-COUNT = int(os.environ.get("YUMI_EGM_DATAGRAMS", "10000"))
+COUNT = int(os.environ.get("YUMI_EGM_DATAGRAMS", "20000"))
 CYCLE = 0.004
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
 POSE = Pose((0.3, 0.2, 0.1), (0.5, 0.5, 0.5, 0.5))

@@ -119,9 +119,11 @@ def driver_in_egm() -> Iterator[Driver]:
     """A driver whose arms stand away from the body, with EGM on both."""
     driver = Driver(are_calibrated=True)
     driver.client.connect()
+    for side, start in ((RIGHT, START), (Side.LEFT, LEFT_START)):
+        driver.world.arms[side].strike(start)  # it stands there from the beginning
     driver.start_egm()
     driver.mover.move({RIGHT: START, Side.LEFT: LEFT_START}, 1.0, None)
-    driver.wait(2.5)
+    driver.wait(0.2)
     assert driver.snapshot(RIGHT).sent == pytest.approx(START, abs=1e-9)
     for arm in driver.arms.values():
         arm.admitted.clear()
