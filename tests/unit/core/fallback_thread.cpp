@@ -192,14 +192,20 @@ TEST(each_datagram_is_answered_once_however_both_threads_meet) {
 
 namespace {
 
-// A robot that stands at zero and sends in its cycle; what is prepared is a proportional formula.
+// A robot that stands at zero and sends in its cycle; what is prepared is a proportional formula. The other thread is
+// in time, whatever the machine does, until it is given less time.
 struct PreparedWire : Wire {
     core::SharedGoal goals{0, 0, 0, 0.0, std::nan(""), {}, {}};
     core::Sampled formula{1, &goals, 0, false, joint_1(0.002), {}};  // so near that it is no wonder that the robot stands
 
     PreparedWire() {
+        give(60.0);
         formula.gain.fill(0.5);
         for (int cycle = 0; cycle < 3; ++cycle) CHECK(is_taken_and_answered());
+    }
+    void give(double seconds) {
+        const core::Guard guard(core::lock);
+        thread.deadline = seconds;
     }
     void prepare(std::optional<core::Sampled> prepared) {
         const core::Guard guard(core::lock);
@@ -289,6 +295,7 @@ TEST(formula_that_was_prepared_is_forgotten_while_the_other_thread_is_busy) {
     CHECK(wire.answer());
     CHECK(wire.is_answered(1000));
     wire.prepare(wire.formula);
+    wire.give(0.002);
     wire.thread.note_busy();
     wire.robot_sends();
     CHECK(wire.is_answered(1000));
@@ -298,6 +305,7 @@ TEST(formula_that_was_prepared_is_forgotten_while_the_other_thread_is_busy) {
 
 TEST(what_was_sampled_is_recorded_where_the_other_thread_does_not_hear_of_it) {
     PreparedWire wire;
+    wire.give(0.002);
     wire.come(3'500'000, wire.formula);
     const bool is_sampled = wire.is_answered(0);
     wire.robot_sends();

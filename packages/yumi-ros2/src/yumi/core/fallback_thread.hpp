@@ -1,9 +1,9 @@
 // The thread that answers for controllers that do not: no arm waits for Python.
 //
-// Python says when it waits for datagrams and when it is busy. Where it is busy, and does not call the core for
-// DEADLINE, the thread takes what is not answered, and whatever arrives until Python goes on: each arm brakes within
-// its limits. An answer of Python that comes later is dropped; the next one goes on from what was sent. Where that
-// takes long, control/loop.py deactivates the controllers afterwards. The thread never takes Python's lock.
+// Python says when it waits for datagrams and when it is busy. Where it is busy, and does not call the core in time, the
+// thread takes what is not answered, and whatever arrives until Python goes on: each arm brakes within its limits. An
+// answer of Python that comes later is dropped; the next one goes on from what was sent. Where that takes long,
+// control/loop.py deactivates the controllers afterwards. The thread never takes Python's lock.
 
 #pragma once
 
@@ -21,6 +21,8 @@
 
 class FallbackThread {
 public:
+    double deadline = 0.002;  // [s] for Python to call the core again; changed with the lock
+
     FallbackThread() : timer_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)) {
         if (timer_ < 0) throw std::system_error(errno, std::generic_category());
     }
@@ -56,7 +58,7 @@ public:
     void note_busy() {
         const core::Guard guard(core::lock);
         is_busy_ = true, last_call_ = core::monotonic_now();
-        set_timer(DEADLINE);
+        set_timer(deadline);
     }
 
     // Python waits for datagrams again.
@@ -84,7 +86,6 @@ public:
     }
 
 private:
-    static constexpr double DEADLINE = 0.002;  // [s] for Python to call the core again
     static constexpr int GRACE = 1;             // [ms] with what arrives while Python is busy for longer
 
     // Answer the arms that can be read as it was prepared, and wait for them no more; returns a bit for each.
@@ -125,7 +126,7 @@ private:
             if (is_in_charge && (waits[1].revents | waits[2].revents)) poll(waits, 1, GRACE);
             const core::Guard guard(core::lock);
             if (is_over_) return;
-            const double left = is_busy_ ? std::max(last_call_ + DEADLINE - core::monotonic_now(), 0.0) : 0.0;
+            const double left = is_busy_ ? std::max(last_call_ + deadline - core::monotonic_now(), 0.0) : 0.0;
             set_timer(left);  // which clears the timer, too
             is_in_charge = is_busy_ && left == 0.0;
             if (!is_in_charge) continue;
