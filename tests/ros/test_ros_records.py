@@ -116,7 +116,7 @@ def test_power_cut_leaves_flight_records_of_both_arms_and_the_recording_goes_on(
         assert flight.frames[side][-1] == recording.frames[side][-1]
         # Where the machine was late the core has answered, and braked: of such a cycle no controller has times.
         by_core = [frame for frame in flight.frames[side] if frame.stages.reply == 0.0]
-        assert len(by_core) < len(flight.frames[side])
+        assert len(by_core) < 0.1 * len(flight.frames[side])
         assert all(frame.desired is None and frame.reference is None for frame in by_core)
     # Beside the cycles it holds what became of the robot and its grippers.
     states = list(rows(session.file, "state"))

@@ -32,11 +32,12 @@ class SelfRecovering(MovingSystem):
             self.wait(1.0)
 
     def is_recovered_within(self, seconds: float) -> bool:
-        """Whether EGM guides both arms again in a second after a step of its recovery."""
+        """Whether EGM guides both arms again after a step of its recovery, and still does after the next one."""
         for _ in range(round(seconds)):
             self.live(1.0)
             if self.is_guided:
-                return True
+                self.live(1.0)
+                return self.is_guided
         return False
 
     @property

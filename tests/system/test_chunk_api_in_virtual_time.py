@@ -298,6 +298,21 @@ def test_grippers_of_both_arms_keep_their_goals_when_one_arm_is_taken_over(drive
     assert all(each.goals.empty() for each in fingers.values())
 
 
+def test_grippers_get_no_goal_from_the_moment_on_in_which_a_person_takes_an_arm(driver: Driver) -> None:
+    fingers = {side: Fingers() for side in Side}
+    chunks = ChunkFollower(driver.mover, tuple(Side), YUMI_LIMITS, fingers)  # type: ignore[arg-type]
+    while_time_goes_by(driver, chunks.__enter__)
+    with requested_by(Commander.PAGE, "person"):
+        driver.hand_over.take(Side.RIGHT, Commander.PAGE)  # its controller is switched a while later
+        chunks._grippers.replace(Side.LEFT, [driver.now()], [0.7])
+        with requested_by(), refused(CommandRefused, "chunks_taken_over", arm="right"):
+            chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
+        driver.hand_over.let_go(Side.RIGHT)
+        driver.hand_over.give_back((Side.RIGHT,))
+    while_time_goes_by(driver, lambda: chunks.__exit__(None, None, None))
+    assert all(each.goals.empty() for each in fingers.values())
+
+
 class Fingers:
     """A gripper's goals, taken in no time."""
 

@@ -455,11 +455,11 @@ def test_grippers_of_a_stream_are_refused_as_the_arm_itself_is(clients: Clients)
     assert all(driver.world.grippers[side].position != fingers[side] for side in Side)
 
 
-def test_gripper_of_an_arm_that_a_person_takes_while_a_stream_begins_stays(
-    clients: Clients, monkeypatch: pytest.MonkeyPatch
+def test_gripper_of_an_arm_that_a_person_takes_while_a_stream_begins_stays_and_the_other_one_follows(
+    clients: Clients, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     driver, stream = clients.driver, clients.driver.mover.stream
-    fingers = driver.world.grippers[RIGHT].position
+    fingers = {side: driver.world.grippers[side].position for side in Side}
 
     def be_late(*args: Any) -> bool:
         has_switched = stream(*args)
@@ -468,10 +468,10 @@ def test_gripper_of_an_arm_that_a_person_takes_while_a_stream_begins_stays(
         return has_switched
 
     monkeypatch.setattr(driver.mover, "stream", be_late)
-    with refused(CommandRefused, "arm_commanded_by_another", arm="right", who="headset"):
-        clients.done(Stream(left=LEFT_START, grippers={"right": 0.02}), SCRIPT)
+    clients.done(Stream(left=LEFT_START, grippers={"right": 0.02, "left": 0.02}), SCRIPT)
     driver.wait(1.0)
-    assert driver.world.grippers[RIGHT].position == fingers
+    assert [side for side in Side if driver.world.grippers[side].position != fingers[side]] == [Side.LEFT]
+    assert "commanded by headset" in caplog.text
 
 
 def test_line_to_a_pose_that_no_arm_reaches_leaves_the_arm_to_other_clients(clients: Clients) -> None:

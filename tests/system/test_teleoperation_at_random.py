@@ -128,7 +128,7 @@ def operator(driver: Driver) -> Iterator[Operator]:
         yield operator
 
 
-@pytest.mark.parametrize("count", [short(2), long(HAND_OVERS, 7200.0)])
+@pytest.mark.parametrize("count", [short(3), long(HAND_OVERS, 7200.0)])
 def test_no_command_is_beyond_the_limits_and_nothing_moves_without_a_clutch(
     driver: Driver, operator: Operator, count: int
 ) -> None:

@@ -126,7 +126,7 @@ def test_arm_over_a_link_that_is_fast_enough_follows_and_stands_soon_after_a_los
 ) -> None:
     page = Page(driver, operator, np.random.default_rng(1))
     page.delay, page.jitter = delay, jitter
-    for _ in range(2):
+    for _ in range(3):
         assert page.engage()
         page.hold(0.7, sway)
         assert operator.clutch == "engaged"
@@ -171,7 +171,7 @@ def test_arm_stands_soon_after_its_link_has_become_slow(driver: Driver, operator
     assert max(page.ages) <= LINK_LOST
 
 
-@pytest.mark.parametrize("times", [short(3), long(300, 3600.0)])
+@pytest.mark.parametrize("times", [short(6), long(300, 3600.0)])
 def test_no_arm_moves_by_a_frame_that_is_too_old_whatever_the_link_does(
     driver: Driver, operator: Operator, times: int
 ) -> None:

@@ -9,7 +9,7 @@ from abb_protocols.robot.joints import Side
 from system.virtual_time_bench import System
 
 BEFORE, AFTER = 0.6, 0.6  # [s]
-ELSEWHERE = {
+LONG = {
     "egm-stale-30",
     "egm-stale-60",
     "egm-stale-200",
@@ -18,11 +18,12 @@ ELSEWHERE = {
     "egm-forge-ahead-5",
     "egm-forge-ahead-30",
 }
-"""As others of their kind: ``make soak`` has them, see ``test_wire_faults``."""
+"""As others of their kind: they run with ``make soak``."""
 
-ATTACKS = [each for each in (*SINGLE, *LASTING) if str(each) not in ELSEWHERE]
-
-assert len(ATTACKS) == len((*SINGLE, *LASTING)) - len(ELSEWHERE)
+ATTACKS = [
+    pytest.param(each, id=str(each), marks=pytest.mark.soak if str(each) in LONG else ())
+    for each in (*SINGLE, *LASTING)
+]
 
 
 class Tap:
@@ -83,7 +84,7 @@ def test_swing_that_nothing_disturbs_goes_on_within_the_limits(system: SwingingS
         assert not is_at_rest(recent)
 
 
-@pytest.mark.parametrize("attack", ATTACKS, ids=str)
+@pytest.mark.parametrize("attack", ATTACKS)
 def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(system: SwingingSystem, attack: Attack) -> None:
     begin = {side: system.passed(side).cycle for side in Side}
     paths = {side: Swing(side, system.passed(side).heard[-124:]) for side in Side}

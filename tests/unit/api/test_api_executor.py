@@ -459,6 +459,19 @@ def test_program_that_ends_stops_no_arm_that_another_one_has_taken_meanwhile(rob
     assert [each.side for each in robot.control.commands if isinstance(each.message, StopMotion)] == [Side.LEFT]
 
 
+@pytest.mark.parametrize("requester", [None, "person"])
+def test_program_that_ends_stops_an_arm_that_none_commands_any_more(robot: FakeRobot, requester: str | None) -> None:
+    """A person has taken the arm, but not ended the motion: its take-over has failed."""
+    motions = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
+    with requested_by(Commander.DEVICE, "person"):
+        robot.control.hand_over.take(Side.RIGHT, Commander.DEVICE)
+        robot.control.hand_over.let_go(Side.RIGHT)
+    robot.control.on_command = robot.rest
+    with requested_by(client=requester), refused(GoalNotReached, "goal_not_reached_in_time"):
+        wait_for(motions, 0.0, robot.executor)
+    assert [each.side for each in robot.control.commands if isinstance(each.message, StopMotion)] == [Side.RIGHT]
+
+
 def test_point_that_comes_long_after_the_last_one_begins_a_stream(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
     robot.executor.stream({Side.LEFT: LEFT})

@@ -244,21 +244,19 @@ def test_program_that_is_late_switches_no_controller_of_another_program(arms: Ar
 
 
 @pytest.mark.parametrize("other", [*PERSONS, *PROGRAMS])
-def test_arms_of_ones_own_are_those_that_none_has_taken_meanwhile(arms: Arms, other: Commander) -> None:
+def test_arm_is_given_back_to_its_controller_unless_another_one_has_taken_it_meanwhile(
+    arms: Arms, other: Commander
+) -> None:
     for side in Side:
         arms.taken(Commander.TRAJECTORY, side=side)
-    with arms.keeping_own(Side) as own:
-        assert own == tuple(Side)
+    assert [*filter(arms.may_give_back, Side)] == [*Side]
     arms.clock.advance(IDLE + SOON)
     arms.taken(other, "other")
-    with arms.keeping_own(Side) as own:
-        assert own == (LEFT,)
+    assert [*filter(arms.may_give_back, Side)] == [LEFT]
     with requested_by(client="other"):
         arms.let_go(RIGHT)
-    with arms.keeping_own(Side) as own:  # what a person has let go rests already
-        assert own == ((LEFT,) if other.is_person else (RIGHT, LEFT))
-    with requested_by(client="other"), arms.keeping_own((RIGHT,)) as own:
-        assert own == (RIGHT,)
+        assert arms.may_give_back(RIGHT)
+    assert arms.may_give_back(RIGHT) is not other.is_person
 
 
 @pytest.mark.parametrize(
@@ -266,7 +264,7 @@ def test_arms_of_ones_own_are_those_that_none_has_taken_meanwhile(arms: Arms, ot
     [
         lambda arms: arms.writing((RIGHT,), Commander.STREAM),
         lambda arms: arms.switching((RIGHT,)),
-        lambda arms: arms.keeping_own((RIGHT,)),
+        lambda arms: arms.keeping((RIGHT,)),
     ],
 )
 def test_who_takes_an_arm_over_waits_until_a_goal_of_before_is_written(

@@ -96,8 +96,9 @@ class ArmAccess:
 
     def stop_own(self, sides: Collection[Side]) -> tuple[Motion, ...]:
         """As :meth:`stop`, at the end of what the requester has begun: an arm that another one has by now goes on."""
-        with self.control.hand_over.keeping_own(sides) as own:
-            return self._stop(own)
+        hand_over = self.control.hand_over
+        with hand_over.keeping(sides):
+            return self.stop([side for side in sides if not hand_over.is_foreign(side)])
 
     def _stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
         """As :meth:`stop`, where the requester may have another controller command the arms."""
@@ -133,7 +134,7 @@ class ArmAccess:
         """Have a controller command arms, from standstill: controllers plan their motions differently.
 
         On the arms ``anew`` a controller that commands already begins anew, and what it was sent before ends. An arm
-        that a person has taken from the requester since it was granted is not stopped, and the refusal raised.
+        that another one has taken from the requester since it was granted is not stopped, and the refusal raised.
         """
         others = [side for side in sides if side in anew or self.commanding(side) != (name,)]
         _wait_for_rest(self._stop(others))
@@ -151,13 +152,13 @@ class ArmAccess:
             The session and activation of the controller on each arm.
 
         Raises:
-            CommandRefused: another client commands an arm, or a person has taken one meanwhile.
+            CommandRefused: another client commands an arm, or has taken one meanwhile.
             GoalNotReached: an arm that moved did not come to rest.
         """
         handed_over = self.control.hand_over.take_all(sides, kind, None)
         moving = [side for side in sides if self.is_moving(side)] if from_rest else []
         self.take_over(sides, name, anew=handed_over.union(moving))
-        with self.control.hand_over.switching(sides):  # a person who has taken an arm since then has a stream of it
+        with self.control.hand_over.switching(sides):  # who has taken an arm since then has a stream of it
             for side in sides:
                 self.streaming.pop(side, None)
             return {side: self.control.snapshot(side).command_epoch for side in sides}

@@ -194,8 +194,10 @@ class ChunkFollower:
         return observed + max(0.0, self._access.clock.now() - max(self._state.until, observed))
 
     def _is_own(self, side: Side) -> bool:
+        """Whether no other client has taken an arm, or is about to switch its controller."""
         snapshot = self._access.snapshot(side)
-        return snapshot.command_epoch == self._activations.get(side) and snapshot.is_commanded
+        is_followed = snapshot.command_epoch == self._activations.get(side) and snapshot.is_commanded
+        return is_followed and not self._access.control.hand_over.is_foreign(side)
 
     def _checked(self, chunk: Chunk) -> tuple[dict[Side, NDArray[np.float64]], dict[Side, list[float]], int]:
         """The positions and the gripper's values of each arm, and how many there are of each."""

@@ -302,14 +302,17 @@ class ArmStreams(ArmAccess):
             is_commanding = known == (last.controller, snapshot.session, snapshot.activation)
             if is_commanding and _number(last.buffer) == last.number:
                 if last.controller == CARTESIAN_CONTROLLER:
-                    # By joints: a stream slows down along its line, which takes longer, and braking begins anew then.
-                    stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory(), snapshot.activation)
-                    with suppress(RobotNotReady):
-                        with suppress(CommandRefused):  # who has taken the arm over meanwhile goes on
-                            self.control.call(Commands.send_commands, stop)
+                    with suppress(RobotNotReady):  # then a velocity of zero ends the stream
+                        self._end_tool_stream(side, snapshot.activation)
                         return
                 last.write(snapshot.session, ZERO, self.clock.now())
                 self._jogs[side] = last._replace(number=_number(last.buffer))
+
+    def _end_tool_stream(self, side: Side, activation: int) -> None:
+        """End a tool's stream of an activation by joints: along its line it takes longer, and braking begins anew."""
+        stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory(), activation)
+        with suppress(CommandRefused):  # who has taken the arm over meanwhile goes on
+            self.control.call(Commands.send_commands, stop)
 
     def _begin_stream(
         self, side: Side, controller: str, *, is_jog: bool = False, kind: Commander = Commander.STREAM
@@ -342,7 +345,7 @@ class ArmStreams(ArmAccess):
         for side in switched if is_jog else ():
             self._check_jog_begins(side, known[side], last[side], is_handed_over=side in handed_over)
         self.take_over(switched, controller, anew=handed_over)
-        with hand_over.switching(switched):  # a person who has taken an arm since then has a stream of it
+        with hand_over.switching(switched):  # who has taken an arm since then has a stream of it
             for side in switched:
                 snapshot = self.control.snapshot(side)
                 known[side] = self.streaming[side] = (controller, snapshot.session, snapshot.activation)
@@ -427,16 +430,14 @@ class ArmStreams(ArmAccess):
 
     def end_following(self, side: Side) -> None:
         """Have an arm brake and hold that follows a device; one that something else commands is left alone."""
+        (controller, _, activation), _ = self._stream_of(side)
         if not self.is_following(side):
             return
-        if self.streaming[side][0] == CARTESIAN_CONTROLLER:
-            # As at the end of a jog.
-            _, _, activation = self.streaming[side]
-            stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory(), activation)
-            self.control.call(Commands.send_commands, stop)
+        if controller == CARTESIAN_CONTROLLER:
+            self._end_tool_stream(side, activation)
             self.control.buffers[side].deadline.write(SharedDeadline(self.clock.now(), inf, activation))
         else:
-            self.stop((side,))
+            self.stop_own((side,))
 
     def _stream_of(self, side: Side) -> tuple[tuple[str, int, int], Buffer[Any]]:
         """The stream of an arm, and where its messages go."""

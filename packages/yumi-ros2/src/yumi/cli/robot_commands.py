@@ -17,7 +17,7 @@ from click.shell_completion import CompletionItem
 
 from abb_protocols.catalogue import in_words, message
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_protocols.errors import SettingsError, YumiError
+from abb_protocols.errors import GoalNotReached, SettingsError, YumiError
 from abb_protocols.robot.joints import JOINT_COUNT, POSES, chain_from_abb, joints
 from abb_runtime.options import (
     ARM,
@@ -220,7 +220,7 @@ def move(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[dict[str, MotionReport]], None]]:
-    """Shows on a terminal how far motions are; Ctrl-C ends the command, and the driver stops what it has begun."""
+    """Shows on a terminal how far motions are; Ctrl-C ends the command, and the driver its motions."""
 
     def show(motions: dict[str, MotionReport]) -> None:
         parts = [
@@ -233,8 +233,7 @@ def _progress() -> Iterator[Callable[[dict[str, MotionReport]], None]]:
     try:
         yield show if is_terminal else lambda motions: None
     except KeyboardInterrupt:
-        click.echo("\nStopped: the arms come to rest and hold.", err=True)
-        sys.exit(1)
+        raise GoalNotReached(message("motion_interrupted")) from None
     finally:
         if is_terminal:
             click.echo(err=True)

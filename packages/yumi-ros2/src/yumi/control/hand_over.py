@@ -259,18 +259,18 @@ class HandOver:
             self.let_go(side)
 
     @contextmanager
-    def keeping_own(self, sides: Collection[Side]) -> Iterator[tuple[Side, ...]]:
-        """Keep those of the arms that have not gone to another client or a person: none takes them over meanwhile."""
-        client = _requester.get().client
+    def keeping(self, sides: Collection[Side]) -> Iterator[None]:
+        """Keep arms as they are commanded: none takes them over meanwhile."""
         with ExitStack() as gates:
-            commands = {side: self.of(side) for side in self._entered(gates, sides)}
-            last = {side: self._before.get(side, (Commander.NONE, client))[1] for side in commands}
-            yield tuple(
-                side
-                for side, command in commands.items()
-                if command.is_own
-                or (command.who is Commander.NONE and (last[side] == client or not command.is_reserved))
-            )
+            self._entered(gates, sides)
+            yield
+
+    def may_give_back(self, side: Side) -> bool:
+        """Whether the requester may leave an arm to what commanded it before: none has taken the arm since then."""
+        command, client = self.of(side), _requester.get().client
+        if command.who is not Commander.NONE:
+            return command.is_own
+        return not command.is_reserved or self._before.get(side, (Commander.NONE, client))[1] == client
 
     @contextmanager
     def switching(self, sides: Collection[Side]) -> Iterator[None]:

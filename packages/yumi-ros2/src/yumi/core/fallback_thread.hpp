@@ -100,7 +100,7 @@ private:
     }
 
     void set_timer(double seconds) {
-        const itimerspec once = {{0, 0}, {0, long(seconds * 1e9)}};
+        const itimerspec once = {{0, 0}, {long(seconds), long((seconds - long(seconds)) * 1e9)}};
         timerfd_settime(timer_, 0, &once, nullptr);  // of a descriptor and times that are sound, which cannot fail
     }
 

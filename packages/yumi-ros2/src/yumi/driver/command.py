@@ -23,7 +23,7 @@ import msgspec
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_protocols.errors import ProtocolError, RobotNotReady
+from abb_protocols.errors import CommandRefused, ProtocolError, RobotNotReady
 from abb_protocols.robot.gripper_values import GripperState
 from abb_protocols.robot.joints import Joints, Pose, Side
 from yumi.control.goals import CONFIGURED_DELAY
@@ -360,16 +360,19 @@ class CommandedRobot:
     def follow_with_grippers(self, closed: Mapping[Side, float], elsewhere: Elsewhere) -> None:
         """The next goals of a stream for grippers, from 0, open, to 1, closed; the newest counts, nothing waits.
 
-        Raises:
-            CommandRefused: another client commands one of the arms by now, or it is reserved for a person.
+        The gripper of an arm that another one has taken since the stream was granted gets none, which is reported.
         """
 
         def report(side: Side, reason: Message) -> None:
             log.warning("%s", message("gripper_follows_not", arm=side.word, reason=reason))
 
-        with self.control.hand_over.switching(closed):  # who takes an arm over afterwards forgets its gripper's goal
-            works = [self.followers[side].follow(goal, partial(report, side)) for side, goal in closed.items()]
-        for work in works:
+        for side, goal in closed.items():
+            try:
+                with self.control.hand_over.switching((side,)):  # who takes the arm over afterwards forgets this goal
+                    work = self.followers[side].follow(goal, partial(report, side))
+            except CommandRefused as refusal:
+                report(side, refusal.said)
+                continue
             if work is not None:
                 elsewhere(work)
 

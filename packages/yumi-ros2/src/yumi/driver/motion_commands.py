@@ -367,8 +367,9 @@ def _move(
 
 def _give_back(robot: CommandedRobot, commanding: Mapping[Side, tuple[str, ...]]) -> None:
     """Have these controllers command the arms again; not after a motion that was stopped: the arm holds then."""
-    with robot.control.hand_over.keeping_own(commanding) as own:  # who has taken one meanwhile goes on with it
-        for side in own:
+    hand_over = robot.control.hand_over
+    with hand_over.keeping(commanding):  # who has taken one meanwhile goes on with it
+        for side in filter(hand_over.may_give_back, commanding):
             names, now = commanding[side], robot.mover.commanding(side)
             if names and names != now and robot.control.snapshot(side).is_running:
                 robot.control.call(Commands.switch_controllers, side, names, now)

@@ -62,6 +62,7 @@ ENDPOINT: Mapping[str, Text] = {
     "another_move_under_way": Text("another move is being carried out", "wait for its end, or stop it"),
     "arm_moves_commanded_by": Text("the {arm} arm moves, commanded by {controllers}", "wait until it stands"),
     "arm_moves_without_controller": Text("the {arm} arm moves, commanded by no controller", "wait until it stands"),
+    "motion_interrupted": Text("the command was interrupted; the driver ends its motion, and its arms come to rest"),
     "motion_stopped_asker_gone": Text("the motion was stopped: who asked for it is gone"),
     "motion_took_too_long": Text("the motion was stopped: it took longer than {longest:g} s"),
 }

@@ -300,7 +300,8 @@ CONTROLLERS: Mapping[str, Text] = {
         "the {arm} arm is commanded by {who} ({client})", "wait until that has ended, or stop it"
     ),
     "arm_reserved_for_person": Text(
-        "the {arm} arm is reserved for a person, who has let it go; {who} is a program", "{give_back} for programs"
+        "the {arm} arm is reserved for a person, who has let it go; a program ({who}) is refused",
+        "{give_back} for programs",
     ),
     "give_back_while_commanded": Text(
         "the {arm} arm is commanded by a person now ({who})", "let it go first: release the clutch or the key"

@@ -52,10 +52,10 @@ function deviceWords(device: DeviceName, name: string, isImmersive: boolean): st
 export function armWords(arm: TeleoperatedArm | undefined): string {
   if (!arm) return "–";
   return [
-    arm.clutch === "inert" && arm.why ? arm.why.sentence.replace(/\.$/, "") : CLUTCH[arm.clutch],
+    arm.clutch === "inert" && arm.why ? arm.why.sentence : CLUTCH[arm.clutch],
     ...(arm.limited ? [`kept apart: ${arm.limited.part} – ${arm.limited.other}`] : []),
-    ...(arm.gripper ? [arm.gripper.sentence.replace(/\.$/, "")] : []),
-  ].join("; ");
+    ...(arm.gripper ? [arm.gripper.sentence] : []),
+  ].join(" · ");
 }
 
 function linkWords(page: Page): string {

@@ -219,9 +219,9 @@ test("arm says what its clutch does, why it does nothing, and what it is kept ap
   const said = { code: "", sentence: "Something else commands the arm.", action: null };
   const arm = { clutch: "engaged" as const, why: null, limited: null, gripper: null };
   assert.equal(armWords(arm), "follows");
-  assert.equal(armWords({ ...arm, limited: { part: "right gripper", other: "body" } }), "follows; kept apart: right gripper – body");
-  assert.equal(armWords({ ...arm, clutch: "inert", why: said }), "Something else commands the arm");
+  assert.equal(armWords({ ...arm, limited: { part: "right gripper", other: "body" } }), "follows · kept apart: right gripper – body");
+  assert.equal(armWords({ ...arm, clutch: "inert", why: said }), "Something else commands the arm.");
   const both = { ...arm, clutch: "inert" as const, why: said, limited: { part: "left forearm", other: "body" } };
-  assert.equal(armWords(both), "Something else commands the arm; kept apart: left forearm – body");
+  assert.equal(armWords(both), "Something else commands the arm. · kept apart: left forearm – body");
   assert.equal(armWords(undefined), "–");
 });
