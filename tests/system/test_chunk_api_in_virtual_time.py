@@ -307,10 +307,11 @@ def test_grippers_get_no_goal_from_the_moment_on_in_which_a_person_takes_an_arm(
         chunks._grippers.replace(Side.LEFT, [driver.now()], [0.7])
         with requested_by(), refused(CommandRefused, "chunks_taken_over", arm="right"):
             chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
-        driver.hand_over.let_go(Side.RIGHT)
-        driver.hand_over.give_back((Side.RIGHT,))
     while_time_goes_by(driver, lambda: chunks.__exit__(None, None, None))
     assert all(each.goals.empty() for each in fingers.values())
+    with requested_by(Commander.PAGE, "person"):
+        driver.hand_over.let_go(Side.RIGHT)
+        driver.hand_over.give_back((Side.RIGHT,))
 
 
 class Fingers:
