@@ -14,8 +14,6 @@ from websockets.sync.client import connect
 
 import yumi
 
-PEOPLE = ("page", "headset", "device", "lead-through")  # who takes an arm over from a program
-
 
 def run(robot, server, seconds: float) -> None:
     period = unpack(server.recv())["period"]
@@ -34,8 +32,7 @@ def run(robot, server, seconds: float) -> None:
 
 def is_with_a_person(robot) -> bool:
     """Whether a person commands an arm, or has let it go and not given it back."""
-    commands = [arm.state.command for arm in (robot.right, robot.left)]
-    return any(each.is_reserved or each.who in PEOPLE for each in commands)
+    return any(arm.state.command.is_of_person for arm in (robot.right, robot.left))
 
 
 def follow(robot, server, period: float, end: float) -> None:

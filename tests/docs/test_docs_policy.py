@@ -132,19 +132,22 @@ def test_policy_goes_on_when_a_person_has_given_the_arms_back(
 ) -> None:
     robot, refusal = MagicMock(), CommandRefused(message("chunks_taken_over", arm="right"))
     person, reserved, free = CommandingReport(who="device"), CommandingReport(is_reserved=True), CommandingReport()
-    commands.side_effect = [person, free, reserved, free, free, free]  # right and left arm, in turn
+    # The right arm first; the left one where that is no person's.
+    commands.side_effect = [person, free, reserved, free, free]
     type(robot.right.state).command = type(robot.left.state).command = commands
     follow = MagicMock(side_effect=[refusal, KeyboardInterrupt])
     monkeypatch.setattr(run_policy, "follow", follow)
     with pytest.raises(KeyboardInterrupt):
         run_policy.run(robot, MagicMock(), 60.0)
     assert follow.call_count == 2
-    assert commands.call_count == 6
+    assert commands.call_count == 5
     assert "Waiting until a person gives the arms back." in capsys.readouterr().out
 
 
-def test_people_of_the_example_are_those_of_the_driver() -> None:
-    assert {each.value for each in Commander if each.is_person} == set(run_policy.PEOPLE)
+@pytest.mark.parametrize("who", Commander)
+def test_arm_is_a_persons_while_one_commands_it_or_has_not_given_it_back(who: Commander) -> None:
+    assert CommandingReport(who=who.value).is_of_person is who.is_person
+    assert CommandingReport(is_reserved=True).is_of_person
 
 
 def test_refusal_without_a_person_ends_the_policy(monkeypatch: pytest.MonkeyPatch, commands: PropertyMock) -> None:

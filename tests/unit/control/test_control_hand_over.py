@@ -249,14 +249,14 @@ def test_arm_is_given_back_to_its_controller_unless_another_one_has_taken_it_mea
 ) -> None:
     for side in Side:
         arms.taken(Commander.TRAJECTORY, side=side)
-    assert [*filter(arms.may_give_back, Side)] == [*Side]
+    assert [*filter(arms.has_kept, Side)] == [*Side]
     arms.clock.advance(IDLE + SOON)
     arms.taken(other, "other")
-    assert [*filter(arms.may_give_back, Side)] == [LEFT]
+    assert [*filter(arms.has_kept, Side)] == [LEFT]
     with requested_by(client="other"):
         arms.let_go(RIGHT)
-        assert arms.may_give_back(RIGHT)
-    assert arms.may_give_back(RIGHT) is not other.is_person
+        assert arms.has_kept(RIGHT)
+    assert arms.has_kept(RIGHT) is not other.is_person
 
 
 @pytest.mark.parametrize(

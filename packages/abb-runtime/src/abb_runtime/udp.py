@@ -258,11 +258,11 @@ def address_of_host(host: str) -> str:
         raise NoConnection(message("host_unknown", host=host, error=reason)) from error
 
 
-def free_port() -> int:
-    """A UDP port that is free, below those that the system gives away: none takes it by chance before it is used."""
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    """A free port, below those that the system gives away: none takes it by chance before it is used."""
     while True:
         port = SystemRandom().randrange(10_000, 32_000)  # Linux gives away 32768 to 60999
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        with socket.socket(socket.AF_INET, kind) as probe:
             try:
                 probe.bind(("127.0.0.1", port))
             except OSError as error:

@@ -265,8 +265,8 @@ class HandOver:
             self._entered(gates, sides)
             yield
 
-    def may_give_back(self, side: Side) -> bool:
-        """Whether the requester may leave an arm to what commanded it before: none has taken the arm since then."""
+    def has_kept(self, side: Side) -> bool:
+        """Whether none has taken an arm since the requester commanded it; then its controller of before may have it."""
         command, client = self.of(side), _requester.get().client
         if command.who is not Commander.NONE:
             return command.is_own

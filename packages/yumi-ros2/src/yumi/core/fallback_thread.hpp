@@ -86,7 +86,7 @@ public:
     }
 
 private:
-    static constexpr int GRACE = 1;             // [ms] with what arrives while Python is busy for longer
+    static constexpr int GRACE = 1;  // [ms] with what arrives while Python is busy for longer
 
     // Answer the arms that can be read as it was prepared, and wait for them no more; returns a bit for each.
     std::int64_t answer_prepared(pollfd* waits) {

@@ -369,7 +369,7 @@ def _give_back(robot: CommandedRobot, commanding: Mapping[Side, tuple[str, ...]]
     """Have these controllers command the arms again; not after a motion that was stopped: the arm holds then."""
     hand_over = robot.control.hand_over
     with hand_over.keeping(commanding):  # who has taken one meanwhile goes on with it
-        for side in filter(hand_over.may_give_back, commanding):
+        for side in filter(hand_over.has_kept, commanding):
             names, now = commanding[side], robot.mover.commanding(side)
             if names and names != now and robot.control.snapshot(side).is_running:
                 robot.control.call(Commands.switch_controllers, side, names, now)

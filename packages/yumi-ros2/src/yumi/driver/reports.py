@@ -138,6 +138,11 @@ class CommandingReport(msgspec.Struct, frozen=True, kw_only=True):
         return cls(who=it.who.value, client=it.name, since=since, is_reserved=it.is_reserved, refused=refused)
 
     @property
+    def is_of_person(self) -> bool:
+        """Whether a person commands the arm, or has let it go and not given it back."""
+        return self.is_reserved or Commander(self.who).is_person
+
+    @property
     def said(self) -> tuple[Message, ...]:
         """What there is to say of it; nothing of an arm that none commands and all may."""
         since, said = time.strftime("%H:%M:%S", time.localtime(self.since)), []
