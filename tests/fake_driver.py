@@ -61,6 +61,9 @@ class FakeManager:
         if self.robot.stop:
             raise RobotNotReady("A stop waits.", self.robot.stop)
 
+    def check_gripper(self, side: Side) -> None:
+        self.check_not_stopped()
+
     def allow_collision(self, part: str, other: str, seconds: float) -> str:
         if part == "shelf":
             raise CommandRefused("Collision not allowed: there is no shelf.")

@@ -146,8 +146,8 @@ def hands(ros: None) -> Iterator[Hand]:
     parts = GripperParts(robot.grippers, robot, SETTINGS)
     timers = TimerThread(SystemClock(), print)
 
-    def check() -> None:
-        if refusals:
+    def check(side: Side) -> None:
+        if refusals and side is Side.LEFT:
             raise RobotNotReady(refusals[0])
 
     hands = Grippers(parts, nodes, streams, lambda _: None, timers, check)

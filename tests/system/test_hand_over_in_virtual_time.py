@@ -31,7 +31,7 @@ from yumi.control.motion.standstill import AT_GOAL
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver import motion_commands
 from yumi.driver.command import Caller, Command
-from yumi.driver.commands import GiveBack, carry_out
+from yumi.driver.commands import Calibrate, GiveBack, Grip, carry_out
 from yumi.driver.controller_names import GOAL_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER
 from yumi.driver.device_frame import DeviceFrame, DeviceHand
 from yumi.driver.motion_commands import Jog, Move, Stream, Teleoperate
@@ -453,6 +453,25 @@ def test_grippers_of_a_stream_are_refused_as_the_arm_itself_is(clients: Clients)
     clients.done(grips, SCRIPT)
     driver.wait(1.0)
     assert all(driver.world.grippers[side].position != fingers[side] for side in Side)
+
+
+def test_grippers_of_programs_are_refused_as_the_arm_itself_is_and_a_person_may_grip(clients: Clients) -> None:
+    driver = clients.driver
+    fingers = driver.world.grippers[RIGHT].position
+    close, calibrate = Grip(arm="right", action="close"), Calibrate(arms=("right",))
+    clients.jog(0.3)
+    for code in ("arm_commanded_by_another", "arm_reserved_for_person"):
+        for command in (close, calibrate):
+            with refused(CommandRefused, code, arm="right"):
+                clients.done(command, SCRIPT)
+        driver.wait(1.0)
+    assert driver.world.grippers[RIGHT].position == fingers
+    clients.done(Grip(arm="left", action="close"), SCRIPT)
+    clients.done(Grip(arm="right", action="open", width=0.02), PAGE)
+    assert driver.world.grippers[RIGHT].position == pytest.approx(0.01, abs=1e-3)
+    clients.done(GiveBack(arms=("right",)), PAGE)
+    clients.done(close, SCRIPT)
+    assert driver.world.grippers[RIGHT].position == pytest.approx(0.0, abs=1e-3)
 
 
 def test_gripper_of_an_arm_that_a_person_takes_while_a_stream_begins_stays_and_the_other_one_follows(

@@ -339,6 +339,18 @@ def test_program_takes_no_arm_from_a_person_but_may_stop_one(driver: Driver, ope
     assert driver.mover.commanding(RIGHT) == (GOAL_CONTROLLER,)
 
 
+def test_clutch_is_inert_whose_arm_was_lost_before_it_followed(driver: Driver, operator: Operator) -> None:
+    operator.release(1.0 / RATE)
+    operator.send(at())
+    while operator.is_taking_over:
+        driver.wait(CYCLE)
+    assert operator.clutch == "engaging"
+    driver.mover.stop([RIGHT])
+    operator.send(at())
+    assert (operator.clutch, operator.why) == ("inert", "teleoperation_interrupted")
+    operator.engage(at())
+
+
 def test_arm_that_does_not_follow_is_not_taken_over(driver: Driver, operator: Operator) -> None:
     driver.manager.stop_egm()
     driver.wait(1.0)

@@ -86,7 +86,7 @@ def test_stop_that_comes_while_a_command_begins_counts(fake: FakeGripper) -> Non
             raise RobotNotReady("A stop waits.", stops[0])
 
     fake.on_begin = lambda: stops.append("50204-1")
-    gripper = Gripper(Side.LEFT, lambda: cast("driver.Gripper", fake), 10.0, check_not_stopped=check)
+    gripper = Gripper(Side.LEFT, lambda: cast("driver.Gripper", fake), 10.0, check=check)
     with pytest.raises(RobotNotReady, match="A stop waits"):
         gripper.open()
     assert fake.begun == []

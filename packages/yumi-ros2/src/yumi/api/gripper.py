@@ -44,7 +44,8 @@ class Gripper:
         force: holding force where a call names none [N].
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
         calibrate: calibrates it, whatever its arm does; None where EGM does not run on the arm.
-        check_not_stopped: raises RobotNotReady while a stop waits for a person's confirmation.
+        check: raises RobotNotReady while a stop waits for a person's confirmation, and CommandRefused while one has the
+            arm.
 
     Attributes:
         side: which arm carries it.
@@ -56,10 +57,10 @@ class Gripper:
         gripper: Callable[[], driver.RwsGripper],
         force: float,
         picked_pressure: float = _PICKED_PRESSURE,
-        check_not_stopped: Callable[[], None] = lambda: None,
+        check: Callable[[], None] = lambda: None,
         calibrate: Callable[[], None] | None = None,
     ) -> None:
-        self._check_not_stopped = check_not_stopped
+        self._check = check
         self.side = side
         self._gripper = gripper
         self._force = force
@@ -162,7 +163,7 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper did not become calibrated.
         """
-        self._check_not_stopped()
+        self._check()
         with self._gripper().alone():
             self._calibrate()
 
@@ -191,6 +192,7 @@ class Gripper:
             GoalNotReached: nothing was picked; the vacuum stays on.
         """
         gripper = self._gripper()
+        self._check()
         gripper.switch_vacuum(channel, is_on=True)
         if not gripper.wait_until_picked(channel, self._picked_pressure, timeout):
             raise GoalNotReached(
@@ -206,12 +208,13 @@ class Gripper:
 
     def drop(self, channel: int = 1) -> None:
         """Blow off what a vacuum module holds, and switch it off; raises as :meth:`pick`."""
+        self._check()
         self._gripper().drop(channel)
 
     def _command(self, goal: GripperGoal) -> Grip:
         gripper = self._gripper()
         with gripper.alone():
-            gripper.begin(goal, self._check_not_stopped)
+            gripper.begin(goal, self._check)
             outcome = gripper.wait(goal)
         assert outcome is not None, "it is not cancelled"
         return Grip(outcome, 2.0 * gripper.last_position)

@@ -78,7 +78,7 @@ class Robot:
                     partial(self._gripper, side),
                     force,
                     picked,
-                    self._check_not_stopped,
+                    partial(self._check_gripper, side),
                     partial(self._calibrate, side),
                 ),
                 partial(self._datagram, side),
@@ -573,8 +573,8 @@ class Robot:
     def _tcp(self, side: Side) -> Pose:
         return self._connected.manager.tcp(side)
 
-    def _check_not_stopped(self) -> None:
-        self._connected.manager.check_not_stopped()
+    def _check_gripper(self, side: Side) -> None:
+        self._connected.manager.check_gripper(side)
 
     def _calibrate(self, side: Side) -> None:
         self._connected.calibrate(side)

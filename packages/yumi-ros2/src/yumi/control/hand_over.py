@@ -232,6 +232,16 @@ class HandOver:
         for side in sides:
             self.check(side, kind)
 
+    def check_person(self, side: Side) -> None:
+        """See that no person has the arm but who requests: for what moves on the arm beside it, such as its gripper.
+
+        Raises:
+            CommandRefused: a person commands the arm, or it is reserved for one, and a program requests.
+        """
+        command = self.of(side)
+        if (command.who.is_person or command.is_reserved) and not is_person_requesting():
+            self.check(side, Commander.TRAJECTORY)
+
     @contextmanager
     def writing(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:
         """Take arms, and keep them while goals are written: the client that takes one over next finds its goal written.

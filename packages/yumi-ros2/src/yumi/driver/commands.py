@@ -240,6 +240,7 @@ class Calibrate(Command[str], frozen=True):
         with ExitStack() as stack:
             for side in sides:
                 stack.enter_context(robot.grippers[side].alone())
+                robot.manager.check_gripper(side)
             robot.calibrate(sides, caller.check)
         if len(set(sides)) > 1:
             return headline(message("grippers_now_calibrated"))
@@ -271,7 +272,7 @@ class Grip(Command[GripReport], frozen=True):
         side = side_of(self.arm)
         gripper = robot.grippers[side]
         with gripper.alone():
-            gripper.begin(goal, robot.manager.check_not_stopped)
+            gripper.begin(goal, partial(robot.manager.check_gripper, side))
             outcome = gripper.wait(goal, is_cancelled=caller.is_gone)
         if outcome is None:
             raise GoalNotReached(message("gripper_stopped_asker_gone", arm=side.word))

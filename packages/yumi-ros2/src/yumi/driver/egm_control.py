@@ -9,7 +9,7 @@ from abb_protocols.catalogue import Message, clause, headline, message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import Clock, wait_until
-from yumi.control.hand_over import requested_by
+from yumi.control.hand_over import HandOver, requested_by
 from yumi.control.loop_commands import CommandPort, Commands
 from yumi.control.loop_events import (
     ControllersLate,
@@ -35,6 +35,8 @@ _EGM_END_TIMEOUT = 1.0
 
 class ArmControl(CommandPort, Snapshots, Protocol):
     """What is needed of the control process."""
+
+    hand_over: HandOver
 
     def check(self) -> None:
         """See that it runs; raises RobotNotReady."""

@@ -211,6 +211,16 @@ class RobotManager:
         """See that no stop waits for a person's confirmation, as far as that is known; raises RobotNotReady."""
         self._stops.check_none_open()
 
+    def check_gripper(self, side: Side) -> None:
+        """See that the requester may move a gripper.
+
+        Raises:
+            RobotNotReady: a stop waits for a person's confirmation.
+            CommandRefused: a person has the arm, and a program requests.
+        """
+        self.check_not_stopped()
+        self._control.hand_over.check_person(side)
+
     def describe(self) -> str:
         """The robot's state in one line."""
         return str(self.state())

@@ -117,11 +117,13 @@ class ArmNow(NamedTuple):
 
     Attributes:
         sent: the position that was sent last [rad], (7,).
-        is_taken: whether it was taken over for this hold of the clutch and nothing else has commanded it since.
+        is_taken: whether it was taken over for this hold of the clutch.
+        is_kept: whether nothing else has commanded it since.
     """
 
     sent: Joints
     is_taken: bool
+    is_kept: bool
 
 
 class TeleoperatedArm:
@@ -164,11 +166,13 @@ class TeleoperatedArm:
             self.clutch, self._stands_since, self._sent = Clutch.ENGAGING, now, arm.sent
             self._follower = TeleoperationFollower.TOOL if hand.joints is None else TeleoperationFollower.JOINTS
             return ClutchStep(take_over=self._follower)
-        if self.clutch is Clutch.ENGAGING and arm.is_taken and now - self._stands_since >= _STANDS:
-            return self._engage(hand, settings, time, arm.sent)
-        if self.clutch is not Clutch.ENGAGED:
+        if self.clutch is Clutch.INERT or not arm.is_taken:
             return _NOTHING
-        return self._follow(hand, settings, time) if arm.is_taken else self._inert("teleoperation_interrupted")
+        if not arm.is_kept:
+            return self._inert("teleoperation_interrupted")
+        if self.clutch is Clutch.ENGAGED:
+            return self._follow(hand, settings, time)
+        return self._engage(hand, settings, time, arm.sent) if now - self._stands_since >= _STANDS else _NOTHING
 
     def end(self, why: Message) -> ClutchStep:
         """Have a clutch move nothing until it was released: the arm brakes if it was following."""

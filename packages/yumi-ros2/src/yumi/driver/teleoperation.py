@@ -190,9 +190,8 @@ class Teleoperation:
         steps = {}
         for side, hand in frame.by_arm.items():
             arm = self._arms[side]
-            is_own = self._control.hand_over.is_own(side)
-            is_taken = arm.taken == arm.press and is_own and self._robot.is_following(side)
-            state = ArmNow(self._control.snapshot(side).sent, is_taken)
+            is_kept = self._control.hand_over.is_own(side) and self._robot.is_following(side)
+            state = ArmNow(self._control.snapshot(side).sent, arm.taken == arm.press, is_kept)
             step = arm.teleoperated.take(hand, frame.settings, frame.time, now, state)
             if step.goal is not None:
                 self._robot.follow_device(side, step.goal, made_at, self._until)

@@ -25,7 +25,7 @@ from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady, Yu
 from abb_protocols.robot.gripper_values import GripOutcome, GripperGoal, GripperState, ServoState, gripper_goal
 from abb_protocols.robot.joints import Side, finger_names, prefixed
 from abb_runtime.process.supervision import SupervisedThread
-from yumi.driver.gripper import CHANNELS, Check, RwsGripper, forbid_nothing
+from yumi.driver.gripper import CHANNELS, Check, RwsGripper
 from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.settings import GripperSettings
 from yumi.ros.messages import LATCHED, SERVICES, say_why, stamp
@@ -57,7 +57,7 @@ class GripperActionServer(ABC):
         gripper: the gripper.
         force: holding force where a goal names none [N].
         group: callback group that lets a goal run while others are refused.
-        check: raises RobotNotReady when no gripper may move.
+        check: raises RobotNotReady or CommandRefused when the gripper may not move.
         failures: counts goals that are refused or fail.
     """
 
@@ -132,7 +132,7 @@ class GripperActionServer(ABC):
             said = error.said
             try:
                 self._check()
-            except RobotNotReady as stop:  # the robot may have been stopped meanwhile
+            except (CommandRefused, RobotNotReady) as stop:  # the robot may have been stopped, or taken, meanwhile
                 if stop.said != said:
                     said = message("failed_and_stopped", error=said, stop=stop.said)
             self._failures.note(str(said))
@@ -208,7 +208,7 @@ class GripperServices:
         node: the gripper's node.
         gripper: the gripper.
         group: callback group for what takes seconds.
-        check: raises RobotNotReady when no gripper may move.
+        check: raises RobotNotReady or CommandRefused when the gripper may not move.
         calibrate: calibrates the gripper.
     """
 
@@ -431,7 +431,7 @@ class Grippers:
         streams: a node for the topics of each.
         log: called when the subscription is lost, and when it is back.
         timers: keeps the topics' rates.
-        check: raises RobotNotReady when no gripper may move.
+        check: raises RobotNotReady or CommandRefused when a gripper may not move.
         calibrate: calibrates a gripper.
         frames: what stands before the names of frames.
     """
@@ -443,7 +443,7 @@ class Grippers:
         streams: Mapping[Side, Any],
         log: Callable[[str], None],
         timers: TimerThread,
-        check: Check = forbid_nothing,
+        check: Callable[[Side], None] = lambda side: None,
         calibrate: Callable[[RwsGripper], None] = RwsGripper.calibrate,
         frames: str = "",
     ) -> None:
@@ -457,9 +457,10 @@ class Grippers:
         self._topics = []
         for side, node in nodes.items():
             gripper, group, failures = parts.grippers[side], ReentrantCallbackGroup(), GoalFailures()
-            GripperServices(node, gripper, group, check, calibrate)
+            may_move = partial(check, side)
+            GripperServices(node, gripper, group, may_move, calibrate)
             for kind in (GripperAction, ParallelGripperAction):
-                self._actions.append(kind(node, gripper, parts.settings.force, group, check, failures))
+                self._actions.append(kind(node, gripper, parts.settings.force, group, may_move, failures))
             pressure, channels = parts.settings.picked_pressure, parts.settings.modules(side).vacuum_channels
             reading, stream = partial(self._reading, side), streams[side]
             self._topics.append(GripperTopics(stream, side, reading, pressure, channels, timers, failures, frames))

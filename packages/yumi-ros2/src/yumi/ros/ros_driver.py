@@ -146,7 +146,7 @@ class RosDriver:
             self._streams,
             self.info,
             self._timers,
-            manager.check_not_stopped,
+            manager.check_gripper,
             manager.calibrate,
             settings.ros.frames,
         )
