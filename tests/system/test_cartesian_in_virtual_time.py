@@ -367,6 +367,22 @@ def test_a_tool_beyond_a_wall_goes_no_further_and_comes_back() -> None:
     assert wall.distance(places(bench.sent[first:])[-1]) > 0.05
 
 
+def test_a_tool_that_a_wall_holds_leaves_it_as_soon_as_one_that_stands() -> None:
+    wall = wall_before(tool0_to_body(Side.RIGHT, POSTURE).position, 0.02, (0.0, -1.0, 0.0))
+    bench = CartesianBench(Side.RIGHT, POSTURE, within=ToolLimits(walls=(wall,)))
+    rooms, left = [], []
+    for before in (-0.2, 0.0):  # it is pushed against the wall; it stands
+        bench.stream(1.0, lambda now, speed=before: twist_goal(0, (0.0, speed, 0.0, 0.0, 0.0, 0.0, 0.0)))  # type: ignore[misc]
+        first = len(bench.rig.cycles)
+        bench.stream(0.4, lambda now: twist_goal(0, (0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        sent = places(bench.sent[first - 1 :])
+        rooms.append(wall.distance(sent[0]))
+        left.append(int(np.argmax(sent[:, 1] - sent[0, 1] > 1e-3)))
+    assert rooms[0] < 3e-3
+    assert rooms[1] > 0.01
+    assert left[0] <= left[1] + 3
+
+
 @pytest.mark.parametrize("kind", ["twist", "pose"])
 @pytest.mark.parametrize("scale", [1.0, 0.5])
 def test_the_tool_is_not_faster_than_its_limit_on_a_stream(kind: str, scale: float) -> None:
