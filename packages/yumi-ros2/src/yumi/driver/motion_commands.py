@@ -268,7 +268,7 @@ class Teleoperate(Command[TeleoperationReport], frozen=True):
     def run(self, robot: CommandedRobot, caller: Caller) -> TeleoperationReport:
         who = Commander.HEADSET if self.is_headset else Commander.DEVICE
         try:
-            return robot.teleoperation.take(self.frame, caller.client, caller.elsewhere, who)
+            return robot.teleoperation.take(self.frame, caller.client, caller.elsewhere, who, caller.name)
         finally:
             teleoperation = robot.teleoperation
             caller.hold("teleoperation", lambda: teleoperation.lose(caller.client), teleoperation.lasts())

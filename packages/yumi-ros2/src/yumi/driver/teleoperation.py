@@ -147,18 +147,28 @@ class Teleoperation:
         self._dropped = 0
 
     def take(
-        self, frame: DeviceFrame, operator: Hashable, elsewhere: Elsewhere, who: Commander = Commander.DEVICE
+        self,
+        frame: DeviceFrame,
+        operator: Hashable,
+        elsewhere: Elsewhere,
+        who: Commander = Commander.DEVICE,
+        name: str = "",
     ) -> TeleoperationReport:
-        """Have the arms follow a frame of the operator's device; ``who`` commands them meanwhile.
+        """Have the arms follow a frame of the operator's device; ``who`` commands them meanwhile, ``name`` for people.
 
         Raises:
             CommandRefused: another operator's device moves the arms.
         """
-        with requested_by(who, operator, who.value):
-            return self._take(frame, operator, elsewhere, who)
+        asked = partial(requested_by, who, operator, name)
+        with asked():
+            return self._take(frame, operator, elsewhere, asked)
 
     def _take(
-        self, frame: DeviceFrame, operator: Hashable, elsewhere: Elsewhere, who: Commander
+        self,
+        frame: DeviceFrame,
+        operator: Hashable,
+        elsewhere: Elsewhere,
+        asked: Callable[[], AbstractContextManager[None]],
     ) -> TeleoperationReport:
         now = self._robot.clock.now()
         steps: dict[Side, ClutchStep] = {}
@@ -181,7 +191,7 @@ class Teleoperation:
                 steps |= self._move(frame, now, made.at)
             presses = {side: self._arms[side].press for side in steps}
         for side, step in steps.items():
-            self._carry_out(side, step, presses[side], elsewhere, partial(requested_by, who, operator, who.value))
+            self._carry_out(side, step, presses[side], elsewhere, asked)
         with self._lock:
             return self._report()
 
