@@ -104,10 +104,11 @@ def prefer_thread() -> None:
 
 
 def shorten_turns() -> None:
-    """Let the calling thread, and those that it starts, run soon beside programs that compute; nobody has to permit it.
+    """Let the calling thread, and those that it starts, run soon beside programs that compute.
 
-    Since Linux 6.12 a thread that asks for short turns takes the processor, as soon as it wakes up, from one whose
-    turns are longer. Its share does not grow. An older Linux, another system or processor changes nothing.
+    This needs no permission. Since Linux 6.12 a thread that asks for short turns takes the processor, as soon as it
+    wakes up, from one whose turns are longer. Its share does not grow. On an older Linux, and elsewhere, this does
+    nothing.
     """
     number = _SCHED_SETATTR.get(platform.machine())
     if number is not None and sys.platform == "linux":
