@@ -460,11 +460,13 @@ def test_grippers_of_programs_are_refused_as_the_arm_itself_is_and_a_person_may_
     fingers = driver.world.grippers[RIGHT].position
     close, calibrate = Grip(arm="right", action="close"), Calibrate(arms=("right",))
     clients.jog(0.3)
-    for code in ("arm_commanded_by_another", "arm_reserved_for_person"):
+    for _ in ("the person commands", "the arm is reserved"):
         for command in (close, calibrate):
-            with refused(CommandRefused, code, arm="right"):
+            with refused(CommandRefused, "gripper_left_to_person", gripper="right"):
                 clients.done(command, SCRIPT)
         driver.wait(1.0)
+    assert driver.grippers[RIGHT].goal is None
+    assert driver.hand_over.of(RIGHT).refused is None
     assert driver.world.grippers[RIGHT].position == fingers
     clients.done(Grip(arm="left", action="close"), SCRIPT)
     clients.done(Grip(arm="right", action="open", width=0.02), PAGE)

@@ -94,7 +94,8 @@ def prefer_thread() -> None:
 
     Nice values do not do: Linux shares the processors between sessions first (sched_autogroup), so a program of another
     terminal takes half of a processor whatever the niceness. Threads that are started later are ordinary ones: what
-    clients and RAPID modules make them compute must not keep the machine from anything else.
+    clients and RAPID modules make them compute must not keep the machine from anything else. Where that is not
+    permitted, the turns of this thread become short.
     """
     with suppress(AttributeError):  # elsewhere than on Linux
         try:
@@ -107,11 +108,11 @@ def shorten_turns() -> None:
     """Let the calling thread, and those that it starts, run soon beside programs that compute.
 
     This needs no permission. Since Linux 6.12 a thread that asks for short turns takes the processor, as soon as it
-    wakes up, from one whose turns are longer. Its share does not grow. On an older Linux, and elsewhere, this does
-    nothing.
+    wakes up, from one whose turns are longer. Its share does not grow. On an older Linux, elsewhere, and for a thread
+    that is no ordinary one, this does nothing.
     """
     number = _SCHED_SETATTR.get(platform.machine())
-    if number is not None and sys.platform == "linux":
+    if sys.platform == "linux" and number is not None and os.sched_getscheduler(0) == os.SCHED_OTHER:
         nice = os.getpriority(os.PRIO_PROCESS, 0)
         wanted = struct.pack("=IIQiIQQQ", 48, os.SCHED_OTHER, 0, nice, 0, _TURN, 0, 0)
         ctypes.CDLL(None).syscall(number, 0, wanted, 0)

@@ -290,6 +290,8 @@ class Connection:
         check()
         is_in_egm = side in self.manager.egm_arms
         if is_in_egm:
+            for each in self.manager.egm_arms:  # they come to rest
+                self.manager.check_gripper(each)
             self._end_motion()
         self.manager.calibrate(self.grippers[side], check=check)
         if is_in_egm:

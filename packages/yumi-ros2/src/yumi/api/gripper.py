@@ -97,7 +97,7 @@ class Gripper:
             width: distance between them [m], above 0 up to 0.05.
 
         Raises:
-            CommandRefused: the width is impossible; nothing was changed.
+            CommandRefused: the width is impossible, or a person has the arm; nothing was changed.
             RobotNotReady: the gripper is not calibrated, or reports an error.
             GoalNotReached: something is in the way.
         """
@@ -123,7 +123,7 @@ class Gripper:
             outwards: whether the object is held from inside.
 
         Raises:
-            CommandRefused: the force or width is impossible; nothing was changed.
+            CommandRefused: the force or width is impossible, or a person has the arm; nothing was changed.
             RobotNotReady: as for :meth:`open`.
             GoalNotReached: nothing is held, or something wider or narrower by more than 3 mm; it is still held.
         """
@@ -161,6 +161,7 @@ class Gripper:
         The arm comes to rest, and EGM on it pauses meanwhile; ``robot.recover()`` starts it again where this fails.
 
         Raises:
+            CommandRefused: a person has an arm that would come to rest.
             RobotNotReady: the gripper did not become calibrated.
         """
         self._check()
@@ -187,8 +188,8 @@ class Gripper:
             timeout: longest wait for the pressure [s].
 
         Raises:
-            CommandRefused: the gripper has no such module.
-            RobotNotReady: the gripper is not calibrated, or did not switch.
+            CommandRefused: the gripper has no such module, or a person has the arm.
+            RobotNotReady: the gripper is not calibrated, did not switch, or a stop waits for a person's confirmation.
             GoalNotReached: nothing was picked; the vacuum stays on.
         """
         gripper = self._gripper()

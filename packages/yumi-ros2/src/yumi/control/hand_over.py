@@ -96,6 +96,11 @@ class Commanding:
     refused: Message | None = None
 
     @property
+    def is_of_person(self) -> bool:
+        """Whether a person commands the arm, or has let it go and not given it back."""
+        return self.is_reserved or self.who.is_person
+
+    @property
     def is_own(self) -> bool:
         """Whether the requester on this thread commands the arm."""
         return self.who is not Commander.NONE and self.client == _requester.get().client
@@ -231,16 +236,6 @@ class HandOver:
         """See that the requester could take arms, for what comes beside their goals. Raises as :meth:`take`."""
         for side in sides:
             self.check(side, kind)
-
-    def check_person(self, side: Side) -> None:
-        """See that no person has the arm but who requests: for what moves on the arm beside it, such as its gripper.
-
-        Raises:
-            CommandRefused: a person commands the arm, or it is reserved for one, and a program requests.
-        """
-        command = self.of(side)
-        if (command.who.is_person or command.is_reserved) and not is_person_requesting():
-            self.check(side, Commander.TRAJECTORY)
 
     @contextmanager
     def writing(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:

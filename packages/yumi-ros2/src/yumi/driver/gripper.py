@@ -206,8 +206,8 @@ class RwsGripper:
                 raise GoalNotReached(message("gripper_stopped_before_it_moved", gripper=self.side.word))
 
         self._is_stopped = self._is_jogging = False
-        self.goal = goal
         check()
+        self.goal = goal
         if self._value("hand_StatusCalibrated") == 0 and not self.is_calibrated():
             raise RobotNotReady(message("gripper_not_calibrated", gripper=self.side.word))
         if self._servo_state() is ServoState.ERROR:
@@ -317,6 +317,7 @@ class RwsGripper:
         Raises:
             RobotNotReady: the gripper does not obey.
         """
+        check()
         self.stop()
         self._is_stopped, self._is_jogging = False, True
         self.goal = None

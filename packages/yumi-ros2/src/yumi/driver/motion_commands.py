@@ -341,8 +341,7 @@ def _move(
     try:
         before = {side: robot.mover.commanding(side) for side in sides}
         for side, names in before.items():
-            command = robot.control.hand_over.of(side)
-            if command.who.is_person or command.is_reserved:
+            if robot.control.hand_over.of(side).is_of_person:
                 robot.control.hand_over.check(side, Commander.TRAJECTORY)
             is_taken_over = caller.commander is not None and robot.control.hand_over.is_foreign(side)
             if robot.mover.is_moving(side) and not is_taken_over:

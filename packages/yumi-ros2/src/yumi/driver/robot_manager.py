@@ -16,6 +16,7 @@ from abb_protocols.robot.joints import Pose, Side
 from abb_protocols.robot.load import Tool
 from abb_protocols.rws.values import ControllerState
 from abb_runtime.clock import Clock
+from yumi.control.hand_over import is_person_requesting
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import (
     AllowedCollisionsChanged,
@@ -212,14 +213,16 @@ class RobotManager:
         self._stops.check_none_open()
 
     def check_gripper(self, side: Side) -> None:
-        """See that the requester may move a gripper.
+        """See that the requester may move a gripper; any person may.
 
         Raises:
             RobotNotReady: a stop waits for a person's confirmation.
-            CommandRefused: a person has the arm, and a program requests.
+            CommandRefused: a program requests, and a person commands the arm or has not given it back.
         """
         self.check_not_stopped()
-        self._control.hand_over.check_person(side)
+        command = self._control.hand_over.of(side)
+        if command.is_of_person and not command.is_own and not is_person_requesting():
+            raise CommandRefused(message("gripper_left_to_person", gripper=side.word))
 
     def describe(self) -> str:
         """The robot's state in one line."""
