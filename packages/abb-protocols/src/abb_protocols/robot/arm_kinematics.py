@@ -21,8 +21,8 @@ from abb_protocols.robot.confdata import Confdata
 from abb_protocols.robot.joints import JointLimits, Joints, Pose
 from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
 
-Array = NDArray[np.float64]
-Postures = Callable[[Pose, float], tuple[Joints, ...]]
+_Array = NDArray[np.float64]
+_Postures = Callable[[Pose, float], tuple[Joints, ...]]
 
 _CONVERGED = 1e-9  # [m], [rad]
 _ITERATIONS = 12
@@ -70,17 +70,17 @@ class KinematicArm(Chain):
     configuration: Callable[[Joints], Confdata]
     tool_speed: float
     tool_acceleration: float
-    find_postures: Postures
+    find_postures: _Postures
     is_of_yumi: bool = False
     spherical_wrist: int | None = None
 
     @cached_property
-    def _foot_rotation(self) -> Array:
+    def _foot_rotation(self) -> _Array:
         return matrix(self.foot_to_world.orientation)
 
     # Forward ------------------------------------------------------------------------------------------------------
 
-    def forward(self, positions: Array) -> tuple[Array, Array]:
+    def forward(self, positions: _Array) -> tuple[_Array, _Array]:
         """Where tool0 is in the world: positions [m], (n, 3), and rotations, (n, 3, 3), of joint positions, (n, k)."""
         _, _, tip, rotation = self.places(positions)
         foot = self._foot_rotation
@@ -98,7 +98,7 @@ class KinematicArm(Chain):
         """All postures within the limits, those of least joint angles first; found ones are remembered."""
         return _remembered(self, tool0, angle)
 
-    def follow(self, points: Array, rotations: Array, angles: Array, start: Joints) -> Array:
+    def follow(self, points: _Array, rotations: _Array, angles: _Array, start: Joints) -> _Array:
         """The joint positions that bring tool0 along a path of close poses, without a change of the branch.
 
         Args:
@@ -128,13 +128,13 @@ class KinematicArm(Chain):
             done += count
         return result
 
-    def reached(self, points: Array, rotations: Array, angle: float, start: Joints) -> Joints | None:
+    def reached(self, points: _Array, rotations: _Array, angle: float, start: Joints) -> Joints | None:
         """The posture of one pose, (1, 3) and (1, 3, 3), that Newton's method finds from another one, within limits."""
         found, is_reached = self._solved(points, rotations, np.array([angle]), np.array(start))
         position = tuple(found[0].tolist())
         return position if bool(is_reached[0]) and self.limits.outside(position) is None else None
 
-    def _solved(self, points: Array, rotations: Array, angles: Array, start: Array) -> tuple[Array, Array]:
+    def _solved(self, points: _Array, rotations: _Array, angles: _Array, start: _Array) -> tuple[_Array, _Array]:
         """Newton's method from one posture to all poses: joint positions (n, k), and which have converged (n,)."""
         foot = self._foot_rotation
         points = (points - np.array(self.foot_to_world.position)) @ foot

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from abb_protocols.robot.joints import Vector
 from abb_protocols.robot.rotations import cross, rotation_vectors, wrapped_angles
 
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class Chain:
     """
 
     turns_about: tuple[int, ...]
-    offsets: Array
-    end: Array
+    offsets: _Array
+    end: _Array
     reference: Vector | None = None
     elbow: int = 0
     wrist: int = 0
@@ -44,7 +44,7 @@ class Chain:
         """How many joints there are, k."""
         return len(self.turns_about)
 
-    def places(self, positions: Array) -> tuple[Array, Array, Array, Array]:
+    def places(self, positions: _Array) -> tuple[_Array, _Array, _Array, _Array]:
         """Points on the axes and their directions (n, k, 3), the end (n, 3) and its rotation (n, 3, 3)."""
         count = len(positions)
         sines, cosines = np.sin(positions), np.cos(positions)
@@ -62,7 +62,7 @@ class Chain:
             rotation[:, :, third] = cosine * after - sine * before
         return points, axes, point + rotation @ self.offsets[-1], rotation @ self.end
 
-    def angles(self, positions: Array) -> Array:
+    def angles(self, positions: _Array) -> _Array:
         """The arm angles [rad], (n,); zeros of a chain that has none."""
         if self.reference is None:
             return np.zeros(len(positions))
@@ -74,7 +74,7 @@ class Chain:
         sine, cosine = np.sum(cross(line, reference) * elbow, 1), elbow @ reference - along * (line @ reference)
         return wrapped_angles(np.arctan2(sine, cosine) + pi / 2.0)
 
-    def missing(self, positions: Array, points: Array, rotations: Array, angles: Array) -> tuple[Array, Array]:
+    def missing(self, positions: _Array, points: _Array, rotations: _Array, angles: _Array) -> tuple[_Array, _Array]:
         """What is missing to poses of the end and arm angles, and how it shrinks with the joints.
 
         Args:
@@ -112,6 +112,6 @@ class Chain:
         return np.concatenate(missing, 1), np.concatenate(rows, 1)
 
 
-def _along(vectors: Array, direction: Array) -> Array:
+def _along(vectors: _Array, direction: _Array) -> _Array:
     """Scalar products, (n, k), of vectors, (n, k, 3), and one direction each, (n, 3)."""
     return np.asarray((vectors @ direction[:, :, None])[..., 0])

@@ -43,7 +43,7 @@ _SINGULAR = 0.05  # damped where it depends on them less than this
 _ELBOW_FREEDOM = 0.05  # squared: the elbow gives way where it turns less than this with the joints, the pose held
 _NOT_ZERO = 1e-30  # squared: the arm angle of an elbow on the line from shoulder to wrist is any
 
-Row = tuple[float, ...]
+_Row = tuple[float, ...]
 """Seven numbers: one for each joint, chain order, or one for each equation."""
 
 
@@ -80,9 +80,9 @@ class Wrist(NamedTuple):
     y: Vector
     z: Vector
     angle: float
-    velocity: tuple[Row, ...]
-    rotation: tuple[Row, ...]
-    elbow: Row
+    velocity: tuple[_Row, ...]
+    rotation: tuple[_Row, ...]
+    elbow: _Row
 
 
 def wrist_target(side: Side, tool0: Pose, angle: float) -> WristTarget:
@@ -168,7 +168,7 @@ def _times(factor: float, a: Vector) -> Vector:
     return (factor * a[0], factor * a[1], factor * a[2])
 
 
-def target_error(now: Wrist, target: WristTarget) -> Row:
+def target_error(now: Wrist, target: WristTarget) -> _Row:
     """What is missing to a target: position [m], rotation [rad] and arm angle [rad], (7,), in the foot frame."""
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = now.x, now.y, now.z
     (ux, uy, uz), (vx, vy, vz), (wx, wy, wz) = target.x, target.y, target.z
@@ -223,7 +223,7 @@ class DifferentialSolver:
         self._free = [value - own for value, own in zip(elbow, kept, strict=True)]
         self._freedom = max(sum(map(mul, self._free, self._free)), _ELBOW_FREEDOM)
 
-    def change(self, desired: Row, most: float = inf) -> Joints:
+    def change(self, desired: _Row, most: float = inf) -> Joints:
         """The change of the joints for a desired change [m], [rad], in the foot frame.
 
         Where the weakest direction would take the joints further than ``most`` [rad], less of it is made: at the end

@@ -57,8 +57,8 @@ from abb_protocols.robot.kinematics import (
 )
 from abb_protocols.robot.rotations import cross, wrapped_angles
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
+_Array = NDArray[np.float64]
+_Rows = NDArray[np.intp]
 
 _SHOULDER = np.array(OFFSETS[0])
 _TOOL0_TO_AXIS_6 = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])  # Ry(90°): tool z along axis 6
@@ -107,12 +107,12 @@ class _Targets:
         chain: the one of the arm.
     """
 
-    wrist: Array
-    rotation: Array
-    angle: Array
+    wrist: _Array
+    rotation: _Array
+    angle: _Array
     chain: Chain
 
-    def of(self, rows: Rows) -> _Targets:
+    def of(self, rows: _Rows) -> _Targets:
         """The targets with these numbers, in this order; a number may come more than once."""
         return _Targets(self.wrist[rows], self.rotation[rows], self.angle[rows], self.chain)
 
@@ -125,7 +125,7 @@ def arm_angle(side: Side, position: Joints) -> float:
     return wrist_of(side, position).angle
 
 
-def jacobian(side: Side, position: Joints, tool: Pose | None = None) -> Array:
+def jacobian(side: Side, position: Joints, tool: Pose | None = None) -> _Array:
     """How the tool moves with the joints: velocity [m/s] and angular velocity [rad/s] of the tool frame, (6, 7).
 
     Args:
@@ -256,7 +256,7 @@ def nearest_reachable_posture(
     lower, upper = np.array(limits.lower), np.array(limits.upper)
     weights = np.array([1.0] * 3 + [_METRES_PER_RADIAN] * 3)
 
-    def missing_at(position: Array) -> Array:
+    def missing_at(position: _Array) -> _Array:
         here = tool0_to_body(side, joints(position.tolist()))
         return np.asarray(np.concatenate(_difference(tool0, here)) * weights)
 
@@ -266,15 +266,15 @@ def nearest_reachable_posture(
     return best, tool0_to_body(side, best)
 
 
-def _difference(pose: Pose, here: Pose) -> tuple[Array, Array]:
+def _difference(pose: Pose, here: Pose) -> tuple[_Array, _Array]:
     """The way [m] and the turn [rad] from here to a pose."""
     turn = turn_between(here.orientation, pose.orientation)
     return np.subtract(pose.position, here.position), np.array(turn)
 
 
 def _descended(
-    side: Side, position: Array, missing_at: Callable[[Array], Array], ends: tuple[Array, Array], weights: Array
-) -> Array:
+    side: Side, position: _Array, missing_at: Callable[[_Array], _Array], ends: tuple[_Array, _Array], weights: _Array
+) -> _Array:
     """From a posture to one where less is missing, and no small change saves more."""
     left, damping = missing_at(position), 1e-3
     for _ in range(_LONGEST_DESCENT):
@@ -319,12 +319,12 @@ def _targets(side: Side, tool0s: Sequence[Pose], angles: Sequence[float]) -> _Ta
     return _Targets(wrist, rotation, np.array(angles, dtype=float), TO_WRIST[side])
 
 
-def _missing(positions: Array, targets: _Targets) -> tuple[Array, Array]:
+def _missing(positions: _Array, targets: _Targets) -> tuple[_Array, _Array]:
     """What is missing to the targets, one for each posture, and how it shrinks with the joints."""
     return targets.chain.missing(positions, targets.wrist, targets.rotation, targets.angle)
 
 
-def _polish(positions: Array, targets: _Targets) -> tuple[Array, Array]:
+def _polish(positions: _Array, targets: _Targets) -> tuple[_Array, _Array]:
     """Newton's method on all seven equations: positions [rad], and the largest of what is still missing, (n,)."""
     positions, left = positions.copy(), np.arange(len(positions))
     for _ in range(16):
@@ -338,7 +338,7 @@ def _polish(positions: Array, targets: _Targets) -> tuple[Array, Array]:
     return positions, np.max(np.abs(_missing(positions, targets)[0]), 1)
 
 
-def _solve(derivative: Array, missing: Array) -> Array:
+def _solve(derivative: _Array, missing: _Array) -> _Array:
     """The steps of the joints that make up for what is missing; where nothing does, the smallest that comes nearest."""
     try:
         return np.asarray(np.linalg.solve(derivative, missing[:, :, None])[:, :, 0])
@@ -346,7 +346,7 @@ def _solve(derivative: Array, missing: Array) -> Array:
         return np.asarray((np.linalg.pinv(derivative, rcond=1e-13) @ missing[:, :, None])[:, :, 0])
 
 
-def _polished(positions: Array, of: Rows, targets: _Targets) -> tuple[Array, Rows]:
+def _polished(positions: _Array, of: _Rows, targets: _Targets) -> tuple[_Array, _Rows]:
     """Those from which a posture of the target ``of`` is reached, each once, joints from -π to π, and their targets."""
     if not len(positions):
         return positions, of
@@ -366,7 +366,7 @@ class _TwoEquations:
     One target for each pair of angles, or one for all of them.
     """
 
-    def __init__(self, targets: _Targets, a1: Array, a2: Array, sense: Array) -> None:
+    def __init__(self, targets: _Targets, a1: _Array, a2: _Array, sense: _Array) -> None:
         line = targets.wrist - _SHOULDER
         along = _unit(line)
         y = _unit(cross(along, np.array(targets.chain.reference)))
@@ -375,7 +375,7 @@ class _TwoEquations:
         inside = x * np.cos(beta) + y * np.sin(beta)  # in the half-plane of axis 3, normal to the line
         c1, s1, c2, s2 = np.cos(a1), np.sin(a1), np.cos(a2), np.sin(a2)
 
-        def behind_axis_1(vector: Array) -> tuple[Array, Array, Array]:
+        def behind_axis_1(vector: _Array) -> tuple[_Array, _Array, _Array]:
             x, y, z = vector.T
             return c1 * x + s1 * y, c1 * y - s1 * x, z
 
@@ -406,7 +406,7 @@ class _TwoEquations:
         self._a1_a2, self._s7_c7, self._s2_c2, self._d = (a1, a2), (s7, c7), (s2, c2), (d_x, d_y, d_z)
         self._s5_c5, self._s4_s5, self._c4_s5 = (s5, c5), n_e, c4_s5
 
-    def positions(self, targets: _Targets) -> Array:
+    def positions(self, targets: _Targets) -> _Array:
         """All seven joints [rad], (n, 7), for axes 1 and 2 at or near a root."""
         (s5, c5), (s7, c7), (s2, c2), (d_x, d_y, d_z) = self._s5_c5, self._s7_c7, self._s2_c2, self._d
         sign = np.where(s5 < 0.0, -1.0, 1.0)
@@ -423,7 +423,7 @@ class _TwoEquations:
         return result
 
 
-def _candidates(targets: _Targets) -> tuple[Array, Rows]:
+def _candidates(targets: _Targets) -> tuple[_Array, _Rows]:
     """Postures near a root of the two equations, cells of the grid that may hold one refined; and their targets."""
     a1, a2 = (
         np.linspace(low - _GRID_MARGIN, high + _GRID_MARGIN, count + 1)
@@ -444,7 +444,7 @@ def _candidates(targets: _Targets) -> tuple[Array, Rows]:
         senses.append(np.tile(np.where(i_sense == 0, 1.0, -1.0), len(_STARTS)))
         numbers.append(np.full(len(i) * len(_STARTS), number))
     start, of = np.concatenate(starts), np.concatenate(numbers)
-    sense: Array = np.concatenate(senses)
+    sense: _Array = np.concatenate(senses)
     at, step = start, 1e-6
     for _ in range(8):
         # Here, and a step further in each of the two directions.
@@ -472,20 +472,22 @@ def _candidates(targets: _Targets) -> tuple[Array, Rows]:
     return _TwoEquations(own, at[:, 0], at[:, 1], sense).positions(own), of
 
 
-def _over_corners(function: np.ufunc, values: Array) -> Array:
+def _over_corners(function: np.ufunc, values: _Array) -> _Array:
     """``function`` of the four corners of each cell; ``values`` (2, n, m) at the corners."""
     rows = function(values[:, :-1], values[:, 1:])
     return np.asarray(function(rows[:, :, :-1], rows[:, :, 1:]))
 
 
-def _turned_over(positions: Array) -> Array:
+def _turned_over(positions: _Array) -> _Array:
     """The postures with the wrist, the shoulder and both turned over, which would be the same without offsets."""
     wrist = positions * (1, 1, 1, 1, 1, -1, 1) + np.array([0, 0, 0, 0, pi, 0, pi])
     both = np.concatenate([positions, wrist]) * (1, -1, 1, 1, 1, 1, 1) + np.array([pi, 0, pi, 0, 0, 0, 0])
     return np.concatenate([wrist, both])
 
 
-def _beside(positions: Array, of: Rows, targets: _Targets, step: float = 0.08, steps: int = 90) -> tuple[Array, Rows]:
+def _beside(
+    positions: _Array, of: _Rows, targets: _Targets, step: float = 0.08, steps: int = 90
+) -> tuple[_Array, _Rows]:
     """Postures that lie close to nearly singular ones, or on one curve with them; and their targets.
 
     At a nearly singular posture one combination of the seven equations (the left singular vector of the smallest
@@ -500,7 +502,7 @@ def _beside(positions: Array, of: Rows, targets: _Targets, step: float = 0.08, s
     of = np.concatenate([of, of])
     own = targets.of(of)
 
-    def followed(at: Array, direction: Array) -> tuple[Array, Array, Array]:
+    def followed(at: _Array, direction: _Array) -> tuple[_Array, _Array, _Array]:
         """The step back onto the curve, the curve's direction, and how far off the weak combination is."""
         missing, derivative = _missing(at, own)
         rows = np.concatenate([others @ derivative, direction[:, None]], 1)
@@ -532,7 +534,7 @@ def _beside(positions: Array, of: Rows, targets: _Targets, step: float = 0.08, s
     return np.concatenate(found), np.concatenate(found_of)
 
 
-def _distinct(positions: Array, of: Rows) -> Rows:
+def _distinct(positions: _Array, of: _Rows) -> _Rows:
     """Which of the postures to keep, so that no target has one of them twice."""
     order = np.argsort(of, kind="stable")
     kept = []
@@ -543,7 +545,7 @@ def _distinct(positions: Array, of: Rows) -> Rows:
     return np.sort(np.concatenate(kept))
 
 
-def _turns(position: Array, limits: JointLimits) -> Iterator[tuple[float, ...]]:
+def _turns(position: _Array, limits: JointLimits) -> Iterator[tuple[float, ...]]:
     """The posture with each full turn of each joint that is within the limits."""
     ranges = zip(position.tolist(), limits.lower, limits.upper, strict=True)
     choices = [
@@ -557,5 +559,5 @@ def _turns(position: Array, limits: JointLimits) -> Iterator[tuple[float, ...]]:
     yield from product(*choices)
 
 
-def _unit(vectors: Array) -> Array:
+def _unit(vectors: _Array) -> _Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

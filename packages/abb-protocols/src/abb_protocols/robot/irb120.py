@@ -15,7 +15,7 @@ from abb_protocols.robot.joints import ORIGIN, JointLimits, Joints, Pose
 from abb_protocols.robot.kinematics import matrix
 from abb_protocols.robot.rotations import rotations_about
 
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 _X, _Y, _Z = range(3)
 _ROUNDING = 1e-9  # [rad]: a limit after a calculation is not beyond the limit
@@ -26,7 +26,7 @@ _REACH = hypot(_FOREARM, _ELBOW_RISE)
 _ELBOW_ANGLE = atan2(_FOREARM, _ELBOW_RISE)  # from the lower arm's direction to the wrist, all joints at zero
 
 # Ranges and speeds: ABB's; accelerations and jerks: ours, as ABB publishes none.
-IRB120_LIMITS = JointLimits(
+_IRB120_LIMITS = JointLimits(
     lower=tuple(map(radians, (-165.0, -110.0, -110.0, -160.0, -120.0, -400.0))),
     upper=tuple(map(radians, (165.0, 110.0, 70.0, 160.0, 120.0, 400.0))),
     velocity=tuple(map(radians, (250.0, 250.0, 250.0, 320.0, 320.0, 420.0))),
@@ -35,7 +35,7 @@ IRB120_LIMITS = JointLimits(
 )
 
 
-def six_axis_configuration(position: Joints) -> Confdata:
+def _six_axis_configuration(position: Joints) -> Confdata:
     """RAPID's confdata of an IRB 120: quarter turns of axes 1, 4 and 6, and one of eight branches.
 
     The branch adds 4 where the wrist is behind axis 1, 2 where it is behind the lower arm, 1 where axis 5 is negative.
@@ -79,7 +79,7 @@ _ALIGNED = 1e-9  # [rad] of axis 5
 _TOOL0_AT_ZERO = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
 
 
-def _turn(axis: int, angle: float) -> Array:
+def _turn(axis: int, angle: float) -> _Array:
     vector = np.zeros((1, 3))
     vector[0, axis] = angle
     return np.asarray(rotations_about(vector)[0])
@@ -116,11 +116,11 @@ def irb120() -> KinematicArm:
         name="robot",
         axes=(1, 2, 3, 4, 5, 6),
         foot_to_world=ORIGIN,
-        limits=IRB120_LIMITS,
+        limits=_IRB120_LIMITS,
         home=(0.0, 0.0, 0.0, 0.0, radians(30.0), 0.0),
-        configuration=six_axis_configuration,
+        configuration=_six_axis_configuration,
         tool_speed=6.2,
         tool_acceleration=28.0,
-        find_postures=lambda tool0, _: _six_axis_postures(tool0, IRB120_LIMITS),
+        find_postures=lambda tool0, _: _six_axis_postures(tool0, _IRB120_LIMITS),
         spherical_wrist=4,
     )

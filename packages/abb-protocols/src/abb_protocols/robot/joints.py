@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, SupportsFloat, TypeVar
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 CHAIN_AXES = (1, 2, 7, 3, 4, 5, 6)
 JOINT_COUNT = len(CHAIN_AXES)
@@ -61,7 +61,7 @@ class Side(Enum):
         return f"ROB_{self.name[0]}"
 
 
-def by_side(right: T | None, left: T | None) -> dict[Side, T]:
+def by_side(right: _T | None, left: _T | None) -> dict[Side, _T]:
     """What there is for each arm; one that has None is left out."""
     return {side: each for side, each in ((Side.RIGHT, right), (Side.LEFT, left)) if each is not None}
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from abb_protocols.robot.joints import Joints, Pose, Quaternion, Side, Vector, rotate
 
 # The arm in its all-zero pose, in the foot frame: x forward, z along axis 1 [m].
-SHOULDER_HEIGHT = 0.166
+_SHOULDER_HEIGHT = 0.166
 SHOULDER_OFFSET = 0.030
 UPPER_ARM = 0.2515
 ELBOW_OFFSET = 0.0405
@@ -29,7 +29,7 @@ FLANGE = 0.036
 TURNS_ABOUT = (2, 1, 2, 1, 0, 1, 0)
 """The axis of the foot frame that each joint turns about in the all-zero pose: 0 x, 1 y, 2 z."""
 OFFSETS: tuple[Vector, ...] = (
-    (0.0, 0.0, SHOULDER_HEIGHT),
+    (0.0, 0.0, _SHOULDER_HEIGHT),
     (-SHOULDER_OFFSET, 0.0, 0.0),
     (SHOULDER_OFFSET, 0.0, 0.0),
     (ELBOW_OFFSET, 0.0, UPPER_ARM),
@@ -237,7 +237,7 @@ def _chain(position: Joints) -> tuple[Vector, Quaternion]:
     x, y = c * x - s * y + SHOULDER_OFFSET, s * x + c * y
     z += UPPER_ARM
     s, c = sin(a2), cos(a2)
-    x, z = c * x + s * z - SHOULDER_OFFSET, c * z - s * x + SHOULDER_HEIGHT
+    x, z = c * x + s * z - SHOULDER_OFFSET, c * z - s * x + _SHOULDER_HEIGHT
     s, c = sin(a1), cos(a1)
     shoulder = multiply(_about_z_then_y(a1, a2), _about_z_then_y(a7, a3))
     wrist = multiply(_about_x_then_y(a4, a5), _about_x_then_y(a6, pi / 2.0))

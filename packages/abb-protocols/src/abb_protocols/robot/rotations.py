@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from abb_protocols.robot.kinematics import quaternion_from_matrix
 
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 
-def cross(a: Array, b: Array) -> Array:
+def cross(a: _Array, b: _Array) -> _Array:
     """Cross products along the last axis, of few vectors in half of NumPy's time: a line takes thousands."""
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))
     a0, a1, a2, b0, b1, b2 = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
@@ -22,7 +22,7 @@ def cross(a: Array, b: Array) -> Array:
     return result
 
 
-def rotation_vectors(rotations: Array) -> Array:
+def rotation_vectors(rotations: _Array) -> _Array:
     """Axis times angle [rad] of rotations, (n, 3), for (n, 3, 3); the axis of a half turn is one of the two."""
     vector = 0.5 * np.stack(
         [
@@ -41,7 +41,7 @@ def rotation_vectors(rotations: Array) -> Array:
     return np.asarray(result)
 
 
-def rotations_about(vectors: Array) -> Array:
+def rotations_about(vectors: _Array) -> _Array:
     """Rotations, (n, 3, 3), of axis times angle [rad], (n, 3)."""
     angle = np.linalg.norm(vectors, axis=1)
     axis = vectors / np.maximum(angle, 1e-30)[:, None]
@@ -52,6 +52,6 @@ def rotations_about(vectors: Array) -> Array:
     return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
 
 
-def wrapped_angles(angles: Array) -> Array:
+def wrapped_angles(angles: _Array) -> _Array:
     """Angles [rad] from -π to π."""
     return np.asarray((angles + pi) % tau - pi)

@@ -41,7 +41,7 @@ from abb_protocols.robot.gripper_values import MAX_FORCE, TOP_SPEED, TRAVEL, Gri
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names, prefixed
 from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, quaternion_from_euler_zyx
 
-MATERIALS = {
+_MATERIALS = {
     "abb_white": "0.94 0.94 0.92 1",
     "abb_grey": "0.56 0.58 0.60 1",
     "abb_graphite": "0.22 0.23 0.25 1",
@@ -75,7 +75,7 @@ def robot_description(
         meshes: URL of the folder of the meshes that are shown, such as :data:`MESHES`; empty: the shapes that collide
             are shown, too, which every program can do.
     """
-    parts = [f'<material name="{name}"><color rgba="{rgba}"/></material>' for name, rgba in MATERIALS.items()]
+    parts = [f'<material name="{name}"><color rgba="{rgba}"/></material>' for name, rgba in _MATERIALS.items()]
     root, body = prefixed("yumi_base_link"), prefixed("yumi_body")
     parts.append(link_xml(root))
     parts.append(link_xml(body, BODY_MASS, _solids(BODY_SHAPES), "abb_grey", _visuals("body", meshes)))

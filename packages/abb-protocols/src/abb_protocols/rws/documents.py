@@ -26,7 +26,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, ProtocolError
 from abb_protocols.rws.values import code_meaning, code_name
 
-E = TypeVar("E", bound=Enum)
+_E = TypeVar("_E", bound=Enum)
 
 Pairs = tuple[tuple[str, str], ...]
 
@@ -63,7 +63,7 @@ def _text(raw: str) -> str:
     return unquote(_BLANK_PLUS.sub(" ", raw)) if "%" in raw or "+" in raw else raw
 
 
-def member(kind: type[E], text: str | int) -> E:
+def member(kind: type[_E], text: str | int) -> _E:
     """The member of ``kind`` with the value ``text``.
 
     Raises:
@@ -161,7 +161,7 @@ class RwsState:
         """Whether field ``name`` says yes: TRUE, On or active; False where it is missing."""
         return self.fields.get(name, "").strip().lower() in ("true", "on", "active", "1")
 
-    def member(self, kind: builtins.type[E], name: str) -> E:
+    def member(self, kind: builtins.type[_E], name: str) -> _E:
         """The member of ``kind`` that field ``name`` spells.
 
         Raises:

@@ -70,7 +70,7 @@ SET_INSTANCE = post(f"{_TYPE}/instances/{{instance}}", "set", needs="cfg", grant
 REMOVE_INSTANCE = delete(f"{_TYPE}/instances/{{instance}}", needs="cfg", grant=Grant.CFG_WRITE)
 
 
-def cfg_instance_of(state: RwsState) -> CfgInstance:
+def _cfg_instance_of(state: RwsState) -> CfgInstance:
     """An instance with the attributes in its list."""
     return CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
 
@@ -81,7 +81,7 @@ class ConfigurationService(Service):
     def cfg(self, domain: str, type: str) -> tuple[CfgInstance, ...]:
         """All instances of a configuration type, such as ``SIO`` and ``COM_TRP``."""
         states = self._listed(f"reading the configuration {domain}/{type}", INSTANCES, domain, type)
-        return tuple(cfg_instance_of(state) for state in states if state.type == "cfg-dt-instance-li")
+        return tuple(_cfg_instance_of(state) for state in states if state.type == "cfg-dt-instance-li")
 
     def set_cfg(self, domain: str, type: str, name: str, attributes: Mapping[str, str]) -> None:
         """Change attributes of an instance of the configuration; they act after the next restart."""
@@ -129,7 +129,7 @@ class ConfigurationService(Service):
     def cfg_instance(self, domain: str, type: str, name: str) -> CfgInstance:
         """One instance."""
         page = self._shown(f"reading {domain}/{type}/{name}", INSTANCE, domain, type, name)
-        return cfg_instance_of(page.one("cfg-dt-instance"))
+        return _cfg_instance_of(page.one("cfg-dt-instance"))
 
     def check_cfg_file(self, path: str, *, replace: bool = False) -> bool:
         """Whether a cfg file of the controller can be loaded."""

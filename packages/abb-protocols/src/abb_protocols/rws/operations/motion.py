@@ -29,10 +29,10 @@ from abb_protocols.rws.values import Coordinates, Grant, Increment, JogMode
 NO_AXIS = 8.9e9
 """9E9 and above stand for an axis that is not connected."""
 
-EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
+_EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
 """Fields of the external axes in pages of the motion system."""
 
-TURNS = ("j1", "j4", "j6", "jx")
+_TURNS = ("j1", "j4", "j6", "jx")
 """Quarter turns of axes 1, 4 and 6, and ABB's cfx, in most resources."""
 
 TURNS_OF_TARGET = ("cf1", "cf4", "cf6", "cfx")
@@ -44,15 +44,15 @@ _UNIT_OR_NONE = Spelling(
 )
 
 
-SixAxes = tuple[float, float, float, float, float, float]
-Configuration = tuple[int, int, int, int]
+_SixAxes = tuple[float, float, float, float, float, float]
+_Configuration = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
 class JointTarget:
     """Where a mechanical unit stands: axes 1-6 and external axes [deg], None where there is no axis."""
 
-    robax_deg: SixAxes
+    robax_deg: _SixAxes
     extax_deg: tuple[float | None, ...]
 
     def chain(self) -> Joints:
@@ -78,7 +78,7 @@ class RobTarget:
     """
 
     tool_to_object: Pose
-    configuration: Configuration
+    configuration: _Configuration
     external: tuple[float | None, ...] = ()
 
 
@@ -185,13 +185,13 @@ class Solution:
 # How positions are spelled
 
 
-def printed(value: float) -> str:
+def _printed(value: float) -> str:
     """A number as the controller prints it: seven digits, 9E+09 for what is not there."""
     return "9E+09" if value > NO_AXIS else f"{value:.7g}"
 
 
 def _pose_fields(
-    pose: Pose, spelled: Callable[[float], str] = printed, position: Iterable[str] = "xyz", orientation: str = "q"
+    pose: Pose, spelled: Callable[[float], str] = _printed, position: Iterable[str] = "xyz", orientation: str = "q"
 ) -> dict[str, str]:
     """A pose [mm]: names of the fields of its position, and what those of its orientation begin with."""
     lengths = {name: spelled(value * _MM) for name, value in zip(position, pose.position, strict=True)}
@@ -200,26 +200,26 @@ def _pose_fields(
 
 def _axes_fields(names: Sequence[str], angles: Sequence[float | None]) -> dict[str, str]:
     """Angles of external axes [deg]."""
-    return {name: "9E+09" if at is None else printed(at) for name, at in zip(names, angles, strict=True)}
+    return {name: "9E+09" if at is None else _printed(at) for name, at in zip(names, angles, strict=True)}
 
 
-def pose_of(state: RwsState) -> Pose:
+def _pose_of(state: RwsState) -> Pose:
     """Out of ``x`` to ``q4``."""
     x, y, z = (state.number(name) * 1e-3 for name in "xyz")
     w, i, j, k = (state.number(f"q{number}") for number in range(1, 5))
     return Pose((x, y, z), (w, i, j, k))
 
 
-def rob_target_of(state: RwsState) -> RobTarget:
+def _rob_target_of(state: RwsState) -> RobTarget:
     """A robtarget, as each of the services spells it."""
-    names = TURNS_OF_TARGET if "cf1" in state.fields else TURNS
+    names = TURNS_OF_TARGET if "cf1" in state.fields else _TURNS
     one, four, six, x = (state.whole(name) for name in names)
     found = [state.number(name) for name in state.fields if name.startswith(("eax", "ej"))]
     external = tuple(None if angle > NO_AXIS else radians(angle) for angle in found)
-    return RobTarget(pose_of(state), (one, four, six, x), external)
+    return RobTarget(_pose_of(state), (one, four, six, x), external)
 
 
-def joint_target_of(state: RwsState, robot: str, external: Sequence[str]) -> JointTarget:
+def _joint_target_of(state: RwsState, robot: str, external: Sequence[str]) -> JointTarget:
     """A jointtarget whose fields of the robot's axes begin with ``robot``."""
     a1, a2, a3, a4, a5, a6 = (state.number(f"{robot}{axis}") for axis in range(1, 7))
     found = [state.number(name) for name in external]
@@ -230,9 +230,9 @@ def joint_answer(type: str, robot: str, external: Sequence[str]) -> OperationAns
     """Axes of a unit; the fields of the robot's axes begin with ``robot``."""
     return OperationAnswer(
         (type,),
-        lambda state: joint_target_of(state, robot, external),
+        lambda state: _joint_target_of(state, robot, external),
         lambda at: (
-            {f"{robot}{axis}": printed(angle) for axis, angle in enumerate(at.robax_deg, 1)}
+            {f"{robot}{axis}": _printed(angle) for axis, angle in enumerate(at.robax_deg, 1)}
             | _axes_fields(external, at.extax_deg)
         ),
     )
@@ -242,7 +242,7 @@ def target_answer(type: str, turns: Sequence[str], external: Sequence[str]) -> O
     """A position with its configuration and, where they are named, the external axes."""
     return OperationAnswer(
         (type,),
-        rob_target_of,
+        _rob_target_of,
         lambda at: (
             _pose_fields(at.tool_to_object)
             | {name: str(value) for name, value in zip(turns, at.configuration, strict=True)}
@@ -253,15 +253,15 @@ def target_answer(type: str, turns: Sequence[str], external: Sequence[str]) -> O
     )
 
 
-def pose_answer(type: str) -> OperationAnswer[Pose]:
+def _pose_answer(type: str) -> OperationAnswer[Pose]:
     """A pose alone."""
-    return OperationAnswer((type,), pose_of, _pose_fields)
+    return OperationAnswer((type,), _pose_of, _pose_fields)
 
 
 def _read_calculated(state: RwsState) -> RobTarget:
     x, y, z = (state.number(f"position-{name}") for name in "xyz")
     w, i, j, k = (state.number(f"robtargetorientation-u{number}") for number in range(4))
-    one, four, six, last = (state.whole(f"quarter-rev-{name}") for name in TURNS)
+    one, four, six, last = (state.whole(f"quarter-rev-{name}") for name in _TURNS)
     external = tuple(state.number(name) for name in state.fields if name.startswith("extjoint-"))
     return RobTarget(Pose((x, y, z), (w, i, j, k)), (one, four, six, last), external)
 
@@ -274,7 +274,7 @@ def _write_calculated(at: RobTarget) -> Mapping[str, str]:
 
 
 def _turns_fields(configuration: Sequence[int]) -> dict[str, str]:
-    return {f"quarter-rev-{name}": str(value) for name, value in zip(TURNS, configuration, strict=False)}
+    return {f"quarter-rev-{name}": str(value) for name, value in zip(_TURNS, configuration, strict=False)}
 
 
 def _read_solution(state: RwsState) -> Solution:
@@ -357,17 +357,17 @@ FINE_CALIBRATE = post(_UNIT, "fine-calibrate", "axis", status=400, grant=_CALIBR
 UPDATE_REVOLUTION_COUNTER = post(_UNIT, "update-revcounter", "axis", status=400, grant=Grant.REVOLUTION_COUNTER_UPDATE)
 SET_POSITION = post(_UNIT, "mechunit-position", "rob_joint, ext_joint", status=400)
 
-PHYSICAL_JOINTS = get(f"{_UNIT}/pjoints").shows(joint_answer("ms-pjoints", "rax_", EXTERNAL_AXES))
+PHYSICAL_JOINTS = get(f"{_UNIT}/pjoints").shows(joint_answer("ms-pjoints", "rax_", _EXTERNAL_AXES))
 CARTESIAN = get(f"{_UNIT}/cartesian", f"{_TARGET}, elog-at-err=0|1").shows(
-    target_answer("ms-mechunit-cartesian", TURNS, ())
+    target_answer("ms-mechunit-cartesian", _TURNS, ())
 )
-ROBTARGET = get(f"{_UNIT}/robtarget", _TARGET).shows(target_answer("ms-robtargets", TURNS_OF_TARGET, EXTERNAL_AXES))
-JOINT_TARGET = get(f"{_UNIT}/jointtarget", "ignore=0|1").shows(joint_answer("ms-jointtarget", "rax_", EXTERNAL_AXES))
-BASE_FRAME = get(f"{_UNIT}/baseframe").shows(pose_answer("ms-mechunit-baseframe"))
+ROBTARGET = get(f"{_UNIT}/robtarget", _TARGET).shows(target_answer("ms-robtargets", TURNS_OF_TARGET, _EXTERNAL_AXES))
+JOINT_TARGET = get(f"{_UNIT}/jointtarget", "ignore=0|1").shows(joint_answer("ms-jointtarget", "rax_", _EXTERNAL_AXES))
+BASE_FRAME = get(f"{_UNIT}/baseframe").shows(_pose_answer("ms-mechunit-baseframe"))
 SET_BASE_FRAME = post(f"{_UNIT}/baseframe", "set", _FRAME, respects="cfg", status=202, grant=_CALIBRATE)
 AXES = get(f"{_UNIT}/axes").shows(single("ms-mechunit-axes", "axes", WHOLE))
 AXIS = get(_AXIS).shows(record("ms-axis", Axis))
-AXIS_POSE = get(_AXIS, resource="axis-pose").shows(pose_answer("ms-axis-pose"))
+AXIS_POSE = get(_AXIS, resource="axis-pose").shows(_pose_answer("ms-axis-pose"))
 SET_AXIS_POSE = post(_AXIS, "set-axispose", _FRAME, status=400, grant=_CALIBRATE)
 UPDATE_COMMUTATE = post(_AXIS, "update-commutate", status=400, grant=_CALIBRATE)
 UPDATE_SYNC_COUNTER = post(
@@ -547,7 +547,7 @@ class MotionService(Service):
     def jog_to(self, target: RobTarget) -> None:
         """Move the active unit to a position in its base, as jogging in GO_TO_POSITION does; RAPID must be stopped."""
         form: dict[str, object] = {**_pose_fields(target.tool_to_object, repr, ("pos_x", "pos_y", "pos_z"), "orient_q")}
-        form |= {f"config_{name}": turns for name, turns in zip(TURNS, target.configuration, strict=True)}
+        form |= {f"config_{name}": turns for name, turns in zip(_TURNS, target.configuration, strict=True)}
         external = [*target.external, *(None,) * 6][:6]
         form |= {
             f"extjoint_{number}": "9E+09" if angle is None else repr(degrees(angle))

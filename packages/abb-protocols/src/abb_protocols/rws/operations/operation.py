@@ -17,8 +17,8 @@ from abb_protocols.rws.operations.operation_answer import OperationAnswer
 from abb_protocols.rws.request import RwsRequest
 from abb_protocols.rws.values import Grant
 
-T = TypeVar("T")
-A = TypeVar("A")
+_T = TypeVar("_T")
+_A = TypeVar("_A")
 
 Values = Mapping[str, tuple[str, ...]]
 """Parameters by name, each with the texts it may be; none where any text may come."""
@@ -32,7 +32,7 @@ _PLACE = re.compile(r"\{(\w+)(?::[^{}]*)?\}")
 
 
 @dataclass(frozen=True, slots=True)
-class Operation(Generic[T]):
+class Operation(Generic[_T]):
     """One line of the table.
 
     Attributes:
@@ -63,12 +63,12 @@ class Operation(Generic[T]):
     needs_grant: Grant | None = None
     answer: OperationAnswer[Any] | None = None
 
-    def shows(self, answer: OperationAnswer[A]) -> Operation[A]:
+    def shows(self, answer: OperationAnswer[_A]) -> Operation[_A]:
         """The operation, answered like this."""
-        return cast("Operation[A]", replace(self, answer=answer))
+        return cast("Operation[_A]", replace(self, answer=answer))
 
     @property
-    def answered(self) -> OperationAnswer[T]:
+    def answered(self) -> OperationAnswer[_T]:
         """How its values are spelled; only for one that shows any."""
         assert self.answer is not None
         return self.answer
@@ -113,7 +113,7 @@ def _text(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value.value if isinstance(value, Enum) else value)
 
 
-def parameters(text: str) -> Values:
+def _parameters(text: str) -> Values:
     """The parameters that a line of a table writes as ``name, name=value|value``."""
     parts = (part.strip().partition("=") for part in text.split(",") if part.strip())
     return {name: tuple(allowed.split("|")) if allowed else () for name, _, allowed in parts}
@@ -129,7 +129,7 @@ def get(
     grant: Grant | None = None,
 ) -> Operation[Any]:
     """An operation that reads."""
-    url = parameters(query)
+    url = _parameters(query)
     return Operation("GET", path, action, resource=resource, query=url, status=status, needs_grant=grant)
 
 
@@ -146,7 +146,7 @@ def post(
     grant: Grant | None = None,
 ) -> Operation[Any]:
     """An operation that changes something; ``needs`` and ``respects`` are masterships."""
-    body, url = parameters(values), parameters(query)
+    body, url = _parameters(values), _parameters(query)
     return Operation(method, path, action, body, needs, respects, query=url, status=status, needs_grant=grant)
 
 
@@ -166,7 +166,7 @@ def absent(what: str, targets: str) -> tuple[Operation[Any], ...]:
     for target in targets.split("|"):
         method, _, rest = target.strip().partition(" ")
         path, _, query = rest.partition("?")
-        marks = parameters(query)
+        marks = _parameters(query)
         action, resource = (next(iter(marks.get(name, ())), None) for name in ("action", "resource"))
         free = {name: allowed for name, allowed in marks.items() if not allowed}
         found.append(Operation(method, path, action, resource=resource, query=free, lacks=what))

@@ -14,16 +14,16 @@ from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin, get_t
 
 from abb_protocols.rws.documents import Page, RwsLink, RwsState
 
-T = TypeVar("T")
-E = TypeVar("E", bound=Enum)
+_T = TypeVar("_T")
+_E = TypeVar("_E", bound=Enum)
 
 
 @dataclass(frozen=True, slots=True)
-class Spelling(Generic[T]):
+class Spelling(Generic[_T]):
     """How a value is read from the field of a name, or from several, and written to it."""
 
-    read: Callable[[RwsState, str], T]
-    write: Callable[[str, T], Mapping[str, str]]
+    read: Callable[[RwsState, str], _T]
+    write: Callable[[str, _T], Mapping[str, str]]
 
 
 TEXT = Spelling(RwsState.text, lambda name, value: {name: value})
@@ -46,13 +46,13 @@ def choice(true: str, false: str) -> Spelling[bool]:
     return Spelling(lambda state, name: state.text(name) == true, lambda name, value: {name: true if value else false})
 
 
-def one_of(kind: type[E]) -> Spelling[E]:
+def one_of(kind: type[_E]) -> Spelling[_E]:
     """A member of an enum by its value."""
     return Spelling(lambda state, name: state.member(kind, name), lambda name, value: {name: value.value})
 
 
 @dataclass(frozen=True, slots=True)
-class OperationAnswer(Generic[T]):
+class OperationAnswer(Generic[_T]):
     """The states of an answer, each with one value.
 
     Attributes:
@@ -61,19 +61,19 @@ class OperationAnswer(Generic[T]):
     """
 
     types: tuple[str, ...]
-    read: Callable[[RwsState], T]
-    write: Callable[[T], Mapping[str, str]]
+    read: Callable[[RwsState], _T]
+    write: Callable[[_T], Mapping[str, str]]
 
-    def of(self, page: Page) -> T:
+    def of(self, page: Page) -> _T:
         """The value of a page with one."""
         return self.read(page.one(*self.types))
 
-    def state(self, title: str, value: T, *links: RwsLink) -> RwsState:
+    def state(self, title: str, value: _T, *links: RwsLink) -> RwsState:
         """The state with a value."""
         return RwsState(self.types[0], title, self.write(value), links)
 
 
-def single(type: str, name: str, spelling: Spelling[T]) -> OperationAnswer[T]:
+def single(type: str, name: str, spelling: Spelling[_T]) -> OperationAnswer[_T]:
     """An answer with one field; ``type`` is ``type|type`` where some controllers show another one."""
     return OperationAnswer(
         tuple(type.split("|")),
@@ -91,7 +91,7 @@ def pair(type: str, first: str, second: str) -> OperationAnswer[tuple[int, int]]
     return single(type, "", spelling)
 
 
-def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> OperationAnswer[T]:
+def record(type: str, kind: type[_T], **spelled: tuple[str, Spelling[Any]]) -> OperationAnswer[_T]:
     """An answer with the fields of a dataclass, some spelled as given; ``type`` as for :func:`single`.
 
     What has a default may be missing where it is read.
@@ -101,14 +101,14 @@ def record(type: str, kind: type[T], **spelled: tuple[str, Spelling[Any]]) -> Op
         for name, (usual_name, usual, is_optional) in _spellings(kind).items()
     ]
 
-    def read(state: RwsState) -> T:
+    def read(state: RwsState) -> _T:
         found = {}
         for name, own, spelling, is_optional in parts:
             if not is_optional or own in state.fields:
                 found[name] = spelling.read(state, own)
         return kind(**found)
 
-    def write(value: T) -> Mapping[str, str]:
+    def write(value: _T) -> Mapping[str, str]:
         written: dict[str, str] = {}
         for name, own, spelling, _ in parts:
             written |= spelling.write(own, getattr(value, name))

@@ -10,7 +10,7 @@ from abb_protocols.rws.operations.operation_answer import record
 from abb_protocols.rws.operations.service import Service
 
 _QUEUE = "/rw/dipc/{queue}"
-LONGEST_MESSAGE = 444
+_LONGEST_MESSAGE = 444
 """Of a queue's message [byte]."""
 
 _MS = 1000.0
@@ -63,7 +63,7 @@ class QueuesService(Service):
         """One queue of this client."""
         return self._answer(f"reading the queue {name}", QUEUE, name)
 
-    def create_queue(self, name: str, size: int = 100, longest: int = LONGEST_MESSAGE) -> None:
+    def create_queue(self, name: str, size: int = 100, longest: int = _LONGEST_MESSAGE) -> None:
         """Make a queue to which RAPID tasks can send; it goes with the session.
 
         Args:

@@ -15,7 +15,7 @@ from abb_protocols.rws.documents import Page, Pairs, RwsState, read_page
 from abb_protocols.rws.operations.operation import Operation
 from abb_protocols.rws.request import BUSY, RwsReply, RwsRequest
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 OnProgress = Callable[[str], None]
 """Called with what is being done, in a few words."""
@@ -69,15 +69,15 @@ class Service(ABC):
         """The page that an operation is answered with."""
         return self._page(self._call(what, operation, *places, **arguments), what)
 
-    def _answer(self, what: str, operation: Operation[T], /, *places: str, **arguments: object) -> T:
+    def _answer(self, what: str, operation: Operation[_T], /, *places: str, **arguments: object) -> _T:
         """The value that an operation is answered with."""
         return operation.answered.of(self._shown(what, operation, *places, **arguments))
 
-    def _first(self, what: str, operation: Operation[T], /, *places: str, **arguments: object) -> T:
+    def _first(self, what: str, operation: Operation[_T], /, *places: str, **arguments: object) -> _T:
         """The value in the first state of the answer, whatever its type is."""
         return operation.answered.read(self._shown(what, operation, *places, **arguments).first)
 
-    def _answers(self, what: str, operation: Operation[T], /, *places: str, **arguments: object) -> tuple[T, ...]:
+    def _answers(self, what: str, operation: Operation[_T], /, *places: str, **arguments: object) -> tuple[_T, ...]:
         """The values of a list, on all its pages."""
         return tuple(map(operation.answered.read, self._listed(what, operation, *places, **arguments)))
 
