@@ -42,10 +42,10 @@ class OptionNumber(click.FloatRange):
 FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 NEW_FILE = click.Path(dir_okay=False, path_type=Path)
-GRIPPER_MODULES = click.Choice([modules.value for modules in GripperModules])
+_GRIPPER_MODULES = click.Choice([modules.value for modules in GripperModules])
 ARM = click.Choice(["right", "left"])
 ARMS = click.Choice(["right", "left", "both"])
-PORT = click.IntRange(1, MAX_PORT)
+_PORT = click.IntRange(1, MAX_PORT)
 SCALE = OptionNumber("factor", 0.01, 1.0, is_open=False)
 TIME = OptionNumber("time", 0.0, 3600.0, is_open=True)
 
@@ -123,7 +123,7 @@ def egm_port_options(left: int | None = None, right: int | None = None) -> Decor
         for word, port in (("right", right), ("left", left)):
             command = click.option(
                 f"--{word}-egm-port",
-                type=PORT,
+                type=_PORT,
                 default=port,
                 show_default=port is not None or OF_SETTINGS,
                 help=f"UDP port where the {word} arm's datagrams arrive.",
@@ -138,7 +138,7 @@ def gripper_options(command: Command) -> Command:
     for word in ("left", "right"):
         command = click.option(
             f"--{word}-gripper",
-            type=GRIPPER_MODULES,
+            type=_GRIPPER_MODULES,
             default="servo",
             show_default=True,
             help=f"Modules of the {word} gripper.",

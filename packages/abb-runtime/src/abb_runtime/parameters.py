@@ -241,16 +241,16 @@ class ParameterFile:
                 raise SettingsError(message("section_of_no_node", place=section.place, name=section.nodes, known=known))
 
 
-MAX_FILE = 256 * 1024
+_MAX_FILE = 256 * 1024
 """Longest file of settings [bytes]."""
 
-MAX_DEPTH = 20
+_MAX_DEPTH = 20
 """So many levels of mappings, lists and values a file may have."""
 
-MAX_NODES = 20_000
+_MAX_NODES = 20_000
 """So many keys and values a file may have; what an alias stands for counts each time."""
 
-MAX_NUMBER = 1000
+_MAX_NUMBER = 1000
 """Longest number [characters]."""
 
 _Read = TypeVar("_Read")
@@ -279,11 +279,11 @@ def read_mapping(path: Path) -> dict[str, Any]:
 def _read(path: Path, take: Callable[[_Document], _Read]) -> _Read:
     try:
         with path.open("rb") as file:
-            content = file.read(MAX_FILE + 1)
+            content = file.read(_MAX_FILE + 1)
     except OSError as error:
         raise SettingsError(message("settings_unreadable", file=str(path), reason=error.strerror)) from error
-    if len(content) > MAX_FILE:
-        raise SettingsError(message("settings_too_large", file=str(path), limit=MAX_FILE // 1024))
+    if len(content) > _MAX_FILE:
+        raise SettingsError(message("settings_too_large", file=str(path), limit=_MAX_FILE // 1024))
     try:
         return take(_Document(path.name, content.decode()))
     except UnicodeDecodeError as error:
@@ -345,9 +345,9 @@ class _Document(yaml.SafeLoader):
 
     def _extent(self, node: yaml.Node) -> tuple[int, int]:
         if isinstance(node, yaml.ScalarNode):
-            if len(node.value) > MAX_NUMBER and node.tag.endswith((":int", ":float")):
+            if len(node.value) > _MAX_NUMBER and node.tag.endswith((":int", ":float")):
                 raise SettingsError(
-                    message("number_too_long", place=self.place(node), length=len(node.value), limit=MAX_NUMBER)
+                    message("number_too_long", place=self.place(node), length=len(node.value), limit=_MAX_NUMBER)
                 )
             return 1, 1
         if node.tag not in _COLLECTIONS:
@@ -357,12 +357,12 @@ class _Document(yaml.SafeLoader):
         return 1 + sum(count for count, _ in inner), 1 + max((depth for _, depth in inner), default=0)
 
     def _check_extent(self, count: int, depth: int) -> None:
-        if depth > MAX_DEPTH:
+        if depth > _MAX_DEPTH:
             raise SettingsError(
-                message("settings_nested_too_deeply", file=self._file, line=self.line + 1, limit=MAX_DEPTH)
+                message("settings_nested_too_deeply", file=self._file, line=self.line + 1, limit=_MAX_DEPTH)
             )
-        if count > MAX_NODES:
-            raise SettingsError(message("too_many_settings", file=self._file, line=self.line + 1, limit=MAX_NODES))
+        if count > _MAX_NODES:
+            raise SettingsError(message("too_many_settings", file=self._file, line=self.line + 1, limit=_MAX_NODES))
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:

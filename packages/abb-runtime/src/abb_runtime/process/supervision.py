@@ -12,7 +12,7 @@ from threading import Thread, current_thread
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import MissingPrerequisite
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 FIRST_PAUSE = 0.1
 """The work begins again after this time [s]; the time doubles with each failure that follows soon."""
@@ -47,9 +47,9 @@ class Failures:
         self._counts[kind] += 1
         count = self._counts[kind]
         if count == 1:
-            log.error("%s failed with %s: %s", what, type(error).__name__, error, exc_info=error)
+            _log.error("%s failed with %s: %s", what, type(error).__name__, error, exc_info=error)
         elif count == 10 ** (len(str(count)) - 1):
-            log.error("%s has failed %d times with %s: %s", what, count, type(error).__name__, error)
+            _log.error("%s has failed %d times with %s: %s", what, count, type(error).__name__, error)
         else:
             return False
         return True

@@ -53,15 +53,15 @@ from abb_runtime.rws.session import RwsSession
 from abb_runtime.rws.transport import HttpTransport, Transport
 from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 DEFAULT_USER = "Default User"
 DEFAULT_PASSWORD = "robotics"  # every controller leaves the factory with it; it is no secret
-DEFAULT_TIMEOUT = 4.0  # [s]; a controller that switches many drives on takes up to one
+_DEFAULT_TIMEOUT = 4.0  # [s]; a controller that switches many drives on takes up to one
 
-RESTART_DEADLINE = 300.0
+_RESTART_DEADLINE = 300.0
 """Longest time a restart may take [s]; a YuMi's takes about a minute."""
 
 _RESTART_POLL = 1.0  # [s]
@@ -102,7 +102,7 @@ class RwsClient(
         *,
         user: str = DEFAULT_USER,
         password: str = DEFAULT_PASSWORD,
-        timeout: float = DEFAULT_TIMEOUT,
+        timeout: float = _DEFAULT_TIMEOUT,
         clock: Clock | None = None,
     ) -> None:
         self._clock = clock or SystemClock()
@@ -149,7 +149,7 @@ class RwsClient(
             self.log_out()
         except (NoConnection, LoginRefused, ProtocolError) as error:
             # The controller is gone; it forgets the session by itself after five minutes.
-            log.debug("no log out: %s", error)
+            _log.debug("no log out: %s", error)
         finally:
             self._session.close()
 
@@ -196,7 +196,7 @@ class RwsClient(
             try:
                 self._release(domain)
             except YumiError as error:  # what failed in the block says more
-                log.warning(
+                _log.warning(
                     "The mastership of %s may still be held, which locks the FlexPendant out: %s", domain, error
                 )
             raise
@@ -227,7 +227,7 @@ class RwsClient(
         self._accepted(reply, f"{method.upper()} {path}")
         return read_page(reply.headers.get("Content-Type", ""), reply.content) if reply.content else None
 
-    def perform(self, operation: Operation[T], /, *places: str, **arguments: object) -> T | None:
+    def perform(self, operation: Operation[_T], /, *places: str, **arguments: object) -> _T | None:
         """Any operation of :mod:`abb_protocols.rws.operations`; the value that it shows, or None where it shows none.
 
         Args:
@@ -244,7 +244,9 @@ class RwsClient(
         where, _, query = path.partition("?")
         return self._states(f"reading {where}", RwsRequest("GET", where, decode_form(query)))
 
-    def wait_for_restart(self, on_progress: OnProgress = lambda text: None, deadline: float = RESTART_DEADLINE) -> None:
+    def wait_for_restart(
+        self, on_progress: OnProgress = lambda text: None, deadline: float = _RESTART_DEADLINE
+    ) -> None:
         """Restart, wait until the controller is gone, and until it answers again.
 
         Args:
@@ -328,7 +330,7 @@ class RwsClient(
                     try:
                         subscription = subscribed()
                     except (NoConnection, LoginRefused, ControllerRefused, ProtocolError) as error:
-                        log.debug("not subscribed again yet: %s", error)
+                        _log.debug("not subscribed again yet: %s", error)
                         self._clock.wait(retry)
         finally:
             if subscription is not None:
@@ -445,14 +447,14 @@ class Subscription:
         try:
             self._session.exchange(table.DELETE.request(str(self._group)))
         except (NoConnection, LoginRefused, ProtocolError) as error:
-            log.debug("no end of a subscription: %s", error)
+            _log.debug("no end of a subscription: %s", error)
 
     def _pass_on(self, text: str) -> None:
         """Report the changes in a message; one that cannot be read ends nothing."""
         try:
             changes = read_changes(text, self._paths)
         except YumiError as error:
-            log.warning("a message of %s cannot be read: %s", self._session.address, error)
+            _log.warning("a message of %s cannot be read: %s", self._session.address, error)
             return
         for change in changes:
             self._on_change(change)

@@ -5,7 +5,7 @@
   login.
 * A request that only reads is repeated, at most twice, when the connection breaks or the controller is busy (503).
 * Any other request is never repeated after it may have been carried out.
-* The content of a file may take longer than the timeout, as long as it goes on (``LONGEST_TRANSFER``).
+* The content of a file may take longer than the timeout, as long as it goes on (``_LONGEST_TRANSFER``).
 * Requests keep the rate a controller asks for; waiting for it is not part of a request's timeout.
 * One request at a time; but one that a peer lets wait delays another one only shortly: that goes on a second
   connection, which belongs to the same session (reference/rws.md §2.2: cookies hold on every connection).
@@ -35,7 +35,7 @@ from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
 
-LONGEST_TRANSFER = 600.0
+_LONGEST_TRANSFER = 600.0
 """Longest time a file may take [s], however steadily it goes or comes."""
 
 _UNAUTHORIZED = 401
@@ -49,7 +49,7 @@ _REALM = re.compile(r'realm="([^"]*)"')
 # would make the next requests longer than the controller reads.
 _COOKIE = re.compile(rf"({SESSION_COOKIE}|{CONNECTION_COOKIE})=([!-:<-~]{{1,256}})\s*(?:;|$)")
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 class RateLimit:
@@ -125,7 +125,7 @@ class RwsSession:
         with self._turn():
             deadline = ExchangeDeadline(self._clock.now() + self._timeout)
             if request.is_transfer:
-                deadline = ExchangeDeadline(self._clock.now() + LONGEST_TRANSFER, self._timeout)
+                deadline = ExchangeDeadline(self._clock.now() + _LONGEST_TRANSFER, self._timeout)
             repeats = _REPEATS if request.is_repeatable else 0
             while True:
                 try:

@@ -19,9 +19,9 @@ from abb_runtime.process.supervision import no_thread, start_thread
 NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE)
 """The errors of an operating system that permits no further socket."""
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
-HEARTBEAT = 10.0
+_HEARTBEAT = 10.0
 """Time between two pings on a WebSocket [s]; without an answer within half of it, the connection is lost."""
 
 _CLOSE_TIMEOUT = 0.3  # [s]; websockets waits so long for the peer, twice: its answer, then its end of the connection
@@ -97,8 +97,8 @@ class WebSocket:
                     proxy=None,
                     open_timeout=max(0.0, timeout - (monotonic() - begin)),
                     close_timeout=_CLOSE_TIMEOUT,
-                    ping_interval=HEARTBEAT,
-                    ping_timeout=HEARTBEAT / 2,
+                    ping_interval=_HEARTBEAT,
+                    ping_timeout=_HEARTBEAT / 2,
                     max_size=_MAX_TEXT,
                 )
             )
@@ -147,7 +147,7 @@ class WebSocket:
             if end.rcvd is not None:
                 reason = message("websocket_closed", address=self._address, number=int(end.rcvd.code))
         except Exception as error:
-            log.error("what listens to %s failed: %s", self._address, error, exc_info=error)
+            _log.error("what listens to %s failed: %s", self._address, error, exc_info=error)
         self._connection.close()
         if not self._is_closed:
             self._is_closed = True
