@@ -64,10 +64,10 @@ class _Periods:
     changes: float
 
 
-REAL = _Periods(joints=0.5, pointers=1.0, tasks=2.0, panel=5.0, log=2.5, changes=10.0)
+_REAL = _Periods(joints=0.5, pointers=1.0, tasks=2.0, panel=5.0, log=2.5, changes=10.0)
 """Five requests a second, of the twenty that a controller permits to all of its clients."""
 
-VIRTUAL = _Periods(joints=0.033, pointers=0.1, tasks=0.25, panel=1.0, log=0.5, changes=1.0)
+_VIRTUAL = _Periods(joints=0.033, pointers=0.1, tasks=0.25, panel=1.0, log=0.5, changes=1.0)
 
 
 class PointerReport(msgspec.Struct, frozen=True):
@@ -229,7 +229,7 @@ class ControllerReader:
         self._last_event = 0
         self._last_lines: dict[str, int] = {}
         self._turns = {kind: count() for kind in ("pointers", "changes")}
-        periods = VIRTUAL if self.is_virtual else REAL
+        periods = _VIRTUAL if self.is_virtual else _REAL
         self._readings = [
             *(
                 _Reading(

@@ -12,7 +12,7 @@ from abb_protocols.catalogue import Message
 from abb_view.controller_reader import ControllerReader, LogLine, LogMessage
 from abb_view.page_server import said_of
 
-LINES = 200
+_LINES = 200
 """So many lines of the log are kept for a page that is opened later."""
 
 _RECONNECT = 1.0  # [s]
@@ -46,7 +46,7 @@ class ControllerView:
         on_change: Callable[[], None],
     ) -> None:
         self.why_not: Message | None = None
-        self.lines: deque[LogLine] = deque(maxlen=LINES)
+        self.lines: deque[LogLine] = deque(maxlen=_LINES)
         self.reader = reader
         self._program, self._reopen = program, reopen
         self._on_state, self._on_log, self._on_change = on_state, on_log, on_change

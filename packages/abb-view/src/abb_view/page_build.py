@@ -30,16 +30,16 @@ from abb_protocols.errors import MissingPrerequisite
 SHELL = Path(__file__).with_name("shell")
 """The sources of the shell, on which every page is built."""
 
-OLDEST_NODE = 20
-PLAIN = (".html", ".css")
+_OLDEST_NODE = 20
+_PLAIN = (".html", ".css")
 """The endings of a page's files that are served as they are."""
 
-TOOLS = ("package.json", "package-lock.json", "tsconfig.json", "shell.css")
+_TOOLS = ("package.json", "package-lock.json", "tsconfig.json", "shell.css")
 """The files of the shell that every page has."""
 
 _NOT_WAITING = ("--no-audit", "--no-fund", "--prefer-offline", "--fetch-retries=1", "--fetch-retry-mintimeout=1000")
 
-Report = Callable[[str], None]
+_Report = Callable[[str], None]
 """Takes a sentence on what is done next."""
 
 
@@ -61,7 +61,7 @@ class _NodeJs(NamedTuple):
     npm: tuple[str, ...]
 
 
-def page_folder(page: PageSources, report: Report = lambda sentence: None) -> Path:
+def page_folder(page: PageSources, report: _Report = lambda sentence: None) -> Path:
     """The built page; it is built first where there is none of these sources.
 
     Raises:
@@ -70,7 +70,7 @@ def page_folder(page: PageSources, report: Report = lambda sentence: None) -> Pa
     return page.packaged if page.packaged.exists() else built(page, report)
 
 
-def built(page: PageSources, report: Report = lambda sentence: None) -> Path:
+def built(page: PageSources, report: _Report = lambda sentence: None) -> Path:
     """The page built from these sources; raises as :func:`page_folder`."""
     site = _home(page) / f"page-{_digest(_sources(page))}"
     if site.exists():
@@ -83,7 +83,7 @@ def built(page: PageSources, report: Report = lambda sentence: None) -> Path:
                 own = Path(folder) / "site"
                 shutil.copytree(workshop.folder / "site", own)
                 for name in _sources(page):
-                    if name.endswith(PLAIN):
+                    if name.endswith(_PLAIN):
                         shutil.copy(workshop.folder / name, own)
                 # three.js is in app.js, and its licence asks to go with it.
                 shutil.copy(workshop.folder / "node_modules" / "three" / "LICENSE", own / "LICENSE-three")
@@ -109,7 +109,7 @@ class _Workshop(NamedTuple):
 
 
 @contextmanager
-def _workshop(page: PageSources, report: Report) -> Iterator[_Workshop]:
+def _workshop(page: PageSources, report: _Report) -> Iterator[_Workshop]:
     """The sources beside their packages; one process at a time has it."""
     folder = _home(page) / "page-work"
     try:
@@ -151,7 +151,7 @@ def _home(page: PageSources) -> Path:
 
 def _sources(page: PageSources) -> dict[str, Path]:
     """All files that a page and its tests are made from, by their names in the workshop."""
-    found = {name: SHELL / name for name in TOOLS}
+    found = {name: SHELL / name for name in _TOOLS}
     found |= {f"abb-view/{file.name}": file for file in SHELL.glob("*.ts")}
     for folder in (page.sources, page.sources / "src", page.sources / "tests"):
         found |= {file.relative_to(page.sources).as_posix(): file for file in _files(folder)}
@@ -169,7 +169,7 @@ def _digest(files: Mapping[str, Path]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _node(page: PageSources, report: Report) -> _NodeJs:
+def _node(page: PageSources, report: _Report) -> _NodeJs:
     node = _of_the_environment() or _on_path()
     clone = _clone(page)
     if node is None and clone is not None and _is_set_up(clone / ".venv"):
@@ -179,7 +179,7 @@ def _node(page: PageSources, report: Report) -> _NodeJs:
             importlib.invalidate_caches()
             node = _of_the_environment()
     if node is None:
-        raise MissingPrerequisite(message("page_without_node", oldest=OLDEST_NODE))
+        raise MissingPrerequisite(message("page_without_node", oldest=_OLDEST_NODE))
     return node
 
 
@@ -205,7 +205,7 @@ def _on_path() -> _NodeJs | None:
         return None
     done = subprocess.run([program, "--version"], capture_output=True, text=True, check=False)
     major = done.stdout.strip().lstrip("v").partition(".")[0]
-    return _NodeJs(Path(program).parent, (npm,)) if major.isdigit() and int(major) >= OLDEST_NODE else None
+    return _NodeJs(Path(program).parent, (npm,)) if major.isdigit() and int(major) >= _OLDEST_NODE else None
 
 
 def _run_npm(workshop: _Workshop, *arguments: str) -> str:

@@ -32,7 +32,7 @@ from abb_runtime.process.command_process import PAGE_READY
 from abb_runtime.udp import host_of_url, is_loopback
 from abb_view.robot_model import MESH_FOLDER
 
-ALL_ADDRESSES = ("0.0.0.0", "::")
+_ALL_ADDRESSES = ("0.0.0.0", "::")
 """To listen on all of this machine."""
 
 FORWARDED = ("Forwarded", "Via", "X-Forwarded-For", "X-Forwarded-Host", "X-Forwarded-Proto", "X-Real-IP")
@@ -142,10 +142,10 @@ def is_of_this_machine(request: web.Request) -> bool:
     return is_loopback(request.remote or "") and not any(each in request.headers for each in FORWARDED)
 
 
-AnyPage = TypeVar("AnyPage", bound=OpenPage)
+_AnyPage = TypeVar("_AnyPage", bound=OpenPage)
 
 
-class PageServer(ABC, Generic[AnyPage]):
+class PageServer(ABC, Generic[_AnyPage]):
     """Serves a page from :meth:`start` to :meth:`stop`, on the event loop of its caller.
 
     Args:
@@ -161,7 +161,7 @@ class PageServer(ABC, Generic[AnyPage]):
 
     def __init__(self, settings: PageSettings, program: str, files: Path, model: Mapping[str, Any]) -> None:
         self.port = settings.port
-        self.pages: set[AnyPage] = set()
+        self.pages: set[_AnyPage] = set()
         self._served, self._program, self._files = settings, program, files
         self._no_token = f"Open the page by the address with the token that `{program}` printed."
         self.draw(model)
@@ -176,15 +176,15 @@ class PageServer(ABC, Generic[AnyPage]):
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.5)
 
     @abstractmethod
-    def open_page(self, socket: web.WebSocketResponse, request: web.Request) -> AnyPage:
+    def open_page(self, socket: web.WebSocketResponse, request: web.Request) -> _AnyPage:
         """The page at the other end of a WebSocket."""
 
     @abstractmethod
-    def introduce(self, page: AnyPage) -> None:
+    def introduce(self, page: _AnyPage) -> None:
         """Send a page what it must know beside the state."""
 
     @abstractmethod
-    async def take(self, page: AnyPage, data: str) -> None:
+    async def take(self, page: _AnyPage, data: str) -> None:
         """Carry out a message of a page."""
 
     @abstractmethod
@@ -195,13 +195,13 @@ class PageServer(ABC, Generic[AnyPage]):
         """What pages that are opened from now on draw, see :mod:`abb_view.robot_model`."""
         self._model = msgspec.json.encode({"program": self._program, **model})
 
-    async def forget(self, page: AnyPage) -> None:
+    async def forget(self, page: _AnyPage) -> None:
         """A page was closed."""
 
     @property
     def url(self) -> str:
         """Where a browser finds it; by this machine's name where it listens on all addresses."""
-        host = platform.node() if self._served.host in ALL_ADDRESSES else self._served.host
+        host = platform.node() if self._served.host in _ALL_ADDRESSES else self._served.host
         host = f"[{host}]" if ":" in host else host
         # Behind a #, a browser sends it to no server.
         token = f"#token={self._served.token}" if self._served.token else ""
@@ -337,7 +337,7 @@ def page_tls(listen: str, product: str, show: Callable[[str], None]) -> ssl.SSLC
     """
     node = platform.node()
     own = node.partition(".")[0]
-    hosts = ["127.0.0.1", "::1", node, own, f"{own}.local", *(() if listen in ALL_ADDRESSES else (listen,))]
+    hosts = ["127.0.0.1", "::1", node, own, f"{own}.local", *(() if listen in _ALL_ADDRESSES else (listen,))]
     certificate = installation_certificate([host for host in hosts if host], product)
     show(f"Certificate of this installation, SHA-256 {certificate.fingerprint}")
     if certificate.is_new:
