@@ -9,7 +9,7 @@ from queue import Queue
 from threading import Thread
 from typing import TypeVar
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 
 class Background:
@@ -27,9 +27,9 @@ class Background:
         """Do nothing more; what is under way goes on."""
         self._work.put(None)
 
-    def submit(self, work: Callable[[], T]) -> Future[T]:
+    def submit(self, work: Callable[[], _T]) -> Future[_T]:
         """What ``work`` will have returned or raised."""
-        result: Future[T] = Future()
+        result: Future[_T] = Future()
         self._work.put(partial(_run_for, work, result))
         return result
 
@@ -39,7 +39,7 @@ class Background:
             del work  # a thread that waits holds nothing: what it held would be freed after the libraries it came from
 
 
-def _run_for(work: Callable[[], T], result: Future[T]) -> None:
+def _run_for(work: Callable[[], _T], result: Future[_T]) -> None:
     if not result.set_running_or_notify_cancel():  # the client is gone
         return
     try:

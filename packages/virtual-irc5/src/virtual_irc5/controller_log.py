@@ -10,7 +10,7 @@ from enum import Enum, auto
 from abb_protocols.errors import YumiError
 from abb_protocols.rws.values import EventType
 
-ALL_DOMAINS = 0
+_ALL_DOMAINS = 0
 _LOG_CAPACITY = 1000
 _DOMAIN_CAPACITY = 20
 
@@ -51,7 +51,7 @@ class ControllerEventLog:
         self._now = now
         self.watchers: list[Callable[[ControllerLogEvent], None]] = []
         self._last_number = 0
-        self._logs: dict[int, deque[ControllerLogEvent]] = {ALL_DOMAINS: deque(maxlen=_LOG_CAPACITY)}
+        self._logs: dict[int, deque[ControllerLogEvent]] = {_ALL_DOMAINS: deque(maxlen=_LOG_CAPACITY)}
 
     def append(
         self,
@@ -66,21 +66,21 @@ class ControllerEventLog:
         self._last_number += 1
         place = code // 10000 if domain is None else domain
         event = ControllerLogEvent(self._last_number, code, self._now(), type, place, title, description, arguments)
-        self._logs[ALL_DOMAINS].appendleft(event)
-        if place != ALL_DOMAINS:
+        self._logs[_ALL_DOMAINS].appendleft(event)
+        if place != _ALL_DOMAINS:
             self._logs.setdefault(place, deque(maxlen=_DOMAIN_CAPACITY)).appendleft(event)
         for watcher in tuple(self.watchers):
             watcher(event)
         return event
 
-    def entries(self, domain: int = ALL_DOMAINS) -> tuple[ControllerLogEvent, ...]:
+    def entries(self, domain: int = _ALL_DOMAINS) -> tuple[ControllerLogEvent, ...]:
         """Events of a domain, newest first; domain 0 has all."""
         return tuple(self._logs.get(domain, ()))
 
-    def clear(self, domain: int = ALL_DOMAINS) -> None:
+    def clear(self, domain: int = _ALL_DOMAINS) -> None:
         """Forget the events of a domain; domain 0 forgets all."""
-        if domain == ALL_DOMAINS:
-            self._logs = {ALL_DOMAINS: deque(maxlen=_LOG_CAPACITY)}
+        if domain == _ALL_DOMAINS:
+            self._logs = {_ALL_DOMAINS: deque(maxlen=_LOG_CAPACITY)}
         else:
             self._logs.pop(domain, None)
 

@@ -20,16 +20,16 @@ from abb_protocols.errors import SettingsError
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.subscriptions import Upgrade
 
-Handler = Callable[[HttpRequest], HttpReply | Upgrade | None]
+_Handler = Callable[[HttpRequest], HttpReply | Upgrade | None]
 """Answers with a reply, with a WebSocket, or with None: the connection is broken without an answer."""
 
-PING = 30.0
+_PING = 30.0
 """Period of the WebSocket's pings (reference/rws.md §14.2) [s]."""
 
-BodyLimit = Callable[[HttpRequest], int]
+_BodyLimit = Callable[[HttpRequest], int]
 """How long the body of a request may be [bytes], decided from its head; 0 leaves it unread."""
 
-BackgroundWork = Callable[[HttpRequest], "Future[object] | None"]
+_BackgroundWork = Callable[[HttpRequest], "Future[object] | None"]
 """Begins long work that a request needs; the handler is called when it is done. None for none."""
 
 _ORIGIN = re.compile(r"https?://[^/?]*", re.IGNORECASE)
@@ -59,12 +59,12 @@ class HttpServer:
 
     def __init__(
         self,
-        handler: Handler,
+        handler: _Handler,
         port: int,
         host: str = "127.0.0.1",
         *,
-        body_limit: BodyLimit = lambda request: _MAX_BODY,
-        prepare: BackgroundWork = lambda request: None,
+        body_limit: _BodyLimit = lambda request: _MAX_BODY,
+        prepare: _BackgroundWork = lambda request: None,
         tls: ssl.SSLContext | None = None,
     ) -> None:
         self.port = port
@@ -141,7 +141,7 @@ class HttpServer:
             await asyncio.wrap_future(preparation)
         answer = self._handler(incoming)
         if isinstance(answer, Upgrade):
-            websocket = web.WebSocketResponse(protocols=(answer.protocol,), heartbeat=PING, compress=False)
+            websocket = web.WebSocketResponse(protocols=(answer.protocol,), heartbeat=_PING, compress=False)
             for name, value in answer.headers:
                 websocket.headers.add(name, value)
             channel = _SocketChannel(websocket, request, self._calls)

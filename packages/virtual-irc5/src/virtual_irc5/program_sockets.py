@@ -13,9 +13,9 @@ import weakref
 
 from abb_runtime.udp import is_loopback
 
-LOOPBACK = "127.0.0.1"
+_LOOPBACK = "127.0.0.1"
 
-MOST_SOCKETS = 32
+_MOST_SOCKETS = 32
 """Sockets that are open at a time (RAPID reference manual, SocketCreate)."""
 
 _PEEKED = 65536  # bytes
@@ -31,7 +31,7 @@ class ProgramNetwork:
         count: how many sockets are open.
     """
 
-    def __init__(self, address: str = LOOPBACK) -> None:
+    def __init__(self, address: str = _LOOPBACK) -> None:
         self.address = address
         self.count = 0
 
@@ -54,8 +54,8 @@ class ProgramNetwork:
 
     def check_room(self) -> None:
         """Raise OSError where there are too many sockets."""
-        if self.count >= MOST_SOCKETS:
-            raise OSError(errno.ENOBUFS, f"{MOST_SOCKETS} sockets are open already")
+        if self.count >= _MOST_SOCKETS:
+            raise OSError(errno.ENOBUFS, f"{_MOST_SOCKETS} sockets are open already")
 
     def remote(self, address: str, port: int) -> tuple[str, int]:
         """Where a program's address leads to."""

@@ -40,7 +40,7 @@ from virtual_irc5.rws.subscriptions import SubscriptionChannel, Upgrade
 from virtual_irc5.rws.version_2 import ROBOTWARE_7, RwsService2
 from virtual_irc5.world import World, WorldSettings
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
@@ -181,7 +181,7 @@ class VirtualController:
             if sentence == self._last_fault and not controller.execution.is_running:  # in every cycle
                 return []
             self._last_fault = sentence
-            log.exception("A fault of the virtual controller stops RAPID.")
+            _log.exception("A fault of the virtual controller stops RAPID.")
             controller.events.append(20999, "System error", sentence, EventType.ERROR)
             with suppress(Exception):  # what is broken may be what stops
                 controller.execution.stop("RAPID has been stopped by a fault of the virtual controller.")
@@ -275,4 +275,4 @@ def _try_to_prepare(work: Callable[[], object]) -> None:
     try:
         work()
     except Exception as error:
-        log.info("A call could not be prepared (%s: %s); its answer says why.", type(error).__name__, error)
+        _log.info("A call could not be prepared (%s: %s); its answer says why.", type(error).__name__, error)

@@ -106,7 +106,7 @@ class InstalledRobot:
         return next(unit.name for unit in self.units if unit.side is side)
 
 
-YUMI = InstalledRobot(
+_YUMI = InstalledRobot(
     "yumi",
     "IRB 14000-0.5/0.5",
     "YuMi",
@@ -119,7 +119,7 @@ YUMI = InstalledRobot(
 ROBOTS: Mapping[str, InstalledRobot] = {
     robot.name: robot
     for robot in (
-        YUMI,
+        _YUMI,
         InstalledRobot(
             "irb14050",
             "IRB 14050-0.5/0.5",
@@ -182,7 +182,7 @@ class System:
     restored: tuple[str, ...] = ()
     modules: Mapping[str, tuple[str, ...]] | None = None
     is_factory: bool = False
-    robot: InstalledRobot = YUMI
+    robot: InstalledRobot = _YUMI
 
     def configuration(self) -> SystemConfiguration:
         """A stock robot's parameters, then these; raises SettingsError."""
@@ -196,7 +196,7 @@ class System:
         return configuration
 
 
-def delivered_system(robot: InstalledRobot = YUMI) -> System:
+def delivered_system(robot: InstalledRobot = _YUMI) -> System:
     """The state machine in both tasks of a YuMi; any other robot as it leaves the factory."""
     if not robot.is_yumi:
         return factory_system(robot)
@@ -206,7 +206,7 @@ def delivered_system(robot: InstalledRobot = YUMI) -> System:
     return System(tuple(cfg), {f"{HOME}yumi/{path.name}": path.read_bytes() for path in modules})
 
 
-def factory_system(robot: InstalledRobot = YUMI) -> System:
+def factory_system(robot: InstalledRobot = _YUMI) -> System:
     """A robot as it is delivered: no program, signals or devices of this package."""
     return System((), {}, is_factory=True, robot=robot)
 
@@ -258,7 +258,7 @@ def _bring_user(paths: Sequence[str], files: Mapping[str, bytes]) -> bool:
     return any(is_user_module(decoded_file_text(files[path])) for path in paths)
 
 
-def read_backup(folder: Path, robot: InstalledRobot = YUMI) -> System:
+def read_backup(folder: Path, robot: InstalledRobot = _YUMI) -> System:
     """What a backup of a robot's controller has.
 
     Raises:

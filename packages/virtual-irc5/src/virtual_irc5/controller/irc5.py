@@ -34,9 +34,9 @@ from virtual_irc5.rapid.states import Execution, SystemEvent
 from virtual_irc5.rapid.task import MOST_RETRIES, Task
 from virtual_irc5.system_parameters import SystemConfiguration
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
-RESTART_DELAY = 0.2
+_RESTART_DELAY = 0.2
 """The controller still answers for this time after a restart was requested [s]."""
 
 RESTART_TIME = 20.0
@@ -174,7 +174,7 @@ class Irc5:
                 self.execution.move_pp_to_main()
             except Refused as refused:  # what does not fit can be mended over RWS
                 self.events.append(40228, "Execution error", str(refused), EventType.ERROR)
-                log.warning("%s", refused)
+                _log.warning("%s", refused)
         self.execution.start_background()
         self.supervise()
 
@@ -350,7 +350,7 @@ class Irc5:
             discards_settings: whether the system parameters become those of the installation again (istart).
         """
         if self._restart_left <= 0.0:
-            self._restart_left, self._restart_time = RESTART_DELAY, duration
+            self._restart_left, self._restart_time = _RESTART_DELAY, duration
             self._discards_programs = discards_programs
             if discards_settings:
                 self.configuration.become(self.installed)
@@ -683,7 +683,7 @@ class Irc5:
                 except FileNotFoundError as error:
                     sentence = f"CAB_TASK_MODULES names a module of {each.name} that is missing: {error}"
                     self.events.append(40228, "Execution error", sentence, EventType.ERROR)
-                    log.warning("%s", sentence)
+                    _log.warning("%s", sentence)
             tasks.append(InstalledTask(task, each, host, unit))
         return tasks
 

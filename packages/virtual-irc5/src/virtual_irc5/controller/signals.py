@@ -60,7 +60,7 @@ are 1 while the motors are on."""
 _MOST_ACTORS = 5
 _DEEPEST_CROSS = 20  # connections that lead from one signal to the next, as on a controller
 
-OnChange = Callable[[str, float, float], None]
+_OnChange = Callable[[str, float, float], None]
 """Called with name, old and new value, before the write returns."""
 
 
@@ -103,7 +103,7 @@ class Signals:
         rejected: why cross connections of the configuration do nothing.
     """
 
-    def __init__(self, signals: Iterable[ControllerSignal], on_change: OnChange) -> None:
+    def __init__(self, signals: Iterable[ControllerSignal], on_change: _OnChange) -> None:
         self._signals = {signal.name.lower(): signal for signal in signals}
         self._on_change = on_change
         self._crosses: dict[str, list[CrossConnection]] = {}  # by actor

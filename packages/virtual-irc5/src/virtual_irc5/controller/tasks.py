@@ -36,7 +36,7 @@ from virtual_irc5.rapid.types import (
     Variable,
 )
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 _SCREEN_LINES = 200
 _NUMBERS: Mapping[Severity, tuple[int, EventType]] = {
@@ -551,7 +551,7 @@ class RapidExecution:
             arguments = task, event.error, f"/{event.module}/{event.routine}/{event.line}"
             text = f"{place}: {event.sentence}"
             self._events.append(40228, "Execution error", text, EventType.ERROR, arguments=arguments)
-            log.warning("%s", event.sentence)
+            _log.warning("%s", event.sentence)
         self._show_in_egm()
         reason = f"{task} has stopped: {event.sentence}"
         if not reporter.is_normal:

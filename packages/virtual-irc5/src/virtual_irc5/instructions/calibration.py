@@ -15,7 +15,7 @@ from virtual_irc5.instructions.robot_data import NOT_PRESENT, chain_from_jointta
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 from virtual_irc5.rapid.builtins.maths import fitted_circle
 
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 _LOWEST_RATIO = 1e-6  # of singular values; below, positions say too little
 _SHORTEST_MM = 1e-3
@@ -78,7 +78,7 @@ class CalibrationInstructions:
         point, rotation = self._place(call["RefTip"])
         there = point + rotation @ tip
 
-        def direction(name: str) -> Array:
+        def direction(name: str) -> _Array:
             """Of a point that is at the tip's place now, seen from the tip, in tool0."""
             at, turned = self._place(call[name])
             return np.asarray(turned.T @ (there - at) - tip)
@@ -94,7 +94,7 @@ class CalibrationInstructions:
         x = np.array(call["XPos"].trans) - tip if call.present("XPos") else np.array([1.0, 0.0, 0.0])
         self._set_tool(call, rot=_axes(call, np.array(call["ZPos"].trans) - tip, x))
 
-    def _place(self, target: Any) -> tuple[Array, Array]:
+    def _place(self, target: Any) -> tuple[_Array, _Array]:
         """Position [mm] and rotation of tool0 at a jointtarget."""
         kinematics = self._motion.arm.kinematics
         joints = chain_from_jointtarget(target, self._motion.arm.planned, kinematics.limits)
@@ -107,7 +107,7 @@ class CalibrationInstructions:
             raise call.error(FATAL, f"robhold of the tool has to be {str(is_held).upper()}.")
 
     @staticmethod
-    def _set_tool(call: Call, trans: Array | None = None, rot: Any = None) -> None:
+    def _set_tool(call: Call, trans: _Array | None = None, rot: Any = None) -> None:
         tool = call["Tool"]
         frame = tool.tframe
         if trans is not None:
@@ -134,7 +134,7 @@ class CalibrationInstructions:
             raise call.error("ERR_FRAME", f"the targets have no positions of the axis {axis}.")
         points = np.array([target.trans for target in targets])
 
-        def sense(centre: Array, normal: Array) -> float:
+        def sense(centre: _Array, normal: _Array) -> float:
             """Positive where the points go round the normal as the axis turns."""
             order = np.argsort(angles)
             first, second = points[order[0]] - centre, points[order[1]] - centre
@@ -191,7 +191,7 @@ class CalibrationInstructions:
         call.give("Accuracy", 100.0)
 
 
-def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+def _common_point(call: Call, places: Sequence[tuple[_Array, _Array]]) -> tuple[_Array, _Array]:
     """The point of tool0 that is in one place at all positions, and that place; writes the distances from it [mm]."""
     rows = np.concatenate([np.hstack([rotation, -np.eye(3)]) for _, rotation in places])
     wanted = -np.concatenate([point for point, _ in places])
@@ -204,7 +204,7 @@ def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Ar
     return tip, place
 
 
-def _axes(call: Call, z: Array, x: Array) -> Any:
+def _axes(call: Call, z: _Array, x: _Array) -> Any:
     """The orientation with the z axis in a direction, and x as near to another one as that allows."""
     length = float(np.linalg.norm(z))
     if length < _SHORTEST_MM:

@@ -25,10 +25,10 @@ from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
 from virtual_irc5.rapid.types import raised_as
 from virtual_irc5.system_parameters import SystemConfiguration
 
-MOST_IDENTITIES = 4
+_MOST_IDENTITIES = 4
 """EGM identities a task can hold at a time (reference/egm.md §4.8)."""
 
-FATAL = "ERR_EGM"
+_FATAL = "ERR_EGM"
 """Stops the program at once, as on the real controller; not registered, so that no error handler gets it."""
 
 _SENSOR_SIGNALS = ("R1x", "R2y", "R3z", "R4rx", "R5ry", "R6rz", "E1")
@@ -103,10 +103,10 @@ class EgmInstructions:
         """The same variable keeps its identity."""
         identities = self._unit.egm_identities
         name = call.reference("EGMid").name.lower()
-        if name not in identities and len(identities) >= MOST_IDENTITIES:
+        if name not in identities and len(identities) >= _MOST_IDENTITIES:
             self._events.append(41828, "Too many EGM instances", type=EventType.ERROR)
-            sentence = f"{MOST_IDENTITIES} EGM identities are in use; give one back with EGMReset (41828)."
-            raise call.error(FATAL, sentence)
+            sentence = f"{_MOST_IDENTITIES} EGM identities are in use; give one back with EGMReset (41828)."
+            raise call.error(_FATAL, sentence)
         identities.add(name)
         self._client.get_id()
 
@@ -124,11 +124,11 @@ class EgmInstructions:
     def setup_uc(self, call: Call) -> None:
         """Choose device and motion data."""
         if not call.present("Joint") and self._count == JOINT_COUNT:
-            raise call.error(FATAL, "a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
+            raise call.error(_FATAL, "a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
         if call.present("LATR"):
-            raise call.error(FATAL, "this virtual controller has no sensors that look ahead (\\LATR): use \\APTR.")
+            raise call.error(_FATAL, "this virtual controller has no sensors that look ahead (\\LATR): use \\APTR.")
         if call["MecUnit"].type != "TCPRobot":
-            raise call.error(FATAL, f"{call['MecUnit'].name} is not a TCP robot (41830).")
+            raise call.error(_FATAL, f"{call['MecUnit'].name} is not a TCP robot (41830).")
         name = call["UCDevice"]
         device = self._configuration.find("SIO", "COM_TRP", name.rstrip(":"))  # old programs write a colon behind it
         if device is None or device.attributes["Type"] != "UDPUC":
@@ -147,14 +147,14 @@ class EgmInstructions:
     def setup_signals(self, call: Call) -> None:
         """References [deg] from I/O signals, axis 7 from the first of E1 to E6."""
         if not call.present("Joint"):
-            raise call.error(FATAL, "signals guide the joints here: use \\Joint.")
+            raise call.error(_FATAL, "signals guide the joints here: use \\Joint.")
         if call["MecUnit"].type != "TCPRobot":
-            raise call.error(FATAL, f"{call['MecUnit'].name} is not a TCP robot (41830).")
+            raise call.error(_FATAL, f"{call['MecUnit'].name} is not a TCP robot (41830).")
         kind, task = call.name[-2:].lower(), call.task
         own = _SENSOR_SIGNALS[: self._count]
         names = [call[f"{kind}{each}"].name if call.present(f"{kind}{each}") else "" for each in own]
         if not any(names):
-            raise call.error(FATAL, "at least one signal has to be given.")
+            raise call.error(_FATAL, "at least one signal has to be given.")
         for name in filter(None, names):
             task.read_signal(name)  # raises where there is none, or its device is disabled
 
@@ -169,7 +169,7 @@ class EgmInstructions:
         name = call["ExtConfigName"]
         found = self._configuration.find("MOC", "EXT_MOTION_DATA", name)
         if found is None:
-            raise call.error(FATAL, f"there is no External Motion Interface Data '{name}'.")
+            raise call.error(_FATAL, f"there is no External Motion Interface Data '{name}'.")
         attributes = found.attributes
         return ExternalMotionData(
             level=int(attributes["ext_motion_level"]),
@@ -212,10 +212,10 @@ class EgmInstructions:
         self._events.append(41826, "EGM mode mismatch", type=EventType.ERROR)
         if self._count == JOINT_COUNT:
             raise RapidRuntimeError(
-                FATAL,
+                _FATAL,
                 "EGM moves a seven-axis arm by EGMActJoint and EGMRunJoint on RobotWare 6, not otherwise (41826).",
             )
-        raise call.error(FATAL, f"EGMSetupUC has chosen {self._guidance.value} (41826).")
+        raise call.error(_FATAL, f"EGMSetupUC has chosen {self._guidance.value} (41826).")
 
     def _ordered(self, axes: Sequence[Any]) -> tuple[Any, ...]:
         """One thing per axis in chain order."""
@@ -264,10 +264,10 @@ class EgmInstructions:
         client, path = self._client, self._unit.arm.path
         self._check_guidance(call, Guidance.PATH_CORRECTIONS)
         if not self._corrects_moves:
-            raise call.error(FATAL, "no path is corrected yet: use EGMActMove before.")
+            raise call.error(_FATAL, "no path is corrected yet: use EGMActMove before.")
         if self._level != _PATH_LEVEL:
             self._events.append(50452, "External Interface cyclic error", type=EventType.ERROR)
-            raise call.error(FATAL, f"the External Motion Interface Data needs the level {_PATH_LEVEL}, Path (50452).")
+            raise call.error(_FATAL, f"the External Motion Interface Data needs the level {_PATH_LEVEL}, Path (50452).")
         if not client.has_path:
             yield from self._standing(call)
         self._do(client.expect_path)
@@ -326,7 +326,9 @@ class EgmInstructions:
     def _running(self, call: Call, axes: tuple[bool, ...]) -> Wait:
         check_may_move(call)
         if not self._unit.has_moved:
-            raise call.error(FATAL, "EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before.")
+            raise call.error(
+                _FATAL, "EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."
+            )
         yield from self._standing(call)
         self._run = run = EgmRun(
             stop_mode=EgmStopMode(int(call["Mode"])),
@@ -345,14 +347,14 @@ class EgmInstructions:
         """The program's moves have to end in a fine point; EGM's own way to a stop is waited for."""
         arm = self._unit.arm
         if not arm.path.is_empty:
-            raise call.error(FATAL, "EGM has to begin in a fine point: end the move before it with zonedata fine.")
+            raise call.error(_FATAL, "EGM has to begin in a fine point: end the move before it with zonedata fine.")
         yield from standing(arm)
 
     @EGM.instruction("EGMWaitCond", _IDENTITY)
     def wait_cond(self, call: Call) -> Wait:
         r"""Until the run that was started with \NoWaitCond ends."""
         if self._run is None:
-            raise call.error(FATAL, "there was no EGMRunJoint to wait for.")
+            raise call.error(_FATAL, "there was no EGMRunJoint to wait for.")
         yield from self._until_over(call, self._run)
 
     @EGM.instruction("EGMStop", rf"{_IDENTITY}, egmstopmode Mode, \num RampOutTime")
@@ -379,7 +381,7 @@ class EgmInstructions:
             outcome = self._client.outcome
             if outcome is EgmOutcome.COMM_TIMEOUT and not run.is_waited:
                 # A program that did not wait cannot handle the error: the controller logs it.
-                raise RapidRuntimeError(FATAL, self._client.fault)
+                raise RapidRuntimeError(_FATAL, self._client.fault)
             self._check_sensor()
             if outcome in _FINAL_OUTCOMES or not self._client.resumes:
                 break
@@ -390,5 +392,5 @@ class EgmInstructions:
         yield from standing(self._unit.arm)
 
     def _do(self, action: Callable[[], None]) -> None:
-        with raised_as(FATAL, RobotNotReady):
+        with raised_as(_FATAL, RobotNotReady):
             action()

@@ -14,7 +14,7 @@ from virtual_irc5.mechanics.dynamics import ArmDynamics
 from virtual_irc5.mechanics.units import ArmUnit, unit_of
 from virtual_irc5.rapid import Call, Library
 
-MOST_CHANNELS = 12
+_MOST_CHANNELS = 12
 _LENGTH_OF_PATH = "length of the path"
 _STANDING = 1e-4  # [rad/s]: an axis that is slower does not move
 
@@ -121,8 +121,8 @@ class MeasurementInstructions:
         """A signal of an axis on a channel."""
         number, signal, unit = int(call["Channel"]), int(call["SignalId"]), self._named(call)
         arm = unit.arm
-        if not 1 <= number <= MOST_CHANNELS:
-            raise call.error("ERR_ARGVALERR", f"there are the channels 1 to {MOST_CHANNELS}.")
+        if not 1 <= number <= _MOST_CHANNELS:
+            raise call.error("ERR_ARGVALERR", f"there are the channels 1 to {_MOST_CHANNELS}.")
         index = self._axis(call, "Axis")
         reads: dict[int, Callable[[], float]] = {
             _TEST_SIGNALS["resolver_angle"]: lambda: arm.position[index],

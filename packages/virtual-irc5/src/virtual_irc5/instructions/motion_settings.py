@@ -21,7 +21,7 @@ from virtual_irc5.rapid.states import SystemEvent
 from virtual_irc5.rapid.task import task_of
 from virtual_irc5.rapid.types import raised_as
 
-STOP_MOVE = "StopMove"
+_STOP_MOVE = "StopMove"
 """Why an arm stands on its path: the program has stopped its movements."""
 
 _SMALLEST_FACTOR = 0.2  # of AccSet
@@ -335,7 +335,7 @@ class MotionSettingInstructions:
         """
         arms = self._arms(call)
         for arm in arms:
-            arm.path.hold(STOP_MOVE)
+            arm.path.hold(_STOP_MOVE)
         while not all(arm.is_stationary or arm.egm is not None for arm in arms):
             yield None
 
@@ -376,7 +376,7 @@ class MotionSettingInstructions:
                 sentence = f"{unit.task} is stopped, and its arm stays where it is until it is started."
                 raise call.error("ERR_PROGSTOP", sentence)
         for arm in [unit.arm for unit in units]:
-            arm.path.holds.discard(STOP_MOVE)
+            arm.path.holds.discard(_STOP_MOVE)
             with raised_as("ERR_STARTMOVE", RobotNotReady):
                 arm.follow_path()
 
@@ -392,7 +392,7 @@ class MotionSettingInstructions:
     def reset_stop(self, call: Call) -> None:
         """Forget a stop without going on now."""
         for arm in self._arms(call):
-            arm.path.holds.discard(STOP_MOVE)
+            arm.path.holds.discard(_STOP_MOVE)
 
     @SETTINGS.function("CSpeedOverride", r"\switch CTask", "num")
     def speed_override(self, call: Call) -> float:
@@ -457,13 +457,13 @@ class MotionSettingInstructions:
 
     @SETTINGS.function("IsStopMoveAct", r"\switch FromMoveTask | \switch FromNonMoveTask", "bool")
     def is_stopped(self, call: Call) -> bool:
-        return any(STOP_MOVE in arm.path.holds for arm in self._arms(call))
+        return any(_STOP_MOVE in arm.path.holds for arm in self._arms(call))
 
     @SETTINGS.instruction("ProcerrRecovery", r"\switch SyncOrgMoveInst | \switch SyncLastMoveInst, \switch ProcSignal")
     def recover(self, call: Call) -> Wait:
         """Stop the movements and let the error handler go on, with ERR_PATH_STOP."""
         arm = self._unit.arm
-        arm.path.hold(STOP_MOVE)
+        arm.path.hold(_STOP_MOVE)
         yield from standing(arm)
         raise RapidRuntimeError("ERR_PATH_STOP", "ProcerrRecovery has stopped the movements.")
 

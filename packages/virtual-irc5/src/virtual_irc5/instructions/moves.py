@@ -56,16 +56,16 @@ from virtual_irc5.rapid.task import task_of_argument
 from virtual_irc5.rapid.types import raised_as
 
 SpeedRatio = Callable[[], float]
-Build = Callable[[Joints, CornerZone], Leg]
+_Build = Callable[[Joints, CornerZone], Leg]
 """Plans a leg from joint positions [rad], after a zone."""
 
-TipPlace = tuple[NDArray[np.float64], NDArray[np.float64], float]
+_TipPlace = tuple[NDArray[np.float64], NDArray[np.float64], float]
 """Point [m], rotation and arm angle [rad] of the tool in the work object."""
 
 FATAL = "ERR_MOTION"
 """Stops the program at once; not registered, so that no error handler gets it."""
 
-MOST_CONCURRENT = 5
+_MOST_CONCURRENT = 5
 """Moves with Conc that may follow one another."""
 
 SPEED = r"speeddata Speed, \num V | \num T, zonedata Zone, \num Z, \stoppointdata Inpos"
@@ -192,13 +192,13 @@ class MoveInstructions:
     def move(self, call: Call) -> Wait:
         yield from self.passed(call, self.build(call))
 
-    def build(self, call: Call) -> Build:
+    def build(self, call: Call) -> _Build:
         """How a move is planned: by what follows Move, Trigg, Search or Contact in its name."""
         kind = _KIND.search(call.name)
         assert kind is not None, "it names a move"
         return _BUILDS[kind[1]](self, call)
 
-    def _absolute(self, call: Call) -> Build:
+    def _absolute(self, call: Call) -> _Build:
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames = self.frames(call["Tool"], call.get("WObj"), is_displaced=False)
         target = call["ToJointPos"]
@@ -222,7 +222,7 @@ class MoveInstructions:
         if call["ToJointPos"].extax[0] < NOT_PRESENT and self.arm.kinematics.reference is not None:
             yield from self.passed(call, self._external(call))
 
-    def _external(self, call: Call) -> Build:
+    def _external(self, call: Call) -> _Build:
         kinematics, zone = self.arm.kinematics, self.zone(call)
         frames = self.frames(call.task.library.value("tool0"), None)
         fastest, time = call["Speed"].v_reax, call.get("T", 0.0)
@@ -238,25 +238,25 @@ class MoveInstructions:
 
         return build
 
-    def _joint(self, call: Call) -> Build:
+    def _joint(self, call: Call) -> _Build:
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
         is_checked = self.unit.settings.checks_joints
 
         def build(start: Joints, entry: CornerZone) -> Leg:
-            end = posture(kinematics, target, frames, start, is_checked=is_checked)
+            end = _posture(kinematics, target, frames, start, is_checked=is_checked)
             return joint_leg(kinematics, start, end, frames, speed, zone, entry)
 
         return build
 
-    def _line(self, call: Call) -> Build:
+    def _line(self, call: Call) -> _Build:
         return self._along(call, line)
 
-    def _circle(self, call: Call) -> Build:
+    def _circle(self, call: Call) -> _Build:
         via, mode = self.target(call["CirPoint"]), self.unit.settings.circles
         return self._along(call, lambda here, there: circle(here, (via.point, via.rotation), there, mode))
 
-    def _along(self, call: Call, between: Callable[[TipPlace, TipPlace], Place]) -> Build:
+    def _along(self, call: Call, between: Callable[[_TipPlace, _TipPlace], Place]) -> _Build:
         """The tool moves on a path from where it is to the target."""
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
@@ -273,7 +273,7 @@ class MoveInstructions:
     def passed(
         self,
         call: Call,
-        build: Build,
+        build: _Build,
         added: Callable[[Passage], None] | None = None,
         offset: Offset | None = None,
     ) -> Generator[float | None, None, None]:
@@ -288,8 +288,8 @@ class MoveInstructions:
         check_may_move(call)
         path, is_concurrent = self.arm.path, bool(call.get("Conc", False))
         self._concurrent = self._concurrent + 1 if is_concurrent else 0
-        if self._concurrent > MOST_CONCURRENT:
-            raise call.error("ERR_CONC_MAX", rf"more than {MOST_CONCURRENT} moves with \Conc follow one another.")
+        if self._concurrent > _MOST_CONCURRENT:
+            raise call.error("ERR_CONC_MAX", rf"more than {_MOST_CONCURRENT} moves with \Conc follow one another.")
         try:
             passage = yield from self._added(call, build, offset)
             if added is not None:
@@ -305,7 +305,7 @@ class MoveInstructions:
             path.abandon()
             raise
 
-    def _added(self, call: Call, build: Build, offset: Offset | None) -> Generator[float | None, None, Passage]:
+    def _added(self, call: Call, build: _Build, offset: Offset | None) -> Generator[float | None, None, Passage]:
         """Plan a leg behind what is planned, and add it, with a corner where there is still time for one."""
         arm, path, unit = self.arm, self.arm.path, self.unit
         self._check_ready()
@@ -424,7 +424,7 @@ class MoveInstructions:
         """The jointtarget of a robtarget, in its configuration; raises ERR_ROBLIMIT, ERR_OUTSIDE_REACH."""
         kinematics = self.arm.kinematics
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["Rob_target"])
-        work = call.task.planning(lambda: posture(kinematics, target, frames, self.arm.planned, is_checked=True))
+        work = call.task.planning(lambda: _posture(kinematics, target, frames, self.arm.planned, is_checked=True))
         while not work.done():
             yield None
         call.give("ErrorNumber", 0.0)
@@ -468,7 +468,7 @@ class MoveInstructions:
         return MoveInstructions(unit, self._speed_ratio, self.events, self._units_of_tasks)
 
 
-_BUILDS: Mapping[str, Callable[[MoveInstructions, Call], Build]] = {
+_BUILDS: Mapping[str, Callable[[MoveInstructions, Call], _Build]] = {
     "AbsJ": MoveInstructions._absolute,
     "ExtJ": MoveInstructions._external,
     "J": MoveInstructions._joint,
@@ -477,7 +477,7 @@ _BUILDS: Mapping[str, Callable[[MoveInstructions, Call], Build]] = {
 }
 
 
-def _planned(arm: KinematicArm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, PathPiece | None]:
+def _planned(arm: KinematicArm, build: _Build, start: Joints, before: Leg | None) -> tuple[Leg, PathPiece | None]:
     """A leg, with the corner from the one before where there is room for one."""
     leg = build(start, STOP if before is None else before.zone)
     has_corner = before is not None and before.out < len(before.shares) - 1 and leg.into > 0
@@ -486,7 +486,7 @@ def _planned(arm: KinematicArm, build: Build, start: Joints, before: Leg | None)
     return leg, corner(arm, before, leg)
 
 
-def posture(arm: KinematicArm, target: MoveTarget, frames: LegFrames, near: Joints, *, is_checked: bool) -> Joints:
+def _posture(arm: KinematicArm, target: MoveTarget, frames: LegFrames, near: Joints, *, is_checked: bool) -> Joints:
     """The posture [rad] of a target: of its configuration, or the one nearest to ``near`` where that is not checked.
 
     Raises:
@@ -518,7 +518,7 @@ def posture(arm: KinematicArm, target: MoveTarget, frames: LegFrames, near: Join
     return min(fitting, key=lambda each: sum((a - b) ** 2 for a, b in zip(each, near, strict=True)))
 
 
-def place_of(arm: KinematicArm, position: Joints, frames: LegFrames) -> TipPlace:
+def place_of(arm: KinematicArm, position: Joints, frames: LegFrames) -> _TipPlace:
     """Where the tool is in the work object at joint positions [rad]."""
     joints = np.array([position])
     points, rotations = frames.tip(*arm.forward(joints))

@@ -22,8 +22,8 @@ from virtual_irc5.mechanics.path_geometry import Leg, MotionFault
 from virtual_irc5.mechanics.units import ArmUnit
 from virtual_irc5.rapid import Call, Library
 
-Array = NDArray[np.float64]
-MOST_GENERATORS = 5
+_Array = NDArray[np.float64]
+_MOST_GENERATORS = 5
 _CORRECTION_TIME = 0.08  # [s] in which most of a step is taken over
 _CORRECTION_SPEED = 0.01  # [m/s] of the path, below which corrections come more slowly, and at standstill not at all
 _NO_OFFSET = 1e-9  # [m]
@@ -33,7 +33,7 @@ _NO_OFFSET = 1e-9  # [m]
 class CorrectionGenerator:
     """What a corrdescr stands for; its offset [m] is None until it is connected."""
 
-    offset: Array | None = None
+    offset: _Array | None = None
 
 
 CORRECTIONS = Library(MOVES)
@@ -50,9 +50,9 @@ class PathCorrections:
         self._unit, self._events = unit, events
         self._generators: list[CorrectionGenerator] = []
         self._offset, self._rate = np.zeros(3), np.zeros(3)
-        self._point: Array | None = None
-        self._axes: Array | None = None
-        self._beside: Array | None = None  # corrected minus planned joint positions of the last cycle [rad]
+        self._point: _Array | None = None
+        self._axes: _Array | None = None
+        self._beside: _Array | None = None  # corrected minus planned joint positions of the last cycle [rad]
         self._has_failed = False
 
     # Generators ---------------------------------------------------------------------------------------------------
@@ -62,8 +62,8 @@ class PathCorrections:
         generator = call["Descr"]
         if generator in self._generators:
             return
-        if len(self._generators) >= MOST_GENERATORS:
-            raise call.error("CORR_NOFREE", f"{MOST_GENERATORS} generators are connected already.")
+        if len(self._generators) >= _MOST_GENERATORS:
+            raise call.error("CORR_NOFREE", f"{_MOST_GENERATORS} generators are connected already.")
         generator.offset = np.zeros(3)
         self._generators.append(generator)
         self.attach()
@@ -105,7 +105,7 @@ class PathCorrections:
             raise call.error("CORR_NOTCONN", f"{name} is not connected; use CorrCon before.")
         return generator
 
-    def total(self) -> Array:
+    def total(self) -> _Array:
         """The sum of all generators' offsets [m], (3,)."""
         offsets = (each.offset for each in self._generators if each.offset is not None)
         return sum(offsets, start=np.zeros(3))
@@ -169,7 +169,7 @@ class PathCorrections:
         self._beside = np.subtract(found, position)
         return found
 
-    def _reached(self, point: Array, rotation: Array, angle: float, leg: Leg, near: Joints) -> Joints | None:
+    def _reached(self, point: _Array, rotation: _Array, angle: float, leg: Leg, near: Joints) -> Joints | None:
         """The joint positions [rad] of the corrected place, None where there are none in the joints' range."""
         assert self._axes is not None, "it was found"
         kinematics = self._unit.arm.kinematics
@@ -183,7 +183,7 @@ class PathCorrections:
         position = tuple(found.tolist())
         return None if kinematics.limits.outside(position) is not None else position
 
-    def _returning(self, point: Array, leg: Leg, near: Joints, dt: float) -> Joints:
+    def _returning(self, point: _Array, leg: Leg, near: Joints, dt: float) -> Joints:
         """The joint positions [rad] on the way back to the path, where not even the correction before is in reach."""
         if self._beside is None:
             self._offset = np.zeros(3)

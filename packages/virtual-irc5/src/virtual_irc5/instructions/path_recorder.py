@@ -15,7 +15,7 @@ from virtual_irc5.instructions.moves import MOVES, MoveInstructions, standing
 from virtual_irc5.mechanics.path_geometry import CornerZone, Leg, LegSpeed, followed, retraced_leg
 from virtual_irc5.rapid import Call, Library, Wait
 
-MOST_RECORDED = 50_000  # positions: what is older is forgotten
+_MOST_RECORDED = 50_000  # positions: what is older is forgotten
 _RECORDED_STEP = radians(0.1)  # between two positions, of the axis that moves most
 _RECORDER = "path recorder"
 _OFFSET_SHARE = 0.1  # of the way: within it \ToolOffs is reached
@@ -88,8 +88,8 @@ class PathRecorder:
         moved = max(abs(a - b) for a, b in zip(here, positions[-1], strict=True)) if positions else _RECORDED_STEP
         if moved >= _RECORDED_STEP or (is_mark and moved > 0.0):
             positions.append(here)
-            if len(positions) > MOST_RECORDED:
-                del positions[: MOST_RECORDED // 2]
+            if len(positions) > _MOST_RECORDED:
+                del positions[: _MOST_RECORDED // 2]
                 self._recording += 1  # places that were marked before cannot be reached any more
 
     @RECORDER.instruction("PathRecMoveBwd", _WAY)

@@ -76,7 +76,7 @@ def _frame_through(p1: Vector, p2: Vector, p3: Vector, origin: float = 1.0) -> P
 
 
 @POSES.function("EulerZYX", r"\switch X | \switch Y | \switch Z, orient Rotation", "num")
-def angle_of_orientation(call: Call) -> float:
+def _angle_of_orientation(call: Call) -> float:
     """One of the three angles [deg]."""
     index = next((i for i, name in enumerate(("X", "Y", "Z")) if call.present(name)), None)
     if index is None:
@@ -85,12 +85,12 @@ def angle_of_orientation(call: Call) -> float:
 
 
 @POSES.function("DefFrame", r"pos NewP1, pos NewP2, pos NewP3, \num Origin", "pose")
-def frame_of_points(call: Call) -> Any:
+def _frame_of_points(call: Call) -> Any:
     return _rapid_in_mm(_frame_through(call["NewP1"], call["NewP2"], call["NewP3"], call.get("Origin", 1.0)))
 
 
 @POSES.function("DefDFrame", "pos OldP1, pos OldP2, pos OldP3, pos NewP1, pos NewP2, pos NewP3", "pose")
-def displacement_of_points(call: Call) -> Any:
+def _displacement_of_points(call: Call) -> Any:
     """What moves three points from where they were to where they are."""
     old, new = (_frame_through(*(call[f"{name}P{number}"] for number in (1, 2, 3))) for name in ("Old", "New"))
     return _rapid_in_mm(compose(new, inverse(old)))
@@ -101,7 +101,7 @@ def displacement_of_points(call: Call) -> Any:
     "robtarget TargetListOne{*}, robtarget TargetListTwo{*}, num TargetsInList, INOUT num MaxErr, INOUT num MeanErr",
     "pose",
 )
-def fitted_frame(call: Call) -> Any:
+def _fitted_frame(call: Call) -> Any:
     """The frame that fits best (least squares) between 3 to 10 points seen in both."""
     count = int(call["TargetsInList"])
     lists = [call["TargetListOne"], call["TargetListTwo"]]
@@ -121,7 +121,7 @@ def fitted_frame(call: Call) -> Any:
 
 
 @POSES.function("MirPos", r"robtarget Point, wobjdata MirPlane, \wobjdata WObj, \switch MirY", "robtarget")
-def mirrored_target(call: Call) -> Any:
+def _mirrored_target(call: Call) -> Any:
     r"""In the xy plane of a frame; the tool's x axis is mirrored with it, with \MirY its y axis."""
     target, plane = call["Point"], call["MirPlane"]
     plane_to_world = compose(_pose_in_mm(plane.uframe), _pose_in_mm(plane.oframe))
@@ -165,7 +165,7 @@ for _name, _signature, _returns, _compute in (
 
 
 @POSES.function("NOrient", "orient Rotation", "orient")
-def normalized(call: Call) -> Any:
+def _normalized(call: Call) -> Any:
     """The quaternion at length 1, which a cfg file's six digits may miss."""
     rotation = call["Rotation"]
     length = hypot(*rotation)

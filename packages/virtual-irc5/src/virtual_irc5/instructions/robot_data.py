@@ -98,7 +98,7 @@ ROBOT_DATA.formula("MaxExtReorientSpeed", "", "num", lambda: ROTATING_AXIS_DEG_S
 NOT_PRESENT = 9e9
 """What RAPID writes for an axis that is not there."""
 
-ROUNDING = 1e-6
+_ROUNDING = 1e-6
 """A num has seven digits: read back, a joint at its limit may lie this far beyond it [rad]."""
 
 JointTarget = tuple[tuple[float, ...], tuple[float, ...]]
@@ -163,7 +163,7 @@ def rapid_from_pose(pose: Pose) -> _RapidPose:
 
 
 def _within(value: float, low: float, high: float) -> float:
-    return min(max(value, low), high) if low - ROUNDING <= value <= high + ROUNDING else value
+    return min(max(value, low), high) if low - _ROUNDING <= value <= high + _ROUNDING else value
 
 
 _NOT_NORMALISED = 1e-2  # how far the length of a quaternion may be from 1

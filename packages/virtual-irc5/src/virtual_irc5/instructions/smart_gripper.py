@@ -38,13 +38,13 @@ _GRIP = r"\num holdForce, \num targetPos, \num posAllowance, \switch NoWait"
 # The first generation's, with its spelling (reference/statemachine.md).
 _OLD_GRIP = r"\num holdForce, \num targetPos, \num posAlowance, \switch NoWait, \switch NotLimitDriveForce"
 
-Method = TypeVar("Method", bound=Callable[..., Any])
+_Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
-def _of_channels(*names: str, signature: str = "", returns: str = "") -> Callable[[Method], Method]:
+def _of_channels(*names: str, signature: str = "", returns: str = "") -> Callable[[_Method], _Method]:
     """Register a method under each name with the number of each vacuum channel, which it finds in the call's name."""
 
-    def registered(method: Method) -> Method:
+    def registered(method: _Method) -> _Method:
         for name in (f"{name}{channel}" for name in names for channel in CHANNELS):
             register = GRIPPER.function(name, signature, returns) if returns else GRIPPER.instruction(name, signature)
             register(method)

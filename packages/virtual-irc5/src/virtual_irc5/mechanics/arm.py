@@ -19,13 +19,13 @@ from virtual_irc5.mechanics.load_supervision import LoadSupervision, Overload
 from virtual_irc5.mechanics.path import PathMotion
 from virtual_irc5.mechanics.servo import Servo, between
 
-IN_POSITION = 1e-5
+_IN_POSITION = 1e-5
 """Difference of planned and measured position at which the arm counts as standing [rad]."""
 
 STOPPED = "stopped"
 """Why an arm stands on its path: the program's execution was stopped."""
 
-PUSH_TIME = 0.8
+_PUSH_TIME = 0.8
 """So long does a push last: out and back [s]."""
 
 _PUSHED_JOINT = 3  # axis 3, the elbow: its place in the chain
@@ -77,7 +77,7 @@ class VirtualArm:
         if self._push_left <= 0.0:
             return self._servo.position
         position, limits = list(self._servo.position), self.model.limits
-        aside = position[_PUSHED_JOINT] + self._push * sin(pi * self._push_left / PUSH_TIME) ** 2
+        aside = position[_PUSHED_JOINT] + self._push * sin(pi * self._push_left / _PUSH_TIME) ** 2
         position[_PUSHED_JOINT] = max(limits.lower[_PUSHED_JOINT], min(limits.upper[_PUSHED_JOINT], aside))
         return tuple(position)
 
@@ -117,7 +117,7 @@ class VirtualArm:
     def is_stationary(self) -> bool:
         """Whether no motion is under way and the arm has settled (a RAPID fine point)."""
         return self._motion.is_finished and all(
-            abs(a - b) < IN_POSITION for a, b in zip(self.planned, self.position, strict=True)
+            abs(a - b) < _IN_POSITION for a, b in zip(self.planned, self.position, strict=True)
         )
 
     @property
@@ -153,7 +153,7 @@ class VirtualArm:
         """
         if not self._motors_on:
             raise CommandRefused("The motors are off, and the brakes hold the arm; switch the motors on first.")
-        self._push, self._push_left = by, PUSH_TIME
+        self._push, self._push_left = by, _PUSH_TIME
 
     def tune(self, gains: Mapping[int, float] | None = None) -> None:
         """Gains of position control (TuneServo) by index of the joint; 1 is the usual one, and that of all others."""

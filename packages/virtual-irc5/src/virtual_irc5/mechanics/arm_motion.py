@@ -17,7 +17,7 @@ from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, JointLimits, Jo
 class ArmModel:
     """The dynamics of one arm, those of a YuMi by default.
 
-    Its times under EGM are those measured on another robot, see :data:`IRB_6640`, rounded: with them and
+    Its times under EGM are those measured on another robot, see :data:`_IRB_6640`, rounded: with them and
     a limit of acceleration the published step times of a YuMi come out (:mod:`yumi_evaluation.virtual_time`). See
     reference/egm.md §6.5 for what is documented and what is a model.
 
@@ -58,20 +58,20 @@ class ArmModel:
         return self.delay + (self.filtering_delay if level > 0 else 0.0)
 
 
-IRB_6640 = ArmModel(JointLimits.unlimited(6), reference_delay=0.00375, delay=0.010, lag=0.006, supervises_load=False)
+_IRB_6640 = ArmModel(JointLimits.unlimited(6), reference_delay=0.00375, delay=0.010, lag=0.006, supervises_load=False)
 """How an IRB 6640 on an IRC5 follows, fitted to records of one: four starts and two turns under EGM at 250 Hz.
 
 The starts are met within 0.009° rms, the turns within 0.072° (docs/explanation/virtual-robot.md). Only the sum of delay
 and lag is in the records. Its limits are not: replace them by those of the arm.
 """
 
-ROBOTSTUDIO = ArmModel(JointLimits.unlimited(6), reference_delay=0.002, delay=0.0165, lag=0.006, supervises_load=False)
+_ROBOTSTUDIO = ArmModel(JointLimits.unlimited(6), reference_delay=0.002, delay=0.0165, lag=0.006, supervises_load=False)
 """How ABB's virtual controller follows, fitted to a record of one run of an IRB 6640: start and end of it.
 
 The start is met within 0.002° rms, the end within 0.023°. Its cycle is 4 ms.
 """
 
-MODELS: Mapping[str, ArmModel] = {"YuMi": ArmModel(), "IRB 6640": IRB_6640, "RobotStudio": ROBOTSTUDIO}
+MODELS: Mapping[str, ArmModel] = {"YuMi": ArmModel(), "IRB 6640": _IRB_6640, "RobotStudio": _ROBOTSTUDIO}
 """The sets of parameters by the robot they stand for."""
 
 

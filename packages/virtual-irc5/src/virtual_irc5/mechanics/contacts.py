@@ -16,14 +16,14 @@ from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Joints, Side, finger_names, joint_names, prefixed
 from abb_protocols.robot.urdf import robot_description
 
-ARMS_DEPTH = 0.003
+_ARMS_DEPTH = 0.003
 """Parts of both arms that overlap by less do not touch: the shapes are fitted to the outsides of covers [m]."""
 
-BODY_DEPTH = 0.030
+_BODY_DEPTH = 0.030
 """The same of an arm and the body, which at home are 7 mm apart: boxes stand for its rounded covers [m]."""
 
 _DEEPER = 0.001  # [m] parts that overlap already touch anew once they are deeper by this
-_MOVED = 0.004  # [rad] of all joints together; with less, no part has moved by more than ARMS_DEPTH
+_MOVED = 0.004  # [rad] of all joints together; with less, no part has moved by more than _ARMS_DEPTH
 _FINGERS_MOVED = 1e-4  # [m]
 
 # Which shapes MuJoCo compares, as bits.
@@ -132,6 +132,6 @@ class ContactDetector:
         found, depths = self._data.contact, dict[tuple[int, int], float]()
         for (one, other), distance in zip(found.geom.tolist(), found.dist.tolist(), strict=True):
             is_body = self._side_of[one] is None or self._side_of[other] is None
-            if distance < -(BODY_DEPTH if is_body else ARMS_DEPTH):
+            if distance < -(_BODY_DEPTH if is_body else _ARMS_DEPTH):
                 depths[one, other] = max(-distance, depths.get((one, other), 0.0))
         return depths

@@ -31,7 +31,7 @@ DRIVE_INERTIA: Joints = (0.10, 0.10, 0.05, 0.05, 0.01, 0.01, 0.01)
 Rotors of 1e-5, 5e-6 and 1e-6 kg m² behind gears of 100:1.
 """
 
-FULL_FRICTION_SPEED = 0.01
+_FULL_FRICTION_SPEED = 0.01
 """Speed above which friction no longer grows [rad/s]; below, it goes through zero without a jump."""
 
 
@@ -74,7 +74,7 @@ class ArmDynamics:
         data.qpos[:], data.qvel[:], data.qacc[:] = position, velocity, acceleration
         self._inverse(self._model, data)
         rows = zip(data.qfrc_inverse.tolist(), self._friction, velocity, strict=True)
-        return tuple([load + most * tanh(speed / FULL_FRICTION_SPEED) for load, most, speed in rows])
+        return tuple([load + most * tanh(speed / _FULL_FRICTION_SPEED) for load, most, speed in rows])
 
 
 @lru_cache(maxsize=8)  # nothing changes it, and it takes 1.5 ms

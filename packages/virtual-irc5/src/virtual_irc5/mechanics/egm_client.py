@@ -165,10 +165,10 @@ class EgmFailure:
     sentence: str
 
 
-FEEDBACK_AGE = 0.0045
+_FEEDBACK_AGE = 0.0045
 """How much older than its datagram a measured position is [s] (reference/egm.md §2.3)."""
 
-CLOCK_START = 28_800.0
+_CLOCK_START = 28_800.0
 """What the controller's clock shows at the first cycle: that of one switched on in the morning [s]."""
 
 _LIMIT_ROUNDING = 1e-4  # a reference in rounded degrees may lie this far beyond a limit in rounded radians [rad]
@@ -626,8 +626,8 @@ class EgmClient:
         arm, options = self._arm, self._options
         measured, planned = arm.position, arm.planned
         measured_pose = self._tool_pose(measured)
-        now = CLOCK_START + self._cycles * options.cycle_time
-        measured_time = now - FEEDBACK_AGE
+        now = _CLOCK_START + self._cycles * options.cycle_time
+        measured_time = now - _FEEDBACK_AGE
         utilization = 0.0 if arm.egm is None else arm.egm.utilization
         seqno = session.seqno
         session.seqno += 1

@@ -22,9 +22,9 @@ from virtual_irc5.mechanics.arm_motion import ArmModel, MotionState
 Band = tuple[float, float]
 """``egm_minmax``: lowest and highest difference from the reference that counts as converged [rad]."""
 
-Bands = tuple[Band, ...]
-Axes = tuple[bool, ...]
-ALL_AXES: Axes = (True,) * JOINT_COUNT
+_Bands = tuple[Band, ...]
+_Axes = tuple[bool, ...]
+_ALL_AXES: _Axes = (True,) * JOINT_COUNT
 
 
 class EgmStopMode(Enum):
@@ -34,7 +34,7 @@ class EgmStopMode(Enum):
     RAMP_DOWN = 1
 
 
-def same_egm_band(low: float, high: float) -> Bands:
+def same_egm_band(low: float, high: float) -> _Bands:
     """One convergence band [rad] for all joints."""
     return ((low, high),) * JOINT_COUNT
 
@@ -80,7 +80,7 @@ class EgmActivation:
     tool: Pose | None = None
     wobj: Pose | None = None
     frame: Pose | None = None
-    cond_min_max: Bands = DEFAULT_BANDS
+    cond_min_max: _Bands = DEFAULT_BANDS
     lp_filter: float | None = None
     sample_rate_ms: int = 4
     max_pos_deviation: float = radians(1000.0)
@@ -102,7 +102,7 @@ class EgmRun:
     """
 
     stop_mode: EgmStopMode = EgmStopMode.HOLD
-    axes: Axes = ALL_AXES
+    axes: _Axes = _ALL_AXES
     cond_time: float = 1.0
     ramp_in_time: float = 0.0
     ramp_out_time: float = 1.0

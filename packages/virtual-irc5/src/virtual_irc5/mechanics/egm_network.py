@@ -14,10 +14,10 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import CYCLE, Side
 from abb_runtime.faults import Fault, FaultDirection
 
-FORGED = {Fault.EGM_FORGE: 1, Fault.EGM_FORGE_OLD: -100, Fault.EGM_FORGE_AHEAD: 1000}
+_FORGED = {Fault.EGM_FORGE: 1, Fault.EGM_FORGE_OLD: -100, Fault.EGM_FORGE_AHEAD: 1000}
 """Sequence number of a forged datagram, minus that of the arm's last."""
 
-SINGLE = (Fault.EGM_STALE, *FORGED)
+SINGLE = (Fault.EGM_STALE, *_FORGED)
 """Faults that are one more datagram."""
 
 LASTING = (
@@ -32,7 +32,7 @@ LASTING = (
 )
 """Faults that change the datagrams for a time."""
 
-MOST_REMEMBERED = 1000
+_MOST_REMEMBERED = 1000
 """Datagrams of an arm that can be repeated."""
 
 _MS = 1e-3
@@ -86,7 +86,7 @@ class EgmNetwork:
         self._now = 0.0
         self._effects: dict[tuple[Fault, Side], _LastingFault] = {}
         self._once: dict[Side, list[_SingleFault]] = {side: [] for side in Side}
-        self._sent: dict[Side, deque[bytes]] = {side: deque(maxlen=MOST_REMEMBERED) for side in Side}
+        self._sent: dict[Side, deque[bytes]] = {side: deque(maxlen=_MOST_REMEMBERED) for side in Side}
         self._under_way: dict[tuple[FaultDirection, Side], list[tuple[float, bytes]]] = {}
         self._count = dict.fromkeys(Side, 0)
         self._reader, self._writer = SensorCodec(axes=7), RobotCodec()
@@ -165,7 +165,7 @@ class EgmNetwork:
         beside = [
             sent[-1 - int(one.amount)]
             if one.fault is Fault.EGM_STALE
-            else self._forged(sent[-1], one.amount, FORGED[one.fault])
+            else self._forged(sent[-1], one.amount, _FORGED[one.fault])
             for one in self._once[side]
         ]
         self._once[side].clear()

@@ -20,7 +20,7 @@ from abb_protocols.robot.joints import CYCLE, JointLimits, Joints
 from virtual_irc5.mechanics.arm_motion import MotionState
 from virtual_irc5.mechanics.path_geometry import Leg, LegSpeed, PathPiece
 
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 SMOOTHING = 12  # cycles
 
 PREFETCH = 0.193548
@@ -38,7 +38,7 @@ _SAME_TIME = 1e-9  # [s]
 _SHORTEST_LEG = 1e-4  # [m] of distance: of a leg to where the arm already is, which ends in no corner
 
 
-Offset = Callable[[], Array]
+Offset = Callable[[], _Array]
 """Reads where the arm is to be beside its path."""
 
 
@@ -149,12 +149,12 @@ class PathRun:
 
     limits: JointLimits
     acceleration: PathAcceleration
-    distance: Array
-    joints: Array
-    way: Array
-    turned: Array
-    tool_speed: Array
-    turn_speed: Array
+    distance: _Array
+    joints: _Array
+    way: _Array
+    turned: _Array
+    tool_speed: _Array
+    turn_speed: _Array
     possible: list[float] = field(default_factory=list)
     along: list[float] = field(default_factory=list)
     free: list[float] = field(default_factory=list)
@@ -365,7 +365,7 @@ class PathMotion:
         self._index = self._shown_index = 0
 
     @staticmethod
-    def _steps(piece: PathPiece) -> Array:
+    def _steps(piece: PathPiece) -> _Array:
         """Distances between the samples: the way of the tool, with its turns and those of the joints."""
         joints = np.max(np.abs(np.diff(piece.joints, axis=0)), 1)
         turn = _TURN_WEIGHT * np.diff(piece.turned)

@@ -23,7 +23,7 @@ from abb_protocols.robot.joints import ORIGIN, Joints, Pose
 from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
 from abb_protocols.robot.rotations import rotation_vectors, rotations_about
 
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 _SAMPLE_LENGTH = 0.004  # between two samples [m]: at a radius of 0.2 m the chord is 0.01 mm off
 _SAMPLE_TURN = 0.05  # the same of the tool and of joints [rad]
@@ -70,7 +70,7 @@ class LegFrames:
     wobj: Pose = ORIGIN
     robot_holds_tool: bool = True
 
-    def tool0(self, points: Array, rotations: Array) -> tuple[Array, Array]:
+    def tool0(self, points: _Array, rotations: _Array) -> tuple[_Array, _Array]:
         """Where tool0 is in the world when the tool is at poses in the object, (n, 3) [m] and (n, 3, 3)."""
         (tool, tool_turn), (wobj, wobj_turn) = _parts(self.tool), _parts(self.wobj)
         if self.robot_holds_tool:
@@ -79,7 +79,7 @@ class LegFrames:
         turned = tool_turn @ np.swapaxes(rotations, 1, 2) @ wobj_turn.T
         return tool - (turned @ (wobj + points @ wobj_turn.T)[..., None])[..., 0], turned
 
-    def tip(self, points: Array, rotations: Array) -> tuple[Array, Array]:
+    def tip(self, points: _Array, rotations: _Array) -> tuple[_Array, _Array]:
         """Where the tool is in the object when tool0 is at poses in the world."""
         (tool, tool_turn), (wobj, wobj_turn) = _parts(self.tool), _parts(self.wobj)
         if self.robot_holds_tool:
@@ -88,7 +88,7 @@ class LegFrames:
         return ((back @ (tool - points)[..., None])[..., 0] - wobj) @ wobj_turn, wobj_turn.T @ back @ tool_turn
 
 
-def _parts(pose: Pose) -> tuple[Array, Array]:
+def _parts(pose: Pose) -> tuple[_Array, _Array]:
     return np.array(pose.position), matrix(pose.orientation)
 
 
@@ -138,9 +138,9 @@ class PathPiece:
         speed: for the intervals between the samples.
     """
 
-    joints: Array
-    way: Array
-    turned: Array
+    joints: _Array
+    way: _Array
+    turned: _Array
     speed: LegSpeed
 
     def part(self, first: int, last: int) -> PathPiece:
@@ -151,7 +151,7 @@ class PathPiece:
         )
 
 
-Place = Callable[[Array], tuple[Array, Array, Array]]
+Place = Callable[[_Array], tuple[_Array, _Array, _Array]]
 """Points [m], rotations and arm angles [rad] of the tool in the object, at shares 0 to 1 of a leg, (n,)."""
 
 
@@ -171,7 +171,7 @@ class Leg:
 
     frames: LegFrames
     zone: CornerZone
-    shares: Array
+    shares: _Array
     piece: PathPiece
     place: Place | None
     into: int
@@ -182,7 +182,7 @@ class Leg:
         """Where it ends [rad]."""
         return tuple(self.piece.joints[-1].tolist())
 
-    def joints_at(self, shares: Array) -> Array:
+    def joints_at(self, shares: _Array) -> _Array:
         """Joint positions [rad] between the samples, (n, k)."""
         columns = [np.interp(shares, self.shares, column) for column in self.piece.joints.T]
         return np.stack(columns, 1)
@@ -211,7 +211,7 @@ def joint_leg(
     Raises:
         MotionRefused: a joint would leave its range.
     """
-    check_limits(arm, np.array([end]))
+    _check_limits(arm, np.array([end]))
     along = np.array(end) - np.array(start)
     coarse = np.linspace(0.0, 1.0, 17)
     way, _ = _distances(arm, np.array(start) + coarse[:, None] * along, frames)
@@ -227,19 +227,19 @@ def joint_leg(
     return Leg(frames, zone, shares, piece, None, into, out)
 
 
-def retraced_leg(arm: KinematicArm, joints: Array, frames: LegFrames, speed: LegSpeed) -> Leg:
+def retraced_leg(arm: KinematicArm, joints: _Array, frames: LegFrames, speed: LegSpeed) -> Leg:
     """Through positions that the arm has been at [rad], (n, k), to a stop."""
     way, turned = _distances(arm, joints, frames)
     piece = PathPiece(joints, way, turned, speed)
     return Leg(frames, STOP, np.linspace(0.0, 1.0, len(joints)), piece, None, 0, len(joints) - 1)
 
 
-def line(start: tuple[Array, Array, float], end: tuple[Array, Array, float]) -> Place:
+def line(start: tuple[_Array, _Array, float], end: tuple[_Array, _Array, float]) -> Place:
     """A straight line of the tool's point, with its orientation and the arm angle turning evenly."""
     (point, rotation, angle), (to, to_rotation, to_angle) = start, end
     turn = rotation_vectors((rotation.T @ to_rotation)[None])[0]
 
-    def place(shares: Array) -> tuple[Array, Array, Array]:
+    def place(shares: _Array) -> tuple[_Array, _Array, _Array]:
         rotations = rotation @ rotations_about(shares[:, None] * turn)
         return point + shares[:, None] * (to - point), rotations, angle + shares * (to_angle - angle)
 
@@ -247,9 +247,9 @@ def line(start: tuple[Array, Array, float], end: tuple[Array, Array, float]) -> 
 
 
 def circle(
-    start: tuple[Array, Array, float],
-    via: tuple[Array, Array],
-    end: tuple[Array, Array, float],
+    start: tuple[_Array, _Array, float],
+    via: tuple[_Array, _Array],
+    end: tuple[_Array, _Array, float],
     mode: CircleMode,
 ) -> Place:
     """An arc of the tool's point from start through ``via`` to end.
@@ -291,7 +291,7 @@ def circle(
         own = rotation_vectors((rotation.T @ to_rotation)[None])[0]
         turn = _with_turns(turn, own - sweep * (rotation.T @ normal))
 
-    def place(shares: Array) -> tuple[Array, Array, Array]:
+    def place(shares: _Array) -> tuple[_Array, _Array, _Array]:
         angles = shares[:, None] * sweep
         points = centre + np.cos(angles) * x + np.sin(angles) * y
         if mode is CircleMode.POINT:
@@ -307,7 +307,7 @@ def circle(
     return place
 
 
-def _with_turns(vector: Array, near: Array) -> Array:
+def _with_turns(vector: _Array, near: _Array) -> _Array:
     """The rotation vector of the same rotation, with as many whole turns as bring it near another one [rad]."""
     angle = float(np.linalg.norm(vector))
     axis = vector / angle if angle > _NO_LENGTH else near / max(float(np.linalg.norm(near)), _NO_LENGTH)
@@ -382,15 +382,15 @@ def corner(arm: KinematicArm, before: Leg, after: Leg) -> PathPiece:
         way, turned = _cumulated(np.linalg.norm(np.diff(points, axis=0), axis=1)), _cumulated(_turns(rotations))
     else:
         joints = before.joints_at(first) + after.joints_at(second) - after.piece.joints[0]
-        check_limits(arm, joints)
+        _check_limits(arm, joints)
         way, turned = _distances(arm, joints, after.frames)
     joints[0], joints[-1] = before.piece.joints[before.out], after.piece.joints[after.into]
     return PathPiece(joints, way, turned, before.piece.speed)
 
 
 def followed(
-    arm: KinematicArm, points: Array, rotations: Array, angles: Array, frames: LegFrames, start: Joints
-) -> Array:
+    arm: KinematicArm, points: _Array, rotations: _Array, angles: _Array, frames: LegFrames, start: Joints
+) -> _Array:
     """Joint positions [rad], (n, k), on a path of the tool.
 
     Raises:
@@ -408,16 +408,16 @@ def followed(
             raise MotionRefused(MotionFault.SINGULAR, sentence) from lost
         sentence = f"The {arm.name} does not reach {where}. Choose a target within reach."
         raise MotionRefused(MotionFault.OUT_OF_REACH, sentence) from lost
-    check_limits(arm, joints)
+    _check_limits(arm, joints)
     return joints
 
 
-def _is_aligned(wrist: Array) -> bool:
+def _is_aligned(wrist: _Array) -> bool:
     """Whether a wrist's middle axis [rad] comes to zero or changes its sign."""
     return bool(np.min(np.abs(wrist)) < _WRIST_MARGIN or np.any(wrist[:-1] * wrist[1:] < 0.0))
 
 
-def check_limits(arm: KinematicArm, joints: Array) -> None:
+def _check_limits(arm: KinematicArm, joints: _Array) -> None:
     """Raise MotionRefused where a sample, (n, k), is out of the joints' range."""
     lower, upper = np.array(arm.limits.lower), np.array(arm.limits.upper)
     beyond = np.maximum(lower - joints, joints - upper)
@@ -431,13 +431,13 @@ def check_limits(arm: KinematicArm, joints: Array) -> None:
     )
 
 
-def _shares(length: float, turn: float, joint_turn: float) -> Array:
+def _shares(length: float, turn: float, joint_turn: float) -> _Array:
     count = ceil(max(length / _SAMPLE_LENGTH, turn / _SAMPLE_TURN, joint_turn / _SAMPLE_TURN))
     return np.linspace(0.0, 1.0, max(4, min(_MOST_SAMPLES, count)) + 1)
 
 
 def _corner_shares(
-    shares: Array, way: Array, turned: Array, entry: CornerZone, zone: CornerZone
+    shares: _Array, way: _Array, turned: _Array, entry: CornerZone, zone: CornerZone
 ) -> tuple[float, float]:
     """Where the corner at the beginning ends, and where that at the end begins; each has half the leg at most."""
     by_way = float(way[-1]) > _NO_LENGTH
@@ -449,15 +449,15 @@ def _corner_shares(
     return float(np.interp(begin, measure, shares)), float(np.interp(total - leave, measure, shares))
 
 
-def _distances(arm: KinematicArm, joints: Array, frames: LegFrames) -> tuple[Array, Array]:
+def _distances(arm: KinematicArm, joints: _Array, frames: LegFrames) -> tuple[_Array, _Array]:
     """Way [m] and turn [rad] of the tool from the first of joint positions on, (n,) each."""
     points, rotations = frames.tip(*arm.forward(joints))
     return _cumulated(np.linalg.norm(np.diff(points, axis=0), axis=1)), _cumulated(_turns(rotations))
 
 
-def _turns(rotations: Array) -> Array:
+def _turns(rotations: _Array) -> _Array:
     return np.asarray(np.linalg.norm(rotation_vectors(np.swapaxes(rotations[:-1], 1, 2) @ rotations[1:]), axis=1))
 
 
-def _cumulated(steps: Array) -> Array:
+def _cumulated(steps: _Array) -> _Array:
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -22,13 +22,13 @@ from abb_protocols.robot.gripper_values import (
     ServoState,
 )
 
-FORCE_RATE = 100.0
+_FORCE_RATE = 100.0
 """Rate at which the motor builds up force against an obstacle [N/s]."""
 
-FINGER_LENGTH = 0.020
+_FINGER_LENGTH = 0.020
 """Distance after which an object that slides between the fingers is lost [m]."""
 
-GRAVITY = 9.81
+_GRAVITY = 9.81
 """[m/s²]"""
 
 
@@ -60,7 +60,7 @@ class Workpiece:
         """Acceleration with which it slides out of fingers that press with ``force`` [N]; 0 when it is held [m/s²]."""
         if self.mass == 0.0:
             return 0.0
-        return max(0.0, GRAVITY - 2.0 * self.friction * force / self.mass)
+        return max(0.0, _GRAVITY - 2.0 * self.friction * force / self.mass)
 
 
 class _Fingers:
@@ -104,20 +104,20 @@ class _Fingers:
             return 0.0
         self.opening, self.speed = stop, 0.0
         left = dt - needed
-        self.force = 0.0 if stop == target else min(force, self.force + FORCE_RATE * left)
+        self.force = 0.0 if stop == target else min(force, self.force + _FORCE_RATE * left)
         if self.force >= force > 0.0:  # at full force, an object that is too heavy slides out and is lost
             acceleration = 0.0 if self.workpiece is None else self.workpiece.slide(self.force)
             if acceleration == 0.0:
                 self._slid = self._sliding = 0.0
             self._slid += self._sliding * left + acceleration * left**2 / 2.0
             self._sliding += acceleration * left
-            if self._slid >= FINGER_LENGTH:
+            if self._slid >= _FINGER_LENGTH:
                 self.workpiece = None
         return left
 
 
-JOG_SPEED = 0.010
-STALL_TIME = 0.5
+_JOG_SPEED = 0.010
+_STALL_TIME = 0.5
 """How long a free move may push against an obstacle before it is an error [s]."""
 
 
@@ -156,7 +156,7 @@ class _FreeMove(_Action):
             self.end(ServoState.ACTION_COMPLETED)
             return left
         self._stalled += left
-        if self._stalled >= STALL_TIME:
+        if self._stalled >= _STALL_TIME:
             self.end(ServoState.ERROR)
         return 0.0
 
@@ -188,7 +188,7 @@ class _Jog(_Action):
         self._ends_at_standstill = ends_at_standstill
 
     def advance(self, fingers: _Fingers, dt: float) -> float:
-        left = fingers.drive(self._target, JOG_SPEED, MAX_FORCE, dt)
+        left = fingers.drive(self._target, _JOG_SPEED, MAX_FORCE, dt)
         if fingers.speed != 0.0 or not self._ends_at_standstill:
             return 0.0
         self.end(self.state)
@@ -225,13 +225,13 @@ DEEPEST = 25_000.0
 OPEN = 90_000.0
 """Pressure in a cup that sucks air [Pa]."""
 
-EVACUATION = 0.12
+_EVACUATION = 0.12
 """Time constant of evacuating a cup [s]."""
 
-VENTING = 0.25
+_VENTING = 0.25
 """Time constant of a cup that is left to itself, through the ejector [s]."""
 
-BLOW_OFF = 0.02
+_BLOW_OFF = 0.02
 """Time constant of a cup that is blown off [s]."""
 
 
@@ -280,18 +280,18 @@ class VacuumCup:
         """Let ``dt`` [s] pass."""
         if self.sucks:
             leak = 1.0 if self.under is None else self.under.leak
-            final, time_constant = DEEPEST + leak * (OPEN - DEEPEST), EVACUATION
+            final, time_constant = DEEPEST + leak * (OPEN - DEEPEST), _EVACUATION
         else:
-            final, time_constant = ATMOSPHERE, BLOW_OFF if self.blows else VENTING
+            final, time_constant = ATMOSPHERE, _BLOW_OFF if self.blows else _VENTING
         self.pressure = final + (self.pressure - final) * exp(-dt / time_constant)
 
 
 SETTLING_TIME = 0.5
-CALIBRATION_TIME = 0.5
+_CALIBRATION_TIME = 0.5
 CHANNELS = (1, 2)
 """Vacuum modules."""
 
-STALL_ERROR = 1
+_STALL_ERROR = 1
 """``hand_SysError`` when a free move meets an obstacle; the gripper's own numbers are not published."""
 
 
@@ -384,7 +384,7 @@ class VirtualGripper:
         if self._state is not ServoState.ERROR:
             self._error = 0
         elif self._error == 0:
-            self._error = STALL_ERROR
+            self._error = _STALL_ERROR
 
     # What happens to it
 
@@ -580,7 +580,7 @@ class VirtualGripper:
             self._zero = self._fingers.opening
             self.is_calibrated = True
 
-        return _GripperPause(ServoState.CALIBRATION, CALIBRATION_TIME, state_after=state_after, at_end=take_zero)
+        return _GripperPause(ServoState.CALIBRATION, _CALIBRATION_TIME, state_after=state_after, at_end=take_zero)
 
 
 def _check_position(position: float, limit: float) -> None:

@@ -242,8 +242,8 @@ class Connect(Node):
     trap: str
 
 
-Simple = Assignment | ProcedureCall | LateCall | Goto | Return | Raise | Exit | Retry | TryNext | Connect
-Statement = Simple | If | For | While | Test | Label
+_Simple = Assignment | ProcedureCall | LateCall | Goto | Return | Raise | Exit | Retry | TryNext | Connect
+Statement = _Simple | If | For | While | Test | Label
 Block = tuple[Statement, ...]
 
 

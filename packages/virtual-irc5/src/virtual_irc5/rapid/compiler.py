@@ -43,10 +43,10 @@ from virtual_irc5.rapid.types import (
     value_count,
 )
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 MOST_VALUES = 500_000  # of a task's data: 2 MB of num, less than a controller has
 CONSTANT_FRAME: Any = None  # constant expressions do not look at the frame
-WAIT_UNTIL = r"\switch InPos, bool Cond, \num MaxTime, \VAR bool TimeFlag, \num PollRate, " + VISUALIZE
+_WAIT_UNTIL = r"\switch InPos, bool Cond, \num MaxTime, \VAR bool TimeFlag, \num PollRate, " + VISUALIZE
 
 
 def compile_program(program: Program) -> None:
@@ -179,7 +179,7 @@ class Statements:
         self.scope.is_declaration = True
         initial = None
         try:
-            type_ = declared_type(self.expressions, datum)
+            type_ = _declared_type(self.expressions, datum)
             convert = type_.convert
             if datum.initial is not None:
                 initial = self.expressions.value(datum.initial, type_).evaluate
@@ -231,13 +231,13 @@ class Statements:
     def _statement(self, node: s.Statement) -> None:
         _COMPILERS[type(node)](self, node)
 
-    def _late(self, compile: Callable[[Statements], T]) -> Callable[[], T]:
+    def _late(self, compile: Callable[[Statements], _T]) -> Callable[[], _T]:
         """What names something that nothing declares, compiled where it is executed: a module may be loaded by then."""
         base, routine = self.scope.program, self.routine
         known, faults, in_handler = self.scope.locals, self.scope.faults, self.in_handler
-        compiled: tuple[Program, T] | None = None
+        compiled: tuple[Program, _T] | None = None
 
-        def late() -> T:
+        def late() -> _T:
             nonlocal compiled
             program = base.current()
             if compiled is None or compiled[0] is not program:
@@ -349,7 +349,7 @@ class Statements:
     def _wait_until(self, node: s.ProcedureCall) -> None:
         """WaitUntil: the condition, whatever it calls, is computed anew at each advance."""
         library = self.scope.program.library
-        instruction = LibraryRoutine("WaitUntil", library.formal(WAIT_UNTIL), None, lambda call: None, may_wait=False)
+        instruction = LibraryRoutine("WaitUntil", library.formal(_WAIT_UNTIL), None, lambda call: None, may_wait=False)
         conditions = [a for a in node.arguments if not a.is_optional]
         if len(conditions) != 1 or conditions[0].value is None:
             self.scope.refuse(node, "WaitUntil needs one condition")
@@ -552,7 +552,7 @@ def _failing(error: Unresolved) -> Step:
 # Declarations -----------------------------------------------------------------------------------------------------
 
 
-def declared_type(expressions: Expressions, datum: s.Data) -> Type:
+def _declared_type(expressions: Expressions, datum: s.Data) -> Type:
     """The type of a declared datum."""
     scope = expressions.scope
     type_ = scope.program.type_named(datum.type_name, scope.module, datum)
@@ -606,7 +606,7 @@ def link(program: Program, module: LoadedModule, variable: Variable, users: tupl
                 owner = next((m for m in (module, *program.modules.values()) if found in m.data), module)
                 link(program, owner, found, (*users, variable))
         expressions = Expressions(Scope(program, module))
-        type_ = declared_type(expressions, datum)
+        type_ = _declared_type(expressions, datum)
         _check_memory(program, module, datum, type_)
         if datum.initial is None:
             value = type_.default()

@@ -176,8 +176,8 @@ class DeviceDialog:
             ValueError: it is no answer to this question; nothing has changed.
         """
         if self.kind is DialogKind.TEXT:
-            if len(text) > LONGEST_TEXT:
-                raise ValueError(f"A text of the FlexPendant has up to {LONGEST_TEXT} characters, not {len(text)}.")
+            if len(text) > _LONGEST_TEXT:
+                raise ValueError(f"A text of the FlexPendant has up to {_LONGEST_TEXT} characters, not {len(text)}.")
             self.answer = text
         elif self.kind is DialogKind.NUMBER:
             self.answer = self._number(text)
@@ -202,7 +202,7 @@ class DeviceDialog:
         return value
 
 
-LONGEST_TEXT = 80  # characters
+_LONGEST_TEXT = 80  # characters
 
 
 def _chosen(text: str, choices: tuple[Choice, ...]) -> float:
@@ -214,7 +214,7 @@ def _chosen(text: str, choices: tuple[Choice, ...]) -> float:
     raise ValueError(f"There is no choice {text!r}; there is: {known}.")
 
 
-MOST_DIALOGS = 50
+_MOST_DIALOGS = 50
 
 
 class FlexPendant:
@@ -236,8 +236,8 @@ class FlexPendant:
         """Show a question; raises ERR_TP_NO_CLIENT where there is no screen."""
         if not self.is_connected:
             raise RapidRuntimeError("ERR_TP_NO_CLIENT", f"{dialog.instruction}: no FlexPendant is connected.")
-        if len(self.dialogs) >= MOST_DIALOGS:
-            raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_DIALOGS} questions wait on the FlexPendant already.")
+        if len(self.dialogs) >= _MOST_DIALOGS:
+            raise RapidRuntimeError("ERR_EXECPHR", f"{_MOST_DIALOGS} questions wait on the FlexPendant already.")
         dialog.number = next(self._numbers)
         self.dialogs[dialog.number] = dialog
 

@@ -55,10 +55,10 @@ from virtual_irc5.rapid.types import (
     unary_operation,
 )
 
-MOST_IN_STATEMENT = 2000  # names, numbers and operators: they are executed without a pause
-GetReference = Callable[[RoutineFrame], Reference]
-Routine = UserRoutine | LibraryRoutine
-WRITABLE = {
+_MOST_IN_STATEMENT = 2000  # names, numbers and operators: they are executed without a pause
+_GetReference = Callable[[RoutineFrame], Reference]
+_Routine = UserRoutine | LibraryRoutine
+_WRITABLE = {
     s.ParameterMode.VAR: (s.Storage.VAR,),
     s.ParameterMode.PERS: (s.Storage.PERS,),
     s.ParameterMode.INOUT: (s.Storage.VAR, s.Storage.PERS),
@@ -158,8 +158,8 @@ class Expressions:
     def any(self, node: s.Expression, wanted: Type | None = None) -> CompiledExpression:
         """The expression with whatever type it has; aggregates take theirs from `wanted`."""
         self.count += 1
-        if self.count > MOST_IN_STATEMENT and self.scope.builder is not None:
-            sentence = f"a statement has up to {MOST_IN_STATEMENT} names, numbers and operators"
+        if self.count > _MOST_IN_STATEMENT and self.scope.builder is not None:
+            sentence = f"a statement has up to {_MOST_IN_STATEMENT} names, numbers and operators"
             self.scope.refuse(node, f"{sentence}: divide it, or declare its values as a constant of the module")
         return _COMPILERS[type(node)](self, node, wanted)
 
@@ -339,7 +339,7 @@ class Expressions:
 
     def writable(
         self, node: s.Reference, storage: Sequence[s.Storage], *, is_argument: bool = False
-    ) -> tuple[GetReference, Type]:
+    ) -> tuple[_GetReference, Type]:
         """The datum that is written to, or passed to a parameter that may be written to.
 
         Raises:
@@ -358,7 +358,7 @@ class Expressions:
             self.scope.refuse(root, f"'{root.name}' cannot be changed here")
         return self.reference(node)
 
-    def reference(self, node: s.Reference) -> tuple[GetReference, Type]:
+    def reference(self, node: s.Reference) -> tuple[_GetReference, Type]:
         """The datum, or the part of one, and its type."""
         if isinstance(node, s.Name):
             found = self.scope.find(node.name, node)
@@ -458,7 +458,7 @@ class Calls:
         self.expressions = expressions
         self.scope = expressions.scope
 
-    def function(self, routine: Routine, node: s.FunctionCall) -> CompiledExpression:
+    def function(self, routine: _Routine, node: s.FunctionCall) -> CompiledExpression:
         """The value of a function call; what takes steps of its own runs before the statement goes on."""
         returns = self.signature(routine).returns
         arguments = self.arguments(routine, node.arguments, node)
@@ -469,22 +469,22 @@ class Calls:
             return CompiledExpression(lambda frame: convert(implementation(call(frame))), returns)
         builder = self.expressions.builder(node)
         slot = builder.new_slot()
-        builder.add(entering(routine, arguments, slot))
+        builder.add(_entering(routine, arguments, slot))
         return CompiledExpression(lambda frame: frame.slots[slot], returns)
 
-    def procedure(self, routine: Routine, arguments: Sequence[s.Argument], node: s.Node) -> Step:
+    def procedure(self, routine: _Routine, arguments: Sequence[s.Argument], node: s.Node) -> Step:
         """The step of a procedure call or instruction."""
         is_trap = isinstance(routine, UserRoutine) and routine.syntax.kind is s.RoutineKind.TRAP
         if is_trap or self.signature(routine).returns is not None:
             self.scope.refuse(node, f"'{routine.name}' cannot be called as a procedure")
-        return entering(routine, self.arguments(routine, arguments, node), None)
+        return _entering(routine, self.arguments(routine, arguments, node), None)
 
-    def signature(self, routine: Routine) -> Signature | LibraryRoutine:
+    def signature(self, routine: _Routine) -> Signature | LibraryRoutine:
         return self.scope.program.signature(routine) if isinstance(routine, UserRoutine) else routine
 
     # Arguments ----------------------------------------------------------------------------------------------------
 
-    def arguments(self, routine: Routine, given: Sequence[s.Argument], node: s.Node) -> list[GetReference]:
+    def arguments(self, routine: _Routine, given: Sequence[s.Argument], node: s.Node) -> list[_GetReference]:
         """For each parameter, how to get what is passed for it."""
         parameters = self.signature(routine).parameters
         matched = self._matched(routine, parameters, given, node)
@@ -493,7 +493,7 @@ class Calls:
             argument = matched.get(parameter.key)
             if argument is not None and argument.value is not None and self.expressions.runs_routine(argument.value):
                 last = index
-        references: list[GetReference] = []
+        references: list[_GetReference] = []
         for index, parameter in enumerate(parameters):
             argument = matched.get(parameter.key)
             if argument is None:
@@ -503,13 +503,13 @@ class Calls:
             references.append(self._kept(reference) if index < last else reference)  # taken now, before it runs
         return references
 
-    def _kept(self, get_reference: GetReference) -> GetReference:
+    def _kept(self, get_reference: _GetReference) -> _GetReference:
         assert self.scope.builder is not None
         slot = self.scope.builder.store(get_reference)
         return lambda frame: frame.slots[slot]
 
     def _matched(
-        self, routine: Routine, parameters: Sequence[FormalParameter], given: Sequence[s.Argument], node: s.Node
+        self, routine: _Routine, parameters: Sequence[FormalParameter], given: Sequence[s.Argument], node: s.Node
     ) -> dict[str, s.Argument]:
         """Arguments by parameter: positions for required ones, names for optional ones, alternatives once."""
         name = routine.name
@@ -542,7 +542,7 @@ class Calls:
             self.scope.refuse(node, f"'{name}' is given two arguments that exclude each other")
         return matched
 
-    def _argument(self, parameter: FormalParameter, argument: s.Argument, node: s.Node) -> GetReference:
+    def _argument(self, parameter: FormalParameter, argument: s.Argument, node: s.Node) -> _GetReference:
         if argument.condition is not None:
             return self._conditional(parameter, argument, argument.condition)
         if parameter.type == SWITCH:
@@ -559,7 +559,7 @@ class Calls:
             return lambda frame: Variable(name, type_, convert(evaluate(frame)))
         return self._by_reference(parameter, argument.value, node)
 
-    def _conditional(self, parameter: FormalParameter, argument: s.Argument, name: str) -> GetReference:
+    def _conditional(self, parameter: FormalParameter, argument: s.Argument, name: str) -> _GetReference:
         local = self.scope.locals.get(name.lower())
         if local is None or not local.is_optional:
             self.scope.refuse(argument, f"'{name}' is not an optional parameter of this routine")
@@ -573,7 +573,7 @@ class Calls:
 
         return conditional
 
-    def _by_reference(self, parameter: FormalParameter, value: s.Expression, node: s.Node) -> GetReference:
+    def _by_reference(self, parameter: FormalParameter, value: s.Expression, node: s.Node) -> _GetReference:
         if not isinstance(value, (s.Name, s.Element, s.Field)):
             self.scope.refuse(node, f"'{parameter.name}' needs a datum, not an expression")
         wanted = resolved(parameter.type)
@@ -585,13 +585,13 @@ class Calls:
                 name, type_, evaluate = value.name, compiled.type, compiled.evaluate
                 return lambda frame: Variable(name, type_, evaluate(frame))
             return self.expressions.reference(value)[0]
-        get_reference, type_ = self.expressions.writable(value, WRITABLE[parameter.mode], is_argument=True)
+        get_reference, type_ = self.expressions.writable(value, _WRITABLE[parameter.mode], is_argument=True)
         if not is_assignable(parameter.type, type_):
             self.scope.refuse(node, f"'{parameter.name}' needs {one(parameter.type)}, not {one(type_)}")
         return get_reference
 
 
-def caller(routine: LibraryRoutine, arguments: Sequence[GetReference]) -> Callable[[RoutineFrame], Call]:
+def caller(routine: LibraryRoutine, arguments: Sequence[_GetReference]) -> Callable[[RoutineFrame], Call]:
     """How to make the `Call` that an instruction or function receives."""
     named = [(p.key, get_reference) for p, get_reference in zip(routine.parameters, arguments, strict=True)]
     name = routine.name
@@ -603,7 +603,7 @@ def caller(routine: LibraryRoutine, arguments: Sequence[GetReference]) -> Callab
     return call
 
 
-def entering(routine: Routine, arguments: Sequence[GetReference], slot: int | None) -> Step:
+def _entering(routine: _Routine, arguments: Sequence[_GetReference], slot: int | None) -> Step:
     """The step that calls a routine; a function's value goes into `slot`."""
     if isinstance(routine, UserRoutine):
 

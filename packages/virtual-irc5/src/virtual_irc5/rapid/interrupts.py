@@ -11,8 +11,8 @@ from typing import Protocol
 from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.types import RapidRuntimeError
 
-MOST_INTERRUPTS = 100
-LONGEST_QUEUE = 1000  # interrupts; what comes while so many wait is lost
+_MOST_INTERRUPTS = 100
+_LONGEST_QUEUE = 1000  # interrupts; what comes while so many wait is lost
 
 
 class SignalEdge(Enum):
@@ -60,7 +60,7 @@ class ChangeOrder:
     is_single: bool
 
 
-Order = SignalOrder | TimerOrder | ChangeOrder
+_Order = SignalOrder | TimerOrder | ChangeOrder
 
 
 @dataclass(slots=True)
@@ -68,7 +68,7 @@ class InterruptConnection:
     """An interrupt number with its trap; asleep, what comes is dropped."""
 
     trap: UserRoutine
-    order: Order | None = None
+    order: _Order | None = None
     is_asleep: bool = False
 
 
@@ -92,17 +92,17 @@ class Interrupts:
         """A new interrupt number for `trap`; `number` is what the intnum held before."""
         if number in self.connections:
             raise RapidRuntimeError("ERR_ALRDYCNT", f"The interrupt {number} already has a trap; IDelete it first.")
-        if len(self.connections) >= MOST_INTERRUPTS:
-            raise RapidRuntimeError("ERR_INOMAX", f"A task may have {MOST_INTERRUPTS} interrupts.")
+        if len(self.connections) >= _MOST_INTERRUPTS:
+            raise RapidRuntimeError("ERR_INOMAX", f"A task may have {_MOST_INTERRUPTS} interrupts.")
         new = self._next_number
         self._next_number += 1
         self.connections[new] = InterruptConnection(trap)
         return new
 
-    def order(self, number: int, order: Order) -> None:
+    def order(self, number: int, order: _Order) -> None:
         self.connection(number).order = order
 
-    def is_ordered(self, number: int, order: Order) -> bool:
+    def is_ordered(self, number: int, order: _Order) -> bool:
         """Whether the order still stands."""
         connection = self.connections.get(number)
         return connection is not None and connection.order is order
@@ -146,7 +146,7 @@ class Interrupts:
     def _enqueue(self, number: int, connection: InterruptConnection) -> None:
         if connection.order is not None and connection.order.is_single:
             connection.order = None
-        if not connection.is_asleep and len(self.queue) < LONGEST_QUEUE:
+        if not connection.is_asleep and len(self.queue) < _LONGEST_QUEUE:
             self.queue.append(number)
 
     def connection(self, number: int) -> InterruptConnection:

@@ -23,10 +23,10 @@ from virtual_irc5.rapid.types import (
     resolved,
 )
 
-NUM_DIGITS = 6  # significant, of a num with decimals
-DNUM_DIGITS = 15
-LARGEST_EXACT = {"num": 8388608, "dnum": 4503599627370496}  # integers up to here are printed in full
-SPECIAL = re.compile(r'["\\\x00-\x1f]')
+_NUM_DIGITS = 6  # significant, of a num with decimals
+_DNUM_DIGITS = 15
+_LARGEST_EXACT = {"num": 8388608, "dnum": 4503599627370496}  # integers up to here are printed in full
+_SPECIAL = re.compile(r'["\\\x00-\x1f]')
 
 
 def format_value(type_: Type, value: Any) -> str:
@@ -40,7 +40,7 @@ def format_value(type_: Type, value: Any) -> str:
     if type_ == BOOL:
         return "TRUE" if value else "FALSE"
     if type_ == STRING:
-        escaped = SPECIAL.sub(lambda m: m[0] * 2 if m[0] in '"\\' else f"\\{ord(m[0]):02X}", value)
+        escaped = _SPECIAL.sub(lambda m: m[0] * 2 if m[0] in '"\\' else f"\\{ord(m[0]):02X}", value)
         return f'"{escaped}"'
     if type_ in (NUM, DNUM):
         return format_number(value, type_.name)
@@ -48,9 +48,9 @@ def format_value(type_: Type, value: Any) -> str:
 
 
 def format_number(value: float, type_name: str = "num") -> str:
-    if value == int(value) and abs(value) <= LARGEST_EXACT[type_name]:
+    if value == int(value) and abs(value) <= _LARGEST_EXACT[type_name]:
         return str(int(value))
-    return f"{value:.{NUM_DIGITS if type_name == 'num' else DNUM_DIGITS}G}"
+    return f"{value:.{_NUM_DIGITS if type_name == 'num' else _DNUM_DIGITS}G}"
 
 
 def parse_value(type_: Type, text: str) -> Any:

@@ -16,10 +16,10 @@ from virtual_irc5.rapid.loaded_modules import LoadedModule
 from virtual_irc5.rapid.program import Program
 from virtual_irc5.rapid.types import UNSET, ProgramTooLarge, RapidReferenceError
 
-LONGEST_PROGRAM = 4_000_000  # characters in all modules together
+_LONGEST_PROGRAM = 4_000_000  # characters in all modules together
 MOST_DATA = 20_000  # declared in all modules together
 # From the name of a datum on: what stands between ":=" and ";".
-FIRST_VALUE = re.compile(r'[^:"!]*:=\s*((?:"(?:[^"]|"")*"|[^";])*?)\s*;')
+_FIRST_VALUE = re.compile(r'[^:"!]*:=\s*((?:"(?:[^"]|"")*"|[^";])*?)\s*;')
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +58,10 @@ def prepared(
     removed = removed_by(modules, base, replaces_program=replaces_program)
     kept = [*modules, *(each.syntax for each in base.modules.values() if each not in removed)]
     length, count = sum(len(each.text) for each in kept), sum(len(each.data) for each in kept)
-    if length > LONGEST_PROGRAM or count > MOST_DATA:
+    if length > _LONGEST_PROGRAM or count > MOST_DATA:
         raise ProgramTooLarge(
             f"{modules[0].filename}: with '{modules[0].name}' the task {task} would have {length} characters "
-            f"of text and {count} data, there is memory for {LONGEST_PROGRAM} and {MOST_DATA}."
+            f"of text and {count} data, there is memory for {_LONGEST_PROGRAM} and {MOST_DATA}."
         )
     program, loaded = base, tuple(LoadedModule.of(each) for each in modules)
     for old in removed if replaces_program else ():
@@ -95,7 +95,7 @@ def saved_text(module: LoadedModule) -> str:
     for variable, datum in sorted(module.data.items(), key=lambda item: -item[1].position):
         if datum.storage is not s.Storage.PERS or datum.initial is None or variable.value is UNSET:
             continue
-        found = FIRST_VALUE.match(text, lines[datum.line - 1] + datum.column - 1)
+        found = _FIRST_VALUE.match(text, lines[datum.line - 1] + datum.column - 1)
         if found is not None:
             value = format_value(variable.type, variable.value)
             text = f"{text[: found.start(1)]}{value}{text[found.end(1) :]}"

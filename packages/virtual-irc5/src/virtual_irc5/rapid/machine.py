@@ -32,10 +32,10 @@ from virtual_irc5.rapid.types import (
     raised_as,
 )
 
-DEEPEST_STACK = 250
-MOST_BOOKED = 500  # error numbers
-FATAL = 0.0  # the number of an error that no handler may take
-STEPS_BETWEEN_CLOCK_READS = 8  # reading it takes as long as a step; after an instruction it is read at once
+_DEEPEST_STACK = 250
+_MOST_BOOKED = 500  # error numbers
+_FATAL = 0.0  # the number of an error that no handler may take
+_STEPS_BETWEEN_CLOCK_READS = 8  # reading it takes as long as a step; after an instruction it is read at once
 
 
 class MachineTask(RunningTask, Protocol):
@@ -120,7 +120,7 @@ class Machine:
         """Whether this advance has computed enough; the budget is used up then."""
         self.until_clock_read -= 1
         if self.until_clock_read < 0:
-            self.until_clock_read = STEPS_BETWEEN_CLOCK_READS - 1
+            self.until_clock_read = _STEPS_BETWEEN_CLOCK_READS - 1
             if self.task.clock() > self.deadline:
                 self.budget = 0
         return self.budget <= 0
@@ -154,8 +154,8 @@ class Machine:
         result_slot: int | None,
         event: SystemEvent | None = None,
     ) -> RoutineFrame:
-        if len(self.frames) >= DEEPEST_STACK:
-            raise RapidRuntimeError("ERR_EXECPHR", f"More than {DEEPEST_STACK} routines call each other.")
+        if len(self.frames) >= _DEEPEST_STACK:
+            raise RapidRuntimeError("ERR_EXECPHR", f"More than {_DEEPEST_STACK} routines call each other.")
         frame = RoutineFrame(self.task, routine, list(arguments), result_slot, event)
         code = self.task.program.codes.get(routine)
         if code is None or (event is not None and not self.task.is_linked):
@@ -346,14 +346,14 @@ class Machine:
     def note_error(self, error: RapidRuntimeError) -> float:
         """The number of an error, which ERRNO has from now on; FATAL for a name the library does not know."""
         if error.number is None:
-            error.number = self.task.library.error_number(error.name) or FATAL
+            error.number = self.task.library.error_number(error.name) or _FATAL
         self.set_system("errno", error.number)
         return error.number
 
     def book_error(self, name: str) -> float:
         """A new error number for the program (BookErrNo)."""
-        if len(self.booked) >= MOST_BOOKED:
-            raise RapidRuntimeError("ERR_EXECPHR", f"A program may book {MOST_BOOKED} error numbers.")
+        if len(self.booked) >= _MOST_BOOKED:
+            raise RapidRuntimeError("ERR_EXECPHR", f"A program may book {_MOST_BOOKED} error numbers.")
         number = float(FIRST_BOOKED_NUMBER + len(self.booked))
         self.booked[number] = name
         return number

@@ -22,14 +22,14 @@ from virtual_irc5.rapid.tree_builder import BUILDER, NotAllowed
 from virtual_irc5.rapid.types import RapidSyntaxError
 
 LONGEST_MODULE = 2_000_000  # characters; a longer one takes more memory than the rest of the controller
-LONGEST_EXPRESSION = 16_000  # characters of a value that stands alone, as clients write them
-SHALLOW_STACK = 60  # of the parser's states
-DEEPEST_NESTING = 200  # of statements and expressions: those who walk the tree do it by recursion
-MOST_RESULTS, LONGEST_RESULTS = 64, 3_000_000  # remembered texts, their characters; a tree takes much more memory
+_LONGEST_EXPRESSION = 16_000  # characters of a value that stands alone, as clients write them
+_SHALLOW_STACK = 60  # of the parser's states
+_DEEPEST_NESTING = 200  # of statements and expressions: those who walk the tree do it by recursion
+_MOST_RESULTS, _LONGEST_RESULTS = 64, 3_000_000  # remembered texts, their characters; a tree takes much more memory
 
 
 # What is allowed at a position, from the general to the particular: a group that is allowed as a whole is named as one.
-GROUPS = {
+_GROUPS = {
     "a statement": frozenset(
         (
             *("IDENT", "PERCENT", "IF", "FOR", "WHILE", "TEST", "GOTO"),
@@ -42,7 +42,7 @@ GROUPS = {
     "a type": frozenset(("RECORD", "ALIAS")),
     "a declaration": frozenset(("CONST", "VAR", "PERS", "TASK_VAR", "TASK_PERS")),
 }
-WORDS = {
+_WORDS = {
     "IDENT": "a name",
     "NUMBER": "a number",
     "STRING": "a string",
@@ -229,8 +229,8 @@ def parse_parameters(text: str) -> tuple[Parameter, ...]:
 
 
 def parse_expression(text: str) -> Expression:
-    if len(text) > LONGEST_EXPRESSION:
-        sentence = f"a value has up to {LONGEST_EXPRESSION} characters, this one has {len(text)}."
+    if len(text) > _LONGEST_EXPRESSION:
+        sentence = f"a value has up to {_LONGEST_EXPRESSION} characters, this one has {len(text)}."
         raise RapidSyntaxError(sentence, filename="<value>", line=1, column=1)
     expression: Expression = _remembered(text, "expression", "<value>")
     return expression
@@ -262,7 +262,7 @@ def _remembered(text: str, start: str, filename: str) -> Any:
         result = _parse(text, start)
         keys = list(_results)  # other threads parse, too
         total = len(text) + sum(len(each) for each, _ in keys)
-        while keys and (len(keys) >= MOST_RESULTS or total > LONGEST_RESULTS):
+        while keys and (len(keys) >= _MOST_RESULTS or total > _LONGEST_RESULTS):
             oldest = keys.pop(0)
             total -= len(oldest[0])
             _results.pop(oldest, None)
@@ -285,7 +285,7 @@ def _parse(text: str, start: str) -> Any:
             _check_nesting(tree)
         else:
             tree, depth = found
-            if depth > SHALLOW_STACK or BUILDER.has_long_rows:  # else it cannot be nested that deeply
+            if depth > _SHALLOW_STACK or BUILDER.has_long_rows:  # else it cannot be nested that deeply
                 _check_nesting(tree)
     except UnexpectedInput as error:
         return _mistake(error, text)
@@ -301,7 +301,7 @@ def _check_nesting(tree: object) -> None:
         if isinstance(node, tuple):
             rest += [(each, depth) for each in node]
         elif isinstance(node, s.Node):
-            if depth > DEEPEST_NESTING:
+            if depth > _DEEPEST_NESTING:
                 sentence = "the text is nested too deeply: divide long expressions and statements within statements."
                 raise NotAllowed(sentence, node)
             rest += [(getattr(node, name), depth + 1) for name in node.__slots__]
@@ -315,9 +315,9 @@ def _mistake(error: UnexpectedInput, text: str) -> Mistake:
         line, column, found = len(lines), len(lines[-1]) + 1, "the end of the text"
     # What may stand here, in words: groups first, then what is left.
     names = {name.lstrip("_") for name in error.accepts or error.expected if "PLACEHOLDER" not in name}
-    groups = {word: members for word, members in GROUPS.items() if names >= members}
+    groups = {word: members for word, members in _GROUPS.items() if names >= members}
     rest = names.difference(*groups.values())
-    words = [*groups, *sorted(WORDS.get(name, name) for name in rest)]
+    words = [*groups, *sorted(_WORDS.get(name, name) for name in rest)]
     words = words or ["the end of the text"]
     allowed = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
     sentence = f"found {found} where {allowed} is allowed."

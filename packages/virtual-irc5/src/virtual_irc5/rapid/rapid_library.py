@@ -85,7 +85,7 @@ ERROR_NAMES = [
 ]
 
 _parsed = cache(parse_parameters)  # each task has a library, and all have the same signatures
-Implementation = TypeVar("Implementation", bound=Callable[..., Any])
+_Implementation = TypeVar("_Implementation", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,11 +152,11 @@ class Library:
 
     # Registering --------------------------------------------------------------------------------------------------
 
-    def instruction(self, name: str, signature: str = "") -> Callable[[Implementation], Implementation]:
+    def instruction(self, name: str, signature: str = "") -> Callable[[_Implementation], _Implementation]:
         """Decorate the function that executes the instruction `name`; it receives a `Call`."""
         return self._register(name, signature, None)
 
-    def function(self, name: str, signature: str, returns: str) -> Callable[[Implementation], Implementation]:
+    def function(self, name: str, signature: str, returns: str) -> Callable[[_Implementation], _Implementation]:
         """Decorate the function that computes `name(...)`, of type `returns`, from a `Call`."""
         return self._register(name, signature, self.type(returns))
 
@@ -183,10 +183,12 @@ class Library:
         parameters = self.formal(signature)
         self._routines[name.lower()] = LibraryRoutine(name, parameters, returns, implementation, False, support)
 
-    def _register(self, name: str, signature: str, returns: Type | None) -> Callable[[Implementation], Implementation]:
+    def _register(
+        self, name: str, signature: str, returns: Type | None
+    ) -> Callable[[_Implementation], _Implementation]:
         parameters = self.formal(signature)
 
-        def registered(implementation: Implementation) -> Implementation:
+        def registered(implementation: _Implementation) -> _Implementation:
             may_wait = inspect.isgeneratorfunction(implementation)
             self._routines[name.lower()] = LibraryRoutine(name, parameters, returns, implementation, may_wait)
             return implementation

@@ -29,22 +29,22 @@ from virtual_irc5.rapid.task_data import TaskData
 from virtual_irc5.rapid.timers import TimerQueue
 from virtual_irc5.rapid.types import ModuleNameTaken, RapidReferenceError, RapidRuntimeError, Reference, Variable
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 STEPS_PER_ADVANCE = 2000  # so that an endless loop without a wait cannot hang the controller
-STEPS_PER_SECOND = 500_000  # and as many more as a long advance may need
+_STEPS_PER_SECOND = 500_000  # and as many more as a long advance may need
 TIME_PER_ADVANCE = 0.5e-3  # [s] of the task's clock, so that two tasks leave three quarters of a cycle to the rest
-STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
+_STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
 MOST_RETRIES = 4  # ABB's default of the system parameter NoOfRetry
-ROUNDING = 1e-9  # [s], of the sums that times are
-OP_AUTO = 1
+_ROUNDING = 1e-9  # [s], of the sums that times are
+_OP_AUTO = 1
 
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
-def at_once(work: Callable[[], T]) -> Future[T]:
+def _at_once(work: Callable[[], _T]) -> Future[_T]:
     """Work that is done before anything else happens."""
-    result: Future[T] = Future()
+    result: Future[_T] = Future()
     try:
         result.set_result(work())
     except Exception as error:
@@ -112,10 +112,10 @@ class Task(TaskData):
         self.now = self.elapsed = 0.0
         self.timers = TimerQueue()
         self.in_position: Callable[[], bool] = lambda: True
-        self.operating_mode: Callable[[], int] = lambda: OP_AUTO
+        self.operating_mode: Callable[[], int] = lambda: _OP_AUTO
         self.clock: Callable[[], float] = lambda: 0.0
-        self.background: Callable[[Callable[[], Any]], Future[Any]] = at_once
-        self.planning: Callable[[Callable[[], Any]], Future[Any]] = at_once
+        self.background: Callable[[Callable[[], Any]], Future[Any]] = _at_once
+        self.planning: Callable[[Callable[[], Any]], Future[Any]] = _at_once
         self.is_running = False
         system_data = {
             name.lower(): Variable(name, library.type(type_name), 0.0, s.Storage.CONST, is_local=False)
@@ -323,7 +323,7 @@ class Task(TaskData):
 
     def _note_moved_pointer(self, where: str) -> None:
         self._pp_moved = where
-        self.pp_moved_in_manual = self.pp_moved_in_manual or self.operating_mode() != OP_AUTO
+        self.pp_moved_in_manual = self.pp_moved_in_manual or self.operating_mode() != _OP_AUTO
 
     def check(self) -> None:
         """Link and compile the program; raises as `move_pp_to_main`, and changes nothing."""
@@ -336,7 +336,7 @@ class Task(TaskData):
     def _begin(self, routine: UserRoutine) -> None:
         time = self.now
         with self.machine.beneath_events():
-            self.machine.undo_all(STEPS_OF_UNDO)
+            self.machine.undo_all(_STEPS_OF_UNDO)
             self.machine.interrupts.clear()
             self._failures.clear()
             self.machine.booked.clear()
@@ -481,7 +481,7 @@ class Task(TaskData):
         self.attempt(self._perform_timers)
 
     def _perform_timers(self) -> None:
-        self.timers.perform(self.elapsed + ROUNDING)
+        self.timers.perform(self.elapsed + _ROUNDING)
 
     def later(self, delay: float, action: Callable[[], None]) -> None:
         """Do something after a delay [s], also when the task is stopped by then."""
@@ -490,7 +490,7 @@ class Task(TaskData):
     def advance(self, dt: float) -> None:
         """Let `dt` [s] pass and execute until everything waits; 0.0 settles what can happen without time passing."""
         machine, end = self.machine, self.now + dt
-        machine.budget = max(STEPS_PER_ADVANCE, int(dt * STEPS_PER_SECOND))
+        machine.budget = max(STEPS_PER_ADVANCE, int(dt * _STEPS_PER_SECOND))
         machine.deadline = self.clock() + TIME_PER_ADVANCE
         while True:
             of_timers = self.now + self.timers.next_time - self.elapsed
@@ -525,7 +525,7 @@ class Task(TaskData):
             where = "no routine" if frame is None else self._where(frame)
             what = f"{type(error).__name__}: {error}"
             sentence = f"{self.name} stopped in {where}, with a system error, which is the virtual controller's: {what}"
-            log.error("%s", sentence, exc_info=error)
+            _log.error("%s", sentence, exc_info=error)
             self.stop()
             if frame is None:
                 self.host.report(self.name, TaskEvent(EventKind.ERROR, sentence))

@@ -31,8 +31,8 @@ from virtual_irc5.rapid.types import (
     value_count,
 )
 
-MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
-LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
+_MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
+_LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 
 
 class TaskData:
@@ -45,9 +45,9 @@ class TaskData:
     def read(self, block: str, symbol: str) -> str:
         """The value of a datum, or of an array element `a{1}`, as a RAPID literal; raises UnknownSymbol."""
         reference = self._reference(block, symbol)
-        if value_count(reference.type) > MOST_VALUES_READ:
+        if value_count(reference.type) > _MOST_VALUES_READ:
             raise RapidValueError(
-                f"'{symbol}' holds {value_count(reference.type)} values, at most {MOST_VALUES_READ} are read at a "
+                f"'{symbol}' holds {value_count(reference.type)} values, at most {_MOST_VALUES_READ} are read at a "
                 "time: read its elements."
             )
         return format_value(reference.type, reference.value)
@@ -123,8 +123,8 @@ class TaskData:
         scope = Scope(self.program, self._module(block) if frame is None else frame.routine.module)
         for name, reference in frame.locals.values() if frame is not None else ():
             scope.locals[name.name.lower()] = Local(name.slot, reference.type)
-        if len(symbol) > LONGEST_REFERENCE:
-            raise UnknownSymbol(f"A reference to a datum has up to {LONGEST_REFERENCE} characters, not {len(symbol)}.")
+        if len(symbol) > _LONGEST_REFERENCE:
+            raise UnknownSymbol(f"A reference to a datum has up to {_LONGEST_REFERENCE} characters, not {len(symbol)}.")
         try:
             get_reference, _ = Expressions(scope).reference(parse_reference(symbol))
             return get_reference(CONSTANT_FRAME if frame is None else frame)

@@ -9,21 +9,21 @@ from collections.abc import Callable
 
 from virtual_irc5.rapid.types import RapidRuntimeError
 
-Action = Callable[[], None]
-MOST_ACTIONS = 1000
+_Action = Callable[[], None]
+_MOST_ACTIONS = 1000
 
 
 class TimerQueue:
     """Actions in the order of their task time [s]."""
 
     def __init__(self) -> None:
-        self._entries: list[tuple[float, int, Action]] = []
+        self._entries: list[tuple[float, int, _Action]] = []
         self._order = itertools.count()
 
-    def add(self, time: float, action: Action) -> None:
+    def add(self, time: float, action: _Action) -> None:
         """Do something at a task time [s]; raises ERR_EXECPHR when too many wait already."""
-        if len(self._entries) >= MOST_ACTIONS:
-            raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_ACTIONS} delayed outputs and pulses are under way already.")
+        if len(self._entries) >= _MOST_ACTIONS:
+            raise RapidRuntimeError("ERR_EXECPHR", f"{_MOST_ACTIONS} delayed outputs and pulses are under way already.")
         heapq.heappush(self._entries, (time, next(self._order), action))
 
     @property

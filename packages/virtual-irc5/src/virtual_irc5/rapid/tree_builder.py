@@ -14,12 +14,12 @@ from lark import Token, Transformer, v_args
 from virtual_irc5.rapid import ast as s
 from virtual_irc5.rapid.types import LONGEST_NAME, LONGEST_STRING
 
-NodeType = TypeVar("NodeType", bound=s.Node)
-Clause = tuple[str, Any]
-ESCAPE = re.compile(r'""|\\\\|\\[0-9A-Fa-f]{2}')
-BASES = {"0x": 16, "0b": 2, "0o": 8}
-LONG_ROW = 21  # operands and operators
-ATTRIBUTES = frozenset(("SYSMODULE", "NOVIEW", "NOSTEPIN", "VIEWONLY", "READONLY"))
+_NodeType = TypeVar("_NodeType", bound=s.Node)
+_Clause = tuple[str, Any]
+_ESCAPE = re.compile(r'""|\\\\|\\[0-9A-Fa-f]{2}')
+_BASES = {"0x": 16, "0b": 2, "0o": 8}
+_LONG_ROW = 21  # operands and operators
+_ATTRIBUTES = frozenset(("SYSMODULE", "NOVIEW", "NOSTEPIN", "VIEWONLY", "READONLY"))
 
 
 class NotAllowed(Exception):
@@ -30,7 +30,7 @@ class NotAllowed(Exception):
         self.line, self.column = where.line or 1, where.column or 1
 
 
-def _of(kind: type[NodeType], items: Sequence[object]) -> tuple[NodeType, ...]:
+def _of(kind: type[_NodeType], items: Sequence[object]) -> tuple[_NodeType, ...]:
     return tuple(item for item in items if isinstance(item, kind))
 
 
@@ -42,15 +42,15 @@ def _position(token: Token) -> int:
     return (token.line or 1) << 16 | min(token.column or 1, s.LARGEST_COLUMN)
 
 
-def _node(kind: type[NodeType], token: Token, *fields: Any) -> NodeType:
+def _node(kind: type[_NodeType], token: Token, *fields: Any) -> _NodeType:
     """A node that begins at a token; the names among its fields become plain strings."""
     return kind(*(str(each) if type(each) is Token else each for each in fields), position=_position(token))
 
 
-def _statement(kind: type[NodeType]) -> Any:
+def _statement(kind: type[_NodeType]) -> Any:
     """The method for a statement that begins with a keyword and whose other parts are the fields of its node."""
 
-    def build(self: TreeBuilder, keyword: Token, *parts: Any) -> NodeType:
+    def build(self: TreeBuilder, keyword: Token, *parts: Any) -> _NodeType:
         return _node(kind, keyword, *parts)
 
     return build
@@ -166,8 +166,8 @@ class TreeBuilder(Transformer[Token, Any]):
 
     def attributes(self, *names: Token) -> frozenset[str]:
         for name in names:
-            if name.upper() not in ATTRIBUTES:
-                sentence = f"a module has no attribute '{name}'; there are {', '.join(sorted(ATTRIBUTES))}."
+            if name.upper() not in _ATTRIBUTES:
+                sentence = f"a module has no attribute '{name}'; there are {', '.join(sorted(_ATTRIBUTES))}."
                 raise NotAllowed(sentence, name)
         return frozenset(name.upper() for name in names)
 
@@ -221,7 +221,7 @@ class TreeBuilder(Transformer[Token, Any]):
         parameters: tuple[s.Parameter, ...] | None,
         declared: tuple[s.Data, ...],
         block: s.Block,
-        *clauses: Clause,
+        *clauses: _Clause,
     ) -> s.Routine:
         found = dict(clauses)
         ends = (found.get("backward"), found.get("handler"), found.get("undo"))
@@ -230,13 +230,13 @@ class TreeBuilder(Transformer[Token, Any]):
 
     locals = _tuple
 
-    def backward(self, block: s.Block) -> Clause:
+    def backward(self, block: s.Block) -> _Clause:
         return "backward", block
 
-    def undo(self, block: s.Block) -> Clause:
+    def undo(self, block: s.Block) -> _Clause:
         return "undo", block
 
-    def handler(self, keyword: Token, numbers: tuple[s.Expression, ...] | None, block: s.Block) -> Clause:
+    def handler(self, keyword: Token, numbers: tuple[s.Expression, ...] | None, block: s.Block) -> _Clause:
         return "handler", _node(s.Handler, keyword, numbers or (), block)
 
     error_numbers = _tuple
@@ -327,7 +327,7 @@ class TreeBuilder(Transformer[Token, Any]):
         row = first if type(first) is list else [first]
         row.append(operator)
         row.append(operand)
-        if len(row) > LONG_ROW:
+        if len(row) > _LONG_ROW:
             self.has_long_rows = True
         return row
 
@@ -346,7 +346,7 @@ class TreeBuilder(Transformer[Token, Any]):
         return expression
 
     def number(self, token: Token) -> s.Literal:
-        base = BASES.get(token[:2].lower())
+        base = _BASES.get(token[:2].lower())
         try:
             value = float(token) if base is None else float(int(token[2:], base))
         except OverflowError:  # no number of RAPID's is that large: an error where it is stored
@@ -357,7 +357,7 @@ class TreeBuilder(Transformer[Token, Any]):
         r"""The text of a string: `""` is a quote, `\\` a backslash, `\5C` the character with that code."""
         value = token[1:-1]
         if "\\" in value or '"' in value:
-            value = ESCAPE.sub(lambda m: m[0][0] if m[0][0] == m[0][1] else chr(int(m[0][1:], 16)), value)
+            value = _ESCAPE.sub(lambda m: m[0][0] if m[0][0] == m[0][1] else chr(int(m[0][1:], 16)), value)
         if len(value) > LONGEST_STRING:
             raise NotAllowed(f"a string has up to {LONGEST_STRING} characters, this one has {len(value)}.", token)
         return s.Literal(value, position=_position(token))

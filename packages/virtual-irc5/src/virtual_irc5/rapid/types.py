@@ -160,7 +160,7 @@ FIRST_BOOKED_NUMBER = 5001  # what BookErrNo gives out
 ALL_ERRORS = "LONG_JMP_ALL_ERR"  # in the list of an ERROR clause: it takes every error, from long jumps as well
 LARGEST_OWN_NUMBER = 90  # 1 to 90 are the program's own
 
-SINGLE = struct.Struct("f")
+_SINGLE = struct.Struct("f")
 LONGEST_NAME = 32  # characters, as a program can write it
 LONGEST_STRING = 80  # characters
 LARGEST_ARRAY = 50_000  # elements; a controller has memory for more, but not without end
@@ -170,7 +170,7 @@ MOST_OBJECTS = 1000  # values of an array of clocks and the like, each of which 
 def single_precision(value: float) -> float:
     """The value as a num holds it: single precision."""
     try:
-        rounded: float = SINGLE.unpack(SINGLE.pack(value))[0]
+        rounded: float = _SINGLE.unpack(_SINGLE.pack(value))[0]
     except OverflowError:
         rounded = float("inf")
     if rounded - rounded != 0.0:
@@ -410,7 +410,7 @@ def one(type_: Type) -> str:
     return f"{'an' if text[0].lower() in 'aeiou' else 'a'} {text}"
 
 
-Path = tuple[int, ...]
+_Path = tuple[int, ...]
 UNSET: Any = object()  # the value of a declared datum before the program is linked
 
 
@@ -538,7 +538,7 @@ class DatumPart:
 
     __slots__ = ("path", "type", "whole")
 
-    def __init__(self, whole: Reference, path: Path, type_: Type) -> None:
+    def __init__(self, whole: Reference, path: _Path, type_: Type) -> None:
         self.whole = whole
         self.path = path
         self.type = type_
@@ -556,15 +556,15 @@ class DatumPart:
 
     @value.setter
     def value(self, new: Any) -> None:
-        self.whole.value = replaced(self.whole.value, self.path, new)
+        self.whole.value = _replaced(self.whole.value, self.path, new)
 
 
-def replaced(value: Any, path: Path, new: Any) -> Any:
+def _replaced(value: Any, path: _Path, new: Any) -> Any:
     """The record or array `value` with the part at `path` being `new`."""
     if not path:
         return new
     items = list(value)
-    items[path[0]] = replaced(items[path[0]], path[1:], new)
+    items[path[0]] = _replaced(items[path[0]], path[1:], new)
     return tuple(items) if type(value) is tuple else value._make(items)
 
 
@@ -588,7 +588,7 @@ class Absent:
 
 
 ABSENT = Absent()
-Operation = Callable[[Any, Any], Any]
+_Operation = Callable[[Any, Any], Any]
 
 
 def _divided(left: float, right: float) -> float:
@@ -630,7 +630,7 @@ def _rotation_product(left: Any, right: Any) -> Any:
     )
 
 
-NUMERIC: dict[str, tuple[Operation, bool]] = {
+_NUMERIC: dict[str, tuple[_Operation, bool]] = {
     "+": (operator.add, False),
     "-": (operator.sub, False),
     "*": (operator.mul, False),
@@ -642,7 +642,7 @@ NUMERIC: dict[str, tuple[Operation, bool]] = {
     ">": (operator.gt, True),
     ">=": (operator.ge, True),
 }
-RECORDS: dict[tuple[str, str, str], Operation] = {
+_RECORDS: dict[tuple[str, str, str], _Operation] = {
     ("+", "pos", "pos"): lambda left, right: left._make(map(operator.add, left, right)),
     ("-", "pos", "pos"): lambda left, right: left._make(map(operator.sub, left, right)),
     ("*", "pos", "num"): _scaled,
@@ -652,7 +652,7 @@ RECORDS: dict[tuple[str, str, str], Operation] = {
 }
 
 
-def binary_operation(symbol: str, left: Type, right: Type) -> tuple[Operation, Type] | None:
+def binary_operation(symbol: str, left: Type, right: Type) -> tuple[_Operation, Type] | None:
     """The operation and the type of its result; None when the types do not go with the operator.
 
     AND and OR are not here: their right side is evaluated only when the left one has not decided.
@@ -661,14 +661,14 @@ def binary_operation(symbol: str, left: Type, right: Type) -> tuple[Operation, T
         operation = operator.eq if symbol == "=" else operator.ne
         return (operation, BOOL) if is_assignable(left, right) else None
     left, right = resolved(left), resolved(right)
-    if is_numeric(left) and left == right and symbol in NUMERIC:
-        operation, is_comparison = NUMERIC[symbol]
+    if is_numeric(left) and left == right and symbol in _NUMERIC:
+        operation, is_comparison = _NUMERIC[symbol]
         return operation, BOOL if is_comparison else left
     if symbol == "+" and left == right == STRING:
         return operator.add, STRING
     if symbol == "XOR" and left == right == BOOL:
         return operator.ne, BOOL
-    record = RECORDS.get((symbol, left.name, right.name))
+    record = _RECORDS.get((symbol, left.name, right.name))
     return None if record is None else (record, right if left == NUM else left)
 
 

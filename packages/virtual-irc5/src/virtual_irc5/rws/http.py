@@ -21,7 +21,7 @@ from abb_protocols.errors import ProtocolError, YumiError
 from abb_protocols.rws.documents import Form, Pairs, decode_form
 from abb_protocols.rws.values import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 
-Headers = tuple[tuple[str, str], ...]
+_Headers = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class HttpRequest:
 
     method: str
     target: str
-    headers: Headers = ()
+    headers: _Headers = ()
     body: bytes = b""
     peer: str = ""
     path: tuple[str, ...] = field(init=False, repr=False, compare=False)
@@ -84,7 +84,7 @@ class HttpReply:
     """A response as the virtual controller sends it."""
 
     status: int
-    headers: Headers = ()
+    headers: _Headers = ()
     body: bytes = b""
 
     @classmethod

@@ -19,10 +19,10 @@ from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 
 _DIPC_BASE = "/rw/dipc/"
 _DIPC_TITLE = "RobAPI2 DIPC"
-MOST_DATA_BYTES = 444
+_MOST_DATA_BYTES = 444
 """Of the data of a message."""
 
-MOST_QUEUES = 100
+_MOST_QUEUES = 100
 _RAPID_MESSAGE = re.compile(r"\s*(\w{1,32})\s*(?:\{([\d, ]{1,50})\})?\s*;(.*)", re.DOTALL)
 """What a RAPID program understands: ``string;"text"``, ``num{2};[1,2]``."""
 
@@ -90,7 +90,7 @@ class DipcQueues:
         return self._queues.get(name.lower())
 
     def get_queues(self, controller: Irc5, call: RwsCall) -> Page:
-        sizes = page_entry("dipc-info-li", "info", "", max_body_size=str(MOST_DATA_BYTES), max_pkg_size="5000")
+        sizes = page_entry("dipc-info-li", "info", "", max_body_size=str(_MOST_DATA_BYTES), max_pkg_size="5000")
         queues = (page_entry("dipc-queue-li", queue.name, f"dipc/{queue.name}") for queue in self._queues.values())
         tasks = (page_entry("dipc-queue-li", f"RMQ_{name}", f"dipc/RMQ_{name}") for name in controller.tasks)
         return page_at(_DIPC_TITLE, "/rw/", "dipc", sizes, *tasks, *queues)
@@ -98,12 +98,12 @@ class DipcQueues:
     def create(self, controller: Irc5, call: RwsCall) -> None:
         name = call.required("dipc-queue-name")
         size, largest = int(call.number("dipc-queue-size")), int(call.number("dipc-max-msg-size"))
-        if not name or not 1 <= size <= 32767 or not 1 <= largest <= MOST_DATA_BYTES:
-            raise bad_call(f"a queue has a name, a size of 1 to 32767 and messages of 1 to {MOST_DATA_BYTES} bytes")
+        if not name or not 1 <= size <= 32767 or not 1 <= largest <= _MOST_DATA_BYTES:
+            raise bad_call(f"a queue has a name, a size of 1 to 32767 and messages of 1 to {_MOST_DATA_BYTES} bytes")
         if self.find(name) is not None or name.lower() in (f"rmq_{task}".lower() for task in controller.tasks):
             raise bad_call(f"there is a queue {name} already")
-        if len(self._queues) >= MOST_QUEUES:
-            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"there are {MOST_QUEUES} queues at most")
+        if len(self._queues) >= _MOST_QUEUES:
+            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"there are {_MOST_QUEUES} queues at most")
         self._made += 1
         queue = self._queues[name.lower()] = _DipcQueue(name, call.session, size, largest, self._made)
 
@@ -122,7 +122,7 @@ class DipcQueues:
     def get_queue(self, controller: Irc5, call: RwsCall) -> Mapping[str, table.QueueInfo]:
         for number, task in enumerate(controller.tasks, 1):
             if f"RMQ_{task}".lower() == call.names["queue"].lower():
-                shown = _DipcQueue(f"RMQ_{task}", "", MOST_MESSAGES, LONGEST_MESSAGE, MOST_QUEUES + number)
+                shown = _DipcQueue(f"RMQ_{task}", "", MOST_MESSAGES, LONGEST_MESSAGE, _MOST_QUEUES + number)
                 break
         else:
             shown = self._find(call)

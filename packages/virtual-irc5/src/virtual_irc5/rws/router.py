@@ -15,7 +15,7 @@ from virtual_irc5.rws.http import HttpReply
 from virtual_irc5.rws.render import page_of
 from virtual_irc5.rws.rws_call import CallFailure, Handler, Preparation, RwsCall, Shown, bad_call
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 _PLACE = re.compile(r"([^{]*)\{(\w+)(:[^{}]*)?\}")
 _BRACES = re.compile("[{}]")  # no name has them
@@ -42,8 +42,8 @@ class Routes(list[Route]):
     """The routes of one service; its handlers are marked with the operations that they answer."""
 
     def answer(
-        self, *operations: Operation[T], prepare: Preparation | None = None
-    ) -> Callable[[Callable[[Irc5, RwsCall], T | Mapping[str, T] | Shown]], Handler]:
+        self, *operations: Operation[_T], prepare: Preparation | None = None
+    ) -> Callable[[Callable[[Irc5, RwsCall], _T | Mapping[str, _T] | Shown]], Handler]:
         """Let the handler below answer these operations, with a value, with values by title, or with what is shown."""
 
         def added(handler: Handler) -> Handler:

@@ -74,9 +74,9 @@ ROUTES = (
 )
 """All that depend on the controller alone; mastership and subscriptions belong to the sessions of one server."""
 
-NO_CONTENT = 204
+_NO_CONTENT = 204
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 class RwsService:
@@ -264,7 +264,7 @@ class RwsService:
         except SettingsError as error:
             failure = bad_call(str(error))
         except Exception:  # whatever a client sends, the controller goes on
-            log.exception("%s /%s met a fault of the virtual controller", request.method, "/".join(request.path))
+            _log.exception("%s /%s met a fault of the virtual controller", request.method, "/".join(request.path))
             failure = CallFailure(400, RwsCode.FAIL, "a fault of the virtual controller")
         service = next((part for part in request.path if part != "rw"), "rw")
         title = "Error" if service == "fileservice" else "rw"
@@ -299,7 +299,7 @@ class RwsService:
             return answer
         content_type = (("Content-Type", self._content_type(form)),)
         if answer is None:
-            return HttpReply(status, () if status == NO_CONTENT else content_type)
+            return HttpReply(status, () if status == _NO_CONTENT else content_type)
         return HttpReply(status, content_type, self._page(answer, form, host))
 
     def _form(self, request: HttpRequest) -> Form:

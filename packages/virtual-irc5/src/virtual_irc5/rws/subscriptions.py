@@ -27,13 +27,13 @@ from virtual_irc5.rws.rws_call import CallFailure, RwsCall, bad_call
 from virtual_irc5.rws.sources import Event, Source, find_source, mastership_source, queue_source, rmmp_source
 from virtual_irc5.rws.users import VirtualUsers
 
-MAX_GROUPS = 2
+_MAX_GROUPS = 2
 """Groups a session may have."""
 
-MAX_RESOURCES = 1000
+_MAX_RESOURCES = 1000
 """Resources a group may have."""
 
-MAX_HIGH = 64
+_MAX_HIGH = 64
 """Resources with high priority, of all clients together."""
 
 
@@ -95,7 +95,7 @@ def read_resources(form: Pairs) -> tuple[Resource, ...]:
 # Groups: what a client has subscribed to, and the channel its events go to
 
 
-SPACING: Mapping[Priority, float] = {Priority.LOW: 5.0, Priority.MEDIUM: 0.2, Priority.HIGH: 0.05}
+_SPACING: Mapping[Priority, float] = {Priority.LOW: 5.0, Priority.MEDIUM: 0.2, Priority.HIGH: 0.05}
 """Shortest time between two events of a resource [s]."""
 
 POLL_PERIOD = 0.012
@@ -117,7 +117,7 @@ class SubscriptionRules:
 
     protocol: str = PROTOCOL
     is_secure: bool = False
-    max_groups: int = MAX_GROUPS
+    max_groups: int = _MAX_GROUPS
     rws1_resource: Callable[[str], str] = str
     is_adding: bool = False
     outlives_connection: bool = True
@@ -150,7 +150,7 @@ class _Watch:
         self.known = value
         # What changes all the time keeps its rate: a poll that comes late does not delay the next event.
         begin = self.quiet_until if now - self.quiet_until <= 2.0 * POLL_PERIOD else now
-        self.quiet_until = begin + SPACING[self.resource.priority]
+        self.quiet_until = begin + _SPACING[self.resource.priority]
         return events
 
 
@@ -306,12 +306,12 @@ class Subscriptions:
             resources = read_resources(call.form)
         except ProtocolError as error:
             raise bad_call(str(error)) from error
-        if len(resources) > MAX_RESOURCES:
-            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"a subscription has {MAX_RESOURCES} resources at most")
+        if len(resources) > _MAX_RESOURCES:
+            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"a subscription has {_MAX_RESOURCES} resources at most")
         others = (group for group in self._groups.values() if group is not old)
         present = [watch.resource for group in others for watch in group.watches.values()]
-        if sum(each.priority is Priority.HIGH for each in (*present, *resources)) > MAX_HIGH:
-            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"{MAX_HIGH} resources have high priority at most")
+        if sum(each.priority is Priority.HIGH for each in (*present, *resources)) > _MAX_HIGH:
+            raise CallFailure(400, RwsCode.MAX_LIMIT_REACHED, f"{_MAX_HIGH} resources have high priority at most")
         sources = {}
         for resource in resources:
             rws1 = self._rules.rws1_resource(resource.path)

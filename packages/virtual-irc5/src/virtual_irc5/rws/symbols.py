@@ -29,7 +29,7 @@ from virtual_irc5.rws.router import Routes
 from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown, bad_call
 from virtual_irc5.rws.users import refuse_in_manual_mode
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 _BASE = "/rw/rapid/"
 _SYMBOL_TYPES = {
@@ -182,7 +182,7 @@ def symbol_state(task: Task, block: str, name: str) -> RwsState:
     return RwsState(_SYMBOL_TYPES[kind], url, fields)
 
 
-def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], T], missing: int) -> T:
+def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], _T], missing: int) -> _T:
     """What ``act`` finds at ``task/block/symbol`` or ``task/symbol``; status ``missing`` when there is nothing.
 
     A block is a module, or a routine under way: ``module/routine``, its innermost call, or a stack frame ``%1``.

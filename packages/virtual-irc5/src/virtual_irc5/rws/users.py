@@ -32,7 +32,7 @@ _POLL_CODES = {
 _POLL_LIFE = 10.0
 """A request for the privilege ends when its client does not poll for this long [s]."""
 
-PENDANT_TIME = 1.0
+_PENDANT_TIME = 1.0
 """The operator at the FlexPendant, whom this controller does not have, grants a request after this time [s]."""
 
 
@@ -114,7 +114,7 @@ class VirtualUsers:
             return
         if held.session not in sessions or (held.status == "PENDING" and now - held.polled_at > _POLL_LIFE):
             self._request = None
-        elif held.status == "PENDING" and now - held.asked_at >= PENDANT_TIME:
+        elif held.status == "PENDING" and now - held.asked_at >= _PENDANT_TIME:
             held.status = "GRANTED"
 
     def get_users(self, controller: Irc5, call: RwsCall) -> Page:

@@ -45,11 +45,11 @@ from virtual_irc5.rws.subscriptions import SubscriptionRules
 XHTML = "application/xhtml+xml;v=2.0"
 HAL = "application/hal+json;v=2.0"
 FORM = f"{FORM_TYPE};v=2.0"
-FILES = ("text/plain;v=2.0", "application/octet-stream;v=2.0")
+_FILES = ("text/plain;v=2.0", "application/octet-stream;v=2.0")
 """What a body may be that is a file."""
 
-PROTOCOL = "rws_subscription"
-DOMAINS: Domains = {"cfg": "edit", "rapid": "edit", "motion": "motion"}
+_PROTOCOL = "rws_subscription"
+_DOMAINS: Domains = {"cfg": "edit", "rapid": "edit", "motion": "motion"}
 ROBOTWARE_7 = "7.13.0"
 """Of the controller that answers so."""
 
@@ -374,7 +374,7 @@ def _filled(template: str, names: Mapping[str, str]) -> str:
     return _PLACE.sub(lambda match: names[match[1]], template)
 
 
-def translations(routes: Sequence[Route]) -> tuple[Translation, ...]:
+def _translations(routes: Sequence[Route]) -> tuple[Translation, ...]:
     """The operations of 2.0, in order, of those of 1.0."""
     known = {
         (own.method, _plain(own.path), own.action, own.resource): each for each in routes for own in [each.operation]
@@ -437,7 +437,7 @@ def _rws2_value(name: str, text: str) -> str:
 # Subscriptions
 
 
-def rws1_resource(path: str) -> str:
+def _rws1_resource(path: str) -> str:
     """The path of 1.0 of a resource that a client of 2.0 subscribes to; "" for one that only 1.0 has."""
     if re.match(r"/rw/panel/ctrlstate\b|/rw/rapid/symbol/data/", path):
         return ""
@@ -445,11 +445,11 @@ def rws1_resource(path: str) -> str:
     return re.sub(r"^/rw/rapid/symbol/RAPID/(.+)/data;value$", r"/rw/rapid/symbol/data/RAPID/\1;value", path)
 
 
-RULES = SubscriptionRules(
-    protocol=PROTOCOL,
+_RULES = SubscriptionRules(
+    protocol=_PROTOCOL,
     is_secure=True,
     max_groups=_MAX_GROUPS,
-    rws1_resource=rws1_resource,
+    rws1_resource=_rws1_resource,
     is_adding=True,
     outlives_connection=False,
 )
@@ -460,12 +460,12 @@ class RwsService2(RwsService):
 
     scheme = "https"
     default_port = 443
-    domains = DOMAINS
-    rules = RULES
+    domains = _DOMAINS
+    rules = _RULES
 
     def _build_router(self) -> Router:
         self._rws1_router = Router(self.routes)
-        self.translations = translations(self.routes)
+        self.translations = _translations(self.routes)
         self._by_rws1 = {id(each.rws1): each for each in reversed(self.translations)}
         self.routes = tuple(each.route for each in self.translations)
         return Router(self.routes)
@@ -500,7 +500,7 @@ class RwsService2(RwsService):
     def _pairs(self, request: HttpRequest) -> Pairs:
         kind = _media_type(request.header("Content-Type") or "")
         is_file = request.method == "PUT" and request.path[:1] == ("fileservice",)
-        allowed = FILES if is_file else (FORM,)
+        allowed = _FILES if is_file else (FORM,)
         if (request.body or (kind and request.method in ("POST", "PUT"))) and kind not in allowed:
             raise CallFailure(415, RwsCode.INVALIDARG, f"a body is {' or '.join(allowed)}, not {kind or 'of no type'}")
         return () if is_file else request.form()

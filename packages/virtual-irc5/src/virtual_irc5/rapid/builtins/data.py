@@ -12,17 +12,17 @@ from virtual_irc5.rapid.rapid_library import Library, core_library
 
 # Types and data of motion -------------------------------------------------------------------------------------------
 
-JOINTS = tuple(f"rax_{n}" for n in range(1, 7))
-EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
-NUM_TYPES = ("dionum", "intnum", "byte", "symnum", "tpnum", "opnum", "stoppointnum")
+_JOINTS = tuple(f"rax_{n}" for n in range(1, 7))
+_EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
+_NUM_TYPES = ("dionum", "intnum", "byte", "symnum", "tpnum", "opnum", "stoppointnum")
 
-RECORDS: dict[str, dict[str, str]] = {
+_RECORDS: dict[str, dict[str, str]] = {
     "pos": dict.fromkeys(("x", "y", "z"), "num"),
     "orient": dict.fromkeys(("q1", "q2", "q3", "q4"), "num"),
     "pose": {"trans": "pos", "rot": "orient"},
     "confdata": dict.fromkeys(("cf1", "cf4", "cf6", "cfx"), "num"),
-    "robjoint": dict.fromkeys(JOINTS, "num"),
-    "extjoint": dict.fromkeys(EXTERNAL_AXES, "num"),
+    "robjoint": dict.fromkeys(_JOINTS, "num"),
+    "extjoint": dict.fromkeys(_EXTERNAL_AXES, "num"),
     "robtarget": {"trans": "pos", "rot": "orient", "robconf": "confdata", "extax": "extjoint"},
     "jointtarget": {"robax": "robjoint", "extax": "extjoint"},
     "speeddata": dict.fromkeys(("v_tcp", "v_ori", "v_leax", "v_reax"), "num"),
@@ -35,14 +35,14 @@ RECORDS: dict[str, dict[str, str]] = {
     "wobjdata": {"robhold": "bool", "ufprog": "bool", "ufmec": "string", "uframe": "pose", "oframe": "pose"},
 }
 
-SPEEDS_MM_S = (
+_SPEEDS_MM_S = (
     *(5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000),
     *(4000, 5000, 6000, 7000),
 )
-REORIENTATION_DEG_S, LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S = 500, 5000, 1000
+_REORIENTATION_DEG_S, LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S = 500, 5000, 1000
 
 # Radius around the point for path [mm], reorientation [mm] and [deg].
-ZONES_MM = {
+_ZONES_MM = {
     0: (0.3, 0.3, 0.03),
     1: (1, 1, 0.1),
     5: (5, 8, 0.8),
@@ -58,12 +58,12 @@ ZONES_MM = {
     150: (150, 225, 23),
     200: (200, 300, 30),
 }
-NO_POSE = ((0, 0, 0), (1, 0, 0, 0))
-LOAD0 = (0.001, (0, 0, 0.001), (1, 0, 0, 0), 0, 0, 0)
+_NO_POSE = ((0, 0, 0), (1, 0, 0, 0))
+_LOAD0 = (0.001, (0, 0, 0.001), (1, 0, 0, 0), 0, 0, 0)
 DATA = Library(core_library())
-for _name in NUM_TYPES:
+for _name in _NUM_TYPES:
     DATA.alias(_name, "num")
-for _name, _components in RECORDS.items():
+for _name, _components in _RECORDS.items():
     DATA.record(_name, _components)
 DATA.record("taskid", {"taskname": "string"})
 DATA.data("pi", "num", math.pi)
@@ -71,13 +71,13 @@ DATA.data("stEmpty", "string", "")
 DATA.constants("dionum", "low=0 high edge")
 DATA.constants("symnum", "OP_UNDEF=0 OP_AUTO OP_MAN_PROG OP_MAN_TEST")
 # Technical reference manual, RAPID: data types: persistents of the system module BASE, which no program changes.
-DATA.persistent("load0", "loaddata", LOAD0)
-DATA.persistent("tool0", "tooldata", (True, NO_POSE, LOAD0))
-DATA.persistent("wobj0", "wobjdata", (False, True, "", NO_POSE, NO_POSE))
-for _name, _speed in (*((f"v{each}", each) for each in SPEEDS_MM_S), ("vmax", SPEEDS_MM_S[-1])):
-    DATA.data(_name, "speeddata", (_speed, REORIENTATION_DEG_S, LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S))
+DATA.persistent("load0", "loaddata", _LOAD0)
+DATA.persistent("tool0", "tooldata", (True, _NO_POSE, _LOAD0))
+DATA.persistent("wobj0", "wobjdata", (False, True, "", _NO_POSE, _NO_POSE))
+for _name, _speed in (*((f"v{each}", each) for each in _SPEEDS_MM_S), ("vmax", _SPEEDS_MM_S[-1])):
+    DATA.data(_name, "speeddata", (_speed, _REORIENTATION_DEG_S, LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S))
 DATA.data("fine", "zonedata", (True, 0, 0, 0, 0, 0, 0))
-for _radius, (_path, _reorientation, _angle) in ZONES_MM.items():
+for _radius, (_path, _reorientation, _angle) in _ZONES_MM.items():
     _zone = (False, _path, _reorientation, _reorientation, _angle, _reorientation, _angle)
     DATA.data(f"z{_radius}", "zonedata", _zone)
 

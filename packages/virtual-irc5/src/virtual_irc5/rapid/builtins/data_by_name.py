@@ -33,7 +33,7 @@ from virtual_irc5.rapid.types import (
 )
 
 SYMBOLS = Library(DATA)
-LONGEST_PATTERN = 80
+_LONGEST_PATTERN = 80
 
 
 @dataclass(eq=False, slots=True)
@@ -47,14 +47,14 @@ SYMBOLS.object_type("datapos", DataPosition)
 
 # Patterns: each part of one is a function from the places where it may begin to those where it may end ---------------
 
-Ends = frozenset[int]
-Matcher = Callable[[str, Ends], Ends]
+_Ends = frozenset[int]
+_Matcher = Callable[[str, _Ends], _Ends]
 
 
-def matches(pattern: str, name: str) -> bool:
+def _matches(pattern: str, name: str) -> bool:
     """Whether a pattern takes all of a name, without regard to case; raises ERR_ARGVALERR for one that is none."""
-    if len(pattern) > LONGEST_PATTERN:
-        raise RapidRuntimeError("ERR_ARGVALERR", f"A pattern has up to {LONGEST_PATTERN} characters.")
+    if len(pattern) > _LONGEST_PATTERN:
+        raise RapidRuntimeError("ERR_ARGVALERR", f"A pattern has up to {_LONGEST_PATTERN} characters.")
     text = pattern.lower().removeprefix("^").removesuffix("$")
     matcher, rest = _pattern_alternatives(text, 0)
     if rest != len(text):
@@ -62,7 +62,7 @@ def matches(pattern: str, name: str) -> bool:
     return len(name) in matcher(name.lower(), frozenset([0]))
 
 
-def _pattern_alternatives(text: str, at: int) -> tuple[Matcher, int]:
+def _pattern_alternatives(text: str, at: int) -> tuple[_Matcher, int]:
     first, at = _pattern_sequence(text, at)
     if at >= len(text) or text[at] != "|":
         return first, at
@@ -70,15 +70,15 @@ def _pattern_alternatives(text: str, at: int) -> tuple[Matcher, int]:
     return lambda name, starts: first(name, starts) | other(name, starts), at
 
 
-def _pattern_sequence(text: str, at: int) -> tuple[Matcher, int]:
-    parts: list[Matcher] = []
+def _pattern_sequence(text: str, at: int) -> tuple[_Matcher, int]:
+    parts: list[_Matcher] = []
     while at < len(text) and text[at] not in "|)":
         part, at = _pattern_part(text, at)
         while at < len(text) and text[at] in "*+?":
             part, at = _repeated_part(part, text[at]), at + 1
         parts.append(part)
 
-    def sequence(name: str, starts: Ends) -> Ends:
+    def sequence(name: str, starts: _Ends) -> _Ends:
         for part in parts:
             starts = part(name, starts)
         return starts
@@ -86,8 +86,8 @@ def _pattern_sequence(text: str, at: int) -> tuple[Matcher, int]:
     return sequence, at
 
 
-def _repeated_part(part: Matcher, sign: str) -> Matcher:
-    def repeated(name: str, starts: Ends) -> Ends:
+def _repeated_part(part: _Matcher, sign: str) -> _Matcher:
+    def repeated(name: str, starts: _Ends) -> _Ends:
         found = new = part(name, starts)
         while new and sign != "?":
             new = part(name, new) - found
@@ -97,7 +97,7 @@ def _repeated_part(part: Matcher, sign: str) -> Matcher:
     return repeated
 
 
-def _pattern_part(text: str, at: int) -> tuple[Matcher, int]:
+def _pattern_part(text: str, at: int) -> tuple[_Matcher, int]:
     if text[at] == "(":
         group, end = _pattern_alternatives(text, at + 1)
         if end >= len(text):
@@ -117,7 +117,7 @@ def _pattern_part(text: str, at: int) -> tuple[Matcher, int]:
     return _one_character(lambda c: wanted in (".", c)), at + 1
 
 
-def _one_character(takes: Callable[[str], bool]) -> Matcher:
+def _one_character(takes: Callable[[str], bool]) -> _Matcher:
     return lambda name, starts: frozenset(i + 1 for i in starts if i < len(name) and takes(name[i]))
 
 
@@ -133,10 +133,10 @@ _STORAGES = {"PersSym": Storage.PERS, "VarSym": Storage.VAR, "ConstSym": Storage
 
 
 @SYMBOLS.instruction("SetDataSearch", rf"string Type, \string TypeMod, \string Object, {_SCOPE}")
-def set_data_search(call: Call) -> None:
+def _set_data_search(call: Call) -> None:
     storages = {storage for name, storage in _STORAGES.items() if call.present(name)} or set(Storage)
     pattern, module = call.get("Object", ".*"), call.get("InMod", "")
-    matches(pattern, "")  # a pattern that is none is an error of this instruction
+    _matches(pattern, "")  # a pattern that is none is an error of this instruction
     if module and module.lower() not in task_of(call).program.modules:
         raise call.error("ERR_MODULE", f"there is no module '{module}'.")
     found = [
@@ -146,13 +146,13 @@ def set_data_search(call: Call) -> None:
         and (not module or owner.name.lower() == module.lower())
         and (not call.present("GlobalSym") or not variable.is_local)
         and (not call.present("LocalSym") or variable.is_local)
-        and matches(pattern, variable.name)
+        and _matches(pattern, variable.name)
     ]
     call.task.host.devices.searches[call.task.name] = iter(found)
 
 
 @SYMBOLS.function("GetNextSym", r"VAR string Object, VAR datapos Block, \switch Recursive", "bool")
-def next_symbol(call: Call) -> bool:
+def _next_symbol(call: Call) -> bool:
     search = call.task.host.devices.searches.get(call.task.name, iter(()))
     module, name = next(search, ("", ""))
     if not name:
@@ -209,14 +209,14 @@ def _element(type_: Type) -> Type:
 
 
 @SYMBOLS.instruction("GetDataVal", rf"{_OBJECT}, INOUT anytype Value")
-def get_value(call: Call) -> None:
+def _get_value(call: Call) -> None:
     datum = _named_datum(call)
     _check_type(call, call.reference("Value").type, datum.type)
     call["Value"] = datum.value
 
 
 @SYMBOLS.instruction("SetDataVal", rf"{_OBJECT}, anytype Value")
-def set_value(call: Call) -> None:
+def _set_value(call: Call) -> None:
     datum = _named_datum(call)
     root = task_of(call).program.find(datum.name, None)
     if (isinstance(datum, Variable) and datum.is_constant) or (isinstance(root, Variable) and root.is_constant):
@@ -226,10 +226,10 @@ def set_value(call: Call) -> None:
 
 
 @SYMBOLS.instruction("SetAllDataVal", r"string Type, \string TypeMod, \string Object, \switch Hidden, anytype Value")
-def set_all_values(call: Call) -> None:
+def _set_all_values(call: Call) -> None:
     """Give all variables and persistents of a type a value, those whose name the pattern takes."""
     value, type_ = call["Value"], call.reference("Value").type
     for _, variable in _data_of_type(call, call["Type"]):
-        is_meant = not variable.is_constant and matches(call.get("Object", ".*"), variable.name)
+        is_meant = not variable.is_constant and _matches(call.get("Object", ".*"), variable.name)
         if is_meant and is_assignable(variable.type, type_):  # arrays of the type are not
             variable.value = variable.type.convert(value)

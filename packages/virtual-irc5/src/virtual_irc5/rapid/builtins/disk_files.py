@@ -21,19 +21,19 @@ from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import LONGEST_STRING, RapidRuntimeError, RapidValueError, raised_as
 
 FILES = Library(RAWBYTES)
-EOF_NUM = 9.998e36
-EOF_BIN = -1.0
-EOF_TEXT = "EOF"
-MOST_OPEN = 10  # files of a task
-LARGEST_FILE = 16 * 1024 * 1024  # bytes
-WAITING_BYTES = 4096  # that are kept back at least before a file is written
-SERIAL = ("com1:", "com2:", "com3:", "sio1:", "term1:")
-for _name, _value in (("EOF", EOF_TEXT), ("diskhome", "HOME:"), ("disktemp", "TEMP:"), ("diskram", "RAMDISK:")):
+_EOF_NUM = 9.998e36
+_EOF_BIN = -1.0
+_EOF_TEXT = "EOF"
+_MOST_OPEN = 10  # files of a task
+_LARGEST_FILE = 16 * 1024 * 1024  # bytes
+_WAITING_BYTES = 4096  # that are kept back at least before a file is written
+_SERIAL = ("com1:", "com2:", "com3:", "sio1:", "term1:")
+for _name, _value in (("EOF", _EOF_TEXT), ("diskhome", "HOME:"), ("disktemp", "TEMP:"), ("diskram", "RAMDISK:")):
     FILES.data(_name, "string", _value)
 for _number in range(1, 11):
     FILES.data(f"usbdisk{_number}", "string", f"BAY{_number}:")
-FILES.data("EOF_BIN", "num", EOF_BIN)
-FILES.data("EOF_NUM", "num", EOF_NUM)
+FILES.data("EOF_BIN", "num", _EOF_BIN)
+FILES.data("EOF_NUM", "num", _EOF_NUM)
 
 
 @dataclass(eq=False)
@@ -60,11 +60,11 @@ class OpenFile:
 
     def put(self, data: bytes) -> None:
         """Write at the end."""
-        if len(self.content) + len(data) > LARGEST_FILE:
-            raise OSError(f"a file has up to {LARGEST_FILE} bytes.")
+        if len(self.content) + len(data) > _LARGEST_FILE:
+            raise OSError(f"a file has up to {_LARGEST_FILE} bytes.")
         self.content += data
         self._unwritten += len(data)
-        if self._unwritten > max(WAITING_BYTES, len(self.content) // 8):
+        if self._unwritten > max(_WAITING_BYTES, len(self.content) // 8):
             self.flush()
 
     def flush(self) -> None:
@@ -113,7 +113,7 @@ def _disk_errors(call: Call) -> Iterator[Disk]:
         yield call.task.host.devices.disk
 
 
-def full_path(path: str, file: str = "") -> str:
+def _full_path(path: str, file: str = "") -> str:
     r"""A path with its device; without one it is in HOME:, and `\` stands for `/`."""
     path = f"{path.rstrip('/')}/{file}" if file else path
     path = path.replace("\\", "/")
@@ -122,7 +122,7 @@ def full_path(path: str, file: str = "") -> str:
 
 
 def _path(call: Call, name: str = "Path") -> str:
-    return full_path(call[name])
+    return _full_path(call[name])
 
 
 def _file(call: Call, *, to_read: bool = False, to_write: bool = False) -> OpenFile:
@@ -145,7 +145,7 @@ _opened: WeakKeyDictionary[RunningTask, WeakSet[OpenFile]] = WeakKeyDictionary()
     "Open",
     r"string Object, \string File, VAR iodev IODevice, \switch Read | \switch Write | \switch Append, \switch Bin",
 )
-def open_file(call: Call) -> None:
+def _open_file(call: Call) -> None:
     r"""With \Read, \Write (a new file) or \Append, and \Bin; text for reading and writing without them.
 
     Raises:
@@ -153,15 +153,15 @@ def open_file(call: Call) -> None:
     """
     file: OpenFile = call["IODevice"]
     name: str = call["Object"]
-    path = full_path(name, call.get("File", ""))
-    if name.lower() in SERIAL:
+    path = _full_path(name, call.get("File", ""))
+    if name.lower() in _SERIAL:
         sentence = f"there are no serial channels on this controller, as '{name}' is; files are on HOME:."
         raise call.error("ERR_FILEOPEN", sentence)
     if file.path:
         raise call.error("ERR_FILEOPEN", f"{call.reference('IODevice').name} is open; Close closes it.")
     opened = _opened.setdefault(call.task, WeakSet())
-    if sum(bool(each.path) for each in opened) >= MOST_OPEN:
-        raise call.error("ERR_FILEOPEN", f"the task has {MOST_OPEN} files open already; Close closes one.")
+    if sum(bool(each.path) for each in opened) >= _MOST_OPEN:
+        raise call.error("ERR_FILEOPEN", f"the task has {_MOST_OPEN} files open already; Close closes one.")
     disk = call.task.host.devices.disk
     is_reading = call.present("Read")
     is_new = call.present("Write") or not (is_reading or call.present("Append"))
@@ -178,13 +178,13 @@ def open_file(call: Call) -> None:
 
 
 @FILES.instruction("Close", "VAR iodev IODevice")
-def close_file(call: Call) -> None:
+def _close_file(call: Call) -> None:
     with _disk_errors(call):
         call["IODevice"].close()
 
 
 @FILES.instruction("Rewind", "VAR iodev IODevice")
-def rewind(call: Call) -> None:
+def _rewind(call: Call) -> None:
     file = _file(call)
     with _disk_errors(call):
         file.flush()
@@ -192,7 +192,7 @@ def rewind(call: Call) -> None:
 
 
 @FILES.instruction("ClearIOBuff", "VAR iodev IODevice")
-def clear_buffer(call: Call) -> None:
+def _clear_buffer(call: Call) -> None:
     """What a serial channel has received and was not read; a file has nothing of the kind, so that it is refused."""
     raise RapidRuntimeError("ERR_FILEACC", f"ClearIOBuff is for serial channels, not for {_file(call).path}.")
 
@@ -201,32 +201,32 @@ def clear_buffer(call: Call) -> None:
 
 
 @FILES.instruction("Write", rf"VAR iodev IODevice, {PRINTED}, \switch NoNewLine")
-def write_line(call: Call) -> None:
+def _write_line(call: Call) -> None:
     text = printed_text(call) + ("" if call.present("NoNewLine") else "\n")
     _put(call, text.encode(ENCODING, "replace"))
 
 
 @FILES.instruction("WriteBin", "VAR iodev IODevice, num Buffer{*}, num NChar")
-def write_bytes(call: Call) -> None:
+def _write_bytes(call: Call) -> None:
     values = call["Buffer"]
     count = whole_argument(call, "NChar", 1, len(values))
     _put(call, bytes(int(value) & 0xFF for value in values[:count]))
 
 
 @FILES.instruction("WriteStrBin", "VAR iodev IODevice, string Str")
-def write_text_bytes(call: Call) -> None:
+def _write_text_bytes(call: Call) -> None:
     _put(call, call["Str"].encode(ENCODING, "replace"))
 
 
 @FILES.instruction("WriteRawBytes", r"VAR iodev IODevice, VAR rawbytes RawData, \num NoOfBytes")
-def write_raw_bytes(call: Call) -> None:
+def _write_raw_bytes(call: Call) -> None:
     raw: RawBytes = call["RawData"]
     count = whole_argument(call, "NoOfBytes", 1, MOST_BYTES, len(raw.data) or 1)
     _put(call, raw.get(0, count) if count <= len(raw.data) else bytes(raw.data))
 
 
 @FILES.instruction("WriteAnyBin", "VAR iodev IODevice, anytype Data")
-def write_any_to_file(call: Call) -> None:
+def _write_any_to_file(call: Call) -> None:
     """The value as ReadAnyBin reads it back: its length, its type, then its literal."""
     type_ = call.reference("Data").type
     literal = format_value(type_, call["Data"]).encode(ENCODING, "replace")
@@ -248,7 +248,7 @@ def _put(call: Call, data: bytes) -> None:
     r"VAR iodev IODevice, \string Delim, \switch RemoveCR, \switch DiscardHeaders, \num Time",
     "string",
 )
-def read_line(call: Call) -> str:
+def _read_line(call: Call) -> str:
     r"""Up to the line feed, which is not part of it, or a character of \Delim; EOF at the end of the file.
 
     \RemoveCR leaves out a trailing carriage return, \DiscardHeaders delimiters before the text (RAPID reference
@@ -260,7 +260,7 @@ def read_line(call: Call) -> str:
         while not file.is_at_end and file.content[file.position] in delimiters:
             file.position += 1
     if file.is_at_end:
-        return EOF_TEXT
+        return _EOF_TEXT
     end, last = file.position, min(len(file.content), file.position + LONGEST_STRING)
     while end < last and file.content[end] not in delimiters:
         end += 1
@@ -272,11 +272,11 @@ def read_line(call: Call) -> str:
 
 
 @FILES.function("ReadNum", r"VAR iodev IODevice, \string Delim, \num Time", "num")
-def read_number(call: Call) -> float:
+def _read_number(call: Call) -> float:
     """The number of the next line; EOF_NUM at the end, ERR_RCVDATA where it is none."""
-    text = read_line(call)
-    if text == EOF_TEXT and _file(call).is_at_end:
-        return EOF_NUM
+    text = _read_line(call)
+    if text == _EOF_TEXT and _file(call).is_at_end:
+        return _EOF_NUM
     try:
         return float(text.strip())
     except ValueError as error:
@@ -284,20 +284,20 @@ def read_number(call: Call) -> float:
 
 
 @FILES.function("ReadBin", r"VAR iodev IODevice, \num Time", "num")
-def read_byte(call: Call) -> float:
+def _read_byte(call: Call) -> float:
     found = _file(call, to_read=True).take(1)
-    return float(found[0]) if found else EOF_BIN
+    return float(found[0]) if found else _EOF_BIN
 
 
 @FILES.function("ReadStrBin", r"VAR iodev IODevice, num NoOfChars, \num Time", "string")
-def read_text_bytes(call: Call) -> str:
+def _read_text_bytes(call: Call) -> str:
     file = _file(call, to_read=True)
     count = whole_argument(call, "NoOfChars", 1, LONGEST_STRING)
-    return EOF_TEXT if file.is_at_end else file.take(count).decode(ENCODING)
+    return _EOF_TEXT if file.is_at_end else file.take(count).decode(ENCODING)
 
 
 @FILES.instruction("ReadRawBytes", r"VAR iodev IODevice, VAR rawbytes RawData, \num NoOfBytes, \num Time")
-def read_raw_bytes(call: Call) -> None:
+def _read_raw_bytes(call: Call) -> None:
     """Up to 1024 bytes; ERR_RANYBIN_EOF where fewer than NoOfBytes are left."""
     file = _file(call, to_read=True)
     count = whole_argument(call, "NoOfBytes", 1, MOST_BYTES, MOST_BYTES)
@@ -308,7 +308,7 @@ def read_raw_bytes(call: Call) -> None:
 
 
 @FILES.instruction("ReadAnyBin", r"VAR iodev IODevice, INOUT anytype Data, \num Time")
-def read_any_from_file(call: Call) -> None:
+def _read_any_from_file(call: Call) -> None:
     """What WriteAnyBin wrote; ERR_RANYBIN_EOF at the end, ERR_RANYBIN_CHK for a value of another type."""
     file, type_ = _file(call, to_read=True), call.reference("Data").type
     header = file.take(3)
@@ -328,13 +328,13 @@ def read_any_from_file(call: Call) -> None:
 
 
 @FILES.instruction("OpenDir", "VAR dir Dev, string Path")
-def open_directory(call: Call) -> None:
+def _open_directory(call: Call) -> None:
     with _disk_errors(call) as disk:
         call["Dev"].names = [".", "..", *(entry.name for entry in disk.entries(_path(call)))]
 
 
 @FILES.function("ReadDir", "VAR dir Dev, VAR string FileName", "bool")
-def read_directory(call: Call) -> bool:
+def _read_directory(call: Call) -> bool:
     names = call["Dev"].names
     if names is None:
         raise call.error("ERR_FILEACC", "the directory is closed; OpenDir opens it.")
@@ -345,18 +345,18 @@ def read_directory(call: Call) -> bool:
 
 
 @FILES.instruction("CloseDir", "VAR dir Dev")
-def close_directory(call: Call) -> None:
+def _close_directory(call: Call) -> None:
     call["Dev"].names = None
 
 
 @FILES.instruction("MakeDir", "string Path")
-def make_directory(call: Call) -> None:
+def _make_directory(call: Call) -> None:
     with _disk_errors(call) as disk:
         disk.make_directory(_path(call))
 
 
 @FILES.instruction("RemoveDir", "string Path")
-def remove_directory(call: Call) -> None:
+def _remove_directory(call: Call) -> None:
     with _disk_errors(call) as disk:
         if not disk.entry(_path(call)).is_directory:
             raise NotADirectoryError(f"{_path(call)} is a file.")
@@ -366,7 +366,7 @@ def remove_directory(call: Call) -> None:
 
 
 @FILES.instruction("RemoveFile", "string Path")
-def remove_file(call: Call) -> None:
+def _remove_file(call: Call) -> None:
     with _disk_errors(call) as disk:
         if disk.entry(_path(call)).is_directory:
             raise IsADirectoryError(f"{_path(call)} is a directory.")
@@ -374,13 +374,13 @@ def remove_file(call: Call) -> None:
 
 
 @FILES.instruction("RenameFile", "string OldPath, string NewPath")
-def rename_file(call: Call) -> None:
+def _rename_file(call: Call) -> None:
     with _disk_errors(call) as disk:
         disk.rename(_path(call, "OldPath"), _path(call, "NewPath"))
 
 
 @FILES.instruction("CopyFile", "string OldPath, string NewPath")
-def copy_file(call: Call) -> None:
+def _copy_file(call: Call) -> None:
     with _disk_errors(call) as disk:
         if _exists(disk, _path(call, "NewPath")):
             raise FileExistsError(f"{call['NewPath']} exists already.")
@@ -391,7 +391,7 @@ _KINDS = r"\switch Directory | \switch Fifo | \switch RegFile | \switch BlockSpe
 
 
 @FILES.function("IsFile", rf"string Path, {_KINDS}", "bool")
-def is_file(call: Call) -> bool:
+def _is_file(call: Call) -> bool:
     """Whether there is a file or directory, or one of the kind that is asked for."""
     try:
         entry = call.task.host.devices.disk.entry(_path(call))
@@ -403,7 +403,7 @@ def is_file(call: Call) -> bool:
 
 
 @FILES.function("FileSize", "string Path", "num")
-def file_size(call: Call) -> float:
+def _file_size(call: Call) -> float:
     return float(_entry(call).size)
 
 
@@ -411,7 +411,7 @@ def file_size(call: Call) -> float:
     "FileTime", r"string Path, \switch ModifyTime | \switch AccessTime | \switch StatCTime, \dnum TimeStamp", "num"
 )
 @FILES.function("FileTimeDnum", r"string Path, \switch ModifyTime | \switch AccessTime | \switch StatCTime", "dnum")
-def file_time(call: Call) -> float:
+def _file_time(call: Call) -> float:
     """When the file was written, seconds since 1970, whatever of the three times is asked for."""
     return float(int(_entry(call).changed))
 
@@ -430,7 +430,7 @@ def _exists(disk: Disk, path: str) -> bool:
 
 
 @FILES.function("FSSize", r"string Name, \switch Total | \switch Free", "num")
-def file_system_size(call: Call) -> float:
+def _file_system_size(call: Call) -> float:
     r"""Bytes of the disk, those that are free without \Total."""
     with _disk_errors(call) as disk:
         disk.entry(_path(call, "Name"))

@@ -18,8 +18,8 @@ EXECUTION = Library(DATA)
 
 # Flags that follow conditions -------------------------------------------------------------------------------------
 
-MOST_CYCLIC_BOOLS = 60
-CYCLE_OF_BOOLS = 0.012  # [s]
+_MOST_CYCLIC_BOOLS = 60
+_CYCLE_OF_BOOLS = 0.012  # [s]
 
 
 def _cyclic_flag(call: Call) -> tuple[str, Reference]:
@@ -30,11 +30,11 @@ def _cyclic_flag(call: Call) -> tuple[str, Reference]:
 
 
 @EXECUTION.instruction("SetupCyclicBool", "PERS bool Flag, bool Cond")
-def follow_condition(call: Call) -> Callable[[Callable[[], bool]], None]:
+def _follow_condition(call: Call) -> Callable[[Callable[[], bool]], None]:
     """Let a persistent have the value of a condition from now on, which the compiler passes to what is returned."""
     task, (name, flag) = task_of(call), _cyclic_flag(call)
-    if name not in task.cyclic_bools and len(task.cyclic_bools) >= MOST_CYCLIC_BOOLS:
-        raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_CYCLIC_BOOLS} conditions are computed cyclically already.")
+    if name not in task.cyclic_bools and len(task.cyclic_bools) >= _MOST_CYCLIC_BOOLS:
+        raise RapidRuntimeError("ERR_EXECPHR", f"{_MOST_CYCLIC_BOOLS} conditions are computed cyclically already.")
 
     def setup(condition: Callable[[], bool]) -> None:
         if not task.has_flag_timer:
@@ -52,7 +52,7 @@ def _update_flags(task: Task) -> None:
     """
     task.has_flag_timer = bool(task.cyclic_bools)
     if task.has_flag_timer:
-        task.later(CYCLE_OF_BOOLS, lambda: _update_flags(task))
+        task.later(_CYCLE_OF_BOOLS, lambda: _update_flags(task))
     new: list[Exception] = []
     for each in list(task.cyclic_bools.values()):
         try:
@@ -70,24 +70,24 @@ def _update_flags(task: Task) -> None:
 
 
 @EXECUTION.instruction("RemoveCyclicBool", "PERS bool Flag")
-def leave_condition(call: Call) -> None:
+def _leave_condition(call: Call) -> None:
     task_of(call).cyclic_bools.pop(_cyclic_flag(call)[0], None)
 
 
 @EXECUTION.instruction("RemoveAllCyclicBool", r"\switch AllTasks")
-def leave_conditions(call: Call) -> None:
+def _leave_conditions(call: Call) -> None:
     tasks = tasks_of(call).values() if call.present("AllTasks") else (task_of(call),)
     for task in tasks:
         task.cyclic_bools.clear()
 
 
 @EXECUTION.function("IsCyclicBool", "PERS bool Flag", "bool")
-def follows_condition(call: Call) -> bool:
+def _follows_condition(call: Call) -> bool:
     return _cyclic_flag(call)[0] in task_of(call).cyclic_bools
 
 
 @EXECUTION.function("GetNextCyclicBool", "INOUT num ListNumber, INOUT string Name", "bool")
-def next_flag(call: Call) -> bool:
+def _next_flag(call: Call) -> bool:
     """The name of the flag at the list number, which begins with 0 and moves on; FALSE behind the last one."""
     index, flags = int(call["ListNumber"]), list(task_of(call).cyclic_bools.values())
     if not 0 <= index < len(flags):
@@ -97,49 +97,49 @@ def next_flag(call: Call) -> bool:
 
 
 EXECUTION.function("GetNumberOfCyclicBool", "", "num")(lambda call: len(task_of(call).cyclic_bools))
-EXECUTION.formula("GetMaxNumberOfCyclicBool", "", "num", lambda: MOST_CYCLIC_BOOLS)
+EXECUTION.formula("GetMaxNumberOfCyclicBool", "", "num", lambda: _MOST_CYCLIC_BOOLS)
 
 
 # Where execution is -----------------------------------------------------------------------------------------------
 
 
 @EXECUTION.instruction("ExitCycle")
-def exit_cycle(call: Call) -> None:
+def _exit_cycle(call: Call) -> None:
     """The program goes on with main, in run mode "once" when it is started again."""
     task = task_of(call)
     task.machine.unwind(0, task.finished)
 
 
 @EXECUTION.function("RemainingRetries", "", "num")
-def remaining_retries(call: Call) -> float:
+def _remaining_retries(call: Call) -> float:
     return task_of(call).frame.remaining_retries
 
 
 @EXECUTION.instruction("ResetRetryCount")
-def reset_retries(call: Call) -> None:
+def _reset_retries(call: Call) -> None:
     task_of(call).frame.reset_retries()
 
 
 @EXECUTION.function("ExecHandler", "", "handler_type")
-def executing_handler(call: Call) -> Any:
+def _executing_handler(call: Call) -> Any:
     return DATA.value(f"HANDLER_{task_of(call).frame.clause}")
 
 
 @EXECUTION.function("ExecLevel", "", "exec_level")
-def execution_level(call: Call) -> Any:
+def _execution_level(call: Call) -> Any:
     level = "LEVEL_SERVICE" if call.task.event else "LEVEL_TRAP" if task_of(call).machine.in_trap else "LEVEL_NORMAL"
     return DATA.value(level)
 
 
 @EXECUTION.function("EventType", "", "event_type")
-def event_type(call: Call) -> Any:
+def _event_type(call: Call) -> Any:
     """The system event whose event routine is being executed."""
     event = call.task.event
     return DATA.value("EVENT_NONE") if event is None else event.value
 
 
 @EXECUTION.function("ArgName", r"INOUT anytype Parameter, \VAR errnum ErrorNumber", "string")
-def argument_name(call: Call) -> str:
+def _argument_name(call: Call) -> str:
     """The name of the datum that the caller has passed for a parameter, at whatever depth."""
     reference = call.reference("Parameter")
     if reference is ABSENT:
@@ -148,34 +148,34 @@ def argument_name(call: Call) -> str:
 
 
 @EXECUTION.instruction("Break")
-def break_execution(call: Call) -> None:
+def _break_execution(call: Call) -> None:
     """Stop the program at once, for debugging; it goes on with the next instruction."""
     call.task.stopped_by_program(EventKind.STOP)
 
 
 @EXECUTION.function("IsStopStateEvent", r"\switch PPMoved | \switch PPToMain", "bool")
-def was_pointer_moved(call: Call) -> bool:
+def _was_pointer_moved(call: Call) -> bool:
     """Whether the program pointer was moved before the program was started the last time."""
     where = task_of(call).stop_event
     return where == "main" if call.present("PPToMain") else bool(where)
 
 
 @EXECUTION.function("PPMovedInManMode", "", "bool")
-def was_pointer_moved_by_hand(call: Call) -> bool:
+def _was_pointer_moved_by_hand(call: Call) -> bool:
     """Whether the program pointer was moved in manual mode since ResetPPMoved."""
     return task_of(call).pp_moved_in_manual
 
 
 @EXECUTION.instruction("ResetPPMoved")
-def forget_moved_pointer(call: Call) -> None:
+def _forget_moved_pointer(call: Call) -> None:
     task_of(call).pp_moved_in_manual = False
 
 
-MOST_RECORDED = 10_000  # instructions
+_MOST_RECORDED = 10_000  # instructions
 
 
 @EXECUTION.instruction("SpyStart", "string File")
-def record_execution(call: Call) -> None:
+def _record_execution(call: Call) -> None:
     """Record each instruction of the task with the time it begins and ends [ms], for SpyStop to write."""
     task, start, lines = task_of(call), call.task.now, ["TASK INSTR IN CODE OUT"]
     begun: list[tuple[str, int]] = []
@@ -185,7 +185,7 @@ def record_execution(call: Call) -> None:
         return round((task.now - start) * 1e3)
 
     def finish() -> None:
-        if begun and len(lines) <= MOST_RECORDED:
+        if begun and len(lines) <= _MOST_RECORDED:
             text, at = begun.pop()
             lines.append(f"{task.name}: {text} {at} READY {now_ms()}")
 
@@ -204,7 +204,7 @@ def record_execution(call: Call) -> None:
 
 
 @EXECUTION.instruction("SpyStop")
-def end_recording(call: Call) -> None:
+def _end_recording(call: Call) -> None:
     task = task_of(call)
     if task.pauses.spy is not None:
         task.pauses.spy = None
@@ -216,7 +216,7 @@ def end_recording(call: Call) -> None:
 
 
 @EXECUTION.instruction("WaitTime", r"\switch InPos, num Time")
-def wait_time(call: Call) -> Wait:
+def _wait_time(call: Call) -> Wait:
     while not call.task.is_settled(call):
         yield None
     end = call.task.now + max(0.0, call["Time"])
@@ -225,7 +225,7 @@ def wait_time(call: Call) -> Wait:
 
 
 @EXECUTION.function("TestAndSet", "INOUT bool Object", "bool")
-def test_and_set(call: Call) -> bool:
+def _test_and_set(call: Call) -> bool:
     r"""Whether it was FALSE; it is TRUE from now on. Two tasks never get it both: one is executed at a time."""
     was_free = not call["Object"]
     call["Object"] = True
@@ -233,14 +233,14 @@ def test_and_set(call: Call) -> bool:
 
 
 @EXECUTION.instruction("WaitTestAndSet", "PERS bool Object")
-def wait_test_and_set(call: Call) -> Wait:
+def _wait_test_and_set(call: Call) -> Wait:
     while call["Object"]:
         yield None
     call["Object"] = True
 
 
 @EXECUTION.instruction("RaiseToUser", r"\switch Continue | \switch BreakOff, \num ErrorNumber")
-def raise_to_user(call: Call) -> None:
+def _raise_to_user(call: Call) -> None:
     """Raise the error of the handler, or another one; NOSTEPIN routines, which it leaves, are ordinary ones here."""
     number = call.get("ErrorNumber", task_of(call).program.system_data["errno"].value)
     error = RapidRuntimeError(task_of(call).machine.error_name(number), f"RaiseToUser: the error {number:g}.")
@@ -249,12 +249,12 @@ def raise_to_user(call: Call) -> None:
 
 
 @EXECUTION.instruction("BookErrNo", "VAR errnum ErrorName")
-def book_error_number(call: Call) -> None:
+def _book_error_number(call: Call) -> None:
     call["ErrorName"] = task_of(call).machine.book_error(call.reference("ErrorName").name)
 
 
 @EXECUTION.instruction("Stop", r"\switch NoRegain | \switch AllMoveTasks")
-def stop_program(call: Call) -> Wait:
+def _stop_program(call: Call) -> Wait:
     r"""A movement under way is finished first, which one that EGM guides never is; other tasks go on.
 
     RAPID reference manual, Stop: without \AllMoveTasks only the task that executes it stops.
@@ -265,7 +265,7 @@ def stop_program(call: Call) -> Wait:
 
 
 @EXECUTION.instruction("SystemStopAction", r"\switch Stop | \switch StopBlock | \switch Halt")
-def stop_system(call: Call) -> None:
+def _stop_system(call: Call) -> None:
     r"""Program and movements of all motion tasks stop at once, whatever guides them.
 
     RAPID reference manual, SystemStopAction: after \StopBlock the program pointers have to be moved, after \Halt the

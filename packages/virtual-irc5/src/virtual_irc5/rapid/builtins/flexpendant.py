@@ -20,25 +20,25 @@ from virtual_irc5.rapid.states import Severity
 from virtual_irc5.rapid.types import RapidRuntimeError, Signal
 
 DIALOGS = Library(DATA)
-MOST_MESSAGE_LINES = 5
+_MOST_MESSAGE_LINES = 5
 
 # The operator's display -------------------------------------------------------------------------------------------
 
 
 @DIALOGS.instruction("TPErase")
-def erase_display(call: Call) -> None:
+def _erase_display(call: Call) -> None:
     """The host keeps a log of lines, from which nothing is taken back."""
 
 
 @DIALOGS.instruction("TPWrite", PRINTED)
-def write_display(call: Call) -> None:
+def _write_display(call: Call) -> None:
     call.task.host.write_text(call.task.name, printed_text(call))
 
 
 @DIALOGS.instruction(
     "ErrWrite", r"\switch W | \switch I, string Header, string Reason, \string RL2, \string RL3, \string RL4"
 )
-def write_event(call: Call) -> None:
+def _write_event(call: Call) -> None:
     r"""On the display and in the event log: an error, with \W a warning, with \I information."""
     title, host, name = call["Header"], call.task.host, call.task.name
     lines = (call["Reason"], *(call.get(each, "") for each in ("RL2", "RL3", "RL4")))
@@ -53,8 +53,8 @@ def write_event(call: Call) -> None:
 DIALOGS.record("listitem", {"image": "string", "text": "string"})
 
 # Constants of a button set, and what its buttons give.
-BUTTON_RESULTS = {"Unkwn": 0, "OK": 1, "Abort": 2, "Retry": 3, "Ignore": 4, "Cancel": 5, "Yes": 6, "No": 7}
-BUTTON_SETS: dict[str, tuple[int, tuple[str, ...]]] = {
+_BUTTON_RESULTS = {"Unkwn": 0, "OK": 1, "Abort": 2, "Retry": 3, "Ignore": 4, "Cancel": 5, "Yes": 6, "No": 7}
+_BUTTON_SETS: dict[str, tuple[int, tuple[str, ...]]] = {
     "btnNone": (-1, ()),
     "btnOK": (0, ("OK",)),
     "btnAbrtRtryIgn": (1, ("Abort", "Retry", "Ignore")),
@@ -63,9 +63,9 @@ BUTTON_SETS: dict[str, tuple[int, tuple[str, ...]]] = {
     "btnYesNo": (4, ("Yes", "No")),
     "btnYesNoCancel": (5, ("Yes", "No", "Cancel")),
 }
-for _name, _number in BUTTON_RESULTS.items():
+for _name, _number in _BUTTON_RESULTS.items():
     DIALOGS.data(f"res{_name}", "btnres", _number)
-for _name, (_number, _) in BUTTON_SETS.items():
+for _name, (_number, _) in _BUTTON_SETS.items():
     DIALOGS.data(_name, "buttondata", _number)
 DIALOGS.constants("icondata", "iconNone=0 iconInfo iconWarning iconError")
 DIALOGS.constants("tpnum", "TP_LATEST=1 TP_PROGRAM TP_SCREENVIEWER")
@@ -124,7 +124,7 @@ def _message_lines(call: Call) -> tuple[str, ...]:
 
 def _box_lines(call: Call) -> tuple[str, ...]:
     """The lines of a box, of MsgLine1 and those that are passed."""
-    lines = (call.get(f"MsgLine{number}") for number in range(1, MOST_MESSAGE_LINES + 1))
+    lines = (call.get(f"MsgLine{number}") for number in range(1, _MOST_MESSAGE_LINES + 1))
     return tuple(line for line in lines if line is not None)
 
 
@@ -138,9 +138,9 @@ def _button_set(call: Call) -> tuple[Choice, ...]:
     if array is not None and any(array):
         return _numbered(array)
     chosen: float = call.get("Buttons", 0.0)
-    for value, names in BUTTON_SETS.values():
+    for value, names in _BUTTON_SETS.values():
         if value == chosen and array is None:
-            return tuple(Choice(name, float(BUTTON_RESULTS[name])) for name in names)
+            return tuple(Choice(name, float(_BUTTON_RESULTS[name])) for name in names)
     raise call.error("ERR_UI_BUTTONS", f"{chosen:g} is not a set of buttons, as btnOK is.")
 
 
@@ -156,7 +156,7 @@ def _numbered(texts: Sequence[str]) -> tuple[Choice, ...]:
     "INOUT num TPAnswer, string TPText, string TPFK1, string TPFK2, string TPFK3, string TPFK4, string TPFK5, "
     + _BREAKS,
 )
-def read_function_key(call: Call) -> Wait:
+def _read_function_key(call: Call) -> Wait:
     keys = _numbered([call[f"TPFK{number}"] for number in range(1, 6)])
     if not any(key.text for key in keys):
         raise RapidRuntimeError("ERR_ARGVALERR", "TPReadFK needs a text for one function key at least.")
@@ -167,7 +167,7 @@ def read_function_key(call: Call) -> Wait:
 
 @DIALOGS.instruction("TPReadNum", f"INOUT num TPAnswer, string TPText, {_BREAKS}")
 @DIALOGS.instruction("TPReadDnum", f"INOUT dnum TPAnswer, string TPText, {_BREAKS}")
-def read_number(call: Call) -> Wait:
+def _read_number(call: Call) -> Wait:
     answer = yield from _asked(call, _dialog(call, DialogKind.NUMBER, (call["TPText"],)))
     if answer is not None:
         call["TPAnswer"] = answer
@@ -179,14 +179,14 @@ def read_number(call: Call) -> Wait:
 @DIALOGS.instruction(
     "UIMsgBox", rf"{_BOX}, \buttondata Buttons, \icondata Icon, \string Image, \VAR btnres Result, {_BREAKS}"
 )
-def message_box(call: Call) -> Wait:
+def _message_box(call: Call) -> Wait:
     shown = _box_lines(call)
     buttons = _button_set(call)
     if not buttons:  # only shown; the program goes on
         call.task.host.devices.pendant.messages[call.task.name] = (call.get("Header", ""), *shown)
         return
     answer = yield from _asked(call, _dialog(call, DialogKind.BUTTON, shown, choices=buttons))
-    call.give("Result", float(BUTTON_RESULTS["Unkwn"]) if answer is None else answer)
+    call.give("Result", float(_BUTTON_RESULTS["Unkwn"]) if answer is None else answer)
 
 
 @DIALOGS.function(
@@ -195,13 +195,13 @@ def message_box(call: Call) -> Wait:
     + _BREAKS,
     "btnres",
 )
-def message_box_result(call: Call) -> Any:
+def _message_box_result(call: Call) -> Any:
     r"""The pressed button: a btnres of \Buttons, or the index in \BtnArray from 1."""
     buttons = _button_set(call)
     if not buttons:
         raise RapidRuntimeError("ERR_UI_BUTTONS", "UIMessageBox needs a button.")
     answer = yield from _asked(call, _dialog(call, DialogKind.BUTTON, _message_lines(call), choices=buttons))
-    return call.get("DefaultBtn", float(BUTTON_RESULTS["Unkwn"])) if answer is None else answer
+    return call.get("DefaultBtn", float(_BUTTON_RESULTS["Unkwn"])) if answer is None else answer
 
 
 @DIALOGS.function(
@@ -210,7 +210,7 @@ def message_box_result(call: Call) -> Any:
     rf"\icondata Icon, \num DefaultIndex, {_BREAKS}",
     "num",
 )
-def list_view(call: Call) -> Any:
+def _list_view(call: Call) -> Any:
     """The chosen item, from 1; 0 where the operator chose none."""
     has_buttons = call.present("BtnArray") or call.present("Buttons")
     items = _numbered([item.text for item in call["ListItems"] if item.text])
@@ -218,7 +218,7 @@ def list_view(call: Call) -> Any:
     more = {"choices": items, "buttons": _button_set(call) if has_buttons else (), "initial": default}
     dialog = _dialog(call, DialogKind.LIST, (), **more)
     answer = yield from _asked(call, dialog)
-    call.give("Result", float(BUTTON_RESULTS["Unkwn"]) if dialog.button is None else dialog.button)
+    call.give("Result", float(_BUTTON_RESULTS["Unkwn"]) if dialog.button is None else dialog.button)
     return default if answer is None else answer
 
 
@@ -250,23 +250,23 @@ for _prefix, _type in (("UINum", "num"), ("UIDnum", "dnum")):
 
 
 @DIALOGS.function("UIAlphaEntry", rf"{_MESSAGE}, \icondata Icon, \string InitString, {_BREAKS}", "string")
-def text_entry(call: Call) -> Any:
+def _text_entry(call: Call) -> Any:
     initial: str = call.get("InitString", "")
     answer = yield from _asked(call, _dialog(call, DialogKind.TEXT, _message_lines(call), initial=initial))
     return initial if answer is None else answer
 
 
 @DIALOGS.function("UIClientExist", "", "bool")
-def client_exists(call: Call) -> bool:
+def _client_exists(call: Call) -> bool:
     return bool(call.task.host.devices.pendant.is_connected)
 
 
 @DIALOGS.instruction("UIMsgWrite", rf"{_BOX}, \icondata Icon, \string Image")
-def show_message(call: Call) -> None:
+def _show_message(call: Call) -> None:
     """A message that stays until UIMsgWriteAbort, while the program goes on."""
     call.task.host.devices.pendant.messages[call.task.name] = (call.get("Header", ""), *_box_lines(call))
 
 
 @DIALOGS.instruction("UIMsgWriteAbort")
-def hide_message(call: Call) -> None:
+def _hide_message(call: Call) -> None:
     call.task.host.devices.pendant.messages.pop(call.task.name, None)

@@ -38,7 +38,7 @@ def _clock(call: Call) -> datetime:
 
 @INFORMATION.function("CTime", "", "string")
 @INFORMATION.function("CDate", "", "string")
-def time_text(call: Call) -> str:
+def _time_text(call: Call) -> str:
     return _clock(call).strftime("%H:%M:%S" if call.name == "CTime" else "%Y-%m-%d")
 
 
@@ -46,7 +46,7 @@ _TIMES = {"WDay": "%u", "Year": "%Y", "Month": "%m", "MDay": "%d", "Hour": "%H",
 
 
 @INFORMATION.function("GetTime", " | ".join(rf"\switch {name}" for name in _TIMES), "num")
-def part_of_time(call: Call) -> float:
+def _part_of_time(call: Call) -> float:
     """The second where none is asked for."""
     return float(_clock(call).strftime(next((code for name, code in _TIMES.items() if call.present(name)), "%S")))
 
@@ -66,76 +66,76 @@ INFORMATION.object_type("clock", RapidClock)
 
 
 @INFORMATION.instruction("ClkReset", "VAR clock Clock")
-def reset_clock(call: Call) -> None:
+def _reset_clock(call: Call) -> None:
     clock: RapidClock = call["Clock"]
     clock.counted, clock.since = 0.0, None
 
 
 @INFORMATION.instruction("ClkStart", "VAR clock Clock")
-def start_clock(call: Call) -> None:
+def _start_clock(call: Call) -> None:
     clock: RapidClock = call["Clock"]
     if clock.since is None:
         clock.since = call.task.elapsed
 
 
 @INFORMATION.instruction("ClkStop", "VAR clock Clock")
-def stop_clock(call: Call) -> None:
+def _stop_clock(call: Call) -> None:
     clock: RapidClock = call["Clock"]
     clock.counted, clock.since = clock.read(call.task.elapsed), None
 
 
 @INFORMATION.function("ClkRead", r"VAR clock Clock, \switch HighRes", "num")
-def read_clock(call: Call) -> float:
+def _read_clock(call: Call) -> float:
     clock: RapidClock = call["Clock"]
     return clock.read(call.task.elapsed)
 
 
 # Names and versions -----------------------------------------------------------------------------------------------
 
-FACTS = ("SerialNo", "SWVersion", "SWVersionName", "RobotType", "CtrlId", "LanIp", "CtrlLang", "SystemName")
+_FACTS = ("SerialNo", "SWVersion", "SWVersionName", "RobotType", "CtrlId", "LanIp", "CtrlLang", "SystemName")
 
 
-@INFORMATION.function("GetSysInfo", " | ".join(rf"\switch {fact}" for fact in FACTS), "string")
-def system_information(call: Call) -> str:
+@INFORMATION.function("GetSysInfo", " | ".join(rf"\switch {fact}" for fact in _FACTS), "string")
+def _system_information(call: Call) -> str:
     facts = call.task.host.devices.facts
-    return next((facts.get(name, "") for name in FACTS if call.present(name)), "")
+    return next((facts.get(name, "") for name in _FACTS if call.present(name)), "")
 
 
 @INFORMATION.function("IsSysId", "string SystemId", "bool")
-def is_system(call: Call) -> bool:
+def _is_system(call: Call) -> bool:
     return bool(call["SystemId"] == call.task.host.devices.facts.get("SystemId"))
 
 
 @INFORMATION.function("GetUASUserName", "", "string")
-def user_name(call: Call) -> str:
+def _user_name(call: Call) -> str:
     return call.task.host.devices.facts.get("UserName", "Default User")
 
 
 @INFORMATION.function("ProgMemFree", "", "num")
-def free_memory(call: Call) -> float:
+def _free_memory(call: Call) -> float:
     """Bytes for modules: what they may have together without what they have."""
     return float(2_000_000 - sum(len(module.text) for module in task_of(call).modules))
 
 
 @INFORMATION.function("RobOS", "", "bool")
-def is_real_robot(call: Call) -> bool:
+def _is_real_robot(call: Call) -> bool:
     return not call.task.host.is_virtual()
 
 
 @INFORMATION.function("OpMode", "", "symnum")
-def operating_mode(call: Call) -> float:
+def _operating_mode(call: Call) -> float:
     return task_of(call).operating_mode()
 
 
 @INFORMATION.function("RunMode", r"\switch Main", "symnum")
-def run_mode(call: Call) -> float:
+def _run_mode(call: Call) -> float:
     return 1.0  # RUN_CONT_CYCLE: a controller in automatic mode knows no other
 
 
 @INFORMATION.function("NonMotionMode", r"\switch Main", "bool")
 @INFORMATION.function("PFRestart", r"\switch Base | \switch Irpt", "bool")
 @INFORMATION.function("IsBrakeCheckActive", "", "bool")
-def is_never(call: Call) -> bool:
+def _is_never(call: Call) -> bool:
     """What never happens here: execution without motion, a power failure, a brake check."""
     return False
 
@@ -146,7 +146,7 @@ OF_TASK = r"\taskid TaskRef | \string TaskName"
 
 
 @INFORMATION.function("GetTaskName", r"\VAR num TaskNo | \VAR num MecTaskNo", "string")
-def task_name(call: Call) -> str:
+def _task_name(call: Call) -> str:
     """The task's name; its number counts from 1 in the order of the configuration."""
     names = [name.lower() for name in call.task.host.devices.tasks()]
     for argument in ("TaskNo", "MecTaskNo"):
@@ -157,14 +157,14 @@ def task_name(call: Call) -> str:
 
 @INFORMATION.function("TaskIsActive", "string TaskName", "bool")
 @INFORMATION.function("TaskIsExecuting", "string TaskName", "bool")
-def is_task_running(call: Call) -> bool:
+def _is_task_running(call: Call) -> bool:
     task = task_named(call, call["TaskName"])
     return call.name == "TaskIsActive" or task.execution is Execution.STARTED
 
 
 @INFORMATION.function("ModTime", r"string Object, \num StrDig", "num")
 @INFORMATION.function("ModTimeDnum", "string Object", "dnum")
-def module_time(call: Call) -> float:
+def _module_time(call: Call) -> float:
     """When the file of a module was written, seconds since 1970."""
     module = task_of(call).program.modules.get(call["Object"].lower())
     if module is None:
@@ -178,7 +178,7 @@ def module_time(call: Call) -> float:
 
 @INFORMATION.function("IsPers", "INOUT anytype DatObj", "bool")
 @INFORMATION.function("IsVar", "INOUT anytype DatObj", "bool")
-def is_stored_so(call: Call) -> bool:
+def _is_stored_so(call: Call) -> bool:
     """Whether a datum, or the one it is a part of, is a persistent or a variable."""
     datum = call.reference("DatObj")
     while isinstance(datum, DatumPart):
@@ -187,13 +187,13 @@ def is_stored_so(call: Call) -> bool:
 
 
 @INFORMATION.function("Type", r"anytype Data, \switch BaseName", "string")
-def type_name(call: Call) -> str:
+def _type_name(call: Call) -> str:
     type_ = call.reference("Data").type
     return resolved(type_).name if call.present("BaseName") else type_.name
 
 
 @INFORMATION.instruction("TryInt", "anynum DataObj, \\dnum DataObj2")
-def try_integer(call: Call) -> None:
+def _try_integer(call: Call) -> None:
     value: float = call["DataObj"]
     if value != int(value):
         raise RapidRuntimeError("ERR_INT_NOTVAL", f"{value:g} is not an integer.")
@@ -203,21 +203,21 @@ def try_integer(call: Call) -> None:
 
 INFORMATION.alias("errstr", "string")
 _ARGUMENTS = "errstr Argument1, errstr Argument2, errstr Argument3, errstr Argument4, errstr Argument5"
-LARGEST_OWN_EVENT = 9999  # what programs log has the numbers 80 0001 to 80 9999 on the controller
+_LARGEST_OWN_EVENT = 9999  # what programs log has the numbers 80 0001 to 80 9999 on the controller
 
 
 @INFORMATION.instruction(
     "ErrLog", rf"num ErrorID, \switch W | \switch I, errstr Title, errstr Description, {_ARGUMENTS}"
 )
 def log_event(call: Call) -> None:
-    number = whole_argument(call, "ErrorID", 1, LARGEST_OWN_EVENT)
+    number = whole_argument(call, "ErrorID", 1, _LARGEST_OWN_EVENT)
     _log_event(call, number, call["Title"], (call["Description"], *_event_arguments(call)))
 
 
 @INFORMATION.instruction("ErrRaise", f"string ErrorName, num ErrorId, {_ARGUMENTS}")
-def raise_event(call: Call) -> None:
+def _raise_event(call: Call) -> None:
     """Log a warning with the texts of table ErrorName's domain, and raise the error that BookErrNo gave the name."""
-    number = whole_argument(call, "ErrorId", 1, LARGEST_OWN_EVENT)
+    number = whole_argument(call, "ErrorId", 1, _LARGEST_OWN_EVENT)
     _log_event(call, number, call["ErrorName"], _event_arguments(call), Severity.WARNING)
     error = RapidRuntimeError(call["ErrorName"], f"ErrRaise: {call['ErrorName']}.")
     error.number = call.task.library.error_number(call["ErrorName"]) or _booked_number(call)
@@ -249,7 +249,7 @@ for _name, _text in {"EMPTY": " ", "UNUSED": "ERRSTR_UNUSED", "TASK": "", "CONTE
 
 
 @INFORMATION.instruction("SkipWarn")
-def skip_warning(call: Call) -> None:
+def _skip_warning(call: Call) -> None:
     """The warning of the last error is not logged; handled errors never are on this controller."""
 
 
@@ -261,7 +261,7 @@ _TABLE_NAME = re.compile(r'<resource\s+name="([^"]+)"', re.IGNORECASE)
 
 
 @INFORMATION.instruction("TextTabInstall", "string File")
-def install_text_table(call: Call) -> None:
+def _install_text_table(call: Call) -> None:
     """Read an XML file of texts, <Resource Name="table"><Text Name="1"><Value>...</Value></Text></Resource>."""
     devices = call.task.host.devices
     with raised_as("ERR_FILEACC", OSError, before="TextTabInstall: "):
@@ -277,12 +277,12 @@ def install_text_table(call: Call) -> None:
 
 
 @INFORMATION.function("TextTabFreeToUse", "string TableName", "bool")
-def is_table_free(call: Call) -> bool:
+def _is_table_free(call: Call) -> bool:
     return call["TableName"].lower() not in call.task.host.devices.texts
 
 
 @INFORMATION.function("TextTabGet", "string TableName", "num")
-def text_table(call: Call) -> float:
+def _text_table(call: Call) -> float:
     """The number of a table, which TextGet takes."""
     names = list(call.task.host.devices.texts)
     if call["TableName"].lower() not in names:
@@ -291,7 +291,7 @@ def text_table(call: Call) -> float:
 
 
 @INFORMATION.function("TextGet", "num Table, num Index", "string")
-def table_text(call: Call) -> str:
+def _table_text(call: Call) -> str:
     tables: list[Mapping[int, str]] = list(call.task.host.devices.texts.values())
     number, index = int(call["Table"]), int(call["Index"])
     if not 1 <= number <= len(tables) or index not in tables[number - 1]:
@@ -316,7 +316,7 @@ def _attribute(call: Call) -> Iterator[tuple[ConfigurationDevice, str, str]]:
 
 
 @INFORMATION.instruction("ReadCfgData", r"string InstancePath, string Attribute, INOUT anytype CfgData, \num ListNo")
-def read_configuration(call: Call) -> None:
+def _read_configuration(call: Call) -> None:
     """One attribute of one instance, as number, text or truth value."""
     with _attribute(call) as (configuration, path, attribute):
         text = configuration.read(path, attribute)
@@ -328,7 +328,7 @@ def read_configuration(call: Call) -> None:
 
 
 @INFORMATION.instruction("WriteCfgData", r"string InstancePath, string Attribute, anytype CfgData, \num ListNo")
-def write_configuration(call: Call) -> None:
+def _write_configuration(call: Call) -> None:
     type_, value = resolved(call.reference("CfgData").type), call["CfgData"]
     text = f"{value:.15g}" if is_numeric(type_) else str(value).upper() if type_ == BOOL else str(value)
     with _attribute(call) as (configuration, path, attribute):
@@ -343,7 +343,7 @@ for _domain in _DOMAINS:
 
 
 @INFORMATION.instruction("SaveCfgData", r"string FilePath, \string File, cfgdomain Domain")
-def save_configuration(call: Call) -> None:
+def _save_configuration(call: Call) -> None:
     devices, domain = call.task.host.devices, call["Domain"]
     path = f"{call['FilePath'].rstrip('/')}/{call['File']}" if call.present("File") else call["FilePath"]
     for name in _DOMAINS if domain == "ALL" else (domain,):
@@ -361,7 +361,7 @@ def save_configuration(call: Call) -> None:
 
 
 @INFORMATION.instruction("WarmStart")
-def warm_start(call: Call) -> Wait:
+def _warm_start(call: Call) -> Wait:
     """Restart the controller; the program does not get any further."""
     restart = call.task.host.devices.restart
     if restart is None:

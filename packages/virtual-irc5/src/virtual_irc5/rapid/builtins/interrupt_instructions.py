@@ -15,7 +15,7 @@ from virtual_irc5.rapid.types import LONGEST_STRING, DatumPart, RapidRuntimeErro
 
 INTERRUPTS = Library(DATA)
 
-SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
+_SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
 _SINGLE = r"\switch Single | \switch SingleSafe"
 
 
@@ -43,35 +43,35 @@ for _name, _type, _edge in (
 
 
 @INTERRUPTS.instruction("ITimer", f"{_SINGLE}, anynum Time, VAR intnum Interrupt")
-def order_timer(call: Call) -> None:
+def _order_timer(call: Call) -> None:
     is_single = _is_single(call)
     period: float = call["Time"]
-    if period <= 0.0 or (period < SHORTEST_TIMER_S and not is_single):
-        sentence = f"ITimer takes at least {SHORTEST_TIMER_S:g} s, single ones more than 0, not {period:g} s."
+    if period <= 0.0 or (period < _SHORTEST_TIMER_S and not is_single):
+        sentence = f"ITimer takes at least {_SHORTEST_TIMER_S:g} s, single ones more than 0, not {period:g} s."
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
     order = TimerOrder(call.task.now + period, period, is_single)
     call.task.interrupts.order(int(call["Interrupt"]), order)
 
 
 @INTERRUPTS.instruction("IDelete", "VAR intnum Interrupt")
-def delete_interrupt(call: Call) -> None:
+def _delete_interrupt(call: Call) -> None:
     call.task.interrupts.delete(int(call["Interrupt"]))
 
 
 @INTERRUPTS.instruction("ISleep", "VAR intnum Interrupt")
 @INTERRUPTS.instruction("IWatch", "VAR intnum Interrupt")
-def watch_interrupt(call: Call) -> None:
+def _watch_interrupt(call: Call) -> None:
     call.task.interrupts.connection(int(call["Interrupt"])).is_asleep = call.name == "ISleep"
 
 
 @INTERRUPTS.instruction("IDisable")
 @INTERRUPTS.instruction("IEnable")
-def enable_interrupts(call: Call) -> None:
+def _enable_interrupts(call: Call) -> None:
     call.task.interrupts.is_disabled = call.name == "IDisable"
 
 
 @INTERRUPTS.instruction("IPers", f"{_SINGLE}, PERS anytype Name, VAR intnum Interrupt")
-def order_change(call: Call) -> None:
+def _order_change(call: Call) -> None:
     """An interrupt whenever the value of a persistent changes, whichever task writes it."""
     task, number = call.task, int(call["Interrupt"])
     variable: Any = call.reference("Name")
@@ -161,7 +161,7 @@ INTERRUPTS.object_type("trapdata", TrapData)
 @INTERRUPTS.instruction(
     "IError", rf"{_SINGLE}, errdomain ErrorDomain, \num ErrorId, errtype ErrorType, VAR intnum Interrupt"
 )
-def order_event(call: Call) -> None:
+def _order_event(call: Call) -> None:
     """An interrupt whenever an event comes into the log: COMMON_ERR stands for all domains, TYPE_ALL for all types."""
     devices, interrupts, number, task = call.task.host.devices, call.task.interrupts, int(call["Interrupt"]), call.task
     domain, identity, kind = call["ErrorDomain"], call.get("ErrorId"), call["ErrorType"]
@@ -181,7 +181,7 @@ def order_event(call: Call) -> None:
 
 
 @INTERRUPTS.instruction("GetTrapData", "VAR trapdata TrapEvent")
-def trap_data(call: Call) -> None:
+def _trap_data(call: Call) -> None:
     call["TrapEvent"].event = call.task.host.devices.trapped.get(call.task.name)
 
 
@@ -190,7 +190,7 @@ def trap_data(call: Call) -> None:
     r"VAR trapdata TrapEvent, INOUT errdomain ErrorDomain, INOUT num ErrorId, INOUT errtype ErrorType, "
     r"\VAR string Title, \VAR string Str1, \VAR string Str2, \VAR string Str3, \VAR string Str4, \VAR string Str5",
 )
-def event_data(call: Call) -> None:
+def _event_data(call: Call) -> None:
     event: LoggedEvent | None = call["TrapEvent"].event
     if event is None:
         raise call.error("ERR_ARGVALERR", "GetTrapData has found no event.")

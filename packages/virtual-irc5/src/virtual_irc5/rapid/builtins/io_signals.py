@@ -14,7 +14,7 @@ from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import RapidRuntimeError, Signal
 
 SIGNALS = Library(DATA)
-PULSE_S = 0.2  # the length of PulseDO without \PLength
+_PULSE_S = 0.2  # the length of PulseDO without \PLength
 
 
 def _write_signal(call: Call, value: float) -> None:
@@ -38,34 +38,34 @@ def _write_signal(call: Call, value: float) -> None:
 
 @SIGNALS.instruction("Set", "VAR signaldo Signal")
 @SIGNALS.instruction("Reset", "VAR signaldo Signal")
-def switch_output(call: Call) -> None:
+def _switch_output(call: Call) -> None:
     _write_signal(call, 1.0 if call.name == "Set" else 0.0)
 
 
 @SIGNALS.instruction("InvertDO", "VAR signaldo Signal")
-def invert_output(call: Call) -> None:
+def _invert_output(call: Call) -> None:
     name = call["Signal"].name
     call.task.write_signal(name, 0.0 if call.task.read_signal(name) else 1.0)
 
 
 @SIGNALS.instruction("SetDO", r"\num SDelay | \switch Sync, VAR signaldo Signal, num Value")
-def set_digital_output(call: Call) -> None:
+def _set_digital_output(call: Call) -> None:
     _write_signal(call, 1.0 if call["Value"] else 0.0)
 
 
 @SIGNALS.instruction("SetGO", r"\num SDelay, VAR signalgo Signal, anynum Value")
 @SIGNALS.instruction("SetAO", "VAR signalao Signal, num Value")
-def set_output_value(call: Call) -> None:
+def _set_output_value(call: Call) -> None:
     _write_signal(call, call["Value"])
 
 
 @SIGNALS.instruction("PulseDO", r"\switch High, \num PLength, VAR signaldo Signal")
-def pulse_output(call: Call) -> None:
+def _pulse_output(call: Call) -> None:
     r"""A pulse away from the present level and back, or high and then low with \High; the program goes on."""
     task, name = call.task, call["Signal"].name
     level = 0.0 if call.present("High") else task.read_signal(name)
     task.write_signal(name, 0.0 if level else 1.0)
-    task.later(call.get("PLength", PULSE_S), lambda: task.write_signal(name, level))
+    task.later(call.get("PLength", _PULSE_S), lambda: task.write_signal(name, level))
 
 
 def _signal_level(call: Call) -> float:
@@ -87,7 +87,7 @@ for _name, _type, _returns in (
 
 
 @SIGNALS.function("TestDI", "VAR signaldi Signal", "bool")
-def is_input_set(call: Call) -> bool:
+def _is_input_set(call: Call) -> bool:
     return bool(_signal_level(call))
 
 
@@ -165,7 +165,7 @@ def _check_device(call: Call, signal: str) -> None:
 
 @SIGNALS.instruction("IODisable", "string UnitName, num MaxTime")
 @SIGNALS.instruction("IOEnable", "string UnitName, num MaxTime")
-def switch_device(call: Call) -> None:
+def _switch_device(call: Call) -> None:
     """Disable a device, so that its signals cannot be used, or enable it again; done at once here."""
     _io_devices(call, call["UnitName"], "device")
     disabled, name = call.task.host.devices.disabled, call["UnitName"].lower()
@@ -176,7 +176,7 @@ def switch_device(call: Call) -> None:
 
 
 @SIGNALS.function("IOUnitState", r"string UnitName, \switch Phys | \switch Logic", "iounit_state")
-def device_state(call: Call) -> Any:
+def _device_state(call: Call) -> Any:
     _io_devices(call, call["UnitName"], "device")
     is_enabled = call["UnitName"].lower() not in call.task.host.devices.disabled
     if call.present("Phys"):
@@ -189,13 +189,13 @@ def device_state(call: Call) -> Any:
 
 
 @SIGNALS.instruction("IOBusStart", "string BusName")
-def start_bus(call: Call) -> None:
+def _start_bus(call: Call) -> None:
     """An I/O network always runs here; one that does not exist is an error."""
     _io_devices(call, call["BusName"], "network")
 
 
 @SIGNALS.instruction("IOBusState", r"string BusName, VAR busstate State, \switch Phys | \switch Logic")
-def bus_state(call: Call) -> None:
+def _bus_state(call: Call) -> None:
     _io_devices(call, call["BusName"], "network")
     name = "IOBUS_PHYS_STATE_RUNNING" if call.present("Phys") else "BUSSTATE_RUN"
     name = "IOBUS_LOG_STATE_STARTED" if call.present("Logic") else name
@@ -203,7 +203,7 @@ def bus_state(call: Call) -> None:
 
 
 @SIGNALS.function("ValidIO", "VAR signal Signal", "bool")
-def is_signal_valid(call: Call) -> bool:
+def _is_signal_valid(call: Call) -> bool:
     """Whether a signal can be used: it exists, an alias is connected, its device is enabled."""
     try:
         _signal_level(call)
@@ -213,7 +213,7 @@ def is_signal_valid(call: Call) -> bool:
 
 
 @SIGNALS.instruction("AliasIO", "anytype FromSignal, VAR signal ToSignal")
-def connect_alias(call: Call) -> None:
+def _connect_alias(call: Call) -> None:
     """Let a datum of the program stand for a signal of the configuration, given itself or by its name."""
     given, io = call["FromSignal"], call.task.host.devices.io
     name = given.name if isinstance(given, Signal) else given
@@ -231,7 +231,7 @@ def connect_alias(call: Call) -> None:
 
 
 @SIGNALS.instruction("AliasIOReset", "VAR signal Signal")
-def reset_alias(call: Call) -> None:
+def _reset_alias(call: Call) -> None:
     reference = call.reference("Signal")
     if not reference.value.name:
         raise call.error("ERR_NO_ALIASIO_DEF", f"{reference.name} stands for no signal.")
@@ -239,7 +239,7 @@ def reset_alias(call: Call) -> None:
 
 
 @SIGNALS.function("GetSignalOrigin", "VAR signal Signal, VAR string SignalName", "signalorigin")
-def signal_origin(call: Call) -> Any:
+def _signal_origin(call: Call) -> Any:
     """Whether a signal is the configuration's or an alias, and which it stands for."""
     reference = call.reference("Signal")
     call["SignalName"] = reference.value.name

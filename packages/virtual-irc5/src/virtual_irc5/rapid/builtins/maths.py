@@ -14,10 +14,10 @@ from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, Reference, resolved
 
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 MATHS = Library(DATA)
-MOST_DECIMALS = 15  # what a dnum has
+_MOST_DECIMALS = 15  # what a dnum has
 
 
 def _ratio(name: str, value: float) -> float:
@@ -66,16 +66,16 @@ MATHS.formula("NumToDnum", "num Value", "dnum", float)
 
 @MATHS.function("Round", r"num Val, \num Dec", "num")
 @MATHS.function("RoundDnum", r"dnum Val, \num Dec", "dnum")
-def rounded(call: Call) -> float:
-    scale = 10.0 ** decimals(call, MOST_DECIMALS)
+def _rounded(call: Call) -> float:
+    scale = 10.0 ** decimals(call, _MOST_DECIMALS)
     nearest = math.floor(abs(call["Val"]) * scale + 0.5)
     return math.copysign(nearest, call["Val"]) / float(scale)
 
 
 @MATHS.function("Trunc", r"num Val, \num Dec", "num")
 @MATHS.function("TruncDnum", r"dnum Val, \num Dec", "dnum")
-def truncated(call: Call) -> float:
-    scale = 10.0 ** decimals(call, MOST_DECIMALS)
+def _truncated(call: Call) -> float:
+    scale = 10.0 ** decimals(call, _MOST_DECIMALS)
     value: float = math.trunc(call["Val"] * scale) / scale
     return value
 
@@ -89,7 +89,7 @@ def decimals(call: Call, most: int) -> int:
 
 
 @MATHS.function("DnumToNum", r"dnum Value, \switch Integer", "num")
-def as_num(call: Call) -> float:
+def _as_num(call: Call) -> float:
     value: float = call["Value"]
     if call.present("Integer") and value != int(value):
         raise RapidRuntimeError("ERR_INT_NOTVAL", f"{value:g} is not an integer.")
@@ -97,7 +97,7 @@ def as_num(call: Call) -> float:
 
 
 @MATHS.function("Dim", "anytype ArrPar, num DimNo", "num")
-def dimension(call: Call) -> float:
+def _dimension(call: Call) -> float:
     type_ = resolved(call.reference("ArrPar").type)
     if not isinstance(type_, ArrayType):
         raise RapidRuntimeError("ERR_NOTARR", "Dim takes an array.")
@@ -116,29 +116,29 @@ def count(call: Call) -> None:
 
 
 @MATHS.instruction("Add", "INOUT anynum Name, anynum AddValue")
-def add_number(call: Call) -> None:
+def _add_number(call: Call) -> None:
     call["Name"] = call["Name"] + call["AddValue"]
 
 
 @MATHS.instruction("Clear", "INOUT anynum Name")
-def clear_number(call: Call) -> None:
+def _clear_number(call: Call) -> None:
     call["Name"] = 0.0
 
 
 # Linear algebra -----------------------------------------------------------------------------------------------------
 
-LARGEST_MATRIX = 100  # rows and columns: more takes longer than the cycle of a robot
-FEWEST_POINTS = 3  # of a circle
+_LARGEST_MATRIX = 100  # rows and columns: more takes longer than the cycle of a robot
+_FEWEST_POINTS = 3  # of a circle
 
 
-def _read_array(call: Call, name: str) -> Array:
+def _read_array(call: Call, name: str) -> _Array:
     array = np.array(call[name], dtype=float)
-    if max(array.shape) > LARGEST_MATRIX:
-        raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name} takes up to {LARGEST_MATRIX} rows and columns.")
+    if max(array.shape) > _LARGEST_MATRIX:
+        raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name} takes up to {_LARGEST_MATRIX} rows and columns.")
     return array
 
 
-def _write_array(call: Call, name: str, values: Array) -> None:
+def _write_array(call: Call, name: str, values: _Array) -> None:
     """Write an array of the size that is needed; raises ERR_ARRAY_SIZE for a datum of another size."""
     reference: Reference = call.reference(name)
     if np.shape(reference.value) != values.shape:
@@ -149,7 +149,7 @@ def _write_array(call: Call, name: str, values: Array) -> None:
 
 @MATHS.instruction("MatrixSolve", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
 @MATHS.instruction("MatrixSolveQR", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
-def solve_equations(call: Call) -> None:
+def _solve_equations(call: Call) -> None:
     """A x = b; MatrixSolveQR gives the least squares where there are more equations than unknowns."""
     matrix, right = _read_array(call, "A"), _read_array(call, "b")
     is_square = matrix.shape[0] == matrix.shape[1]
@@ -161,14 +161,14 @@ def solve_equations(call: Call) -> None:
 
 
 @MATHS.instruction("MatrixSVD", r"dnum A{*,*}, INOUT dnum U{*,*}, INOUT dnum S{*}, INOUT dnum V{*,*}, \switch Econ")
-def singular_values(call: Call) -> None:
+def _singular_values(call: Call) -> None:
     r"""A = U S V'; with \Econ U has as many columns as A."""
     left, values, right = np.linalg.svd(_read_array(call, "A"), full_matrices=not call.present("Econ"))
     for name, result in (("U", left), ("S", values), ("V", right.T)):
         _write_array(call, name, result)
 
 
-def fitted_circle(points: Array, tolerance: float | None = None) -> tuple[Array, float, Array, Array] | None:
+def fitted_circle(points: _Array, tolerance: float | None = None) -> tuple[_Array, float, _Array, _Array] | None:
     """Centre, radius, normal and errors of the circle that fits points best, (n, 3); None where they lie on a line.
 
     Its plane is found by singular values, then the circle in it by least squares. Below ``tolerance``, in the unit of
@@ -178,7 +178,7 @@ def fitted_circle(points: Array, tolerance: float | None = None) -> tuple[Array,
     axes = np.linalg.svd(points - middle)[2]
     flat = (points - middle) @ axes[:2].T
     equations = np.column_stack([2.0 * flat, np.ones(len(points))])
-    if np.linalg.matrix_rank(equations, tol=tolerance) < FEWEST_POINTS:
+    if np.linalg.matrix_rank(equations, tol=tolerance) < _FEWEST_POINTS:
         return None
     x, y, rest = np.linalg.lstsq(equations, (flat**2).sum(axis=1), rcond=None)[0]
     radius = float(np.sqrt(rest + x * x + y * y))
@@ -191,11 +191,11 @@ def fitted_circle(points: Array, tolerance: float | None = None) -> tuple[Array,
     r"pos Points{*}, \num NumPoints, INOUT pos Center, INOUT num Radius, INOUT pos Normal, \VAR num RMS, "
     r"\VAR num MaxErr, \VAR num IndexWorst",
 )
-def fit_circle(call: Call) -> None:
+def _fit_circle(call: Call) -> None:
     points: Sequence[Any] = call["Points"]
     count = int(call.get("NumPoints", len(points)))
-    if not FEWEST_POINTS <= count <= min(len(points), LARGEST_MATRIX):
-        raise RapidRuntimeError("ERR_ARGVALERR", f"FitCircle needs {FEWEST_POINTS} to {len(points)} points.")
+    if not _FEWEST_POINTS <= count <= min(len(points), _LARGEST_MATRIX):
+        raise RapidRuntimeError("ERR_ARGVALERR", f"FitCircle needs {_FEWEST_POINTS} to {len(points)} points.")
     circle = fitted_circle(np.array(points[:count], dtype=float))
     if circle is None:
         raise call.error("ERR_ARGVALERR", "the points lie on a line.")

@@ -51,12 +51,12 @@ def _own_queue(call: Call) -> str:
 
 
 @QUEUES.instruction("RMQFindSlot", "VAR rmqslot Slot, string Name")
-def find_slot(call: Call) -> None:
+def _find_slot(call: Call) -> None:
     call["Slot"].name = _queues(call).name(call["Name"])
 
 
 @QUEUES.function("RMQGetSlotName", "VAR rmqslot Slot", "string")
-def slot_name(call: Call) -> str:
+def _slot_name(call: Call) -> str:
     name: str = call["Slot"].name
     if not name:
         raise call.error("ERR_RMQ_INVALID", "the slot stands for no queue; see RMQFindSlot.")
@@ -71,8 +71,8 @@ def _message_to_send(call: Call) -> RapidMessage:
 
 
 @QUEUES.instruction("RMQSendMessage", r"VAR rmqslot Slot, anytype SendData, \num UserDef")
-def send_message(call: Call) -> None:
-    _queues(call).send(slot_name(call), _message_to_send(call))
+def _send_message(call: Call) -> None:
+    _queues(call).send(_slot_name(call), _message_to_send(call))
 
 
 @QUEUES.instruction(
@@ -80,10 +80,10 @@ def send_message(call: Call) -> None:
     r"VAR rmqslot Slot, anytype SendData, \num UserDef, VAR rmqmessage Message, anytype ReceiveDataType, "
     r"\num ReceiveUserDef, \num TimeOut",
 )
-def send_and_wait(call: Call) -> Wait:
+def _send_and_wait(call: Call) -> Wait:
     """Send, and wait for an answer of a type; what else comes meanwhile is lost (reference manual, RMQSendWait)."""
     queues, wanted = _queues(call), call.reference("ReceiveDataType").type.name
-    queues.send(slot_name(call), _message_to_send(call))
+    queues.send(_slot_name(call), _message_to_send(call))
 
     def fits(message: RapidMessage) -> bool:
         is_number_right = not call.present("ReceiveUserDef") or message.user_defined == call["ReceiveUserDef"]
@@ -93,7 +93,7 @@ def send_and_wait(call: Call) -> Wait:
 
 
 @QUEUES.instruction("RMQReadWait", r"VAR rmqmessage Message, \num TimeOut")
-def read_and_wait(call: Call) -> Wait:
+def _read_and_wait(call: Call) -> Wait:
     _queues(call)
     yield from _wait_for_message(call, lambda message: True)
 
@@ -114,7 +114,7 @@ def _wait_for_message(call: Call, fits: Callable[[RapidMessage], bool]) -> Wait:
 
 
 @QUEUES.instruction("RMQGetMessage", "VAR rmqmessage Message")
-def get_message(call: Call) -> None:
+def _get_message(call: Call) -> None:
     message = _queues(call).take(_own_queue(call))
     if message is None:
         raise call.error("ERR_RMQ_NOMSG", "the queue of the task is empty.")
@@ -129,7 +129,7 @@ def _received_message(call: Call) -> RapidMessage:
 
 
 @QUEUES.instruction("RMQGetMsgData", "VAR rmqmessage Message, INOUT anytype Data")
-def message_data(call: Call) -> None:
+def _message_data(call: Call) -> None:
     message, type_ = _received_message(call), call.reference("Data").type
     if message.type_name.lower() != type_.name.lower():
         sentence = f"The message is a {message.type_name}, not a {type_.name}."
@@ -144,7 +144,7 @@ def message_data(call: Call) -> None:
 @QUEUES.instruction(
     "RMQGetMsgHeader", r"VAR rmqmessage Message, \INOUT rmqheader Header, \VAR rmqslot SenderId, \INOUT num UserDef"
 )
-def message_header(call: Call) -> None:
+def _message_header(call: Call) -> None:
     message = _received_message(call)
     if call.present("Header"):
         sizes = (*message.sizes, 0, 0, 0)[:3]
@@ -155,7 +155,7 @@ def message_header(call: Call) -> None:
 
 
 @QUEUES.instruction("IRMQMessage", "anytype InterruptDataType, VAR intnum Interrupt")
-def order_message(call: Call) -> None:
+def _order_message(call: Call) -> None:
     """An interrupt whenever a message of a type comes into the queue of the task."""
     queues, interrupts, number = _queues(call), call.task.interrupts, int(call["Interrupt"])
     wanted, order = call.reference("InterruptDataType").type.name, ChangeOrder(is_single=False)
@@ -172,5 +172,5 @@ def order_message(call: Call) -> None:
 
 
 @QUEUES.instruction("RMQEmptyQueue")
-def empty_queue(call: Call) -> None:
+def _empty_queue(call: Call) -> None:
     _queues(call).empty(_own_queue(call))

@@ -32,19 +32,19 @@ def _path_argument(call: Call, path: str = "FilePath", file: str = "File") -> st
 
 
 @MODULES.instruction("CallByVar", "string Name, num Number")
-def call_by_variable(call: Call) -> None:
+def _call_by_variable(call: Call) -> None:
     task_of(call).call_procedure(f"{call['Name']}{int(call['Number'])}")
 
 
 @MODULES.instruction("Load", r"\switch Dynamic, string FilePath, \string File, \switch CheckRef")
-def load_module(call: Call) -> Wait:
+def _load_module(call: Call) -> Wait:
     task, path = task_of(call), _path_argument(call)
     text = _module_text(task, path)
     yield from _load(task, text, path)
 
 
 @MODULES.instruction("UnLoad", r"\switch ErrIfChanged | \switch Save, string FilePath, \string File")
-def unload_module(call: Call) -> None:
+def _unload_module(call: Call) -> None:
     task, path = task_of(call), _path_argument(call)
     found = next((m for m in task.modules if m.filename == path), None)
     if found is None:
@@ -70,18 +70,18 @@ def _load(task: Task, text: str, path: str) -> Wait:
 
 
 @MODULES.function("ModExist", "string ModuleName", "bool")
-def module_exists(call: Call) -> bool:
+def _module_exists(call: Call) -> bool:
     return call["ModuleName"].lower() in task_of(call).program.modules
 
 
 @MODULES.instruction("EraseModule", "string ModuleName")
-def erase_module(call: Call) -> None:
+def _erase_module(call: Call) -> None:
     with raised_as("ERR_MODULE", UnknownSymbol, RobotNotReady):
         task_of(call).unload(call["ModuleName"])
 
 
 @MODULES.instruction("CheckProgRef")
-def check_references(call: Call) -> None:
+def _check_references(call: Call) -> None:
     faults = task_of(call).faults()
     if faults:
         raise RapidRuntimeError("ERR_LINKREF", str(faults[0]))
@@ -100,7 +100,7 @@ MODULES.object_type("loadsession", LoadSession)
 
 
 @MODULES.instruction("StartLoad", r"\switch Dynamic, string FilePath, \string File, VAR loadsession LoadNo")
-def start_load(call: Call) -> None:
+def _start_load(call: Call) -> None:
     session, path = call["LoadNo"], _path_argument(call)
     if session.work is not None:
         raise RapidRuntimeError("ERR_LOADNO_INUSE", f"{call.reference('LoadNo').name} is loading {session.path}.")
@@ -110,7 +110,7 @@ def start_load(call: Call) -> None:
 
 
 @MODULES.instruction("WaitLoad", r"\string UnloadPath, \string UnloadFile, VAR loadsession LoadNo, \switch CheckRef")
-def wait_load(call: Call) -> Wait:
+def _wait_load(call: Call) -> Wait:
     session, task = call["LoadNo"], task_of(call)
     if session.work is None:
         raise RapidRuntimeError("ERR_LOADNO_NOUSE", f"{call.reference('LoadNo').name} is not loading anything.")
@@ -124,11 +124,11 @@ def wait_load(call: Call) -> Wait:
             task.unload(old.name if old else "")
     yield from _load(task, session.text, session.path)
     if call.present("CheckRef"):
-        check_references(call)
+        _check_references(call)
 
 
 @MODULES.instruction("CancelLoad", "VAR loadsession LoadNo")
-def cancel_load(call: Call) -> None:
+def _cancel_load(call: Call) -> None:
     session = call["LoadNo"]
     if session.work is None:
         raise RapidRuntimeError("ERR_LOADNO_NOUSE", f"{call.reference('LoadNo').name} is not loading anything.")
@@ -136,7 +136,7 @@ def cancel_load(call: Call) -> None:
 
 
 @MODULES.instruction("Save", rf"{OF_TASK}, string ModuleName, \string FilePath, \string File")
-def save_module(call: Call) -> None:
+def _save_module(call: Call) -> None:
     """A module's text into a file, its persistents with the values they have now."""
     task = task_of_argument(call)
     module = task.program.modules.get(call["ModuleName"].lower())

@@ -19,11 +19,11 @@ from virtual_irc5.rapid.types import DNUM, LONGEST_STRING, STRING, RapidRuntimeE
 RAWBYTES = Library(DATA)
 MOST_BYTES = 1024
 ENCODING = "latin-1"
-BITS_OF_DNUM = 52
+_BITS_OF_DNUM = 52
 LARGEST_BYTE = 255
 
 # inttypes by value: struct's letter for the integers of 1, 2, 4 and 8 bytes, negative where they have a sign.
-INTEGERS = {1: "B", 2: "H", 4: "I", 8: "Q", -1: "b", -2: "h", -4: "i", -8: "q"}
+_INTEGERS = {1: "B", 2: "H", 4: "I", 8: "Q", -1: "b", -2: "h", -4: "i", -8: "q"}
 RAWBYTES.constants("inttypes", "USINT=1 UINT=2 UDINT=4 ULINT=8 SINT=-1 INT=-2 DINT=-4 LINT=-8")
 
 
@@ -53,20 +53,20 @@ RAWBYTES.object_type("rawbytes", RawBytes)
 
 
 @RAWBYTES.instruction("ClearRawBytes", r"VAR rawbytes RawData, \num FromIndex")
-def clear_raw_bytes(call: Call) -> None:
+def _clear_raw_bytes(call: Call) -> None:
     raw: RawBytes = call["RawData"]
     del raw.data[whole_argument(call, "FromIndex", 1, MOST_BYTES, 1) - 1 :]
 
 
 @RAWBYTES.function("RawBytesLen", "VAR rawbytes RawData", "num")
-def raw_bytes_length(call: Call) -> float:
+def _raw_bytes_length(call: Call) -> float:
     return len(call["RawData"].data)
 
 
 @RAWBYTES.instruction(
     "CopyRawBytes", r"VAR rawbytes FromRawData, num FromIndex, VAR rawbytes ToRawData, num ToIndex, \num NoOfBytes"
 )
-def copy_raw_bytes(call: Call) -> None:
+def _copy_raw_bytes(call: Call) -> None:
     source: RawBytes = call["FromRawData"]
     start, to = whole_argument(call, "FromIndex", 1, MOST_BYTES) - 1, whole_argument(call, "ToIndex", 1, MOST_BYTES) - 1
     count = min(max(0, len(source.data) - start), MOST_BYTES - to)  # to the end, or to where there is no more room
@@ -82,7 +82,7 @@ _NUMBER_FORMATS = r"\switch Hex1 | \num IntX | \switch Float4 | \switch Float8"
     "PackRawBytes",
     rf"anyvalue Value, VAR rawbytes RawData, \switch Network, num StartIndex, {_NUMBER_FORMATS} | \switch ASCII",
 )
-def pack_raw_bytes(call: Call) -> None:
+def _pack_raw_bytes(call: Call) -> None:
     raw: RawBytes = call["RawData"]
     start = whole_argument(call, "StartIndex", 1, len(raw.data) + 1) - 1
     value, type_ = call["Value"], call.reference("Value").type
@@ -109,7 +109,7 @@ def pack_raw_bytes(call: Call) -> None:
     "UnpackRawBytes",
     rf"VAR rawbytes RawData, \switch Network, num StartIndex, INOUT anytype Value, {_NUMBER_FORMATS} | \num ASCII",
 )
-def unpack_raw_bytes(call: Call) -> None:
+def _unpack_raw_bytes(call: Call) -> None:
     raw: RawBytes = call["RawData"]
     type_ = call.reference("Value").type
     start = whole_argument(call, "StartIndex", 1, MOST_BYTES) - 1
@@ -149,7 +149,7 @@ def _struct_letter(call: Call, type_: Type) -> str:
     if not call.present("IntX"):
         sentence = rf"{call.name} needs one of \Hex1, \IntX, \Float4, \Float8 and \ASCII."
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    letter = INTEGERS.get(int(call["IntX"]))
+    letter = _INTEGERS.get(int(call["IntX"]))
     if letter is None:
         raise call.error("ERR_ARGVALERR", f"a {type_.name} is not an IntX of {call['IntX']:g}.")
     return letter
@@ -160,7 +160,7 @@ def _wrong_type(call: Call, type_: Type) -> RapidRuntimeError:
 
 
 @RAWBYTES.instruction("PackDNHeader", "string Service, string Path, VAR rawbytes RawData")
-def pack_device_net_header(call: Call) -> None:
+def _pack_device_net_header(call: Call) -> None:
     """The header of a DeviceNet explicit message: format, service, size of the path, path.
 
     RAPID reference manual, PackDNHeader: the path is "size,bytes in hexadecimal form,...", as EDS files have it.
@@ -185,7 +185,7 @@ _TEXT_FORMS = r"\switch Hex | \switch Okt | \switch Bin | \switch Char"
 
 
 @RAWBYTES.function("ByteToStr", rf"byte BitData, {_TEXT_FORMS}", "string")
-def byte_to_text(call: Call) -> str:
+def _byte_to_text(call: Call) -> str:
     value = _byte(call, call["BitData"])
     if call.present("Char"):
         return chr(value)
@@ -193,7 +193,7 @@ def byte_to_text(call: Call) -> str:
 
 
 @RAWBYTES.function("StrToByte", rf"string ConStr, {_TEXT_FORMS}", "byte")
-def text_to_byte(call: Call) -> float:
+def _text_to_byte(call: Call) -> float:
     text: str = call["ConStr"]
     if call.present("Char"):
         if len(text) != 1:
@@ -259,13 +259,13 @@ def _add_bits(suffix: str, type_name: str, bits: int) -> None:
 
 
 _add_bits("", "byte", 8)
-_add_bits("Dnum", "dnum", BITS_OF_DNUM)
+_add_bits("Dnum", "dnum", _BITS_OF_DNUM)
 
 
 @RAWBYTES.instruction("BitSet", "INOUT anynum BitData, num BitPos")
 @RAWBYTES.instruction("BitClear", "INOUT anynum BitData, num BitPos")
-def change_bit(call: Call) -> None:
-    bits = BITS_OF_DNUM if resolved(call.reference("BitData").type) == DNUM else 8
+def _change_bit(call: Call) -> None:
+    bits = _BITS_OF_DNUM if resolved(call.reference("BitData").type) == DNUM else 8
     value = _integer(call, call["BitData"], (1 << bits) - 1)
     bit = 1 << (whole_argument(call, "BitPos", 1, bits) - 1)
     call["BitData"] = float(value | bit if call.name == "BitSet" else value & ~bit)

@@ -22,11 +22,11 @@ from virtual_irc5.rapid.devices import Socket
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.types import LONGEST_STRING, RapidRuntimeError
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 SOCKETS = Library(RAWBYTES)
-SOCKET_TIMEOUT_S = 60.0  # of SocketAccept, SocketConnect and SocketReceive
+_SOCKET_TIMEOUT_S = 60.0  # of SocketAccept, SocketConnect and SocketReceive
 WAIT_MAX_S = 9_999_999.0  # what WAIT_MAX holds: for ever, which message queues wait without a time
-LARGEST_PORT = 65535
+_LARGEST_PORT = 65535
 
 
 class SocketStatus(IntEnum):
@@ -86,7 +86,7 @@ _SOCKET_ERRORS = {
 }
 
 
-def _call_network(call: Call, device: SocketDevice, action: Callable[[], T]) -> T:
+def _call_network(call: Call, device: SocketDevice, action: Callable[[], _T]) -> _T:
     """What the network answers; a connection that broke leaves a closed socketdev."""
     try:
         return action()
@@ -114,19 +114,19 @@ def _checked_address(call: Call, address: str, port_name: str) -> tuple[str, int
     except ValueError as error:
         sentence = f"{call.name} takes an address such as 192.168.125.1, not '{address}'."
         raise RapidRuntimeError("ERR_SOCK_ADDR_INVALID", sentence) from error
-    if port != int(port) or not 1 <= port <= LARGEST_PORT:
-        sentence = f"{call.name} takes a port from 1 to {LARGEST_PORT}, not {port:g}."
+    if port != int(port) or not 1 <= port <= _LARGEST_PORT:
+        sentence = f"{call.name} takes a port from 1 to {_LARGEST_PORT}, not {port:g}."
         raise RapidRuntimeError("ERR_SOCK_ADDR_INVALID", sentence)
     return address, int(port)
 
 
 def _deadline(call: Call) -> float:
     r"""The task time at which \Time is over [s]; infinite with WAIT_MAX."""
-    time: float = call.get("Time", SOCKET_TIMEOUT_S)
+    time: float = call.get("Time", _SOCKET_TIMEOUT_S)
     return math.inf if time >= WAIT_MAX_S else call.task.now + max(0.0, time)
 
 
-def _wait_for(call: Call, end: float, ask: Callable[[], T | None]) -> Any:
+def _wait_for(call: Call, end: float, ask: Callable[[], _T | None]) -> Any:
     """Ask until there is an answer; raises ERR_SOCK_TIMEOUT at the end."""
     while (found := ask()) is None:
         if call.task.now >= end:
@@ -136,7 +136,7 @@ def _wait_for(call: Call, end: float, ask: Callable[[], T | None]) -> Any:
 
 
 @SOCKETS.instruction("SocketCreate", r"VAR socketdev Socket, \switch UDP")
-def create_socket(call: Call) -> None:
+def _create_socket(call: Call) -> None:
     device: SocketDevice = call["Socket"]
     if device.socket is not None:
         variable = call.reference("Socket").name
@@ -147,17 +147,17 @@ def create_socket(call: Call) -> None:
 
 
 @SOCKETS.instruction("SocketClose", "VAR socketdev Socket")
-def close_socket(call: Call) -> None:
+def _close_socket(call: Call) -> None:
     call["Socket"].close()
 
 
 @SOCKETS.function("SocketGetStatus", "VAR socketdev Socket", "socketstatus")
-def socket_status(call: Call) -> float:
+def _socket_status(call: Call) -> float:
     return float(call["Socket"].status)
 
 
 @SOCKETS.instruction("SocketBind", "VAR socketdev Socket, string LocalAddress, num LocalPort")
-def bind_socket(call: Call) -> None:
+def _bind_socket(call: Call) -> None:
     device, socket = _open_socket(call)
     address, port = _checked_address(call, call["LocalAddress"], "LocalPort")
     if device.status is not SocketStatus.CREATED:
@@ -167,7 +167,7 @@ def bind_socket(call: Call) -> None:
 
 
 @SOCKETS.instruction("SocketListen", "VAR socketdev Socket")
-def listen_on_socket(call: Call) -> None:
+def _listen_on_socket(call: Call) -> None:
     device, socket = _open_socket(call)
     if device.status is SocketStatus.CONNECTED:
         raise call.error("ERR_SOCK_IS_CONN", "the socket is connected.")
@@ -180,7 +180,7 @@ def listen_on_socket(call: Call) -> None:
 @SOCKETS.instruction(
     "SocketAccept", r"VAR socketdev Socket, VAR socketdev ClientSocket, \VAR string ClientAddress, \num Time"
 )
-def accept_connection(call: Call) -> Wait:
+def _accept_connection(call: Call) -> Wait:
     end = _deadline(call)
 
     def ask() -> tuple[Socket, str] | None:
@@ -195,7 +195,7 @@ def accept_connection(call: Call) -> Wait:
 
 
 @SOCKETS.instruction("SocketConnect", r"VAR socketdev Socket, string Address, num Port, \num Time")
-def connect_socket(call: Call) -> Wait:
+def _connect_socket(call: Call) -> Wait:
     device, socket = _open_socket(call)
     address, port = _checked_address(call, call["Address"], "Port")
     if device.status in (SocketStatus.CONNECTED, SocketStatus.LISTENING):
@@ -259,7 +259,7 @@ def _write_received(call: Call, content: bytes) -> None:
 
 
 @SOCKETS.instruction("SocketSend", rf"VAR socketdev Socket, {_SENT}")
-def send_bytes(call: Call) -> Wait:
+def _send_bytes(call: Call) -> Wait:
     content = _bytes_to_send(call)
     while content:
         device, socket = _connected_socket(call)
@@ -271,7 +271,7 @@ def send_bytes(call: Call) -> Wait:
 @SOCKETS.instruction(
     "SocketReceive", rf"VAR socketdev Socket, {_RECEIVED}, \num ReadNoOfBytes, \VAR num NoRecBytes, \num Time"
 )
-def receive_bytes(call: Call) -> Wait:
+def _receive_bytes(call: Call) -> Wait:
     room = _room(call)
     wanted = whole_argument(call, "ReadNoOfBytes", 1, room) if call.present("ReadNoOfBytes") else None
     end, got = _deadline(call), bytearray()
@@ -289,7 +289,7 @@ def receive_bytes(call: Call) -> Wait:
 
 
 @SOCKETS.instruction("SocketSendTo", rf"VAR socketdev Socket, string RemoteAddress, num RemotePort, {_SENT}")
-def send_datagram(call: Call) -> None:
+def _send_datagram(call: Call) -> None:
     device, socket = _datagram_socket(call)
     address, port = _checked_address(call, call["RemoteAddress"], "RemotePort")
     content = _bytes_to_send(call)
@@ -300,7 +300,7 @@ def send_datagram(call: Call) -> None:
     "SocketReceiveFrom",
     rf"VAR socketdev Socket, {_RECEIVED}, \VAR num NoRecBytes, VAR string RemoteAddress, VAR num RemotePort, \num Time",
 )
-def receive_datagram(call: Call) -> Wait:
+def _receive_datagram(call: Call) -> Wait:
     room, end = _room(call), _deadline(call)
 
     def ask() -> tuple[bytes, str, int] | None:
@@ -313,7 +313,7 @@ def receive_datagram(call: Call) -> Wait:
 
 
 @SOCKETS.function("SocketPeek", "VAR socketdev Socket", "num")
-def bytes_waiting(call: Call) -> float:
+def _bytes_waiting(call: Call) -> float:
     device, socket = _open_socket(call)
     return float(_call_network(call, device, socket.waiting))
 
