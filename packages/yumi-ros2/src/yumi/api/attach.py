@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from yumi.planning.planner import Plan, Planner
 
 _R = TypeVar("_R")
-Arms = ArmName | Sequence[ArmName]
+_Arms = ArmName | Sequence[ArmName]
 
 
 def attach(robot: str = "", *, on_step: Callable[[str], None] = lambda step: None) -> RunningDriver:
@@ -136,7 +136,7 @@ class RunningDriver:
     def speed_scale(self, value: float) -> None:
         self.call(SetSpeedScale(speed_scale=float(value)))
 
-    def start_egm(self, arms: Arms = ()) -> str:
+    def start_egm(self, arms: _Arms = ()) -> str:
         """Start EGM on ``"right"``, ``"left"`` or the arms that are configured, with the controllers on top."""
         return self.call(StartEgm(arms=_arms(arms)))
 
@@ -152,7 +152,7 @@ class RunningDriver:
         """Bring the robot back after a stop; ``confirm`` is ``state.stop``, after a person has looked at the robot."""
         return self.call(Recover(confirm=confirm))
 
-    def give_back(self, arms: Arms = ("right", "left")) -> str:
+    def give_back(self, arms: _Arms = ("right", "left")) -> str:
         """Let programs command arms again that a person has let go; for a person to call, or to agree to.
 
         Raises:
@@ -160,7 +160,7 @@ class RunningDriver:
         """
         return self.call(GiveBack(arms=_arms(arms)))
 
-    def calibrate(self, arms: Arms = ("right", "left")) -> str:
+    def calibrate(self, arms: _Arms = ("right", "left")) -> str:
         """Close the fingers of grippers and call that zero."""
         return self.call(Calibrate(arms=_arms(arms)))
 
@@ -359,7 +359,7 @@ class RunningDriver:
         self.call(request)
 
 
-def _arms(arms: Arms) -> tuple[ArmName, ...]:
+def _arms(arms: _Arms) -> tuple[ArmName, ...]:
     return (arms,) if isinstance(arms, str) else tuple(arms)
 
 

@@ -45,7 +45,7 @@ from yumi.driver.wiring import DriverParts, make_parts, only_at_robot
 from yumi.recording.message_types import STATE
 from yumi.recording.recorder import FullRecorder, Source, Sources
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 def recorded_sources(manager: RobotManager, signals: GripperSignals) -> Sources:
@@ -158,11 +158,11 @@ class Connection:
                     self.manager.make_ready()  # refused where there is anything to do
                 steps = [*self.manager.steps_to_ready(), *self._gripper_setup.steps(is_tested=is_tested)]
                 start = f"start EGM on {arms_in_words(self._arms)} (to hold where they are)"
-                log.warning("%s%s.", ANNOUNCEMENT, ", ".join([*steps, start]))
+                _log.warning("%s%s.", ANNOUNCEMENT, ", ".join([*steps, start]))
                 self.manager.make_ready(confirm)
                 if is_tested:  # not while EGM runs
                     self._were_tested = True
-                    close_as_test(self.grippers, log.info, log.warning)
+                    close_as_test(self.grippers, _log.info, _log.warning)
                 stack.callback(self._end_motion)
                 self.manager.start_egm()
             stack.enter_context(self._endpoint())
@@ -171,10 +171,10 @@ class Connection:
     @contextmanager
     def _endpoint(self) -> Iterator[None]:
         """Lets commands and other scripts see this robot, and ask for things."""
-        server = EndpointServer(self._robot, log.log)
+        server = EndpointServer(self._robot, _log.log)
 
         def report(level: int, said: Message | str) -> None:
-            log.log(level, said)
+            _log.log(level, said)
             server.note(level, said)
 
         self.manager.monitor.log.report = report
@@ -209,25 +209,25 @@ class Connection:
 
     def _start(self, stack: ExitStack) -> None:
         """Make the parts of the driver, connect and start its processes and threads."""
-        settings, warn = self._settings, partial(log.warning, "%s")
+        settings, warn = self._settings, partial(_log.warning, "%s")
 
         def report(step: str) -> None:
-            log.info("%s", step)
+            _log.info("%s", step)
             self._on_step(step)
 
         for remark in settings.collision.remarks:
-            log.info("%s", remark)
+            _log.info("%s", remark)
         parts = make_parts(
             settings, self._controllers, self._on_event, report, GOAL_CONTROLLER, self._arms, warn, self._stops
         )
         self.manager = manager = parts.manager
         self.grippers, self._control, self._gripper_signals = parts.grippers, parts.control, parts.signals
-        self._gripper_setup = set_up_grippers(manager, parts.grippers, settings.gripper, log.warning)
+        self._gripper_setup = set_up_grippers(manager, parts.grippers, settings.gripper, _log.warning)
         if self._speed is not None:  # what was set before the connection was opened anew
             manager.speed.set(self._speed.value)
         self._speed = manager.speed
         if self._speed.value < FULL:
-            log.warning("%s Raise it with robot.speed_scale or connect(speed_scale=...).", self._speed)
+            _log.warning("%s Raise it with robot.speed_scale or connect(speed_scale=...).", self._speed)
         self.client = parts.client
         stack.callback(parts.client.close)
         parts.control.launch()
@@ -240,8 +240,8 @@ class Connection:
         try:
             parts.signals.keep_open()
         except YumiError as error:
-            log.info("The controller grants no subscription to the grippers' signals, they are polled: %s", error)
-        manager.monitor.log.report = log.log
+            _log.info("The controller grants no subscription to the grippers' signals, they are polled: %s", error)
+        manager.monitor.log.report = _log.log
         manager.start()
         stack.callback(manager.stop)
         self.executor = motion_executor(parts, settings, self._motions, self._arms)
@@ -271,8 +271,8 @@ class Connection:
             done = "The robot was connected anew."
         else:
             self._come_to_rest()
-            done = self.manager.recover(report or partial(log.info, "%s"), check, confirmed=confirm)
-            log.info("%s", done)
+            done = self.manager.recover(report or partial(_log.info, "%s"), check, confirmed=confirm)
+            _log.info("%s", done)
             self.manager.start_egm(
                 None, report or (lambda step: None), check
             )  # also where EGM had been ended by close(), or had not begun
@@ -307,7 +307,7 @@ class Connection:
         clock = SystemClock()
         begin, sources = time.time() - clock.now(), recorded_sources(self.manager, self._gripper_signals)
         try:
-            recorder = FullRecorder(file, begin, self._control.recorders, partial(log.info, "%s"), clock, sources)
+            recorder = FullRecorder(file, begin, self._control.recorders, partial(_log.info, "%s"), clock, sources)
         except OSError as error:
             raise SettingsError(
                 message("recording_not_writable", file=str(file), reason=error.strerror or str(error))
@@ -332,7 +332,7 @@ class Connection:
         try:
             self.manager.end_motion()
         except YumiError as error:
-            log.warning("EGM could not be ended on the robot: %s", error)
+            _log.warning("EGM could not be ended on the robot: %s", error)
 
     def _come_to_rest(self) -> None:
         with suppress(YumiError):  # an arm that its controller cannot stop is held by the limiter

@@ -14,7 +14,7 @@ from yumi.api.teleoperation_devices import Inputs
 if TYPE_CHECKING:
     from evdev import InputDevice
 
-Kind = Literal["gamepad", "spacemouse"]
+_Kind = Literal["gamepad", "spacemouse"]
 
 _DEAD = 0.1  # of an axis: so far from its middle it rests
 _FORGOTTEN = 0.1  # [s] a SpaceMouse that reports changes reports no more where its cap rests
@@ -38,7 +38,7 @@ class FoundDevice(NamedTuple):
 
     path: str
     name: str
-    kind: Kind
+    kind: _Kind
 
     def __str__(self) -> str:
         return f"{self.path}  {self.kind:<11}{self.name}"
@@ -71,7 +71,7 @@ def find_devices() -> tuple[FoundDevice, ...]:
     return tuple(found)
 
 
-def open_device(path: str = "", kind: Kind | None = None) -> tuple[FoundDevice, OpenDevice]:
+def open_device(path: str = "", kind: _Kind | None = None) -> tuple[FoundDevice, OpenDevice]:
     """A gamepad or SpaceMouse: the one at ``path``, or the first of a kind, or the first.
 
     Raises:
@@ -97,7 +97,7 @@ def open_device(path: str = "", kind: Kind | None = None) -> tuple[FoundDevice, 
     return FoundDevice(path, device.name, found), OpenDevice(device, reports_on=found == "spacemouse")
 
 
-def _kind_of(device: InputDevice) -> Kind | None:
+def _kind_of(device: InputDevice) -> _Kind | None:
     names = {code for codes in _codes_of(device).values() for code in codes.values()}
     is_six = any({f"{prefix}_{axis}" for axis in _SIX} <= names for prefix in ("ABS", "REL"))
     is_ours = device.info.vendor in (_3DCONNEXION, _LOGITECH) or "space" in device.name.lower()

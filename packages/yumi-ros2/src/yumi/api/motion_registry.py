@@ -30,7 +30,7 @@ from yumi.control.tool_limits import ToolLimited
 from yumi.control.trajectory_commands import TrajectoryEnded, TrajectoryOutcome
 from yumi.driver.stops import Cause, Explain, explained
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 class MotionWay(NamedTuple):
@@ -118,7 +118,7 @@ class MotionRegistry:
         self.cause: Callable[[], Cause] = Cause
         self.limited_by: Callable[[Side], Limited | None] = lambda side: None
         self._is_script = is_script
-        self._log = log.log if is_script else _no_log
+        self._log = _log.log if is_script else _no_log
         self._recoveries = 0
         self._numbers = count(1)  # people read them; those of ROS are far beyond
         self._open: dict[int, Motion] = {}

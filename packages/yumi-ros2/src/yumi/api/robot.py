@@ -35,7 +35,7 @@ from yumi.planning.tool_path import SPEED, TURNING, ZONE, ToolMotion
 if TYPE_CHECKING:
     from yumi.planning.planner import Plan, Planner
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 _T = TypeVar("_T")
 
@@ -420,7 +420,7 @@ class Robot:
             RobotNotReady: the robot is not connected, or the control process has ended.
         """
         manager, end = self._connected.manager, ExitStack()
-        log.info("%s", manager.allow_collision(part, other, float(seconds)))
+        _log.info("%s", manager.allow_collision(part, other, float(seconds)))
 
         def keep_apart() -> None:
             with suppress(RobotNotReady):  # the control process has ended, and nothing is allowed any more
@@ -525,7 +525,7 @@ class Robot:
 
     @speed_scale.setter
     def speed_scale(self, value: float) -> None:
-        log.info(self._connected.manager.speed.set(value))
+        _log.info(self._connected.manager.speed.set(value))
 
     @property
     def state(self) -> RobotState:

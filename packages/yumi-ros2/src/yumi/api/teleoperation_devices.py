@@ -30,7 +30,7 @@ class Device(Protocol):
         """
 
 
-RATE = 60.0
+_RATE = 60.0
 """Frames a second."""
 
 
@@ -45,7 +45,7 @@ def teleoperate(
 
     Args:
         driver: of the robot.
-        device: read :data:`RATE` times a second.
+        device: read :data:`_RATE` times a second.
         settings: how the arms follow.
         on_report: takes what became of each frame.
         wait: waits for so long [s]; what it raises ends teleoperation.
@@ -64,7 +64,7 @@ def teleoperate(
             settings=settings,
         )
         on_report(driver.call(Teleoperate(frame=frame)))
-        due = max(due + 1.0 / RATE, time.monotonic())
+        due = max(due + 1.0 / _RATE, time.monotonic())
         wait(max(0.0, due - time.monotonic()))
 
 

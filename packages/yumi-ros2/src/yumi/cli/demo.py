@@ -91,12 +91,15 @@ class Cancelled(Exception):
     """A person has ended the demonstration."""
 
 
-Confirm = Callable[[str, Callable[[], None]], bool]
+_Confirm = Callable[[str, Callable[[], None]], bool]
 """Asks a person on the terminal, and calls a check again and again while it waits; False without a terminal."""
 
 
 def run_demo(
-    plan: DemoPlan, progress: MoveAndGrabProgress, is_cancelled: Callable[[], bool], confirm: Confirm = lambda *_: False
+    plan: DemoPlan,
+    progress: MoveAndGrabProgress,
+    is_cancelled: Callable[[], bool],
+    confirm: _Confirm = lambda *_: False,
 ) -> Mapping[Side, MoveAndGrabArmReport]:
     """Run the task from start to end; on any way out motion is stopped and every process has ended.
 

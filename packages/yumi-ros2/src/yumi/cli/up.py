@@ -71,7 +71,7 @@ _log = logging.getLogger("yumi")
 _END_REQUESTS = 3.0
 """A driver that must end abandons its requests to the controller after this time [s]: the network may be dead."""
 
-END = 4.5
+_END = 4.5
 """A driver that has not ended this long after it was asked to is ended by force [s]."""
 
 DEFAULT_WAIT = 60.0
@@ -413,17 +413,17 @@ def _end_motion(
 
 
 def end_by_force(is_over: Flag) -> None:
-    """End the process :data:`END` after ``is_over`` is set, should it still be there; the arms' processes hold then.
+    """End the process :data:`_END` after ``is_over`` is set, should it still be there; the arms' processes hold then.
 
     Something may wait for what never comes: a user who has asked the driver to end needs no other program for it.
     """
 
     def end() -> None:
         is_over.wait()
-        time.sleep(END)
+        time.sleep(_END)
         busy = [each.name for each in threading.enumerate() if not each.daemon and each is not threading.main_thread()]
         words = f"; these threads had not ended: {', '.join(sorted(busy))}" if busy else ""
-        sys.stderr.write(f"Error: the driver did not end within {END:g} s and is ended by force{words}.\n")
+        sys.stderr.write(f"Error: the driver did not end within {_END:g} s and is ended by force{words}.\n")
         sys.stderr.flush()
         os._exit(1)
 

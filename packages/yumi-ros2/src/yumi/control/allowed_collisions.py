@@ -22,7 +22,7 @@ CONTACT_SPEED_SCALE = 0.1
 _LONGEST_CONTACT = 60.0
 """A collision is allowed for so long at most [s]; asked for again, the time begins anew."""
 
-PartPair = tuple[str, str]
+_PartPair = tuple[str, str]
 
 
 class AllowedCollisions:
@@ -36,9 +36,9 @@ class AllowedCollisions:
 
     def __init__(self, arms: Sequence[ArmLoop], collisions: CollisionLimiter | None, now: Callable[[], float]) -> None:
         self._arms, self._collisions, self._now = arms, collisions, now
-        self._until: dict[PartPair, float] = {}
+        self._until: dict[_PartPair, float] = {}
         self._first_end = inf
-        self._permitted: tuple[PartPair, ...] = ()
+        self._permitted: tuple[_PartPair, ...] = ()
         self._running: list[bool] = []  # of each arm, when it was looked at last
         self._events: list[AllowedCollisionsChanged] = []
 
@@ -119,6 +119,6 @@ def _check_parts(collisions: CollisionLimiter, part: str, other: str) -> None:
         raise CommandRefused(message("no_such_parts", part=part, other=other))
 
 
-def _pair(part: str, other: str) -> PartPair:
+def _pair(part: str, other: str) -> _PartPair:
     """In one order, whichever is named first."""
     return (part, other) if part <= other else (other, part)

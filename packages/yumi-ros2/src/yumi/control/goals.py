@@ -26,30 +26,30 @@ class GoalKind(IntFlag):
     TOOL = 16
 
 
-V = TypeVar("V")
+_V = TypeVar("_V")
 
 
-class Buffer(Protocol[V]):
+class Buffer(Protocol[_V]):
     """The latest value of one kind; one side writes, any side reads, neither waits."""
 
-    def write(self, value: V) -> None:
+    def write(self, value: _V) -> None:
         """Replace the value."""
 
-    def read(self) -> tuple[int, V] | None:
+    def read(self) -> tuple[int, _V] | None:
         """The number of the newest write, from 1, and its value; None while nothing was ever written."""
 
 
-class MemoryBuffer(Generic[V]):
+class MemoryBuffer(Generic[_V]):
     """A buffer inside one process."""
 
     def __init__(self) -> None:
-        self._newest: tuple[int, V] | None = None
+        self._newest: tuple[int, _V] | None = None
 
-    def write(self, value: V) -> None:
+    def write(self, value: _V) -> None:
         number = self._newest[0] if self._newest else 0
         self._newest = (number + 1, value)
 
-    def read(self) -> tuple[int, V] | None:
+    def read(self) -> tuple[int, _V] | None:
         return self._newest
 
 
@@ -138,13 +138,13 @@ class _SessionMessage(Protocol):
     def session(self) -> int: ...
 
 
-M = TypeVar("M", bound=_SessionMessage)
+_M = TypeVar("_M", bound=_SessionMessage)
 
 
-class Inbox(Generic[M]):
+class Inbox(Generic[_M]):
     """A controller's view of its buffer: every message is taken once."""
 
-    def __init__(self, buffer: Buffer[M]) -> None:
+    def __init__(self, buffer: Buffer[_M]) -> None:
         self._buffer = buffer
         self._number = 0
 
@@ -158,7 +158,7 @@ class Inbox(Generic[M]):
         newest = self._buffer.read()
         self._number = newest[0] if newest else 0
 
-    def take_newest(self, session: int) -> M | None:
+    def take_newest(self, session: int) -> _M | None:
         """The newest message, if it was not taken before and is meant for ``session``."""
         newest = self._buffer.read()
         if newest is None or newest[0] == self._number:

@@ -41,7 +41,7 @@ from yumi.control.trajectory_commands import CancelTrajectory
 MOTION_BEGINS = 0.2
 """A motion that was asked for is seen to move the arm, or to be over, within this time [s]."""
 
-STOPS = (StopMotion, CancelTrajectory)
+_STOPS = (StopMotion, CancelTrajectory)
 """What ends a motion is open to all, but for a :class:`.StopMotion` by which the requester takes an arm over."""
 
 _ENDINGS = (
@@ -306,7 +306,7 @@ class HandOver:
         with ExitStack() as gates:
             if command in (Commands.send_commands, Commands.take_commands):
                 given = [each for each in args if isinstance(each, ControllerCommand)]
-                moved = {each.side: each.message for each in given if not isinstance(each.message, STOPS)}
+                moved = {each.side: each.message for each in given if not isinstance(each.message, _STOPS)}
                 stopped = (
                     set() if requester.only_holds else {it.side for it in given if isinstance(it.message, StopMotion)}
                 )

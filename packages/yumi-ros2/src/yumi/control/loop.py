@@ -36,7 +36,7 @@ from yumi.control.shared_state import PROBLEMS, JointStates, Limited, Problem, S
 from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.control.stage_times import AFTER_REPLY, StageClock
 
-INTERRUPTION = 5
+_INTERRUPTION = 5
 """Feedback that has not come for so many cycles is interrupted; later, by the session's own limit, it is lost."""
 
 _DOUBTS_REPORTED = 1.0
@@ -45,13 +45,13 @@ _DOUBTS_REPORTED = 1.0
 _LIMITED_SHOWN = 0.2
 """What an arm is kept apart from is in its snapshot for so long after the last cycle in which it was [s]."""
 
-STOOD_STILL = 0.040
+_STOOD_STILL = 0.040
 """A control process that looked at an arm last before so long did not run: it does so every 20 ms at the latest [s]."""
 
 LONGEST_UNANSWERED = 0.2
 """Controllers for which the core has answered for longer are deactivated: a person decides what follows [s]."""
 
-AT_REST = 1e-3
+_AT_REST = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
 
 _NO_STAGES = StageClock()
@@ -106,7 +106,7 @@ class ArmLoop:
         self._last: Cycle | None = None
         self._sent_moves = False  # with the last cycle
         self._unsettled: Cycle | None = None
-        self._interruption = INTERRUPTION * period
+        self._interruption = _INTERRUPTION * period
         self._due = (0.75 * period, 1.5 * period)
         self._most_unanswered = LONGEST_UNANSWERED / period
         self._session = 0
@@ -140,7 +140,7 @@ class ArmLoop:
         """
         if self._last is None:
             return True
-        return self._limiter.is_at_rest and max(map(abs, self._last.state.velocity)) < AT_REST
+        return self._limiter.is_at_rest and max(map(abs, self._last.state.velocity)) < _AT_REST
 
     def check_follows(self) -> None:
         """Refuse what the arm could not do because it holds; raises CommandRefused."""
@@ -168,7 +168,7 @@ class ArmLoop:
         if last is None or not self.is_running:
             return
         beyond = last.beyond
-        moves = max(map(abs, last.state.velocity)) >= AT_REST or last.sent.velocity is not ZERO or self._sent_moves
+        moves = max(map(abs, last.state.velocity)) >= _AT_REST or last.sent.velocity is not ZERO or self._sent_moves
         is_held = beyond > AT_GOAL and (self._limited is not None or not moves)  # it may still go by small steps
         if moves and not is_held:
             raise CommandRefused(message("arm_moves", arm=self._side.word))
@@ -232,7 +232,7 @@ class ArmLoop:
             before, self._last, self._position = self._last, cycle, cycle.state.position
             self.manager.sent.note(cycle.desired and cycle.desired.position, cycle.sent.position)
             way = largest_difference(cycle.sent.position, before.sent.position) if before else 0.0
-            moved, self._sent_moves = self._sent_moves, way > AT_REST * cycle.state.dt
+            moved, self._sent_moves = self._sent_moves, way > _AT_REST * cycle.state.dt
             if cycle.beyond > AT_GOAL and not (moved or self._sent_moves):  # a command that turns round stands once
                 self.manager.note_withheld(cycle.sent.position)
             if self._limiter.is_waiting:
@@ -301,7 +301,9 @@ class ArmLoop:
         if silence is None:
             return False
         unwatched = now - looked
-        is_ours = unwatched > STOOD_STILL and silence - unwatched < self._interruption  # until then the robot was heard
+        is_ours = (
+            unwatched > _STOOD_STILL and silence - unwatched < self._interruption
+        )  # until then the robot was heard
         self._last = None
         self._limiter.note_connection_lost()
         deactivated = self.manager.deactivate_commanding()

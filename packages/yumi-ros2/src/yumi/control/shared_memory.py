@@ -27,7 +27,7 @@ from abb_protocols.robot.joints import JOINT_COUNT, Joints
 from abb_runtime.process.child import PROCESSES
 from yumi.control.goals import UNKNOWN, GoalKind
 
-V = TypeVar("V")
+_V = TypeVar("_V")
 
 _READ_ATTEMPTS = 10  # a writer on another processor is done by then; one that we took the processor from never will be
 _COUNTERS = Struct("qq")  # writes begun, finished: equal and not 0 when the value is whole
@@ -124,33 +124,33 @@ def _getter(names: list[str]) -> Any:
     return lambda value: tuple(getattr(value, name) for name in names)
 
 
-class SharedBuffer(Generic[V]):
+class SharedBuffer(Generic[_V]):
     """A buffer between two processes; hand it to the child when it is spawned.
 
     Args:
         kind: of the values; a named tuple of numbers and joints.
     """
 
-    def __init__(self, kind: type[V]) -> None:
+    def __init__(self, kind: type[_V]) -> None:
         with _from_the_system():
             memory = RawArray(ctypes.c_char, _COUNTERS.size + _layout_of(kind).size)
         self.__setstate__((kind, memory))
 
-    def __getstate__(self) -> tuple[type[V], Any]:
+    def __getstate__(self) -> tuple[type[_V], Any]:
         return self._kind, self._shared
 
-    def __setstate__(self, state: tuple[type[V], Any]) -> None:
+    def __setstate__(self, state: tuple[type[_V], Any]) -> None:
         self._kind, self._shared = state
         self._layout = _layout_of(self._kind)
         self._memory = memoryview(self._shared).cast("B")
-        self._read_last: tuple[int, V] | None = None
+        self._read_last: tuple[int, _V] | None = None
 
     @property
     def address(self) -> int:
         """Of the memory, for the core."""
         return ctypes.addressof(self._shared)
 
-    def write(self, value: V, number: int | None = None) -> None:
+    def write(self, value: _V, number: int | None = None) -> None:
         """Replace the value; one process only may write. ``number``: its own in place of the next one."""
         memory = self._memory
         if number is None:
@@ -159,7 +159,7 @@ class SharedBuffer(Generic[V]):
         self._layout.pack(memory, value)
         _FINISHED.pack_into(memory, _BEGUN.size, number)
 
-    def read(self) -> tuple[int, V] | None:
+    def read(self) -> tuple[int, _V] | None:
         """The number of the newest write, from 1, and its value; None while nothing was ever written."""
         memory, before = self._memory, self._read_last
         for _ in range(_READ_ATTEMPTS):
@@ -219,25 +219,25 @@ class SharedBytes:
         return b""
 
 
-class SharedHistory(Generic[V]):
+class SharedHistory(Generic[_V]):
     """The last ``depth`` values: a reader that was busy for a moment misses none."""
 
-    def __init__(self, kind: type[V], depth: int) -> None:
+    def __init__(self, kind: type[_V], depth: int) -> None:
         self._slots = tuple(SharedBuffer(kind) for _ in range(depth))
         self._newest = shared_numbers(1)
 
-    def write(self, value: V) -> None:
+    def write(self, value: _V) -> None:
         """Add a value; the oldest one makes room. One process only may write."""
         number = int(self._newest[0]) + 1
         self._slots[number % len(self._slots)].write(value, number)
         self._newest[0] = float(number)
 
-    def read(self) -> tuple[int, V] | None:
+    def read(self) -> tuple[int, _V] | None:
         """The newest value with its number, from 1; None while nothing was ever written."""
         values = self.since(int(self._newest[0]) - 1)
         return values[-1] if values else None
 
-    def since(self, number: int) -> list[tuple[int, V]]:
+    def since(self, number: int) -> list[tuple[int, _V]]:
         """The values after ``number`` that are still there, oldest first."""
         newest = int(self._newest[0])
         numbers = range(max(number, newest - len(self._slots)) + 1, newest + 1)

@@ -11,7 +11,7 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.robot.joints import JointLimits, Joints
 from yumi.control.motion.target_predictor import CONNECTED
 
-LOWEST_RATE, HIGHEST_RATE = 10.0, 500.0
+_LOWEST_RATE, _HIGHEST_RATE = 10.0, 500.0
 """Points a second in a stream that is followed as documented."""
 
 _TOLERANCE = 1.1  # a clock is not exact
@@ -108,8 +108,8 @@ class StreamMonitor:
         if span < _WINDOW or self._points < _FEWEST:
             return
         rate = self._points / span
-        if not LOWEST_RATE / _TOLERANCE <= rate <= HIGHEST_RATE * _TOLERANCE:
-            self._report("stream_rate_out_of_range", now, rate=rate, lowest=LOWEST_RATE, highest=HIGHEST_RATE)
+        if not _LOWEST_RATE / _TOLERANCE <= rate <= _HIGHEST_RATE * _TOLERANCE:
+            self._report("stream_rate_out_of_range", now, rate=rate, lowest=_LOWEST_RATE, highest=_HIGHEST_RATE)
         elif abs(delay - self._delay) > _OTHER_DELAY:
             self._delay = delay
             self._report("stream_followed", now, is_warning=False, rate=rate, delay=delay)

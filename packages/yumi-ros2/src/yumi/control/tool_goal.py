@@ -11,7 +11,7 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import ZERO, Joints, Pose, Side
 from abb_protocols.robot.kinematics import compose, distance_between, tool0_to_body
 
-TOOL0: Joints = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+_TOOL0: Joints = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """The tool that is none, as numbers: position x, y, z [m], quaternion w, x, y, z."""
 
 
@@ -38,12 +38,12 @@ class ToolGoal(NamedTuple):
     angle: float
     pose: Joints
     twist: Joints
-    tool: Joints = TOOL0
+    tool: Joints = _TOOL0
     speed: float = nan
     turning: float = nan
 
 
-def numbers_of(pose: Pose) -> Joints:
+def _numbers_of(pose: Pose) -> Joints:
     """A pose as seven numbers: x, y, z [m], quaternion w, x, y, z."""
     return (*pose.position, *pose.orientation)
 
@@ -57,7 +57,7 @@ def pose_of(numbers: Joints) -> Pose:
 def pose_goal(session: int, pose: Pose, tool: Pose | None = None, angle: float = nan, time: float = nan) -> ToolGoal:
     """A pose of the tool in the body frame, for :class:`ToolGoal`."""
     return ToolGoal(
-        session, time, False, False, angle, numbers_of(pose), ZERO, TOOL0 if tool is None else numbers_of(tool)
+        session, time, False, False, angle, _numbers_of(pose), ZERO, _TOOL0 if tool is None else _numbers_of(tool)
     )
 
 
@@ -65,10 +65,10 @@ def twist_goal(
     session: int, twist: Joints, tool: Pose | None = None, *, is_in_tool: bool = False, time: float = nan
 ) -> ToolGoal:
     """A velocity of the tool and of the arm angle, (7,), for :class:`ToolGoal`."""
-    return ToolGoal(session, time, True, is_in_tool, nan, TOOL0, twist, TOOL0 if tool is None else numbers_of(tool))
+    return ToolGoal(session, time, True, is_in_tool, nan, _TOOL0, twist, _TOOL0 if tool is None else _numbers_of(tool))
 
 
-NEAR = (0.1, 0.35)
+_NEAR = (0.1, 0.35)
 """A stream of poses that something else has interrupted goes on so far from where the tool is sent [m], [rad]."""
 
 
@@ -77,25 +77,25 @@ def check_tool_near(side: Side, sent: Joints, goal: ToolGoal) -> None:
     if goal.is_twist:
         return
     distance, turn = distance_between(compose(tool0_to_body(side, sent), pose_of(goal.tool)), pose_of(goal.pose))
-    if not (distance <= NEAR[0] and turn <= NEAR[1]):  # NaN too
+    if not (distance <= _NEAR[0] and turn <= _NEAR[1]):  # NaN too
         raise CommandRefused(
             message(
                 "tool_stream_begins_elsewhere",
                 arm=side.word,
                 distance=distance,
                 turn=turn,
-                most=NEAR[0],
-                most_turn=NEAR[1],
+                most=_NEAR[0],
+                most_turn=_NEAR[1],
             )
         )
 
 
-HIGHEST = 100.0
+_HIGHEST = 100.0
 """A velocity beyond this was hardly meant in metres or radians a second; so large ones cannot be calculated with."""
 
 
 def check_twist(twist: Sequence[float]) -> None:
     """Refuse a velocity that is none; raises CommandRefused."""
     for value in twist:
-        if not abs(value) <= HIGHEST:  # NaN too
-            raise CommandRefused(message("twist_implausible", value=f"{value:g}", most=HIGHEST))
+        if not abs(value) <= _HIGHEST:  # NaN too
+            raise CommandRefused(message("twist_implausible", value=f"{value:g}", most=_HIGHEST))

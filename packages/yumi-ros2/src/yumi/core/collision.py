@@ -185,10 +185,10 @@ def _check_names(names: Sequence[str], most: int, taken: Set[str], side: Side | 
             raise CommandRefused(message("tool_named_twice" if side else "box_named_twice", name=name, **arm))
 
 
-FAR = 10.0
+_FAR = 10.0
 """Nothing of the robot is further away [m]."""
 
-CONTACT = np.dtype(
+_CONTACT = np.dtype(
     [
         ("distance", float),
         ("normal", float, 3),
@@ -205,8 +205,8 @@ CONTACT = np.dtype(
 - parts: their numbers, as in :attr:`CollisionModel.names`.
 """
 
-Contacts = NDArray[np.void]
-"""Of :data:`CONTACT`, (n,)."""
+_Contacts = NDArray[np.void]
+"""Of :data:`_CONTACT`, (n,)."""
 
 
 class CollisionModel:
@@ -266,7 +266,7 @@ class CollisionModel:
         ]
         frames_of = [_frames(side) for side in Side]
         counts = np.array([len(parts[side]) for side in Side])
-        self._found = np.empty(max(counts) * max(*counts, len(boxes)), dtype=CONTACT)
+        self._found = np.empty(max(counts) * max(*counts, len(boxes)), dtype=_CONTACT)
         self._library = load()
         arrays = [np.array(each, dtype=float) for each in (frames_of, capsules, boxes)]
         if not (
@@ -276,7 +276,7 @@ class CollisionModel:
         origins, shapes, still = (each.ctypes.data for each in arrays)
         self.handle = new_handle(self, "model", origins, counts.ctypes.data, shapes, still, len(boxes))
 
-    def contacts(self, positions: Array, within: float, alone: Side | None = None) -> Contacts:
+    def contacts(self, positions: Array, within: float, alone: Side | None = None) -> _Contacts:
         """The pairs of parts that are near each other.
 
         Args:
@@ -289,11 +289,11 @@ class CollisionModel:
         postures, side = np.ascontiguousarray(positions, dtype=float), alone or Side.RIGHT
         arguments = postures.ctypes.data, within, list(Side).index(side), alone is not None, self._found.ctypes.data
         count: int = self._library.model_contacts(self.handle, *arguments)
-        found: Contacts = self._found[:count].copy()
+        found: _Contacts = self._found[:count].copy()
         return found
 
     def nearest(
-        self, positions: Mapping[Side, Joints], count: int = 1, *, within: float = FAR, ignore: str = ""
+        self, positions: Mapping[Side, Joints], count: int = 1, *, within: float = _FAR, ignore: str = ""
     ) -> tuple[Distance, ...]:
         """The nearest pairs of parts, nearest first: arm to arm, and arm to body and obstacles.
 

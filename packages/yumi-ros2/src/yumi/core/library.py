@@ -28,13 +28,13 @@ from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import MissingPrerequisite
 
 FOLDER = Path(__file__).parent
-UNITS = ("collision", "egm", "limiter")
+_UNITS = ("collision", "egm", "limiter")
 """The sources that are compiled each for itself, with all headers of this folder; the last one includes Ruckig's."""
 
 PACKAGED = FOLDER / "libcore.so"
 """Where a wheel has the library."""
 
-COMPILERS = ("c++", "g++", "clang++")
+_COMPILERS = ("c++", "g++", "clang++")
 FLAGS = (
     "-std=c++17",
     "-O3",
@@ -201,7 +201,7 @@ def load() -> ctypes.PyDLL:
     Raises:
         MissingPrerequisite: it has to be compiled, and cannot be.
     """
-    path = PACKAGED if PACKAGED.exists() else compiled()
+    path = PACKAGED if PACKAGED.exists() else _compiled()
     try:
         # Calls take microseconds: giving up the interpreter for them would let other threads in between.
         library, released = ctypes.PyDLL(str(path)), ctypes.CDLL(str(path))
@@ -289,9 +289,9 @@ def new_handle(owner: object, kind: str, *arguments: object) -> int:
     return handle
 
 
-def compiled() -> Path:
+def _compiled() -> Path:
     """The library compiled for this machine, from this edition of the sources; compiles it where there is none."""
-    library = _folder() / f"core-{_edition(UNITS[-1])}.so"
+    library = _folder() / f"core-{_edition(_UNITS[-1])}.so"
     if not library.exists():
         compile_to(library)
     return library
@@ -304,17 +304,17 @@ def compile_to(library: Path, standard: Sequence[str] = STANDARD) -> None:
         library: where the library goes.
         standard: how the C++ library is linked, :data:`STANDARD` or :data:`PORTABLE`.
     """
-    objects = map(str, compile_units(UNITS))
+    objects = map(str, _compile_units(_UNITS))
     _run([[*_compiler(), "-shared", "-pthread", *objects, *standard, str(_ruckig().archive)]], [library])
 
 
-def compile_units(names: Sequence[str]) -> list[Path]:
+def _compile_units(names: Sequence[str]) -> list[Path]:
     """The objects of some sources, those that are missing compiled at the same time."""
     objects = [_folder() / f"{name}-{_edition(name)}.o" for name in names]
     missing = [(name, file) for name, file in zip(names, objects, strict=True) if not file.exists()]
     commands = []
     for name, _ in missing:
-        include = [] if name != UNITS[-1] else ["-isystem", str(_ruckig().headers)]
+        include = [] if name != _UNITS[-1] else ["-isystem", str(_ruckig().headers)]
         commands.append([*_compiler(), *FLAGS, *include, "-c", str(FOLDER / f"{name}.cpp")])
     _run(commands, [file for _, file in missing])
     return objects
@@ -331,14 +331,14 @@ def _edition(unit: str) -> str:
     """Of the sources and of what they are compiled with; Ruckig is a part of the last unit, and of the library."""
     made_of = [file.read_bytes() for file in sorted(FOLDER.glob("*.[ch]pp"))]
     made_of.append(" ".join((*FLAGS, os.environ.get("CXX", ""), sysconfig.get_platform())).encode())
-    if unit == UNITS[-1]:
+    if unit == _UNITS[-1]:
         made_of.append(_ruckig().version.encode())
     return hashlib.sha256(b"".join(made_of)).hexdigest()[:16]
 
 
 def _compiler() -> list[str]:
     named = shlex.split(os.environ.get("CXX", ""))
-    compiler = named or [found for name in COMPILERS if (found := shutil.which(name))][:1]
+    compiler = named or [found for name in _COMPILERS if (found := shutil.which(name))][:1]
     if not compiler:
         raise MissingPrerequisite(message("compiler_missing"))
     return compiler
@@ -386,6 +386,6 @@ def _run(commands: Sequence[Sequence[str]], outputs: Sequence[Path]) -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) > 1:
-        compile_units(sys.argv[1:])
+        _compile_units(sys.argv[1:])
     else:
-        sys.stdout.write(f"{compiled()}\n")
+        sys.stdout.write(f"{_compiled()}\n")

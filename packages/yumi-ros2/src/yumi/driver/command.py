@@ -47,7 +47,7 @@ from yumi.driver.robot_state import Report
 from yumi.driver.surroundings import Surroundings
 from yumi.driver.teleoperation import Elsewhere, TeleoperatedArms, Teleoperation
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 R = TypeVar("R")
 ArmName = Literal["right", "left"]
@@ -364,7 +364,7 @@ class CommandedRobot:
         """
 
         def report(side: Side, reason: Message) -> None:
-            log.warning("%s", message("gripper_follows_not", arm=side.word, reason=reason))
+            _log.warning("%s", message("gripper_follows_not", arm=side.word, reason=reason))
 
         for side, goal in closed.items():
             try:

@@ -45,7 +45,7 @@ from yumi.control.shared_state import JointStates, SharedDeadline, Snapshot, rea
 from yumi.control.speed_scale import SpeedFactor
 from yumi.driver.egm_arm import FallbackThread
 
-POLL_PERIOD = 0.010
+_POLL_PERIOD = 0.010
 """How often the robot's timeout is checked when nothing arrives [s]."""
 
 _LAST_HOLD = 2.0
@@ -231,7 +231,7 @@ class ControlServer:
             self._keep_awake(is_needed=any(arm.state is not None for arm in arms))
             self._flush()
             looked = self._now()  # what comes later may wait in a socket while we do something else
-            if self._wait(POLL_PERIOD):  # answers every datagram that waits
+            if self._wait(_POLL_PERIOD):  # answers every datagram that waits
                 self._wait(0.0)  # and the other arm's, which came meanwhile, before what can wait
             self._settle()
             if self._has_command and not any(arm.is_datagram_due(self._now()) for arm in arms):

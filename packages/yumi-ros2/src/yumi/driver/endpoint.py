@@ -170,7 +170,7 @@ def connect_driver(path: Path) -> socket.socket:
 
 # ---- the client
 
-R = TypeVar("R")
+_R = TypeVar("_R")
 
 
 class EndpointClient:
@@ -202,11 +202,11 @@ class EndpointClient:
 
     def call(
         self,
-        command: Command[R],
+        command: Command[_R],
         on_step: Callable[[str], None] = lambda step: None,
         on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
         timeout: float | None = ANSWER,
-    ) -> R:
+    ) -> _R:
         """Send a command and wait for its result.
 
         Args:
@@ -270,7 +270,7 @@ class EndpointClient:
         line, _, self._received = self._received.partition(b"\n")
         return self._decode(line, EndpointAnswer)
 
-    def _decode(self, data: bytes | msgspec.Raw, kind: type[R]) -> R:
+    def _decode(self, data: bytes | msgspec.Raw, kind: type[_R]) -> _R:
         try:
             return msgspec.json.decode(data, type=kind)
         except msgspec.DecodeError as error:

@@ -16,7 +16,7 @@ from yumi.driver.settings import CalibrateWhen, GripperSettings
 _CLOSED = go_to(0.0)
 _FAILURES = (RobotNotReady, ControllerRefused, ProtocolError, GoalNotReached)
 
-MessageReport = Callable[[Message], None]
+_MessageReport = Callable[[Message], None]
 """Takes what was done, or what is not as it should be."""
 
 
@@ -40,7 +40,7 @@ class GripperSetup:
         self,
         grippers: Mapping[Side, RwsGripper],
         report: Callable[[str], None],
-        warn: MessageReport,
+        warn: _MessageReport,
         *,
         is_allowed: bool = True,
         is_named: Callable[[], bool] = lambda: True,
@@ -115,7 +115,7 @@ def _unusable(side: Side, error: Exception) -> Message:
 
 
 def set_up_grippers(
-    manager: RobotManager, grippers: Mapping[Side, RwsGripper], settings: GripperSettings, warn: MessageReport
+    manager: RobotManager, grippers: Mapping[Side, RwsGripper], settings: GripperSettings, warn: _MessageReport
 ) -> GripperSetup:
     """The set-up of the grippers, which takes place each time the robot has become ready."""
     setup = GripperSetup(
@@ -130,7 +130,7 @@ def set_up_grippers(
     return setup
 
 
-def close_as_test(grippers: Mapping[Side, RwsGripper], report: MessageReport, warn: MessageReport) -> None:
+def close_as_test(grippers: Mapping[Side, RwsGripper], report: _MessageReport, warn: _MessageReport) -> None:
     """Close each gripper to see that it does; one that holds something, or is not calibrated, is left as it is.
 
     Args:

@@ -53,7 +53,7 @@ _GROUP = 0.25
 _UNEXPLAINED = 0.75
 """A stop that no event has explained after this time is logged without one [s]."""
 
-NOTICED = 0.5
+_NOTICED = 0.5
 """A change that a request has made is seen so long after it at the latest [s]."""
 
 MOTORS_OFF, PROGRAM_STOPPED = "motors off", "RAPID program stopped"
@@ -93,7 +93,7 @@ class StateLog:
         try:
             yield
         finally:
-            self._requested_until = self._clock.now() + NOTICED
+            self._requested_until = self._clock.now() + _NOTICED
 
     @property
     def is_requesting(self) -> bool:

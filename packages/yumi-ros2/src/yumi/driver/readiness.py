@@ -97,7 +97,7 @@ _NO_SYSTEM_FAILURE = Condition(
     _controller_is_not(ControllerState.SYSTEM_FAILURE),
     _says(message("system_failure")),
 )
-MOTORS_ON = Condition(
+_MOTORS_ON = Condition(
     "the motors are on",
     lambda state, _: state.controller_state is ControllerState.MOTORS_ON,
     _motors_off,
@@ -112,7 +112,7 @@ _PROGRAM_STANDS = Condition(
     lambda state, _: state.execution is ExecutionState.STOPPED,
     _says(message("program_runs")),
 )
-IDLE = Condition(
+_IDLE = Condition(
     "the state machine is idle",
     _is_idle,
     lambda state, arms: message(
@@ -165,14 +165,22 @@ _REFUSALS: Mapping[ConditionalRequest, str] = {
 
 NEEDED: Mapping[ConditionalRequest, tuple[Condition, ...]] = {
     ConditionalRequest.BRING_UP: (_AUTOMATIC, *NO_STOP, _CONFIRMED),
-    ConditionalRequest.START_RAPID: (_AUTOMATIC, MOTORS_ON, _CONFIRMED),
-    ConditionalRequest.RUN_ROUTINE: (_AUTOMATIC, _PROGRAM_RUNS, IDLE, _CONFIRMED),
-    ConditionalRequest.LOAD_MODULE: (_AUTOMATIC, _PROGRAM_RUNS, IDLE),
+    ConditionalRequest.START_RAPID: (_AUTOMATIC, _MOTORS_ON, _CONFIRMED),
+    ConditionalRequest.RUN_ROUTINE: (_AUTOMATIC, _PROGRAM_RUNS, _IDLE, _CONFIRMED),
+    ConditionalRequest.LOAD_MODULE: (_AUTOMATIC, _PROGRAM_RUNS, _IDLE),
     ConditionalRequest.MOVE_PP: (_AUTOMATIC, _PROGRAM_STANDS),
     ConditionalRequest.WRITE: (_AUTOMATIC,),
     ConditionalRequest.MOVE_GRIPPER: (_CONFIRMED,),
-    ConditionalRequest.CALIBRATE: (IDLE, _CONFIRMED),
-    ConditionalRequest.READY: (_CONNECTED, _AUTOMATIC, *NO_STOP, MOTORS_ON, _PROGRAM_RUNS, _IDLE_OR_IN_EGM, _CONFIRMED),
+    ConditionalRequest.CALIBRATE: (_IDLE, _CONFIRMED),
+    ConditionalRequest.READY: (
+        _CONNECTED,
+        _AUTOMATIC,
+        *NO_STOP,
+        _MOTORS_ON,
+        _PROGRAM_RUNS,
+        _IDLE_OR_IN_EGM,
+        _CONFIRMED,
+    ),
 }
 """What each request needs, in the order in which it is checked. A request that can bring a condition about itself does
 not need it. That a stop is confirmed is checked by :class:`StopLog`, which reads the event log."""
@@ -200,7 +208,7 @@ def check_request(request: ConditionalRequest, state: RobotState, arms: _Arms = 
         raise RobotNotReady(Message(_REFUSALS[request], {"reason": missing.reason(state, arms)}))
 
 
-_DONE_BY_RECOVER = (MOTORS_ON, _PROGRAM_RUNS, _IDLE_OR_IN_EGM)
+_DONE_BY_RECOVER = (_MOTORS_ON, _PROGRAM_RUNS, _IDLE_OR_IN_EGM)
 
 
 def why_not_ready(state: RobotState) -> tuple[Message, ...]:

@@ -30,14 +30,14 @@ class Counted(Protocol):
         """The robot's clock [s]."""
 
 
-Message = TypeVar("Message", bound=Counted)
-Message_co = TypeVar("Message_co", bound=Counted, covariant=True)
+_Message = TypeVar("_Message", bound=Counted)
+_Message_co = TypeVar("_Message_co", bound=Counted, covariant=True)
 
 
-class Codec(Protocol[Message_co]):
+class Codec(Protocol[_Message_co]):
     """What a session needs of a codec."""
 
-    def decode(self, datagram: bytes) -> Message_co:
+    def decode(self, datagram: bytes) -> _Message_co:
         """The robot's message; raises ProtocolError."""
 
 
@@ -146,7 +146,7 @@ class Session:
         return bool(self._library.session_close_if_silent(self.handle, now))
 
 
-class SensorSession(Session, Generic[Message]):
+class SensorSession(Session, Generic[_Message]):
     """Turns datagrams into messages that count, and numbers the answers.
 
     Args:
@@ -157,12 +157,12 @@ class SensorSession(Session, Generic[Message]):
         last_error: what was wrong with the malformed datagram that came last.
     """
 
-    def __init__(self, codec: Codec[Message], *, silence: float = SILENCE) -> None:
+    def __init__(self, codec: Codec[_Message], *, silence: float = SILENCE) -> None:
         super().__init__(silence)
         self.last_error = ""
         self._codec = codec
 
-    def accept(self, datagrams: Sequence[bytes], now: float) -> Message | None:
+    def accept(self, datagrams: Sequence[bytes], now: float) -> _Message | None:
         """Take what has arrived, oldest first; the newest counts, the others are too late to answer.
 
         Args:
@@ -172,7 +172,7 @@ class SensorSession(Session, Generic[Message]):
         Returns:
             What is to be answered, or None.
         """
-        accepted: Message | None = None
+        accepted: _Message | None = None
         self._library.session_begin_batch(self.handle)
         for datagram in datagrams:
             try:

@@ -15,7 +15,7 @@ from abb_protocols.errors import ProtocolError
 from abb_protocols.robot.joints import ZERO, Joints
 from yumi.core.library import COMMAND, REPORT, UNREADABLE_DATAGRAM, load
 
-LARGEST_REFERENCE = 160
+_LARGEST_REFERENCE = 160
 """Our own datagrams are shorter [bytes]."""
 
 _UINT32 = 2**32
@@ -54,7 +54,7 @@ class JointCodec:
             create_string_buffer(REPORT.size),
             create_string_buffer(UNREADABLE_DATAGRAM.size),
         )
-        self._datagram = create_string_buffer(LARGEST_REFERENCE)
+        self._datagram = create_string_buffer(_LARGEST_REFERENCE)
 
     def decode(self, datagram: bytes) -> JointReport:
         """The joints and the state in the robot's message.

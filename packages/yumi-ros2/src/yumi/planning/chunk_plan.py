@@ -18,9 +18,9 @@ from yumi.control.motion.spline import Spline, TrajectoryPoint, spline_through
 from yumi.control.motion.spline_limits import ROUNDING, check_motion
 from yumi.control.trajectory_commands import trajectory_refused
 
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
-FEWEST_POINTS, MOST_POINTS = 2, 500
+_FEWEST_POINTS, _MOST_POINTS = 2, 500
 SHORTEST_PERIOD, LONGEST_PERIOD = 0.002, 1.0
 """The least and the most time between two points [s]."""
 
@@ -29,7 +29,7 @@ _PASSES = 40
 _QUANTITIES = (("velocity", "rad/s"), ("acceleration", "rad/s²"), ("jerk", "rad/s³"))
 
 
-def plan_chunk(side: Side, times: Sequence[float], positions: Array, limits: JointLimits) -> Spline:
+def plan_chunk(side: Side, times: Sequence[float], positions: _Array, limits: JointLimits) -> Spline:
     """The spline through the points of one arm.
 
     Points that ask for more than the limits are averaged with their neighbours, which takes the noise of a policy away.
@@ -47,14 +47,14 @@ def plan_chunk(side: Side, times: Sequence[float], positions: Array, limits: Joi
             more than the limits and would have to be moved by more than 0.05 rad.
     """
     names, at = joint_names(side), np.asarray(times, dtype=float)
-    if not FEWEST_POINTS <= len(at) <= MOST_POINTS:
-        raise trajectory_refused(message("chunk_point_count", points=len(at), least=FEWEST_POINTS, most=MOST_POINTS))
+    if not _FEWEST_POINTS <= len(at) <= _MOST_POINTS:
+        raise trajectory_refused(message("chunk_point_count", points=len(at), least=_FEWEST_POINTS, most=_MOST_POINTS))
     for step in np.diff(at):
         check_chunk_time("the time between two points", float(step), SHORTEST_PERIOD, LONGEST_PERIOD)
     for index, name in enumerate(names):
         for value in (positions[:, index].min(), positions[:, index].max()):  # a NaN is both
             check_position(name, index, float(value))
-    moved: Array = positions
+    moved: _Array = positions
     for _ in range(_PASSES):
         spline = _SplineArrays(at, moved)
         if spline.share(limits) <= ROUNDING:
@@ -86,12 +86,12 @@ class _SplineArrays:
         positions: [rad], (n, 7).
     """
 
-    def __init__(self, times: Array, positions: Array) -> None:
+    def __init__(self, times: _Array, positions: _Array) -> None:
         self._times, self._positions = times, positions
         count, steps = len(times), np.diff(times)[:, None]
         slopes = np.diff(positions, axis=0) / steps
         first = last = slopes[0]
-        if count > FEWEST_POINTS:
+        if count > _FEWEST_POINTS:
             first = slopes[0] + (slopes[0] - slopes[1]) * steps[0] / (steps[0] + steps[1])
             last = slopes[-1] + (slopes[-1] - slopes[-2]) * steps[-1] / (steps[-1] + steps[-2])
         # The inner velocities follow from equal accelerations on both sides of each point.
@@ -101,20 +101,20 @@ class _SplineArrays:
             before, after = 1.0 / steps[index - 1, 0], 1.0 / steps[index, 0]
             rows[index, index - 1 : index + 2] = before, 2.0 * (before + after), after
             right[index] = 3.0 * (before * slopes[index - 1] + after * slopes[index])
-        self._velocities: Array = np.asarray(np.linalg.solve(rows, right), dtype=np.float64)
+        self._velocities: _Array = np.asarray(np.linalg.solve(rows, right), dtype=np.float64)
         begin, end = self._velocities[:-1], self._velocities[1:]
         rates = (6.0 * slopes - 4.0 * begin - 2.0 * end) / steps
-        self._jerks: Array = 6.0 * (begin + end - 2.0 * slopes) / steps**2
-        self._accelerations: Array = np.vstack([rates, rates[-1:] + self._jerks[-1:] * steps[-1]])
+        self._jerks: _Array = 6.0 * (begin + end - 2.0 * slopes) / steps**2
+        self._accelerations: _Array = np.vstack([rates, rates[-1:] + self._jerks[-1:] * steps[-1]])
         self._turns = self._fastest(steps)
 
-    def _fastest(self, steps: Array) -> Array:
+    def _fastest(self, steps: _Array) -> _Array:
         """The velocities within the segments where the acceleration is zero [rad/s]; those at the begin without one."""
         rates, begin = self._accelerations[:-1], self._velocities[:-1]
         at = np.clip(-rates / np.where(self._jerks == 0.0, np.inf, self._jerks), 0.0, steps)
         return begin + at * (rates + 0.5 * at * self._jerks)
 
-    def _shares(self, limits: JointLimits) -> tuple[Array, Array, Array]:
+    def _shares(self, limits: JointLimits) -> tuple[_Array, _Array, _Array]:
         """Of the limits, of each joint at each time."""
         return (
             np.abs(np.vstack([self._velocities, self._turns])) / limits.velocity,

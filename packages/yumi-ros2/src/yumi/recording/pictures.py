@@ -26,7 +26,7 @@ _CURVES = (
     ("position", "-", "#2f81f7"),
 )
 
-TimedPath = Sequence[tuple[float, Joints]]
+_TimedPath = Sequence[tuple[float, Joints]]
 """Times [s] and positions [rad] of one arm."""
 
 
@@ -109,7 +109,7 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     figure.savefig(file, dpi=120)
 
 
-def draw_joint_paths(paths: Mapping[Side, TimedPath], file: Path) -> None:
+def draw_joint_paths(paths: Mapping[Side, _TimedPath], file: Path) -> None:
     """Draw ``paths``, a panel an arm, over the time since the first of all and save the picture as ``file``.
 
     Raises:

@@ -38,10 +38,10 @@ def _described(event: RecordedEvent, sentence: Future[Message]) -> RecordedEvent
     return msgspec.structs.replace(event, sentence=str(sentence.result())) if sentence.done() else event
 
 
-CYCLES_PERIOD = 0.02
+_CYCLES_PERIOD = 0.02
 """How often a full recording reads the memories [s]: the less there is to write at once, the less others wait."""
 
-SOURCE_PERIOD = 0.1
+_SOURCE_PERIOD = 0.1
 """How often a full recording looks at grippers and the robot's state [s]."""
 
 Source = Callable[[], object | None]
@@ -63,7 +63,7 @@ class Sources:
     tcp: Callable[[Side], Pose] | None = None
 
 
-Describe = Callable[[Event, Callable[[Message], None]], None]
+_Describe = Callable[[Event, Callable[[Message], None]], None]
 """Calls back with what is said of an event: at once, or on another thread when its cause is known."""
 
 
@@ -93,7 +93,7 @@ class Recorder:
         recorders: Mapping[Side, FlightRecorder],
         report: Callable[[str], None],
         clock: Clock,
-        describe: Describe = _say_at_once,
+        describe: _Describe = _say_at_once,
     ) -> None:
         self._describe = describe
         self._folder = folder
@@ -283,7 +283,7 @@ class FullRecorder:
 
     def _run(self) -> None:
         try:
-            while not self._is_over.wait(CYCLES_PERIOD):
+            while not self._is_over.wait(_CYCLES_PERIOD):
                 self._follow()
             self._follow()
             self._writer.close()
@@ -303,7 +303,7 @@ class FullRecorder:
             self._written += 1
         while self._events and (self._events[0][1].done() or self._is_over.is_set()):  # in the order they happened
             self._writer.add_event(_described(*self._events.popleft()))
-        if self._clock is None or self._clock.now() - self._looked_at < SOURCE_PERIOD:
+        if self._clock is None or self._clock.now() - self._looked_at < _SOURCE_PERIOD:
             return
         self._looked_at = now = self._clock.now()
         for topic, source in self._sources.values.items():

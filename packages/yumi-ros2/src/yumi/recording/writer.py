@@ -48,13 +48,13 @@ from yumi.recording.ros_messages import (
     text_message,
 )
 
-WHOLE_PERIOD = 0.02
+_WHOLE_PERIOD = 0.02
 """The whole robot is recorded so often [s]: as often as the driver publishes ``/tf``."""
 
-STALE = 1.0
+_STALE = 1.0
 """An arm that was not measured for so long is left out of the whole robot [s], as in the driver's ``joint_states``."""
 
-CHUNK = 2**16
+_CHUNK = 2**16
 """A recording is written in pieces of this size [bytes]: a process that is killed loses the last second at most."""
 
 
@@ -78,7 +78,7 @@ class RecordingWriter:
         file.parent.mkdir(parents=True, exist_ok=True)
         self._stream = file.open("wb")
         self._epoch = epoch
-        self._writer = Writer(self._stream, chunk_size=CHUNK)
+        self._writer = Writer(self._stream, chunk_size=_CHUNK)
         self._writer.start(profile="", library=f"yumi-ros2 {__version__}")
         cycle, event, errors = (
             self._writer.register_schema(str(schema["title"]), "jsonschema", json.dumps(schema).encode())
@@ -176,14 +176,14 @@ class RecordingWriter:
 
     def _add_whole(self, time: float) -> None:
         """Append the whole robot as far as it is known at ``time`` [s], unless that was done just before."""
-        if 0.0 <= time - self._whole_at < WHOLE_PERIOD - 1e-4:  # what is looked at may be ahead of the cycles
+        if 0.0 <= time - self._whole_at < _WHOLE_PERIOD - 1e-4:  # what is looked at may be ahead of the cycles
             return
         self._whole_at = time
         position: dict[str, float] = {}
         velocity: list[float] = []
         for side in Side:
             state = self._arms.get(side)
-            if state is not None and time - state.time < STALE:
+            if state is not None and time - state.time < _STALE:
                 position.update(zip(joint_names(side), state.position, strict=True))
                 velocity += state.velocity
         for side, (place, speed) in self._fingers.items():
@@ -202,7 +202,7 @@ class RecordingWriter:
         errors = {
             side.word: [round(each, 6) for each in error]  # what is not a number becomes null
             for side, (since, error) in self._errors.items()
-            if time - since < STALE
+            if time - since < _STALE
         }
         if errors:
             self._add(ERRORS, time, 0, {"time": time, **dict.fromkeys(side.word for side in Side), **errors})

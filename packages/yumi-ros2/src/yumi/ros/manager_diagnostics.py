@@ -10,7 +10,7 @@ from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, Statistics
 from yumi.ros.messages import RATE
 
-OK: bytes = DiagnosticStatus.OK
+_OK: bytes = DiagnosticStatus.OK
 WARN: bytes = DiagnosticStatus.WARN
 ERROR: bytes = DiagnosticStatus.ERROR
 
@@ -131,4 +131,4 @@ def _fault(sentence: str, value: float, limits: tuple[float, float], unit: str) 
 def _judged(sentence: str, faults: Iterable[_Fault]) -> _Fault:
     """The worst level, and all reasons after ``sentence``."""
     known = list(faults)
-    return max([OK, *(level for level, _ in known)]), "; ".join([sentence, *(reason for _, reason in known)])
+    return max([_OK, *(level for level, _ in known)]), "; ".join([sentence, *(reason for _, reason in known)])

@@ -49,7 +49,7 @@ MEETING: dict[Side, Joints] = {
 CLOSE_ENOUGH = radians(0.1)
 """An arm has arrived when every joint is this near to its goal [rad]."""
 
-OPEN, CLOSED = 0.025, 0.0
+_OPEN, _CLOSED = 0.025, 0.0
 """Finger positions [m]."""
 
 LIFT = 0.05
@@ -245,10 +245,10 @@ class MoveAndGrab:
         self._wait_until_ready()
         self._despite_stops(self._start_egm)
         missed = {side: arm.missed or 0 for side, arm in self._arms.items()}
-        self._despite_stops(lambda: self._grip("open both grippers", OPEN))
+        self._despite_stops(lambda: self._grip("open both grippers", _OPEN))
         for side in (Side.RIGHT, Side.LEFT):
             self._despite_stops(partial(self._move, side))
-        grips = self._despite_stops(lambda: self._grip("close both grippers", CLOSED))
+        grips = self._despite_stops(lambda: self._grip("close both grippers", _CLOSED))
         arm = self._arms[LIFTED]
         self._wait(lambda: arm.stands and arm.pose is not None, _STATE, f"A pose of the {LIFTED.word} tool at rest")
         low = arm.pose

@@ -8,7 +8,7 @@ from virtual_irc5.testing.virtual_robot import VirtualRobot
 from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import EgmMotionSettings
 
-log = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 class VirtualYumi(VirtualRobot):
@@ -24,6 +24,6 @@ class VirtualYumi(VirtualRobot):
             RobotNotReady: it did not become ready, or EGM did not start; the message says why.
         """
         with self.client() as client:
-            bringup = Bringup(client, motion or EgmMotionSettings(), self, log.info)
+            bringup = Bringup(client, motion or EgmMotionSettings(), self, _log.info)
             bringup.make_ready()
             bringup.start_egm()

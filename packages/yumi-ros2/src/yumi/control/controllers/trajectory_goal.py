@@ -22,7 +22,7 @@ class TrajectoryPhase(Enum):
 
 _ELSEWHERE = 0.05  # [rad] an arm that is so far from its goal has not reached it, where any distance is tolerated
 
-Violation = tuple[ResultCode, Message]
+_Violation = tuple[ResultCode, Message]
 """Why a motion must end: the result code, and the same for a person."""
 
 
@@ -60,7 +60,7 @@ class TrajectoryGoal:
         """Whether the arm comes to rest because it was cancelled."""
         return self.phase is TrajectoryPhase.CANCELED
 
-    def judge(self, time: float, state: ArmState, pace: float | None = 1.0) -> Violation | None:
+    def judge(self, time: float, state: ArmState, pace: float | None = 1.0) -> _Violation | None:
         """What is wrong with an arm that should be where the trajectory was at ``time`` [s]; notes its arrival.
 
         ``pace`` is how fast time goes by on the trajectory; None while that changes, which leaves speeds unjudged.
@@ -84,7 +84,7 @@ class TrajectoryGoal:
             )
         return None
 
-    def _judge_way(self, time: float, state: ArmState, pace: float | None) -> Violation | None:
+    def _judge_way(self, time: float, state: ArmState, pace: float | None) -> _Violation | None:
         off = _first_beyond(self._sampler.position(time), state.position, self._bounds.path)
         if off is not None:
             index, distance, bound = off

@@ -30,7 +30,7 @@ from yumi.control.motion.standstill import SentPositions
 from yumi.control.sampled import Sampled
 from yumi.control.stage_times import DECODE, UPDATE
 
-Kinds = Mapping[str, Callable[[str], Controller]]
+_Kinds = Mapping[str, Callable[[str], Controller]]
 """How a controller of each type is made, given its name."""
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -58,7 +58,7 @@ class ControllerManager:
     def __init__(
         self,
         joint_names: tuple[str, ...],
-        kinds: Kinds | None = None,
+        kinds: _Kinds | None = None,
         component: str = "arm",
         now: Callable[[], float] = lambda: 0.0,
         activity: int = 0,

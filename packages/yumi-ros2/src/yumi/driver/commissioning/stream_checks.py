@@ -22,7 +22,7 @@ from yumi.driver.stops import StopLog
 from yumi.egm.egm_session import Arrivals, SensorSession, SessionCounters
 from yumi.egm.joint_codec import JointCodec
 
-START_STREAM, STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
+_START_STREAM, _STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
 
 _STREAM_POLL = 0.0005  # [s]
 _FIRST_DATAGRAM = 3.0  # [s] within which the first datagram comes
@@ -128,8 +128,8 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
             message("state_machine_does_not_become_idle"),
         )
         on_progress("start the position streams")
-        client.pulse_signal(START_STREAM)
-        undo.callback(quietly, lambda: client.pulse_signal(STOP_STREAM))
+        client.pulse_signal(_START_STREAM)
+        undo.callback(quietly, lambda: client.pulse_signal(_STOP_STREAM))
         yield
 
 
