@@ -358,18 +358,18 @@ def test_supervision_is_read_as_it_was_set(client: RwsClient, kind: str, supervi
 
 
 def test_operation_of_a_table_is_performed_without_a_call_of_its_own(client: RwsClient) -> None:
-    client.perform(motion.SET_LEAD_THROUGH, "ROB_L", status="active")
-    assert client.perform(motion.LEAD_THROUGH, "ROB_L") is True
-    client.perform(motion.SET_LEAD_THROUGH, "ROB_L", status="inactive")
+    client.perform(motion.SET_UNIT_LEAD_THROUGH, "ROB_L", status="active")
+    assert client.perform(motion.UNIT_LEAD_THROUGH, "ROB_L") is True
+    client.perform(motion.SET_UNIT_LEAD_THROUGH, "ROB_L", status="inactive")
     supervision = client.perform(motion.PATH_SUPERVISION, mechunit="ROB_L")
     assert supervision == client.path_supervision("ROB_L")
 
 
 def test_operation_that_shows_a_list_or_perhaps_nothing_is_performed_without_a_value(client: RwsClient) -> None:
     client.create_queue("performed")
-    assert client.perform(queues.READ, "performed") is None
+    assert client.perform(queues.READ_QUEUE, "performed") is None
     client.remove_queue("performed")
-    assert client.perform(modules.ROUTINES, TASK, "TRobMain") is None
+    assert client.perform(modules.MODULE_ROUTINES, TASK, "TRobMain") is None
     assert client.perform(event_log.LOGS) is None
     assert client.perform(ctrl.NETWORK) is None
 

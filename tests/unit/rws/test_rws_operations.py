@@ -82,7 +82,7 @@ def test_signal_that_makes_no_sense_is_left_out_of_all() -> None:
 
 
 def test_joint_target_comes_out_in_chain_order() -> None:
-    target = motion.JOINT_TARGET.answered.of(page("ms-jointtarget", **JOINTS, **EXTERNAL))
+    target = motion.POSITION_AS_JOINTTARGET.answered.of(page("ms-jointtarget", **JOINTS, **EXTERNAL))
     assert [round(degrees(angle)) for angle in target.chain()] == [10, 20, -135, 30, 40, 50, 60]
     assert target.extax_deg == (-135.0, None, None, None, None, None)
 
@@ -90,7 +90,7 @@ def test_joint_target_comes_out_in_chain_order() -> None:
 def test_joint_target_of_a_six_axis_robot_is_no_arm() -> None:
     six_axes = EXTERNAL | {"eax_a": "9E+09"}
     with refused(ProtocolError, "unit_without_seventh_axis"):
-        motion.JOINT_TARGET.answered.of(page("ms-jointtarget", **JOINTS, **six_axes)).chain()
+        motion.POSITION_AS_JOINTTARGET.answered.of(page("ms-jointtarget", **JOINTS, **six_axes)).chain()
 
 
 @pytest.mark.parametrize("kind", ["elog-message-li", "elog-message"])

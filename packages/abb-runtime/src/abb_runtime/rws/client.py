@@ -188,7 +188,7 @@ class RwsClient(
         """
         with self._mastership:
             if not self._held[domain]:
-                self._call(f"requesting the mastership of {domain}", mastership.REQUEST, domain)
+                self._call(f"requesting the mastership of {domain}", mastership.REQUEST_MASTERSHIP, domain)
             self._held[domain] += 1
         try:
             yield
@@ -209,7 +209,7 @@ class RwsClient(
             if self._held[domain]:
                 return
             try:
-                self._call(f"releasing the mastership of {domain}", mastership.RELEASE, domain)
+                self._call(f"releasing the mastership of {domain}", mastership.RELEASE_MASTERSHIP, domain)
             except ControllerRefused as error:
                 if error.code != RwsCode.RESOURCE_NOT_HELD:  # a new session or another mode has ended it already
                     raise
@@ -290,7 +290,7 @@ class RwsClient(
         """
         if not resources:
             raise CommandRefused(message("no_resource_named"))
-        reply = self._session.exchange(replace(table.CREATE.request(), form=write_resources(resources)))
+        reply = self._session.exchange(replace(table.CREATE_SUBSCRIPTION.request(), form=write_resources(resources)))
         self._accepted(reply, "subscribing")
         subscription = Subscription(self._session, resources, on_change, on_lost)
         subscription.open(reply)
@@ -445,7 +445,7 @@ class Subscription:
 
     def _unsubscribe(self) -> None:
         try:
-            self._session.exchange(table.DELETE.request(str(self._group)))
+            self._session.exchange(table.DELETE_SUBSCRIPTION.request(str(self._group)))
         except (NoConnection, LoginRefused, ProtocolError) as error:
             _log.debug("no end of a subscription: %s", error)
 

@@ -48,12 +48,12 @@ ROUTES = Routes()
 # System parameters
 
 
-@ROUTES.answer(table.DOMAINS)
+@ROUTES.answer(table.CFG_DOMAINS)
 def _get_domains(controller: Irc5, call: RwsCall) -> Page:
     return page_at("cfg", _CFG_BASE, "", *(page_entry("cfg-domain-li", domain) for domain in DOMAINS))
 
 
-@ROUTES.answer(table.TYPES)
+@ROUTES.answer(table.CFG_TYPES)
 def _get_types(controller: Irc5, call: RwsCall) -> Page:
     """The types of a domain, in pages of 70."""
     domain = _domain(call)
@@ -67,16 +67,16 @@ def _get_types(controller: Irc5, call: RwsCall) -> Page:
     )
 
 
-@ROUTES.answer(table.TYPE)
+@ROUTES.answer(table.CFG_TYPE)
 def _get_type(controller: Irc5, call: RwsCall) -> Page:
     place, found = _place(call), _instances(controller, call)
     attributes = page_entry("cfg-dt-attributes-li", "attributes", f"{place}/attributes")
     instances = page_entry("cfg-dt-instances-li", "instances", f"{place}/instances")
-    size = table.TYPE.answered.state(place.rpartition("/")[2], (len(_attributes(found)), len(found)))
+    size = table.CFG_TYPE.answered.state(place.rpartition("/")[2], (len(_attributes(found)), len(found)))
     return page_at("cfg", _CFG_BASE, place, size, attributes, instances)
 
 
-@ROUTES.answer(table.ATTRIBUTES)
+@ROUTES.answer(table.CFG_ATTRIBUTES)
 def _get_attributes(controller: Irc5, call: RwsCall) -> Mapping[str, table.CfgAttribute]:
     """What instances of a type have, as far as those that exist show it."""
     place, found = _place(call), _instances(controller, call)
@@ -94,7 +94,7 @@ def _attributes(instances: Iterable[Instance]) -> list[str]:
     return list(dict.fromkeys(name for instance in instances for name in instance.attributes))
 
 
-@ROUTES.answer(table.INSTANCES)
+@ROUTES.answer(table.CFG_INSTANCES)
 def _get_instances(controller: Irc5, call: RwsCall) -> Page:
     place = _place(call)
     found = list(enumerate(_instances(controller, call)))
@@ -106,7 +106,7 @@ def _get_instances(controller: Irc5, call: RwsCall) -> Page:
     return page_at("cfg", _CFG_BASE, f"{place}/instances", *states, next_href=more)
 
 
-@ROUTES.answer(table.CREATE_INSTANCE)
+@ROUTES.answer(table.CREATE_CFG_INSTANCE)
 def _create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
     """An instance with the default values of its type."""
     place, name, found = _place(call), call.required("name"), _instances(controller, call)
@@ -124,24 +124,24 @@ def _create_instance(controller: Irc5, call: RwsCall) -> HttpReply:
     return HttpReply.at(f"/rw/cfg/{place}/instances/{name}", 201)
 
 
-@ROUTES.answer(table.RESET_INSTANCES)
+@ROUTES.answer(table.RESET_CFG_INSTANCES)
 def _reset_instances(controller: Irc5, call: RwsCall) -> None:
     _instances(controller, call)
     _reset(controller.configuration, *_place(call).split("/"))
 
 
-@ROUTES.answer(table.RESET_DOMAIN)
+@ROUTES.answer(table.RESET_CFG_DOMAIN)
 def _reset_domain(controller: Irc5, call: RwsCall) -> None:
     _reset(controller.configuration, _domain(call))
 
 
-@ROUTES.answer(table.VALIDATE_REMOVAL)
+@ROUTES.answer(table.VALIDATE_CFG_REMOVAL)
 def _validate_removal(controller: Irc5, call: RwsCall) -> None:
     """Refuse to remove an instance that another one names."""
     _check_unused(controller, call.required("name"))
 
 
-@ROUTES.answer(table.VALIDATE_INSTANCES)
+@ROUTES.answer(table.VALIDATE_CFG_INSTANCES)
 def _validate_instances(controller: Irc5, call: RwsCall) -> None:
     domain, type_name = call.required("cfgdomain").upper(), call.required("cfgtype").upper()
     names = [name for name in call.required("instances").split(",") if name]
@@ -175,7 +175,7 @@ def _refuse_keyless(controller: Irc5, call: RwsCall) -> None:
     raise CallFailure(403, RwsCode.MODE_REJECT, "the motors are switched on with the button on the controller")
 
 
-@ROUTES.answer(table.INSTANCE)
+@ROUTES.answer(table.CFG_INSTANCE)
 def _get_instance(controller: Irc5, call: RwsCall) -> Page:
     place, name = _place(call), call.names["instance"]
     for index, each in enumerate(_instances(controller, call)):
@@ -185,7 +185,7 @@ def _get_instance(controller: Irc5, call: RwsCall) -> Page:
     raise CallFailure(400, RwsCode.CFG_INSTANCE_INVALID, f"{place} has no instance {name}")
 
 
-@ROUTES.answer(table.SET_INSTANCE)
+@ROUTES.answer(table.SET_CFG_INSTANCE)
 def _set_instance(controller: Irc5, call: RwsCall) -> None:
     domain, type_name, name = _existing_place(controller, call)
     known = _instances(controller, call)[0].attributes
@@ -195,7 +195,7 @@ def _set_instance(controller: Irc5, call: RwsCall) -> None:
     controller.configuration.change(domain, type_name, name, dict(call.form))
 
 
-@ROUTES.answer(table.REMOVE_INSTANCE)
+@ROUTES.answer(table.REMOVE_CFG_INSTANCE)
 def _remove_instance(controller: Irc5, call: RwsCall) -> None:
     domain, type_name, name = _existing_place(controller, call)
     if (domain, type_name) in _OF_ROBOT:
@@ -203,13 +203,13 @@ def _remove_instance(controller: Irc5, call: RwsCall) -> None:
     controller.configuration.remove(domain, type_name, name)
 
 
-@ROUTES.answer(table.LOAD_FILE)
+@ROUTES.answer(table.LOAD_CFG_FILE)
 def _load_file(controller: Irc5, call: RwsCall) -> None:
     """Load a file: all of it, or nothing."""
     controller.configuration.become(_with_file(controller, call))
 
 
-@ROUTES.answer(table.VALIDATE_FILE)
+@ROUTES.answer(table.VALIDATE_CFG_FILE)
 def _validate_file(controller: Irc5, call: RwsCall) -> Page:
     _with_file(controller, call)
     return page_at("cfg", "/rw/", "cfg", RwsState("cfg-validate", "validate", {"status": "OK"}))
@@ -240,7 +240,7 @@ def _reset(configuration: SystemConfiguration, domain: str, type_name: str = "")
             configuration.remove(domain, kind, instance.name)
 
 
-@ROUTES.answer(table.SAVE_DOMAIN)
+@ROUTES.answer(table.SAVE_CFG_DOMAIN)
 def _save_domain(controller: Irc5, call: RwsCall) -> None:
     domain = _domain(call)
     controller.files[path_of_file(call.required("filepath"))] = controller.configuration.text(domain)

@@ -34,7 +34,7 @@ ROUTES = Routes()
 
 def _identity_fields(controller: Irc5) -> Mapping[str, str]:
     name, is_virtual = controller.identity.controller_name, controller.identity.is_virtual
-    return table.IDENTITY.answered.write(
+    return table.CONTROLLER_IDENTITY.answered.write(
         table.ControllerIdentity(name, "" if is_virtual else name, is_virtual=is_virtual)
     )
 
@@ -54,7 +54,7 @@ def _get_controller(controller: Irc5, call: RwsCall) -> Page:
     return page_at("ctrl", _BASE, "", *states)
 
 
-@ROUTES.answer(table.IDENTITY)
+@ROUTES.answer(table.CONTROLLER_IDENTITY)
 def _get_identity(controller: Irc5, call: RwsCall) -> Page:
     fields = dict(_identity_fields(controller))
     if not controller.identity.is_virtual:
@@ -63,7 +63,7 @@ def _get_identity(controller: Irc5, call: RwsCall) -> Page:
     return page_at("ctrl", _BASE, "identity", RwsState("ctrl-identity-info", "identity", fields))
 
 
-@ROUTES.answer(table.SET_IDENTITY)
+@ROUTES.answer(table.SET_CONTROLLER_IDENTITY)
 def _set_identity(controller: Irc5, call: RwsCall) -> None:
     name = call.parameter("ctrl-name", "") or call.parameter("ctrl-id", "")
     if not name:
@@ -71,7 +71,7 @@ def _set_identity(controller: Irc5, call: RwsCall) -> None:
     controller.identity = replace(controller.identity, controller_name=name)
 
 
-@ROUTES.answer(table.ENVIRONMENT)
+@ROUTES.answer(table.CONTROLLER_ENVIRONMENT)
 def _get_environment(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     """What an environment variable stands for: our devices stand for themselves."""
     name = call.names["variable"].upper()
@@ -80,7 +80,7 @@ def _get_environment(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     return {f"${name}": f"{name}:"}
 
 
-@ROUTES.answer(table.RESTART)
+@ROUTES.answer(table.RESTART_CONTROLLER)
 def restart(controller: Irc5, call: RwsCall) -> None:
     """Restart in one of the modes; bstart finds the state that was saved last, which is the present one."""
     mode = call.required("restart-mode")
@@ -91,7 +91,7 @@ def restart(controller: Irc5, call: RwsCall) -> None:
         controller.restart(discards_programs=discards, discards_settings=mode == "istart")
 
 
-@ROUTES.answer(table.SET_LANGUAGE)
+@ROUTES.answer(table.SET_CONTROLLER_LANGUAGE)
 def set_language(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.language = call.parameter("lang", "") or call.required("lang-code")
 
@@ -126,12 +126,12 @@ def _set_clock(controller: Irc5, call: RwsCall) -> None:
         raise bad_call(f"there is no such time: {error}") from error
 
 
-@ROUTES.answer(table.TIMEZONE)
+@ROUTES.answer(table.CLOCK_TIMEZONE)
 def _get_timezone(controller: Irc5, call: RwsCall) -> str:
     return controller.own_settings.timezone or datetime.now().astimezone().tzname() or "UTC"
 
 
-@ROUTES.answer(table.SET_TIMEZONE_TOO, table.SET_TIMEZONE)
+@ROUTES.answer(table.SET_CLOCK_TIMEZONE_TOO, table.SET_CLOCK_TIMEZONE)
 def _set_timezone(controller: Irc5, call: RwsCall) -> None:
     name = call.required("timezone")
     try:
@@ -141,17 +141,17 @@ def _set_timezone(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.timezone = name
 
 
-@ROUTES.answer(table.TIMESERVER)
+@ROUTES.answer(table.CLOCK_TIMESERVER)
 def _get_timeserver(controller: Irc5, call: RwsCall) -> str:
     return controller.own_settings.timeserver
 
 
-@ROUTES.answer(table.SERVER_TIME)
+@ROUTES.answer(table.CLOCK_SERVER_TIME)
 def _get_server_time(controller: Irc5, call: RwsCall) -> Page:
     raise CallFailure(400, RwsCode.TIMEOUT, f"no time server answers at {call.option('server-ip') or 'that address'}")
 
 
-@ROUTES.answer(table.SET_TIMESERVER)
+@ROUTES.answer(table.SET_CLOCK_TIMESERVER)
 def _set_timeserver(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.timeserver = call.required("timeserver")
 
@@ -192,25 +192,25 @@ def _address(call: RwsCall, name: str) -> str:
         raise bad_call(f"{name} is an IPv4 address, not {text[:50]!r}") from error
 
 
-@ROUTES.answer(table.DNS)
+@ROUTES.answer(table.NETWORK_DNS)
 def _get_dns(controller: Irc5, call: RwsCall) -> Page:
     fields = {"name": controller.identity.controller_name, "addr": controller.own_settings.dns, "port": "53"}
     return page_at("ctrl", "/ctrl/network/", "dns", RwsState("ctrl-netw", "dns", fields))
 
 
-@ROUTES.answer(table.ROUTES)
+@ROUTES.answer(table.NETWORK_ROUTES)
 def _get_routes(controller: Irc5, call: RwsCall) -> Mapping[str, table.NetworkRoute]:
     return {
         destination: table.NetworkRoute(destination, via) for destination, via in controller.own_settings.routes.items()
     }
 
 
-@ROUTES.answer(table.ADD_ROUTE)
+@ROUTES.answer(table.ADD_NETWORK_ROUTE)
 def _add_route(controller: Irc5, call: RwsCall) -> None:
     controller.own_settings.routes[_destination(call)] = _address(call, "gateway")
 
 
-@ROUTES.answer(table.REMOVE_ROUTE)
+@ROUTES.answer(table.REMOVE_NETWORK_ROUTE)
 def _remove_route(controller: Irc5, call: RwsCall) -> HttpReply:
     if controller.own_settings.routes.pop(_destination(call), None) is None:
         raise bad_call("there is no route to that destination")
@@ -225,7 +225,7 @@ def _destination(call: RwsCall) -> str:
         raise bad_call(f"destination is an IPv4 address or network, not {text[:50]!r}") from error
 
 
-@ROUTES.answer(table.ADD_ROUTE_OPTIONS, table.REMOVE_ROUTE_OPTIONS)
+@ROUTES.answer(table.ADD_NETWORK_ROUTE_OPTIONS, table.REMOVE_NETWORK_ROUTE_OPTIONS)
 def _get_route_options(controller: Irc5, call: RwsCall) -> Page:
     names = ("destination", "gateway") if call.path[-1] == "add" else ("destination",)
     fields = {"method": "POST", **dict.fromkeys(names, "")}
@@ -272,7 +272,7 @@ def _get_backup_state(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     return {"backup-state": controller.own_settings.backup_state}
 
 
-@ROUTES.answer(table.BACK_UP)
+@ROUTES.answer(table.CREATE_BACKUP)
 def _back_up(controller: Irc5, call: RwsCall) -> HttpReply:
     path = _backup_path(call.required("backup"))
     own = controller.own_settings
@@ -290,7 +290,7 @@ def _back_up(controller: Irc5, call: RwsCall) -> HttpReply:
     return _begin(controller, work)
 
 
-@ROUTES.answer(table.RESTORE)
+@ROUTES.answer(table.RESTORE_BACKUP)
 def _restore(controller: Irc5, call: RwsCall) -> None:
     """Become as in a backup; then the controller restarts. The backup stays unless ``delete-dir`` is true."""
     path = _backup_path(call.required("backup"))
@@ -313,7 +313,7 @@ def _check_origin(controller: Irc5, path: str, ignored: str) -> None:
         raise bad_call(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
 
 
-@ROUTES.answer(table.CHECK_RESTORE)
+@ROUTES.answer(table.CHECK_BACKUP)
 def _check_restore(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     path = _backup_path(call.option("backup") or "")
     _check_origin(controller, path, call.option("ignore") or "none")
@@ -435,12 +435,12 @@ def _delete_system(controller: Irc5, call: RwsCall) -> None:
     raise bad_call("the active system cannot be deleted")
 
 
-@ROUTES.answer(table.OPTIONS)
+@ROUTES.answer(table.CONTROLLER_OPTIONS)
 def _get_options(controller: Irc5, call: RwsCall) -> None:
     """Whether there are options: which, is asked one by one."""
 
 
-@ROUTES.answer(table.OPTION)
+@ROUTES.answer(table.CONTROLLER_OPTION)
 def _get_option(controller: Irc5, call: RwsCall) -> Page | HttpReply:
     """An option that is installed; no content (204) says that it is not."""
     name = call.names["option"]
@@ -467,4 +467,4 @@ def _get_safety(controller: Irc5, call: RwsCall) -> Page:
     return page_at("ctrl", _BASE, "safety")
 
 
-ROUTES += absent_routes(table.ABSENT)
+ROUTES += absent_routes(table.ABSENT_FROM_CONTROLLER)

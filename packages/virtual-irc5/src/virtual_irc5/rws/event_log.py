@@ -121,11 +121,11 @@ def _save_events(controller: Irc5, call: RwsCall) -> HttpReply:
     return HttpReply.at(f"/progress/{controller.jobs.begin(work, 1.0).number}")
 
 
-@ROUTES.answer(table.CLEAR_ALL)
+@ROUTES.answer(table.CLEAR_ALL_EVENTS)
 def _clear_all(controller: Irc5, call: RwsCall) -> None:
     controller.events.clear()
 
 
-@ROUTES.answer(table.CLEAR)
+@ROUTES.answer(table.CLEAR_EVENTS)
 def _clear(controller: Irc5, call: RwsCall) -> None:
     controller.events.clear(_log_domain(call))

@@ -233,13 +233,13 @@ def _get_device_config(controller: Irc5, call: RwsCall) -> Page:
     return page_at("io", _IO_BASE, path, RwsState("ios-device-config-runtime", device.name, fields))
 
 
-@ROUTES.answer(table.UPGRADE)
+@ROUTES.answer(table.UPGRADE_OF_DEVICES)
 def _get_upgrade(controller: Irc5, call: RwsCall) -> None:
     """No firmware is waiting for a device."""
     _device(controller, call)
 
 
-@ROUTES.answer(table.SET_INPUTDATA, table.SET_OUTPUTDATA)
+@ROUTES.answer(table.SET_DEVICE_INPUT, table.SET_DEVICE_OUTPUT)
 def _refuse_data(controller: Irc5, call: RwsCall) -> None:
     _device(controller, call)
     raise CallFailure(
@@ -442,4 +442,4 @@ def _physical_fields(signal: ControllerSignal) -> dict[str, str]:
     }
 
 
-ROUTES += absent_routes(table.ABSENT)
+ROUTES += absent_routes(table.ABSENT_FROM_IO)

@@ -38,12 +38,12 @@ class Mastership:
         self.names = tuple(dict.fromkeys(domains.values()))
         self._holders: dict[str, str] = {}
         self.routes = (
-            Route(table.DOMAINS, self.get_domains),
-            Route(table.REQUEST_ALL, self.request_all),
-            Route(table.RELEASE_ALL, self.release_all),
-            Route(table.DOMAIN, self.get_domain),
-            Route(table.REQUEST, self.request),
-            Route(table.RELEASE, self.release),
+            Route(table.MASTERSHIP_DOMAINS, self.get_domains),
+            Route(table.REQUEST_EVERY_MASTERSHIP, self.request_all),
+            Route(table.RELEASE_EVERY_MASTERSHIP, self.release_all),
+            Route(table.MASTERSHIP_DOMAIN, self.get_domain),
+            Route(table.REQUEST_MASTERSHIP, self.request),
+            Route(table.RELEASE_MASTERSHIP, self.release),
         )
 
     def keep(self, sessions: Collection[str]) -> None:
@@ -115,7 +115,7 @@ class Mastership:
         Raises:
             CallFailure: 403.
         """
-        self._users.check_grant(table.GRANT)
+        self._users.check_grant(table.MASTERSHIP_GRANT)
         refuse_in_manual_mode(controller, call, "the mastership")
         for domain in domains:
             self._exclude_others(domain, call.session)

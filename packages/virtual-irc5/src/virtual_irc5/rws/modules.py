@@ -155,22 +155,22 @@ def _get_module_changes(controller: Irc5, call: RwsCall) -> Page:
     return _module_page(task, module, table.MODULE_CHANGES.answered.state(module.name, count))
 
 
-@ROUTES.answer(table.EXTENSION)
+@ROUTES.answer(table.MODULE_EXTENSION)
 def _get_extension(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     lines = module.syntax.text.splitlines()
     fields = {
-        **table.EXTENSION.answered.write((len(lines), max(map(len, lines), default=0))),
+        **table.MODULE_EXTENSION.answered.write((len(lines), max(map(len, lines), default=0))),
         "count": str(controller.program_changes(task.name)),
     }
     return _module_page(task, module, RwsState("rap-module-extension", module.name, fields))
 
 
-@ROUTES.answer(table.SYNC_STATUS)
+@ROUTES.answer(table.MODULE_SYNC_STATUS)
 def _get_sync_status(controller: Irc5, call: RwsCall) -> Page:
     """Whether the text has the present values of its persistents."""
     task, module = _module(controller, call)
-    return _module_page(task, module, table.SYNC_STATUS.answered.state(module.name, 0))
+    return _module_page(task, module, table.MODULE_SYNC_STATUS.answered.state(module.name, 0))
 
 
 @ROUTES.answer(table.SAVE_MODULE)
@@ -235,14 +235,14 @@ def _changed_text(module: LoadedModule, call: RwsCall) -> str:
     return text[:begin] + new + text[end:]
 
 
-@ROUTES.answer(table.ROUTINES)
+@ROUTES.answer(table.MODULE_ROUTINES)
 def _get_routines(controller: Irc5, call: RwsCall) -> Page:
     task, module = _module(controller, call)
     states = (routine_state(task, each, "-li") for each in module.routines)
     return page_at("rapid", f"{_BASE}modules/{task.name}/{module.name}/", "routines", *states)
 
 
-@ROUTES.answer(table.ROUTINE_AT)
+@ROUTES.answer(table.MODULE_ROUTINE_AT)
 def _get_routine_at(controller: Irc5, call: RwsCall) -> Page:
     """The routine that a row is in."""
     task, module = _module(controller, call)
@@ -262,7 +262,7 @@ def _get_routine_at(controller: Irc5, call: RwsCall) -> Page:
     )
 
 
-@ROUTES.answer(table.SYMBOL_AT)
+@ROUTES.answer(table.MODULE_SYMBOL_AT)
 def _get_symbol_at(controller: Irc5, call: RwsCall) -> Page:
     """The symbol whose name stands at a row and column."""
     task, module = _module(controller, call)
@@ -284,6 +284,6 @@ def _get_symbol_at(controller: Irc5, call: RwsCall) -> Page:
     return _module_page(task, module, state)
 
 
-@ROUTES.answer(table.MOD_POSSIBLE_ALL, table.MODIFY_ALL_POSITION, table.MOD_POSSIBLE, table.MODIFY_POSITION)
+@ROUTES.answer(table.MODULES_MOD_POSSIBLE, table.MODIFY_ALL_POSITION, table.MODULE_MOD_POSSIBLE, table.MODIFY_POSITION)
 def _refuse_positions(controller: Irc5, call: RwsCall) -> Page:
     raise CallFailure(400, RwsCode.SERVICE_NOT_SUPPORTED, "positions are modified on the FlexPendant")

@@ -84,7 +84,7 @@ def _changed(controller: Irc5) -> None:
 # Jogging
 
 
-@ROUTES.answer(table.SET_ACTIVE)
+@ROUTES.answer(table.SET_ACTIVE_UNIT)
 def _set_active(controller: Irc5, call: RwsCall) -> None:
     controller.motion.active_unit = _unit(controller, call.required("mechunit-name")).name
     _changed(controller)
@@ -142,7 +142,7 @@ def _move(arm: VirtualArm, target: Joints) -> None:
         raise CallFailure(403, RwsCode.INVALID_STATE, str(error)) from error
 
 
-@ROUTES.answer(table.POSITION_TARGET, table.SET_TARGET)
+@ROUTES.answer(table.POSITION_TARGET, table.SET_JOG_TARGET)
 def _go_to_position(controller: Irc5, call: RwsCall) -> None:
     """Move the active unit to a robtarget in its base."""
     _check_jogging(controller, call)
@@ -179,12 +179,12 @@ def _nearest(kinematics: KinematicArm, pose: Pose, angle: float, near: Joints) -
 # State and supervision
 
 
-@ROUTES.answer(table.CHANGE_COUNT)
+@ROUTES.answer(table.MOTION_CHANGE_COUNT)
 def _get_change_count(controller: Irc5, call: RwsCall) -> bool:
     return call.number_option("changecount", 0) != controller.motion.changes
 
 
-@ROUTES.answer(table.ERROR_STATE)
+@ROUTES.answer(table.MOTION_ERROR_STATE)
 def _get_error_state(controller: Irc5, call: RwsCall) -> table.MotionError:
     return table.MotionError()
 
@@ -345,13 +345,13 @@ def _led_unit(controller: Irc5, call: RwsCall) -> MechanicalUnit:
     return _find(controller, call)
 
 
-@ROUTES.answer(table.LEAD_THROUGH)
+@ROUTES.answer(table.UNIT_LEAD_THROUGH)
 def _get_lead_through(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     unit = _led_unit(controller, call)
     return {unit.name: unit.name in controller.motion.lead_through}
 
 
-@ROUTES.answer(table.SET_LEAD_THROUGH)
+@ROUTES.answer(table.SET_UNIT_LEAD_THROUGH)
 def _set_lead_through(controller: Irc5, call: RwsCall) -> None:
     """Let an arm be led by hand; no hand leads this one, so that it stands still all the same."""
     unit = _led_unit(controller, call)
@@ -381,7 +381,7 @@ def unit_joint_target(controller: Irc5, unit: str) -> JointTarget:
     return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if at > table.NO_AXIS else at for at in extax))
 
 
-@ROUTES.answer(table.JOINT_TARGET, table.PHYSICAL_JOINTS)
+@ROUTES.answer(table.POSITION_AS_JOINTTARGET, table.PHYSICAL_JOINTS)
 def _get_joint_target(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
     unit = _find(controller, call)
     return {unit.name: unit_joint_target(controller, unit.name)}
@@ -417,13 +417,13 @@ def unit_target(controller: Irc5, call: RwsCall, unit: MechanicalUnit) -> RobTar
     return RobTarget(pose_from_rapid((trans, rot)), (one, four, six, last), external)
 
 
-@ROUTES.answer(table.ROBTARGET)
+@ROUTES.answer(table.POSITION_AS_ROBTARGET)
 def _get_robtarget(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     unit = _find(controller, call)
     return {unit.name: unit_target(controller, call, unit)}
 
 
-@ROUTES.answer(table.CARTESIAN)
+@ROUTES.answer(table.CARTESIAN_POSITION)
 def _get_cartesian(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     return {"cartesian": unit_target(controller, call, _find(controller, call))}
 
@@ -432,7 +432,7 @@ def _frame_instance(unit: MechanicalUnit) -> tuple[str, str, str]:
     return "MOC", "ROBOT" if unit.type == "TCPRobot" else "SINGLE", unit.name
 
 
-@ROUTES.answer(table.BASE_FRAME)
+@ROUTES.answer(table.UNIT_BASE_FRAME)
 def _get_base_frame(controller: Irc5, call: RwsCall) -> Mapping[str, Pose]:
     """The base frame in the world, of the system parameters."""
     unit = _find(controller, call)
@@ -443,7 +443,7 @@ def _get_base_frame(controller: Irc5, call: RwsCall) -> Mapping[str, Pose]:
     return {unit.name: Pose((x, y, z), (w, i, j, k))}
 
 
-@ROUTES.answer(table.SET_BASE_FRAME)
+@ROUTES.answer(table.SET_UNIT_BASE_FRAME)
 def _set_base_frame(controller: Irc5, call: RwsCall) -> None:
     """Change the system parameters of the base frame; they act after a restart."""
     unit = _find(controller, call)
@@ -454,10 +454,10 @@ def _set_base_frame(controller: Irc5, call: RwsCall) -> None:
     controller.configuration.change(*_frame_instance(unit), changes)
 
 
-@ROUTES.answer(table.AXES)
+@ROUTES.answer(table.UNIT_AXES)
 def _get_axes(controller: Irc5, call: RwsCall) -> Page:
     unit = _find(controller, call)
-    states = [RwsState("ms-mechunit-axes", "axes", table.AXES.answered.write(unit.axes))]
+    states = [RwsState("ms-mechunit-axes", "axes", table.UNIT_AXES.answered.write(unit.axes))]
     states += [page_entry("ms-mechunit-axis-li", str(number), f"axes/{number}") for number in range(1, unit.axes + 1)]
     return page_at("motionsystem", f"{_BASE}mechunits/{unit.name}/", "axes", *states)
 
@@ -469,13 +469,13 @@ def _axis(controller: Irc5, call: RwsCall) -> tuple[MechanicalUnit, int]:
     return unit, int(text) if unit.axes > 1 else 7
 
 
-@ROUTES.answer(table.AXIS)
+@ROUTES.answer(table.UNIT_AXIS)
 def _get_axis(controller: Irc5, call: RwsCall) -> table.Axis:
     unit, logical = _axis(controller, call)
     return table.Axis(unit.is_synchronized, int(call.names["axis"]), logical)
 
 
-@ROUTES.answer(table.AXIS_POSE)
+@ROUTES.answer(table.UNIT_AXIS_POSE)
 def _get_axis_pose(controller: Irc5, call: RwsCall) -> Pose:
     """Where an axis is: the flange when all axes after it stand at zero, as the kinematic chain counts them."""
     unit, logical = _axis(controller, call)
@@ -485,7 +485,7 @@ def _get_axis_pose(controller: Irc5, call: RwsCall) -> Pose:
     return arm.kinematics.tool0(position)
 
 
-@ROUTES.answer(table.SET_AXIS_POSE, table.UPDATE_COMMUTATE, table.UPDATE_SYNC_COUNTER)
+@ROUTES.answer(table.SET_UNIT_AXIS_POSE, table.UPDATE_COMMUTATE, table.UPDATE_SYNC_COUNTER)
 def _refuse_axis(controller: Irc5, call: RwsCall) -> None:
     _axis(controller, call)
     _refuse_calibration(controller, call)

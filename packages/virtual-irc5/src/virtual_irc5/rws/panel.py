@@ -27,8 +27,8 @@ TITLES = {"coldetstate": "collisiondetectstate"}
 
 _MODES = {"auto": OperatingMode.AUTO, "man": OperatingMode.MANUAL_REDUCED, "manfs": OperatingMode.MANUAL_FULL}
 ROUTES = Routes()
-ROUTES.answer(table.RESTART)(ctrl.restart)
-ROUTES.answer(table.SET_LANGUAGE)(ctrl.set_language)
+ROUTES.answer(table.RESTART_BY_PANEL)(ctrl.restart)
+ROUTES.answer(table.SET_PANEL_LANGUAGE)(ctrl.set_language)
 
 
 @ROUTES.answer(table.PANEL)
@@ -61,7 +61,7 @@ def _set_speed_ratio(controller: Irc5, call: RwsCall) -> None:
     controller.set_speed_ratio(int(call.number("speed-ratio")))
 
 
-@ROUTES.answer(table.ACKNOWLEDGE)
+@ROUTES.answer(table.ACKNOWLEDGE_MODE)
 def _acknowledge(controller: Irc5, call: RwsCall) -> None:
     what = call.required("opmode")
     if what != "coldet":

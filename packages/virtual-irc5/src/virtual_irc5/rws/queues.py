@@ -73,11 +73,11 @@ class DipcQueues:
         self._made = 0
         self.routes = (
             Route(table.QUEUES, self.get_queues),
-            Route(table.CREATE, self.create),
+            Route(table.CREATE_QUEUE, self.create),
             Route(table.QUEUE, self.get_queue),
-            Route(table.READ, self.read),
-            Route(table.SEND, self.send),
-            Route(table.DELETE, self.delete),
+            Route(table.READ_QUEUE, self.read),
+            Route(table.SEND_TO_QUEUE, self.send),
+            Route(table.DELETE_QUEUE, self.delete),
         )
 
     def keep(self, sessions: Collection[str]) -> None:

@@ -78,7 +78,7 @@ def _get_execution(controller: Irc5, call: RwsCall) -> table.ExecutionAnswer:
     return execution_of(controller)
 
 
-@ROUTES.answer(table.START)
+@ROUTES.answer(table.START_EXECUTION)
 def _start(controller: Irc5, call: RwsCall) -> None:
     cycle, mode = call.parameter("cycle", "asis"), call.parameter("execmode", "continue")
     step = None
@@ -108,7 +108,7 @@ def _start_production(controller: Irc5, call: RwsCall) -> None:
     controller.start_rapid()
 
 
-@ROUTES.answer(table.SET_CYCLE)
+@ROUTES.answer(table.SET_EXECUTION_CYCLE)
 def _set_cycle(controller: Irc5, call: RwsCall) -> None:
     cycle = call.required("cycle")
     if cycle != "asis":
@@ -175,7 +175,7 @@ def _task_info(installed: InstalledTask) -> table.TaskInfo:
     )
 
 
-@ROUTES.answer(table.ACTIVATE_ALL, table.DEACTIVATE_ALL, table.ACTIVATE, table.DEACTIVATE)
+@ROUTES.answer(table.ACTIVATE_ALL_TASKS, table.DEACTIVATE_ALL_TASKS, table.ACTIVATE_TASK, table.DEACTIVATE_TASK)
 def _activate(controller: Irc5, call: RwsCall) -> None:
     """Select a task on the task panel, or all."""
     tasks = [_installed(controller, call)] if "task" in call.names else controller.execution.installed.values()
@@ -214,7 +214,7 @@ def _unload_module(controller: Irc5, call: RwsCall) -> None:
     controller.execution.unload_module(_task(controller, call).name, call.required("module"))
 
 
-@ROUTES.answer(table.ABORT_LEVEL)
+@ROUTES.answer(table.ABORT_EXECUTION_LEVEL)
 def _abort_level(controller: Irc5, call: RwsCall) -> None:
     """Leave the execution level that a service routine or trap has: the normal one stays, as nothing is above it."""
     task = _task(controller, call)
@@ -224,7 +224,7 @@ def _abort_level(controller: Irc5, call: RwsCall) -> None:
         raise CallFailure(400, RwsCode.NO_PP, f"{task.name} has no program pointer")
 
 
-@ROUTES.answer(table.BUILD)
+@ROUTES.answer(table.BUILD_PROGRAM)
 def _build(controller: Irc5, call: RwsCall) -> None:
     """Link a task; its errors are at ``program/builderror``."""
     faults = _task(controller, call).faults()
@@ -232,7 +232,7 @@ def _build(controller: Irc5, call: RwsCall) -> None:
         raise CallFailure(400, RwsCode.SEMANTIC, str(faults[0]))
 
 
-@ROUTES.answer(table.SYNC_STATE, table.TASK_SYNC_STATE)
+@ROUTES.answer(table.POINTER_SYNC_STATE, table.TASK_SYNC_STATE)
 def _get_sync_state(controller: Irc5, call: RwsCall) -> Page:
     """Whether the pointers of motion tasks are on synchronized motion, which this robot does not have."""
     states = (
@@ -242,7 +242,7 @@ def _get_sync_state(controller: Irc5, call: RwsCall) -> Page:
     return page_at("rapid", _BASE, "tasks", *states)
 
 
-@ROUTES.answer(table.SPY)
+@ROUTES.answer(table.TASK_SPY)
 def _get_spy(controller: Irc5, call: RwsCall) -> Mapping[str, bool]:
     return {"spy-status": False}
 
@@ -285,11 +285,11 @@ def _range(task: Task, at: StackEntry) -> TextRange:
     return TextRange(at.line, begin, at.line, max(len(line.rstrip()), begin))
 
 
-@ROUTES.answer(table.CHANGE_COUNT_TOO, table.CHANGE_COUNT)
+@ROUTES.answer(table.TASK_CHANGE_COUNT_TOO, table.TASK_CHANGE_COUNT)
 def _get_change_count(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     count = controller.program_changes(task.name)
-    fields = {"change-count": str(count), **table.CHANGE_COUNT.answered.write(count)}
+    fields = {"change-count": str(count), **table.TASK_CHANGE_COUNT.answered.write(count)}
     state = RwsState("task-struc-change-count", task.name, fields)
     return page_at("rapid", f"{_BASE}tasks/", task.name, state)
 
@@ -401,7 +401,7 @@ def _refuse_pp_step(controller: Irc5, call: RwsCall) -> None:
 # Motion of a task
 
 
-@ROUTES.answer(table.MOTION)
+@ROUTES.answer(table.TASK_MOTION)
 def _get_motion(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     unit = _unit_of(controller, task)
@@ -418,20 +418,20 @@ def _unit_of(controller: Irc5, task: Task) -> str:
     return found
 
 
-@ROUTES.answer(table.MOTION_TARGET)
+@ROUTES.answer(table.TASK_TARGET)
 def _get_motion_target(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     task = _task(controller, call)
     unit = next(each for each in controller.units if each.name == _unit_of(controller, task))
     return {unit.name: unit_target(controller, call, unit)}
 
 
-@ROUTES.answer(table.MOTION_JOINTS)
+@ROUTES.answer(table.TASK_JOINTS)
 def _get_motion_joints(controller: Irc5, call: RwsCall) -> Mapping[str, JointTarget]:
     unit = _unit_of(controller, _task(controller, call))
     return {unit: unit_joint_target(controller, unit)}
 
 
-@ROUTES.answer(table.MOTION_UNITS)
+@ROUTES.answer(table.TASK_UNITS)
 def _get_motion_units(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     states = (
@@ -446,7 +446,7 @@ def _get_motion_units(controller: Irc5, call: RwsCall) -> Page:
     return page_at("rapid", f"{_BASE}tasks/{task.name}/", "motion", *states)
 
 
-@ROUTES.answer(table.EXTRA_JOINTS)
+@ROUTES.answer(table.TASK_EXTRA_JOINTS)
 def _get_extra_joints(controller: Irc5, call: RwsCall) -> Mapping[str, tuple[str, ...]]:
     task = _task(controller, call)
     _unit_of(controller, task)
@@ -531,7 +531,7 @@ def _set_program_name(controller: Irc5, call: RwsCall) -> None:
     controller.name_program(_task(controller, call).name, call.required("name"))
 
 
-@ROUTES.answer(table.SET_ENTRY)
+@ROUTES.answer(table.SET_PROGRAM_ENTRY)
 def _set_entry(controller: Irc5, call: RwsCall) -> None:
     task, name = _task(controller, call), call.required("routine")
     if not any(_is_entry(each) and each.name.lower() == name.lower() for each in task.program.routines):
@@ -541,7 +541,7 @@ def _set_entry(controller: Irc5, call: RwsCall) -> None:
     task.entry = name
 
 
-@ROUTES.answer(table.BUILD_ERRORS)
+@ROUTES.answer(table.PROGRAM_BUILD_ERRORS)
 def _get_build_errors(controller: Irc5, call: RwsCall) -> Page:
     task = _task(controller, call)
     faults = task.faults()
@@ -550,7 +550,7 @@ def _get_build_errors(controller: Irc5, call: RwsCall) -> Page:
     shown = faults[(start - 1) * limit : start * limit]
     more = f"builderror?start={start + 1}&limit={limit}" if start * limit < len(faults) else None
     states = (
-        table.BUILD_ERRORS.answered.state(
+        table.PROGRAM_BUILD_ERRORS.answered.state(
             str(number),
             table.BuildError(str(fault).partition(",")[0], row=fault.line, column=fault.column, message=str(fault)),
         )
@@ -593,13 +593,13 @@ def _get_task_selection(controller: Irc5, call: RwsCall) -> bool:
     return True
 
 
-@ROUTES.answer(table.ALIASES)
+@ROUTES.answer(table.RAPID_IO_ALIASES)
 def _get_aliases(controller: Irc5, call: RwsCall) -> Page:
     """Signals that programs call by other names (AliasIO); none is listed, as an alias is a name of one program."""
     return page_at("rapid", _BASE, "aliasio")
 
 
-@ROUTES.answer(table.STOP)
+@ROUTES.answer(table.STOP_EXECUTION)
 def _stop(controller: Irc5, call: RwsCall) -> None:
     controller.stop_rapid()
 

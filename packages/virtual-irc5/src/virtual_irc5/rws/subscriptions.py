@@ -211,11 +211,11 @@ class Subscriptions:
         self._groups: dict[int, _Group] = {}
         self._opened = 0
         self.routes = (
-            Route(table.CREATE, self.create),
-            Route(table.GROUP, self.show),
-            Route(table.REPLACE, self.replace),
-            Route(table.DELETE, self.delete),
-            Route(table.DELETE_RESOURCE, self.delete_resource),
+            Route(table.CREATE_SUBSCRIPTION, self.create),
+            Route(table.SUBSCRIPTION_GROUP, self.show),
+            Route(table.REPLACE_SUBSCRIPTION, self.replace),
+            Route(table.DELETE_SUBSCRIPTION, self.delete),
+            Route(table.DELETE_SUBSCRIBED_RESOURCE, self.delete_resource),
         )
 
     def listening(self) -> set[str]:

@@ -118,7 +118,7 @@ def _set_initial_value(controller: Irc5, call: RwsCall) -> None:
     _set_symbol(controller, call)
 
 
-@ROUTES.answer(table.VALIDATE)
+@ROUTES.answer(table.VALIDATE_SYMBOL)
 def _validate(controller: Irc5, call: RwsCall) -> None:
     """Whether a literal is a value of a type."""
     task, name = rws_task(controller, call.required("task")), call.required("datatype")

@@ -38,12 +38,12 @@ ROUTES = Routes()
 # Services and RobotWare
 
 
-@ROUTES.answer(table.ROOT)
+@ROUTES.answer(table.RWS_ROOT)
 def _get_root(controller: Irc5, call: RwsCall) -> Page:
     return page_at("", "/", "", *(page_entry("srvlst-service-li", name) for name in _ROOT_SERVICES))
 
 
-@ROUTES.answer(table.SERVICES)
+@ROUTES.answer(table.RWS_SERVICES)
 def _get_services(controller: Irc5, call: RwsCall) -> Page:
     return page_at("rw", "/rw/", "", *(page_entry("rwservice-li", name) for name in _RW_SERVICES))
 
@@ -83,7 +83,7 @@ def _get_system(controller: Irc5, call: RwsCall) -> Page:
     return page_at("system", "/rw/", "system", *states)
 
 
-@ROUTES.answer(table.OPTIONS)
+@ROUTES.answer(table.SYSTEM_OPTIONS)
 def _get_options(controller: Irc5, call: RwsCall) -> Page:
     return page_at("system", "/rw/system/", "options", _option_list(controller, "options"))
 
@@ -101,7 +101,7 @@ def _get_robot_type(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     return {str(number): name for number, name in enumerate(types, 1)}
 
 
-@ROUTES.answer(table.LICENSE)
+@ROUTES.answer(table.SYSTEM_LICENSE)
 def _get_license(controller: Irc5, call: RwsCall) -> str:
     return controller.identity.system_id.strip("{}")
 
@@ -120,7 +120,7 @@ def _get_products(controller: Irc5, call: RwsCall) -> Mapping[str, table.Product
     return fitting or HttpReply(204)
 
 
-@ROUTES.answer(table.ENERGY)
+@ROUTES.answer(table.SYSTEM_ENERGY)
 def _get_energy(controller: Irc5, call: RwsCall) -> Page:
     """What the arms use is not measured here: the state says so (-1), as of a robot without its last interval."""
     shown = datetime.fromtimestamp(controller.energy_reset_at).strftime("%Y-%m-%d T %H:%M:%S")
@@ -162,7 +162,7 @@ def _reset_energy(controller: Irc5, call: RwsCall) -> None:
 # Return codes and devices
 
 
-@ROUTES.answer(table.CODES)
+@ROUTES.answer(table.RETURN_CODES)
 def _get_codes(controller: Irc5, call: RwsCall) -> Page:
     """All return codes, or the one that is asked for."""
     asked = call.option("code")
@@ -177,7 +177,7 @@ def _get_codes(controller: Irc5, call: RwsCall) -> Page:
 def _code_state(type: str, code: RwsCode) -> RwsState:
     description = code_sentence(code) or code.name.replace("_", " ").capitalize()
     shown = table.ReturnCode(name=f"SYS_CTRL_E_{code.name}", code=int(code), severity="Error", description=description)
-    return RwsState(type, str(int(code)), table.CODES.answered.write(shown))
+    return RwsState(type, str(int(code)), table.RETURN_CODES.answered.write(shown))
 
 
 def _device_tree(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
@@ -211,4 +211,4 @@ def _get_devices(controller: Irc5, call: RwsCall) -> Page:
     return page_at("devices", "/rw/", f"devices/{place}".rstrip("/"), state, *properties)
 
 
-ROUTES += absent_routes(table.ABSENT)
+ROUTES += absent_routes(table.ABSENT_FROM_SYSTEM)

@@ -73,9 +73,9 @@ class VirtualUsers:
         self.granted = granted
         self.routes = (
             Route(table.USERS, self.get_users),
-            Route(table.REGISTER, self.register),
-            Route(table.IMPERSONATE, self.impersonate),
-            Route(table.SET_LOCALE, self.set_locale),
+            Route(table.REGISTER_USER, self.register),
+            Route(table.IMPERSONATE_USER, self.impersonate),
+            Route(table.SET_USER_LOCALE, self.set_locale),
             Route(table.GRANTS, self.get_grants),
             Route(table.RMMP, self.get_rmmp),
             Route(table.REQUEST_RMMP, self.ask),

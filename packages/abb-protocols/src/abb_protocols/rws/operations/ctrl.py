@@ -11,7 +11,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, NoConnection, ProtocolError
 from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.files import file_path
-from abb_protocols.rws.operations.operation import TRUTH, Operation, absent, delete, get, post, put
+from abb_protocols.rws.operations.operation import TRUTH_VALUES, Operation, absent_operations, delete, get, post, put
 from abb_protocols.rws.operations.operation_answer import TEXT, TEXT_OR_NONE, Spelling, choice, flag, record, single
 from abb_protocols.rws.operations.service import OnProgress, Service
 from abb_protocols.rws.operations.system import SystemInfo
@@ -92,18 +92,22 @@ class InstalledSystem:
 _PORT = record("ctrl-netw", NetworkPort)  # in a list
 
 CONTROLLER = get("/ctrl")
-RESTART = post(
+RESTART_CONTROLLER = post(
     "/ctrl", None, "restart-mode=restart|istart|pstart|bstart|shutdown|xstart", grant=Grant.REMOTE_WARMSTART, status=200
 )
-SET_LANGUAGE = post(
+SET_CONTROLLER_LANGUAGE = post(
     "/ctrl",
     "set-lang",
     "lang=en|de|sv|fr|it|es|pt|da|fi|nl|cs|ja|ko|zh|ru|hu|pl",
     grant=Grant.CONTROLLER_PROPERTIES_WRITE,
 )
-ENVIRONMENT = get("/ctrl/${variable}").shows(single("ctrl-env", "value", TEXT))
-IDENTITY = get("/ctrl/identity").shows(record("ctrl-identity-info|ctrl-identity-info-li", ControllerIdentity))
-SET_IDENTITY = put("/ctrl/identity", "ctrl-name, ctrl-id", grant=Grant.CONTROLLER_PROPERTIES_WRITE, status=204)
+CONTROLLER_ENVIRONMENT = get("/ctrl/${variable}").shows(single("ctrl-env", "value", TEXT))
+CONTROLLER_IDENTITY = get("/ctrl/identity").shows(
+    record("ctrl-identity-info|ctrl-identity-info-li", ControllerIdentity)
+)
+SET_CONTROLLER_IDENTITY = put(
+    "/ctrl/identity", "ctrl-name, ctrl-id", grant=Grant.CONTROLLER_PROPERTIES_WRITE, status=204
+)
 CLOCK = get("/ctrl/clock").shows(
     single(
         "ctrl-clock-info|ctrl-clock-info-li",
@@ -117,31 +121,33 @@ SET_CLOCK = put(
     grant=Grant.CONTROLLER_PROPERTIES_WRITE,
     status=204,
 )
-TIMEZONE = get("/ctrl/clock/timezone").shows(single("ctrl-timezone", "timezone", TEXT))
-SET_TIMEZONE_TOO = post("/ctrl/clock/timezone", None, "timezone", grant=Grant.CONTROLLER_PROPERTIES_WRITE)
-SET_TIMEZONE = post("/ctrl/clock/timezone", "set-timezone", "timezone", grant=Grant.CONTROLLER_PROPERTIES_WRITE)
-TIMESERVER = get("/ctrl/clock/timeserver").shows(single("ctrl-timeserver", "timeserver", TEXT))
-SERVER_TIME = get("/ctrl/clock/timeserver", "server-ip", resource="servertime", status=400)
-SET_TIMESERVER = post("/ctrl/clock/timeserver", "set-timeserver", "timeserver", grant=Grant.CONTROLLER_PROPERTIES_WRITE)
+CLOCK_TIMEZONE = get("/ctrl/clock/timezone").shows(single("ctrl-timezone", "timezone", TEXT))
+SET_CLOCK_TIMEZONE_TOO = post("/ctrl/clock/timezone", None, "timezone", grant=Grant.CONTROLLER_PROPERTIES_WRITE)
+SET_CLOCK_TIMEZONE = post("/ctrl/clock/timezone", "set-timezone", "timezone", grant=Grant.CONTROLLER_PROPERTIES_WRITE)
+CLOCK_TIMESERVER = get("/ctrl/clock/timeserver").shows(single("ctrl-timeserver", "timeserver", TEXT))
+CLOCK_SERVER_TIME = get("/ctrl/clock/timeserver", "server-ip", resource="servertime", status=400)
+SET_CLOCK_TIMESERVER = post(
+    "/ctrl/clock/timeserver", "set-timeserver", "timeserver", grant=Grant.CONTROLLER_PROPERTIES_WRITE
+)
 NETWORK = get("/ctrl/network")
 SET_NETWORK = post("/ctrl/network", "set", "method=fixip|dhcp|noip, address, mask, gateway", status=202)
-DNS = get("/ctrl/network/dns")
-ROUTES = get("/ctrl/network/routes").shows(record("ctrl-netw-route", NetworkRoute))
-ADD_ROUTE = post("/ctrl/network/route/add", None, "destination, gateway")
-ADD_ROUTE_OPTIONS = post("/ctrl/network/route/add", method="OPTIONS")
-REMOVE_ROUTE = post("/ctrl/network/route/remove", None, "destination", status=202)
-REMOVE_ROUTE_OPTIONS = post("/ctrl/network/route/remove", method="OPTIONS")
+NETWORK_DNS = get("/ctrl/network/dns")
+NETWORK_ROUTES = get("/ctrl/network/routes").shows(record("ctrl-netw-route", NetworkRoute))
+ADD_NETWORK_ROUTE = post("/ctrl/network/route/add", None, "destination, gateway")
+ADD_NETWORK_ROUTE_OPTIONS = post("/ctrl/network/route/add", method="OPTIONS")
+REMOVE_NETWORK_ROUTE = post("/ctrl/network/route/remove", None, "destination", status=202)
+REMOVE_NETWORK_ROUTE_OPTIONS = post("/ctrl/network/route/remove", method="OPTIONS")
 BACKUP = get("/ctrl/backup")
 BACKUP_STATE = get("/ctrl/backup", action="backupstate").shows(single("ctrl-backup-state", "backup-state", TEXT))
-CHECK_RESTORE = get("/ctrl/backup", "backup, ignore", action="check-restore").shows(
+CHECK_BACKUP = get("/ctrl/backup", "backup, ignore", action="check-restore").shows(
     single("ctrl-check-restore", "status", choice("Accepted", "Rejected"))
 )
-BACK_UP = post("/ctrl/backup", "backup", f"backup, archive={TRUTH}", grant=Grant.BACKUP, status=202)
-RESTORE = post(
+CREATE_BACKUP = post("/ctrl/backup", "backup", f"backup, archive={TRUTH_VALUES}", grant=Grant.BACKUP, status=202)
+RESTORE_BACKUP = post(
     "/ctrl/backup",
     "restore",
-    f"backup, ignore=all|system-id|template-id|none, delete-dir={TRUTH}, include-cs={TRUTH}, "
-    f"include-ss={TRUTH}, include=cfg|modules|all",
+    f"backup, ignore=all|system-id|template-id|none, delete-dir={TRUTH_VALUES}, include-cs={TRUTH_VALUES}, "
+    f"include-ss={TRUTH_VALUES}, include=cfg|modules|all",
     grant=Grant.RESTORE,
 )
 BACKUP_INFO = get("/ctrl/backup/info", "backup-path").shows(single("ctrl-backup-info", "system-name", TEXT))
@@ -157,13 +163,13 @@ SYSTEM = get("/ctrl/system/{system}").shows(record("ctrl-system", InstalledSyste
 RENAME_SYSTEM = post("/ctrl/system/{system}", "rename", "newname", grant=Grant.SYSTEM_ADMINISTRATION, status=201)
 ACTIVATE_SYSTEM = post("/ctrl/system/{system}", "activate", grant=Grant.SYSTEM_ADMINISTRATION, status=409)
 DELETE_SYSTEM = delete("/ctrl/system/{system}", grant=Grant.SYSTEM_ADMINISTRATION, status=400)
-OPTIONS = get("/ctrl/options", status=204)
-OPTION = get("/ctrl/options/{option:.+}")
+CONTROLLER_OPTIONS = get("/ctrl/options", status=204)
+CONTROLLER_OPTION = get("/ctrl/options/{option:.+}")
 COMPATIBLE = get("/ctrl/compatible").shows(single("ctrl-compatibility", "compatible", flag()))
 COMPATIBILITY = get("/ctrl/compatibility/{version}").shows(single("ctrl-compatibility", "compatible", flag()))
 SAFETY = get("/ctrl/safety")
-ABSENT = (
-    *absent(
+ABSENT_FROM_CONTROLLER = (
+    *absent_operations(
         "a safety controller (SafeMove)",
         "GET /ctrl/safety/zones | POST /ctrl/safety/cyclic-brake-check"
         " | GET /ctrl/safety?resource=config-status | GET /ctrl/safety?resource=safety-mode"
@@ -174,7 +180,7 @@ ABSENT = (
         " | POST /ctrl/safety?action=validate-cfg | POST /ctrl/safety?action=invalidate-cfg"
         " | POST /ctrl/safety?action=reset",
     ),
-    *absent(
+    *absent_operations(
         "virtual time, which RobotStudio's controllers alone have",
         "GET /ctrl/virtualtime | GET /ctrl/virtualtime/vttime | GET /ctrl/virtualtime/vtstate"
         " | GET /ctrl/virtualtime/vtspeed | GET /ctrl/virtualtime/vttimeslice"
@@ -190,19 +196,19 @@ class ControllerService(Service):
 
     def identity(self) -> ControllerIdentity:
         """Name, serial number and kind of the controller."""
-        return self._answer("reading the identity", IDENTITY)
+        return self._answer("reading the identity", CONTROLLER_IDENTITY)
 
     def set_identity(self, *, name: str | None = None, id: str | None = None) -> None:
         """Change the controller's name or id."""
-        self._call("changing the identity", SET_IDENTITY, ctrl_name=name, ctrl_id=id)
+        self._call("changing the identity", SET_CONTROLLER_IDENTITY, ctrl_name=name, ctrl_id=id)
 
     def environment(self, variable: str) -> str:
         """What an environment variable such as ``HOME`` stands for."""
-        return self._answer(f"reading ${variable}", ENVIRONMENT, variable)
+        return self._answer(f"reading ${variable}", CONTROLLER_ENVIRONMENT, variable)
 
     def set_controller_language(self, code: str) -> None:
         """Language of the messages, such as ``en``."""
-        self._call("setting the language", SET_LANGUAGE, lang=code)
+        self._call("setting the language", SET_CONTROLLER_LANGUAGE, lang=code)
 
     def restart_controller(self, mode: str = "restart") -> None:
         """Restart the controller's computer.
@@ -211,7 +217,7 @@ class ControllerService(Service):
             mode: ``restart``, ``istart``, ``pstart``, ``bstart`` as in ``restart``; or ``shutdown``, ``xstart``, after
                 which a person has to switch it on.
         """
-        self._call("restarting the controller", RESTART, restart_mode=mode)
+        self._call("restarting the controller", RESTART_CONTROLLER, restart_mode=mode)
 
     # Clock
 
@@ -227,19 +233,19 @@ class ControllerService(Service):
 
     def timezone(self) -> str:
         """Time zone, such as ``Europe/Stockholm``."""
-        return self._answer("reading the time zone", TIMEZONE)
+        return self._answer("reading the time zone", CLOCK_TIMEZONE)
 
     def set_timezone(self, name: str) -> None:
         """Set the time zone."""
-        self._call("setting the time zone", SET_TIMEZONE, timezone=name)
+        self._call("setting the time zone", SET_CLOCK_TIMEZONE, timezone=name)
 
     def time_server(self) -> str:
         """Address of the NTP server, "" for none."""
-        return self._answer("reading the time server", TIMESERVER)
+        return self._answer("reading the time server", CLOCK_TIMESERVER)
 
     def set_time_server(self, address: str) -> None:
         """Take the time from an NTP server."""
-        self._call("setting the time server", SET_TIMESERVER, timeserver=address)
+        self._call("setting the time server", SET_CLOCK_TIMESERVER, timeserver=address)
 
     # Network
 
@@ -254,19 +260,19 @@ class ControllerService(Service):
 
     def name_server(self) -> str:
         """Address of the DNS server, "" for none."""
-        return self._shown("reading the name server", DNS).one("ctrl-netw").text("addr")
+        return self._shown("reading the name server", NETWORK_DNS).one("ctrl-netw").text("addr")
 
     def routes(self) -> dict[str, str]:
         """Gateways by destination."""
-        return {each.destination: each.gateway for each in self._answers("reading the routes", ROUTES)}
+        return {each.destination: each.gateway for each in self._answers("reading the routes", NETWORK_ROUTES)}
 
     def add_route(self, destination: str, gateway: str) -> None:
         """Send what goes to a network such as ``10.1.0.0/16`` to a gateway."""
-        self._call("adding a route", ADD_ROUTE, destination=destination, gateway=gateway)
+        self._call("adding a route", ADD_NETWORK_ROUTE, destination=destination, gateway=gateway)
 
     def remove_route(self, destination: str) -> None:
         """Remove a route."""
-        self._call("removing a route", REMOVE_ROUTE, destination=destination)
+        self._call("removing a route", REMOVE_NETWORK_ROUTE, destination=destination)
 
     # Backups and other jobs
 
@@ -282,12 +288,12 @@ class ControllerService(Service):
             NoConnection: it does not end in time.
             ProtocolError: the controller does not say where its progress is.
         """
-        self._job(f"making the backup {name}", on_progress, BACK_UP, backup=f"/fileservice/$BACKUP/{name}")
+        self._job(f"making the backup {name}", on_progress, CREATE_BACKUP, backup=f"/fileservice/$BACKUP/{name}")
         return f"BACKUP:/{name}"
 
     def restore(self, name: str) -> None:
         """Have the controller become as in the backup ``name`` in BACKUP; it restarts, see ``wait_for_restart``."""
-        self._call(f"restoring the backup {name}", RESTORE, backup=f"/fileservice/$BACKUP/{name}")
+        self._call(f"restoring the backup {name}", RESTORE_BACKUP, backup=f"/fileservice/$BACKUP/{name}")
 
     def backup_state(self) -> str:
         """What has become of the last backup, such as ``None`` or ``Backup Ready``."""
@@ -295,7 +301,7 @@ class ControllerService(Service):
 
     def can_restore(self, name: str) -> bool:
         """Whether a backup in BACKUP is of this system."""
-        return self._answer(f"checking the backup {name}", CHECK_RESTORE, backup=f"$BACKUP/{name}")
+        return self._answer(f"checking the backup {name}", CHECK_BACKUP, backup=f"$BACKUP/{name}")
 
     def backup_system(self, name: str) -> str:
         """Name of the system that a backup in BACKUP is of."""
@@ -358,7 +364,7 @@ class ControllerService(Service):
 
     def has_option(self, option: str) -> bool:
         """Whether the system has an option, named as in ``system().options``."""
-        return self._call(f"asking for {option}", OPTION, option).status_code == _OK
+        return self._call(f"asking for {option}", CONTROLLER_OPTION, option).status_code == _OK
 
     def is_compatible(self, version: str = "") -> bool:
         """Whether clients for a version of RobotWare, or for the present one, can be used."""

@@ -56,10 +56,10 @@ class EventDomain:
 _DOMAIN_IN_LIST = record("elog-domain-li", EventDomain)  # with resource=count
 
 LOGS = get("/rw/elog", "lang, resource=count")
-CLEAR_ALL = post("/rw/elog", "clearall", grant=Grant.EVENTLOG_CLEAR)
+CLEAR_ALL_EVENTS = post("/rw/elog", "clearall", grant=Grant.EVENTLOG_CLEAR)
 SAVE_EVENTS = post("/rw/elog", "saveraw", "path", grant=Grant.FTP_WRITE, status=202)
 EVENTS = get(_DOMAIN, "lang, resource=count|info|title, order=lifo|fifo, elogseqnum, start, limit")
-CLEAR = post(_DOMAIN, "clear", grant=Grant.EVENTLOG_CLEAR)
+CLEAR_EVENTS = post(_DOMAIN, "clear", grant=Grant.EVENTLOG_CLEAR)
 EVENT = get(f"{_DOMAIN}/{{number}}", "lang")
 
 
@@ -97,7 +97,7 @@ class EventLogService(Service):
 
     def clear_events(self, domain: int = 0) -> None:
         """Empty an event log; domain 0 empties all."""
-        self._call(f"clearing the event log {domain}", CLEAR, str(domain))
+        self._call(f"clearing the event log {domain}", CLEAR_EVENTS, str(domain))
 
     def event_domains(self) -> tuple[EventDomain, ...]:
         """The domains of the event log; 0 holds all."""
@@ -112,7 +112,7 @@ class EventLogService(Service):
 
     def clear_all_events(self) -> None:
         """Empty all event logs."""
-        self._call("clearing the event logs", CLEAR_ALL)
+        self._call("clearing the event logs", CLEAR_ALL_EVENTS)
 
     def save_events(self, path: str) -> None:
         """Write the event log to a file of the controller."""

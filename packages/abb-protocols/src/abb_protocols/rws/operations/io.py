@@ -10,7 +10,7 @@ from typing import Annotated
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ProtocolError
 from abb_protocols.rws.documents import RwsState
-from abb_protocols.rws.operations.operation import TRUTH, absent, get, post
+from abb_protocols.rws.operations.operation import TRUTH_VALUES, absent_operations, get, post
 from abb_protocols.rws.operations.operation_answer import record
 from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.values import Grant, SignalChange, SignalType
@@ -22,7 +22,8 @@ _PROFINET = "/rw/iosystem/devices/{network}/{device}"
 _IO = "/rw/iosystem"
 _OF_SIGNAL = "name{0}, device{0}, network{0}, category{0}, category-pon{0}, type{0}=DO|DI|AO|AI|GO|GI"
 _CONDITIONS = ", ".join(
-    f"{_OF_SIGNAL.format(number)}, invert{number}={TRUTH}, blocked{number}={TRUTH}" for number in ("", "2")
+    f"{_OF_SIGNAL.format(number)}, invert{number}={TRUTH_VALUES}, blocked{number}={TRUTH_VALUES}"
+    for number in ("", "2")
 )
 _MS = 1000.0
 
@@ -94,14 +95,14 @@ SET_NETWORK = post(_NETWORK, "set", "lstate=start|stop", grant=Grant.IO_WRITE)
 CONFIGURE_NETWORK = post(_NETWORK, "config", "config-type=BITS|GROUPS|BOTH|SCAN|UNITS", grant=Grant.IO_WRITE)
 DEVICES = get(f"{_IO}/devices")
 SEARCH_DEVICES = post(f"{_IO}/devices", "search", "name, lstate=enabled|disabled, network", status=200)
-UPGRADE = get(f"{_PROFINET}/upgradeinfo", status=204)
+UPGRADE_OF_DEVICES = get(f"{_PROFINET}/upgradeinfo", status=204)
 DEVICE = get(_DEVICE)
 DEVICE_CONFIG = get(_DEVICE, "configtype=1|2|3", resource="config").shows(
     record("ios-device-config-runtime", AccessRights)
 )
 SET_DEVICE = post(_DEVICE, "set", "lstate=enable|disable", grant=Grant.IO_WRITE)
-SET_INPUTDATA = post(_DEVICE, "set-inputdata", "startbyte, signaldata, datamask", grant=Grant.IO_WRITE, status=400)
-SET_OUTPUTDATA = post(_DEVICE, "set-outputdata", "startbyte, signaldata, datamask", grant=Grant.IO_WRITE, status=400)
+SET_DEVICE_INPUT = post(_DEVICE, "set-inputdata", "startbyte, signaldata, datamask", grant=Grant.IO_WRITE, status=400)
+SET_DEVICE_OUTPUT = post(_DEVICE, "set-outputdata", "startbyte, signaldata, datamask", grant=Grant.IO_WRITE, status=400)
 SIGNALS = get(f"{_IO}/signals", "start, limit")
 SIGNAL_SEARCH = post(f"{_IO}/signals", "signal-search", _CONDITIONS, query="start, limit", status=200)
 SIGNAL_SEARCHEX = post(f"{_IO}/signals", "signal-searchex", _CONDITIONS, query="start, limit", status=200)
@@ -117,7 +118,7 @@ SET_SIGNAL = post(
     "ActivePulse, PassivePulse, userlog=true|false, InputAsPhysical=true|false",
     grant=Grant.IO_WRITE,
 )
-ABSENT = absent(
+ABSENT_FROM_IO = absent_operations(
     "PROFINET",
     "GET /rw/iosystem/devices/{network}/{device}/implicitdata"
     " | POST /rw/iosystem/devices/{network}/{device}/implicitdata"
@@ -299,7 +300,7 @@ class IoService(Service):
 
     def has_upgrade(self, network: str, name: str) -> bool:
         """Whether there is newer firmware for a device."""
-        return bool(self._call(f"reading {name}", UPGRADE, network, name).content)
+        return bool(self._call(f"reading {name}", UPGRADE_OF_DEVICES, network, name).content)
 
     def enable_device(self, name: str, is_enabled: bool) -> None:
         """Enable or disable an I/O device."""

@@ -8,15 +8,15 @@ from abb_protocols.rws.values import Grant
 
 _DOMAIN = "/rw/mastership/{domain}"
 _ALL = "/rw/mastership"
-GRANT = Grant.RAPID_DEBUG
+MASTERSHIP_GRANT = Grant.RAPID_DEBUG
 """What a client is granted that takes a mastership."""
 
-DOMAINS = get(_ALL)
-REQUEST_ALL = post(_ALL, "request", grant=GRANT)
-RELEASE_ALL = post(_ALL, "release")
-DOMAIN = get(_DOMAIN)
-REQUEST = post(_DOMAIN, "request", grant=GRANT)
-RELEASE = post(_DOMAIN, "release")
+MASTERSHIP_DOMAINS = get(_ALL)
+REQUEST_EVERY_MASTERSHIP = post(_ALL, "request", grant=MASTERSHIP_GRANT)
+RELEASE_EVERY_MASTERSHIP = post(_ALL, "release")
+MASTERSHIP_DOMAIN = get(_DOMAIN)
+REQUEST_MASTERSHIP = post(_DOMAIN, "request", grant=MASTERSHIP_GRANT)
+RELEASE_MASTERSHIP = post(_DOMAIN, "release")
 
 
 class MastershipService(Service):
@@ -24,7 +24,7 @@ class MastershipService(Service):
 
     def mastership(self, domain: str) -> str:
         """Which other client holds the right to change ``cfg``, ``rapid`` or ``motion``; empty where none does."""
-        state = self._shown(f"reading the mastership of {domain}", DOMAIN, domain).one("msh-resource")
+        state = self._shown(f"reading the mastership of {domain}", MASTERSHIP_DOMAIN, domain).one("msh-resource")
         if state.text("mastership") == "nomaster" or state.fields.get("mastershipheldbyme", "").upper() == "TRUE":
             return ""
         known = [text for name in ("application", "alias", "location") if (text := state.fields.get(name, ""))]
@@ -32,12 +32,12 @@ class MastershipService(Service):
 
     def mastership_domains(self) -> tuple[str, ...]:
         """What a client can have the mastership of: ``cfg``, ``motion``, ``rapid``."""
-        return tuple(state.title for state in self._listed("reading the masterships", DOMAINS))
+        return tuple(state.title for state in self._listed("reading the masterships", MASTERSHIP_DOMAINS))
 
     def request_all_masterships(self) -> None:
         """Take the mastership of all domains; the FlexPendant is locked out until they are released."""
-        self._call("requesting all masterships", REQUEST_ALL)
+        self._call("requesting all masterships", REQUEST_EVERY_MASTERSHIP)
 
     def release_all_masterships(self) -> None:
         """Release the mastership of all domains."""
-        self._call("releasing all masterships", RELEASE_ALL)
+        self._call("releasing all masterships", RELEASE_EVERY_MASTERSHIP)

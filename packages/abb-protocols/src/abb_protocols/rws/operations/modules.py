@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from urllib.parse import quote, unquote, unquote_plus
 
 from abb_protocols.rws.documents import RwsState
-from abb_protocols.rws.operations.operation import UPPER_TRUTH, Operation, get, post
+from abb_protocols.rws.operations.operation import UPPER_TRUTH_VALUES, Operation, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, Spelling, pair, record, single
 from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.request import RwsRequest
@@ -17,7 +17,9 @@ from abb_protocols.rws.values import Grant
 _MODULE = "/rw/rapid/modules/{module}"
 _MODULES = "/rw/rapid/modules"
 _RANGE = "startrow, startcol, endrow, endcol"
-_POSITIONS = f"{_RANGE}, checklimit={UPPER_TRUTH}, checkdeactaxes={UPPER_TRUTH}, allowdeact={UPPER_TRUTH}"
+_POSITIONS = (
+    f"{_RANGE}, checklimit={UPPER_TRUTH_VALUES}, checkdeactaxes={UPPER_TRUTH_VALUES}, allowdeact={UPPER_TRUTH_VALUES}"
+)
 _ATTRIBUTES: Spelling[tuple[str, ...]] = Spelling(
     lambda state, name: tuple(state.text(name).replace(",", " ").split()),
     lambda name, attributes: {name: " ".join(attributes)},
@@ -85,7 +87,7 @@ def _read_text(state: RwsState, name: str) -> str:
 
 
 MODULES = get(_MODULES, "task").shows(record("rap-module-info-li", ModuleInfo))
-MOD_POSSIBLE_ALL = get(_MODULES, resource="mod-possible-all", status=400)
+MODULES_MOD_POSSIBLE = get(_MODULES, resource="mod-possible-all", status=400)
 MODIFY_ALL_POSITION = post(_MODULES, "modify-all-position", _POSITIONS, grant=Grant.RAPID_MODPOS, status=400)
 MODULE = get(
     _MODULE, "task, startrow, startcol, endrow, endcol, text, attribute, destination, continue-on-err=0|1"
@@ -103,14 +105,14 @@ MODULE_TEXT = get(_MODULE, "task", resource="module-text").shows(
     single("rap-module-text", "module-text", Spelling(_read_text, lambda name, text: {name: quoted_module_text(text)}))
 )
 MODULE_CHANGES = get(_MODULE, "task", resource="change-count").shows(single("rap-module-changecount", "count", WHOLE))
-EXTENSION = get(_MODULE, "task", resource="module-extension").shows(
+MODULE_EXTENSION = get(_MODULE, "task", resource="module-extension").shows(
     pair("rap-module-extension", "num-of-lines", "max-num-of-col")
 )
-SYNC_STATUS = get(_MODULE, "task", resource="syncper-status").shows(
+MODULE_SYNC_STATUS = get(_MODULE, "task", resource="syncper-status").shows(
     single("rap-syncper-status", "syncperstatus", WHOLE)
 )
-SYMBOL_AT = get(_MODULE, "task, row, col", resource="module-symbol")
-MOD_POSSIBLE = get(_MODULE, _RANGE, resource="mod-possible", status=400)
+MODULE_SYMBOL_AT = get(_MODULE, "task, row, col", resource="module-symbol")
+MODULE_MOD_POSSIBLE = get(_MODULE, _RANGE, resource="mod-possible", status=400)
 SAVE_MODULE = post(_MODULE, "save", "name, path", query="task", grant=Grant.BACKUP)
 SET_TEXT_RANGE = post(
     _MODULE,
@@ -124,8 +126,8 @@ SET_MODULE_TEXT = post(
 )
 MODIFY_POSITION = post(_MODULE, "modify-position", _POSITIONS, query="task", grant=Grant.RAPID_MODPOS, status=400)
 _ROUTINE = record("rap-routine-prop", RoutineInfo)  # in a list the states are of other types
-ROUTINE_AT = get(f"{_MODULE}/routine", "task, row, column").shows(_ROUTINE)
-ROUTINES = get(f"{_MODULES}/{{task}}/{{module}}/routines")
+MODULE_ROUTINE_AT = get(f"{_MODULE}/routine", "task, row, column").shows(_ROUTINE)
+MODULE_ROUTINES = get(f"{_MODULES}/{{task}}/{{module}}/routines")
 
 
 class ModulesService(Service):
@@ -175,24 +177,24 @@ class ModulesService(Service):
 
     def module_size(self, task: str, module: str) -> tuple[int, int]:
         """Number of rows, and of columns of the longest."""
-        return self._answer(f"reading {module}", EXTENSION, module, task=task)
+        return self._answer(f"reading {module}", MODULE_EXTENSION, module, task=task)
 
     def are_initial_values_current(self, task: str, module: str) -> bool:
         """Whether the initial values in the text are the present values of its PERS data."""
-        return self._answer(f"reading {module}", SYNC_STATUS, module, task=task) == 0
+        return self._answer(f"reading {module}", MODULE_SYNC_STATUS, module, task=task) == 0
 
     def symbol_at(self, task: str, module: str, row: int, column: int) -> str:
         """Name of the symbol at a place of the text."""
-        page = self._shown(f"reading {module}", SYMBOL_AT, module, task=task, row=row, col=column)
+        page = self._shown(f"reading {module}", MODULE_SYMBOL_AT, module, task=task, row=row, col=column)
         return page.one("rap-module-symbol").text("symbolname")
 
     def routine_at(self, task: str, module: str, row: int, column: int = 1) -> RoutineInfo:
         """The routine at a place of the text."""
-        return self._answer(f"reading {module}", ROUTINE_AT, module, task=task, row=row, column=column)
+        return self._answer(f"reading {module}", MODULE_ROUTINE_AT, module, task=task, row=row, column=column)
 
     def routines(self, task: str, module: str) -> tuple[RoutineInfo, ...]:
         """The routines of a module."""
-        states = self._listed(f"reading the routines of {module}", ROUTINES, task, module)
+        states = self._listed(f"reading the routines of {module}", MODULE_ROUTINES, task, module)
         return tuple(map(_ROUTINE.read, states))
 
     def save_module(self, task: str, module: str, folder: str, name: str = "") -> None:

@@ -11,7 +11,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ProtocolError
 from abb_protocols.robot.joints import ORIGIN, Joints, Pose, abb_from_chain, chain_from_abb, joints
 from abb_protocols.rws.documents import RwsState
-from abb_protocols.rws.operations.operation import UPPER_TRUTH, get, post
+from abb_protocols.rws.operations.operation import UPPER_TRUTH_VALUES, get, post
 from abb_protocols.rws.operations.operation_answer import (
     TEXT,
     TITLE,
@@ -306,26 +306,28 @@ _SET_UNIT = (
 )
 _JOG = "axis1, axis2, axis3, axis4, axis5, axis6, ccount, inc-mode=Small|Medium|Large|User"
 _FORWARD = (
-    f"tool_frame_position, tool_frame_orientation, rob_joints, ext_joints, robot_fixed_object={UPPER_TRUTH}, "
-    f"elog_at_error={UPPER_TRUTH}"
+    f"tool_frame_position, tool_frame_orientation, rob_joints, ext_joints, robot_fixed_object={UPPER_TRUTH_VALUES}, "
+    f"elog_at_error={UPPER_TRUTH_VALUES}"
 )
 _ALL = (
     "curr_position, curr_ext_joints, tool_frame_position, curr_orientation, tool_frame_orientation, "
-    f"robot_configuration, robot_fixed_object={UPPER_TRUTH}"
+    f"robot_configuration, robot_fixed_object={UPPER_TRUTH_VALUES}"
 )
-_INVERSE = f"{_ALL}, old_rob_joints, old_ext_joints, elog_at_error={UPPER_TRUTH}"
+_INVERSE = f"{_ALL}, old_rob_joints, old_ext_joints, elog_at_error={UPPER_TRUTH_VALUES}"
 _CALCULATED = OperationAnswer(("position-from-joint",), _read_calculated, _write_calculated)
 _SOLUTION = OperationAnswer(("joints-from-position",), _read_solution, _write_solution)
 
 MOTION_SYSTEM = get(
     _MOTION, "resource=modal-payload-mode|absacc-active|poll-rate|change-count|mechunit-name, continue-on-err=0|1"
 ).shows(record("ms", MotionSystem))
-SET_ACTIVE = post(_MOTION, "set-mechunit", "mechunit-name", respects="motion")
+SET_ACTIVE_UNIT = post(_MOTION, "set-mechunit", "mechunit-name", respects="motion")
 JOG = post(_MOTION, "jog", _JOG, needs="motion")
 POSITION_TARGET = post(_MOTION, "positiontarget", _POSITION, needs="motion")
-SET_TARGET = post(_MOTION, "set-target", _POSITION, needs="motion")
-CHANGE_COUNT = get(f"{_MOTION}/checkchangecount", "changecount").shows(single("ms-change-count", "changestate", flag()))
-ERROR_STATE = get(f"{_MOTION}/errorstate").shows(record("ms-errorstate", MotionError))
+SET_JOG_TARGET = post(_MOTION, "set-target", _POSITION, needs="motion")
+MOTION_CHANGE_COUNT = get(f"{_MOTION}/checkchangecount", "changecount").shows(
+    single("ms-change-count", "changestate", flag())
+)
+MOTION_ERROR_STATE = get(f"{_MOTION}/errorstate").shows(record("ms-errorstate", MotionError))
 MOTION_SUPERVISION = get(_SUPERVISION, "mechunit").shows(
     record("ms-motionsupervision", Supervision, is_on=("mode", flag()), level=("sensitivity", WHOLE))
 )
@@ -348,27 +350,31 @@ SET_NON_MOTION_TOO = post(_NON_MOTION, "set", "mode=ON|OFF", respects="motion", 
 
 UNITS = get(f"{_MOTION}/mechunits")
 UNIT = get(_UNIT, "resource, continue-on-err=0|1").shows(record("ms-mechunit", MechanicalUnitState))
-LEAD_THROUGH = get(_UNIT, resource="lead-through").shows(
+UNIT_LEAD_THROUGH = get(_UNIT, resource="lead-through").shows(
     single("ms-mechunit-complianceleadthrough", "status", flag("active", "inactive"))
 )
 SET_UNIT = post(_UNIT, "set", _SET_UNIT, respects="motion")
-SET_LEAD_THROUGH = post(_UNIT, "set-lead-through", "status=active|inactive", respects="motion")
+SET_UNIT_LEAD_THROUGH = post(_UNIT, "set-lead-through", "status=active|inactive", respects="motion")
 FINE_CALIBRATE = post(_UNIT, "fine-calibrate", "axis", status=400, grant=_CALIBRATE)
 UPDATE_REVOLUTION_COUNTER = post(_UNIT, "update-revcounter", "axis", status=400, grant=Grant.REVOLUTION_COUNTER_UPDATE)
 SET_POSITION = post(_UNIT, "mechunit-position", "rob_joint, ext_joint", status=400)
 
 PHYSICAL_JOINTS = get(f"{_UNIT}/pjoints").shows(joint_answer("ms-pjoints", "rax_", _EXTERNAL_AXES))
-CARTESIAN = get(f"{_UNIT}/cartesian", f"{_TARGET}, elog-at-err=0|1").shows(
+CARTESIAN_POSITION = get(f"{_UNIT}/cartesian", f"{_TARGET}, elog-at-err=0|1").shows(
     target_answer("ms-mechunit-cartesian", _TURNS, ())
 )
-ROBTARGET = get(f"{_UNIT}/robtarget", _TARGET).shows(target_answer("ms-robtargets", TURNS_OF_TARGET, _EXTERNAL_AXES))
-JOINT_TARGET = get(f"{_UNIT}/jointtarget", "ignore=0|1").shows(joint_answer("ms-jointtarget", "rax_", _EXTERNAL_AXES))
-BASE_FRAME = get(f"{_UNIT}/baseframe").shows(_pose_answer("ms-mechunit-baseframe"))
-SET_BASE_FRAME = post(f"{_UNIT}/baseframe", "set", _FRAME, respects="cfg", status=202, grant=_CALIBRATE)
-AXES = get(f"{_UNIT}/axes").shows(single("ms-mechunit-axes", "axes", WHOLE))
-AXIS = get(_AXIS).shows(record("ms-axis", Axis))
-AXIS_POSE = get(_AXIS, resource="axis-pose").shows(_pose_answer("ms-axis-pose"))
-SET_AXIS_POSE = post(_AXIS, "set-axispose", _FRAME, status=400, grant=_CALIBRATE)
+POSITION_AS_ROBTARGET = get(f"{_UNIT}/robtarget", _TARGET).shows(
+    target_answer("ms-robtargets", TURNS_OF_TARGET, _EXTERNAL_AXES)
+)
+POSITION_AS_JOINTTARGET = get(f"{_UNIT}/jointtarget", "ignore=0|1").shows(
+    joint_answer("ms-jointtarget", "rax_", _EXTERNAL_AXES)
+)
+UNIT_BASE_FRAME = get(f"{_UNIT}/baseframe").shows(_pose_answer("ms-mechunit-baseframe"))
+SET_UNIT_BASE_FRAME = post(f"{_UNIT}/baseframe", "set", _FRAME, respects="cfg", status=202, grant=_CALIBRATE)
+UNIT_AXES = get(f"{_UNIT}/axes").shows(single("ms-mechunit-axes", "axes", WHOLE))
+UNIT_AXIS = get(_AXIS).shows(record("ms-axis", Axis))
+UNIT_AXIS_POSE = get(_AXIS, resource="axis-pose").shows(_pose_answer("ms-axis-pose"))
+SET_UNIT_AXIS_POSE = post(_AXIS, "set-axispose", _FRAME, status=400, grant=_CALIBRATE)
 UPDATE_COMMUTATE = post(_AXIS, "update-commutate", status=400, grant=_CALIBRATE)
 UPDATE_SYNC_COUNTER = post(
     _AXIS, "update-syncrevcounter", "syncType=1", status=400, grant=Grant.REVOLUTION_COUNTER_UPDATE
@@ -400,7 +406,7 @@ class MotionService(Service):
 
     def axis_positions(self, unit: str) -> JointTarget:
         """Where the axes of any mechanical unit stand."""
-        return self._answer(f"reading the joints of {unit}", JOINT_TARGET, unit)
+        return self._answer(f"reading the joints of {unit}", POSITION_AS_JOINTTARGET, unit)
 
     def motion_system(self) -> MotionSystem:
         """What is jogged."""
@@ -408,11 +414,11 @@ class MotionService(Service):
 
     def has_motion_changed(self, change_count: int) -> bool:
         """Whether units or their settings have changed since they were read with that count."""
-        return self._answer("reading the change count", CHANGE_COUNT, changecount=change_count)
+        return self._answer("reading the change count", MOTION_CHANGE_COUNT, changecount=change_count)
 
     def motion_error(self) -> tuple[str, int]:
         """State of errors when jogging, ``HPJ_OK`` for none, and how many there were."""
-        error = self._answer("reading the error state", ERROR_STATE)
+        error = self._answer("reading the error state", MOTION_ERROR_STATE)
         return error.state, error.count
 
     def mechanical_units(self) -> tuple[str, ...]:
@@ -451,12 +457,12 @@ class MotionService(Service):
 
     def is_lead_through_on(self, unit: str) -> bool:
         """Whether an arm follows a hand that leads it."""
-        return self._answer(f"reading {unit}", LEAD_THROUGH, unit)
+        return self._answer(f"reading {unit}", UNIT_LEAD_THROUGH, unit)
 
     def set_lead_through(self, unit: str, is_on: bool) -> None:
         """Let an arm follow a hand that leads it, or not."""
         status = "active" if is_on else "inactive"
-        self._call(f"switching the lead-through of {unit}", SET_LEAD_THROUGH, unit, status=status)
+        self._call(f"switching the lead-through of {unit}", SET_UNIT_LEAD_THROUGH, unit, status=status)
 
     # Positions
 
@@ -469,34 +475,34 @@ class MotionService(Service):
     ) -> RobTarget:
         """Where the tool of an arm stands; tool, work object and coordinates are the active ones if not named."""
         frames = _frames(tool, work_object, coordinates)
-        return self._answer(f"reading the position of {unit}", ROBTARGET, unit, **frames)
+        return self._answer(f"reading the position of {unit}", POSITION_AS_ROBTARGET, unit, **frames)
 
     def cartesian(
         self, unit: str, *, tool: str = "", work_object: str = "", coordinates: Coordinates | None = None
     ) -> RobTarget:
         """As ``rob_target``, without external axes."""
         frames = _frames(tool, work_object, coordinates)
-        return self._answer(f"reading the position of {unit}", CARTESIAN, unit, **frames)
+        return self._answer(f"reading the position of {unit}", CARTESIAN_POSITION, unit, **frames)
 
     def base_frame(self, unit: str) -> Pose:
         """Base of an arm in the world."""
-        return self._answer(f"reading the base frame of {unit}", BASE_FRAME, unit)
+        return self._answer(f"reading the base frame of {unit}", UNIT_BASE_FRAME, unit)
 
     def set_base_frame(self, unit: str, base_to_world: Pose) -> None:
         """Say where an arm is mounted; it acts after a restart."""
-        self._call(f"setting the base frame of {unit}", SET_BASE_FRAME, unit, **_pose_fields(base_to_world, repr))
+        self._call(f"setting the base frame of {unit}", SET_UNIT_BASE_FRAME, unit, **_pose_fields(base_to_world, repr))
 
     def axes(self, unit: str) -> int:
         """Number of axes of a mechanical unit."""
-        return self._answer(f"reading {unit}", AXES, unit)
+        return self._answer(f"reading {unit}", UNIT_AXES, unit)
 
     def is_axis_synchronized(self, unit: str, axis: int) -> bool:
         """Whether the revolution counter of an axis (from 1) is right."""
-        return self._answer(f"reading axis {axis} of {unit}", AXIS, unit, str(axis)).is_synchronized
+        return self._answer(f"reading axis {axis} of {unit}", UNIT_AXIS, unit, str(axis)).is_synchronized
 
     def axis_pose(self, unit: str, axis: int) -> Pose:
         """Where an axis (from 1) is, in the base of the arm."""
-        return self._answer(f"reading {unit}", AXIS_POSE, unit, str(axis))
+        return self._answer(f"reading {unit}", UNIT_AXIS_POSE, unit, str(axis))
 
     # Kinematics of the controller
 
@@ -526,7 +532,7 @@ class MotionService(Service):
 
     def select_unit(self, unit: str) -> None:
         """Make a mechanical unit the one that is jogged."""
-        self._call(f"selecting {unit}", SET_ACTIVE, mechunit_name=unit)
+        self._call(f"selecting {unit}", SET_ACTIVE_UNIT, mechunit_name=unit)
 
     def jog(self, axes: Sequence[int], increment: Increment, change_count: int) -> None:
         """Move the active unit by hand as a joystick does; the enabling rules of jogging hold.

@@ -23,8 +23,8 @@ _A = TypeVar("_A")
 Values = Mapping[str, tuple[str, ...]]
 """Parameters by name, each with the texts it may be; none where any text may come."""
 
-TRUTH = "true|false|TRUE|FALSE"
-UPPER_TRUTH = "TRUE|FALSE|true|false"
+TRUTH_VALUES = "true|false|TRUE|FALSE"
+UPPER_TRUTH_VALUES = "TRUE|FALSE|true|false"
 """A truth value that clients write in capitals."""
 
 _SUCCESS: Mapping[str, int] = {"GET": 200, "PUT": 200, "OPTIONS": 200, "HEAD": 204, "POST": 204, "DELETE": 204}
@@ -160,7 +160,7 @@ def delete(path: str, *, status: int = 0, needs: str = "", grant: Grant | None =
     return post(path, method="DELETE", status=status, needs=needs, grant=grant)
 
 
-def absent(what: str, targets: str) -> tuple[Operation[Any], ...]:
+def absent_operations(what: str, targets: str) -> tuple[Operation[Any], ...]:
     """Operations, each as ``METHOD /path?action=…``, that need what this robot does not have; ``|`` is between them."""
     found: list[Operation[Any]] = []
     for target in targets.split("|"):

@@ -21,15 +21,17 @@ def _collision_state(state: RwsState, name: str) -> CollisionState:
 _COLLISION = Spelling(_collision_state, lambda name, state: {name: state.value})
 
 PANEL = get("/rw/panel")
-RESTART = post("/rw/panel", "restart", "restart-mode=restart|istart|pstart|bstart", grant=Grant.REMOTE_WARMSTART)
-SET_LANGUAGE = post("/rw/panel", "setlang", "lang-code", grant=Grant.CONTROLLER_PROPERTIES_WRITE)
+RESTART_BY_PANEL = post(
+    "/rw/panel", "restart", "restart-mode=restart|istart|pstart|bstart", grant=Grant.REMOTE_WARMSTART
+)
+SET_PANEL_LANGUAGE = post("/rw/panel", "setlang", "lang-code", grant=Grant.CONTROLLER_PROPERTIES_WRITE)
 CONTROLLER_STATE = get("/rw/panel/ctrlstate").shows(single("pnl-ctrlstate", "ctrlstate", one_of(ControllerState)))
 OPERATING_MODE = get(_MODE).shows(single("pnl-opmode", "opmode", one_of(OperatingMode)))
 SPEED_RATIO = get("/rw/panel/speedratio").shows(single("pnl-speedratio", "speedratio", WHOLE))
 COLLISION_STATE = get("/rw/panel/coldetstate").shows(single("pnl-coldetstate", "coldetstate ", _COLLISION))
 SET_CONTROLLER_STATE = post("/rw/panel/ctrlstate", "setctrlstate", "ctrl-state=motoron|motoroff")
 SELECT_MODE = post(_MODE, None, "opmode=auto|man|manfs", status=403)
-ACKNOWLEDGE = post(_MODE, "acknowledge", "opmode=auto|manf|coldet")
+ACKNOWLEDGE_MODE = post(_MODE, "acknowledge", "opmode=auto|manf|coldet")
 MODE_LOCK = get(_MODE, resource="lock-state").shows(single("pnl-opmode-lock", "lock-state", TEXT))
 LOCK_MODE = post(_MODE, "lock", "pin, permanent=0|1")
 UNLOCK_MODE = post(_MODE, "unlock", "pin")
@@ -72,18 +74,18 @@ class PanelService(Service):
 
     def restart(self, mode: RestartMode = RestartMode.WARM) -> None:
         """Restart: every connection and session ends, and the controller does not answer for some time."""
-        self._call("restarting the controller", RESTART, restart_mode=mode)
+        self._call("restarting the controller", RESTART_BY_PANEL, restart_mode=mode)
 
     def acknowledge_operating_mode(self, mode: OperatingMode) -> None:
         """Confirm a change of the mode switch to AUTO or MANUAL_FULL, which waits for it."""
         name = {OperatingMode.AUTO: "auto", OperatingMode.MANUAL_FULL: "manf"}.get(mode)
         if name is None:
             raise CommandRefused(message("mode_needs_no_confirmation", mode=mode.value))
-        self._call("confirming the operating mode", ACKNOWLEDGE, opmode=name)
+        self._call("confirming the operating mode", ACKNOWLEDGE_MODE, opmode=name)
 
     def acknowledge_collision(self) -> None:
         """Confirm that the collision detection was triggered, after a person has looked at the robot."""
-        self._call("confirming the collision", ACKNOWLEDGE, opmode="coldet")
+        self._call("confirming the collision", ACKNOWLEDGE_MODE, opmode="coldet")
 
     def is_operating_mode_locked(self) -> bool:
         """Whether the mode switch is locked with a PIN."""
@@ -99,4 +101,4 @@ class PanelService(Service):
 
     def set_language(self, code: str) -> None:
         """Language of the FlexPendant, such as ``en``."""
-        self._call("setting the language", SET_LANGUAGE, lang_code=code)
+        self._call("setting the language", SET_PANEL_LANGUAGE, lang_code=code)

@@ -44,11 +44,13 @@ class QueueInfo:
 _READ_MESSAGE = record("dipc-read-li", QueueMessage)  # none where the queue is empty
 
 QUEUES = get("/rw/dipc")
-CREATE = post("/rw/dipc", "dipc-create", "dipc-queue-name, dipc-queue-size, dipc-max-msg-size", status=201)
+CREATE_QUEUE = post("/rw/dipc", "dipc-create", "dipc-queue-name, dipc-queue-size, dipc-max-msg-size", status=201)
 QUEUE = get(_QUEUE).shows(record("dipc-queue", QueueInfo))
-READ = get(_QUEUE, "timeout", action="dipc-read")
-SEND = post(_QUEUE, "dipc-send", "dipc-src-queue-name, dipc-cmd, dipc-userdef, dipc-msgtype=0|1, dipc-data", status=200)
-DELETE = delete(_QUEUE)
+READ_QUEUE = get(_QUEUE, "timeout", action="dipc-read")
+SEND_TO_QUEUE = post(
+    _QUEUE, "dipc-send", "dipc-src-queue-name, dipc-cmd, dipc-userdef, dipc-msgtype=0|1, dipc-data", status=200
+)
+DELETE_QUEUE = delete(_QUEUE)
 
 
 class QueuesService(Service):
@@ -72,11 +74,11 @@ class QueuesService(Service):
             longest: message in it [byte], 1 to 444.
         """
         sizes = {"dipc_queue_size": size, "dipc_max_msg_size": longest}
-        self._call(f"making the queue {name}", CREATE, dipc_queue_name=name, **sizes)
+        self._call(f"making the queue {name}", CREATE_QUEUE, dipc_queue_name=name, **sizes)
 
     def remove_queue(self, name: str) -> None:
         """Remove a queue of this client."""
-        self._call(f"removing the queue {name}", DELETE, name)
+        self._call(f"removing the queue {name}", DELETE_QUEUE, name)
 
     def send_message(self, to: str, data: str, *, sender: str, user_def: int = 0) -> None:
         """Send to a queue such as ``RMQ_T_ROB_R``.
@@ -89,7 +91,7 @@ class QueuesService(Service):
         """
         self._call(
             f"sending to {to}",
-            SEND,
+            SEND_TO_QUEUE,
             to,
             dipc_src_queue_name=sender,
             dipc_cmd=111,
@@ -100,5 +102,5 @@ class QueuesService(Service):
 
     def read_message(self, name: str, timeout: float = 0.0) -> QueueMessage | None:
         """The oldest message of a queue of this client; None where none comes within ``timeout`` [s]."""
-        page = self._shown(f"reading from {name}", READ, name, timeout=round(timeout * _MS))
+        page = self._shown(f"reading from {name}", READ_QUEUE, name, timeout=round(timeout * _MS))
         return next(map(_READ_MESSAGE.read, page.of_type(*_READ_MESSAGE.types)), None)

@@ -177,7 +177,7 @@ class Dialog:
 
 RAPID = get("/rw/rapid")
 EXECUTION = get(_EXECUTION, "continue-on-err=0|1").shows(record("rap-execution", ExecutionAnswer))
-START = post(
+START_EXECUTION = post(
     _EXECUTION,
     "start",
     "regain=continue|regain|clear, "
@@ -186,37 +186,37 @@ START = post(
     "alltaskbytsp=true|false",
     grant=Grant.RAPID_EXECUTE,
 )
-STOP = post(_EXECUTION, "stop", "stopmode=cycle|instr|stop|qstop, usetsp=normal|alltsk")
+STOP_EXECUTION = post(_EXECUTION, "stop", "stopmode=cycle|instr|stop|qstop, usetsp=normal|alltsk")
 START_PRODUCTION = post(_EXECUTION, "startprodentry", grant=Grant.RAPID_EXECUTE)
 MOVE_PP_TO_MAIN = post(_EXECUTION, "resetpp", grant=Grant.RAPID_EXECUTE)
-SET_CYCLE = post(_EXECUTION, "setcycle", "cycle=once|forever|asis", needs="rapid", grant=Grant.RAPID_EXECUTE)
+SET_EXECUTION_CYCLE = post(_EXECUTION, "setcycle", "cycle=once|forever|asis", needs="rapid", grant=Grant.RAPID_EXECUTE)
 HOLD_TO_RUN = post(_EXECUTION, "holdtorun-state", "state=press|held|release", grant=Grant.RAPID_DEBUG, status=403)
 TASKS = get(_TASKS, "continue-on-err=0|1").shows(record("rap-task-li", TaskInfo))
-SPY = get(_TASKS, resource="spy-status").shows(single("rap-spy-status", "status", _LOGGING))
-SYNC_STATE = get(_TASKS, "type=program-pointer|motion-pointer", resource="sync-state").shows(
+TASK_SPY = get(_TASKS, resource="spy-status").shows(single("rap-spy-status", "status", _LOGGING))
+POINTER_SYNC_STATE = get(_TASKS, "type=program-pointer|motion-pointer", resource="sync-state").shows(
     single("rap-sync-state", "Program-Pointer-State", flag("ON", "OFF"))
 )
-ACTIVATE_ALL = post(_TASKS, "activate", respects="rapid", grant=Grant.RAPID_DEBUG)
-DEACTIVATE_ALL = post(_TASKS, "deactivate", respects="rapid", grant=Grant.RAPID_DEBUG)
+ACTIVATE_ALL_TASKS = post(_TASKS, "activate", respects="rapid", grant=Grant.RAPID_DEBUG)
+DEACTIVATE_ALL_TASKS = post(_TASKS, "deactivate", respects="rapid", grant=Grant.RAPID_DEBUG)
 START_SPY = post(_TASKS, "start-spy", "log-file", status=400)
 STOP_SPY = post(_TASKS, "stop-spy", status=400)
 TASK = get(_TASK, "continue-on-err=0|1").shows(record("rap-task", TaskDetails))
 STACK_FRAME = get(_TASK, "stackframe", resource="activation-record").shows(record("rap-stackframe", StackFrame))
-CHANGE_COUNT_TOO = get(_TASK, resource="task-struc-change-count")
+TASK_CHANGE_COUNT_TOO = get(_TASK, resource="task-struc-change-count")
 PREFERRED_TYPES = get(_TASK, "instruction, parameter", resource="pref-data-types").shows(
     single("task-pref-data-types", "type-prefdattype", TEXT)
 )
 TASK_SYNC_STATE = get(_TASK, "type=program-pointer|motion-pointer", resource="task-sync-state").shows(
-    SYNC_STATE.answered
+    POINTER_SYNC_STATE.answered
 )
-ACTIVATE = post(_TASK, "activate", respects="rapid", grant=Grant.RAPID_DEBUG)
-DEACTIVATE = post(_TASK, "deactivate", respects="rapid", grant=Grant.RAPID_DEBUG)
+ACTIVATE_TASK = post(_TASK, "activate", respects="rapid", grant=Grant.RAPID_DEBUG)
+DEACTIVATE_TASK = post(_TASK, "deactivate", respects="rapid", grant=Grant.RAPID_DEBUG)
 LOAD_MODULE = post(_TASK, "loadmod", "modulepath, replace=true|false", needs="rapid", grant=Grant.RAPID_LOADPROGRAM)
 UNLOAD_MODULE = post(_TASK, "unloadmod", "module", needs="rapid", grant=Grant.RAPID_LOADPROGRAM)
-ABORT_LEVEL = post(_TASK, "abortexeclevel", needs="rapid", grant=Grant.RAPID_EXECUTE)
-BUILD = post(_TASK, "build", needs="rapid")
+ABORT_EXECUTION_LEVEL = post(_TASK, "abortexeclevel", needs="rapid", grant=Grant.RAPID_EXECUTE)
+BUILD_PROGRAM = post(_TASK, "build", needs="rapid")
 HOLD_TASK_TO_RUN = post(_TASK, "holdtorun", "state=press|held|release", grant=Grant.RAPID_DEBUG, status=403)
-CHANGE_COUNT = get(f"{_TASK}/structural-changecount").shows(
+TASK_CHANGE_COUNT = get(f"{_TASK}/structural-changecount").shows(
     single("task-struc-change-count", "struc-change-count", WHOLE)
 )
 ACTIVATION_RECORD = get(f"{_TASK}/activation-record", "stackframe")
@@ -224,13 +224,13 @@ ROUTINES_OF_TASK = get(f"{_TASK}/serviceroutine", "start, limit, allread=TRUE|FA
     single("rap-task-routine", "routine-name", TEXT)
 )
 TASK_EXECUTION = get(f"{_TASK}/execution").shows(record("rap-task-execution", TaskPlace))
-MOTION = get(f"{_TASK}/motion")
-MOTION_TARGET = get(f"{_TASK}/motion", "tool, wobj", resource="robtarget").shows(
+TASK_MOTION = get(f"{_TASK}/motion")
+TASK_TARGET = get(f"{_TASK}/motion", "tool, wobj", resource="robtarget").shows(
     target_answer("rapid-robtarget", TURNS_OF_TARGET, _EXTERNAL)
 )
-MOTION_JOINTS = get(f"{_TASK}/motion", resource="jointtarget").shows(joint_answer("rapid-jointtarget", "j", _EXTERNAL))
-MOTION_UNITS = get(f"{_TASK}/motion", resource="mechunit")
-EXTRA_JOINTS = get(f"{_TASK}/motion", resource="extjointstate").shows(single("rapid-extjointstate", "j", _SIX))
+TASK_JOINTS = get(f"{_TASK}/motion", resource="jointtarget").shows(joint_answer("rapid-jointtarget", "j", _EXTERNAL))
+TASK_UNITS = get(f"{_TASK}/motion", resource="mechunit")
+TASK_EXTRA_JOINTS = get(f"{_TASK}/motion", resource="extjointstate").shows(single("rapid-extjointstate", "j", _SIX))
 PROGRAM = get(f"{_TASK}/program", "continue-on-err=0|1").shows(record("rap-program", ProgramInfo))
 LOAD_PROGRAM = post(
     f"{_TASK}/program", "loadprog", "progpath, loadmode=add|replace", needs="rapid", grant=Grant.RAPID_LOADPROGRAM
@@ -238,8 +238,8 @@ LOAD_PROGRAM = post(
 UNLOAD_PROGRAM = post(f"{_TASK}/program", "unloadprog", needs="rapid", grant=Grant.RAPID_LOADPROGRAM)
 SAVE_PROGRAM = post(f"{_TASK}/program", "save", "path", grant=Grant.BACKUP)
 SET_PROGRAM_NAME = post(f"{_TASK}/program", "setname", "name", respects="rapid", grant=Grant.RAPID_EDIT)
-SET_ENTRY = post(f"{_TASK}/program", "set-entrypoint", "routine", needs="rapid", grant=Grant.RAPID_EDIT)
-BUILD_ERRORS = get(f"{_TASK}/program/builderror", "start, limit").shows(record("rap-builderrs", BuildError))
+SET_PROGRAM_ENTRY = post(f"{_TASK}/program", "set-entrypoint", "routine", needs="rapid", grant=Grant.RAPID_EDIT)
+PROGRAM_BUILD_ERRORS = get(f"{_TASK}/program/builderror", "start, limit").shows(record("rap-builderrs", BuildError))
 BREAKPOINTS = get(f"{_TASK}/program/breakpoint", "start, limit").shows(record("rap-program-breakpoint", Breakpoint))
 SET_BREAKPOINT = post(
     f"{_TASK}/program/breakpoint", "set", "module, row, column", needs="rapid", grant=Grant.RAPID_DEBUG
@@ -262,7 +262,7 @@ SET_PP_ROUTINE_FROM_URL = post(
 SET_PP_PREV_INST = post(f"{_TASK}/pcp", "set-pp-prev-inst", grant=Grant.RAPID_DEBUG, status=400)
 SET_PP_NEXT_INST = post(f"{_TASK}/pcp", "set-pp-next-inst", grant=Grant.RAPID_DEBUG, status=400)
 TASK_SELECTION = get("/rw/rapid/taskselection").shows(single("rap-taskselection", "user-modify", flag()))
-ALIASES = get("/rw/rapid/aliasio", "start, limit")
+RAPID_IO_ALIASES = get("/rw/rapid/aliasio", "start, limit")
 DIALOGS = get(_DIALOGS)
 ACTIVE_DIALOG = get(f"{_DIALOGS}/active").shows(record("rap-uiactive-li", Dialog))
 DIALOG_PARAMETERS = get(f"{_DIALOGS}/active/params/{{stack:.+}}")
@@ -300,7 +300,7 @@ class RapidService(Service):
         """
         self._call(
             "starting RAPID",
-            START,
+            START_EXECUTION,
             regain=regain,
             execmode=step,
             cycle=cycle,
@@ -311,7 +311,7 @@ class RapidService(Service):
 
     def stop_rapid(self, mode: StopMode = StopMode.STOP, *, all_tasks: bool = False) -> None:
         """Stop RAPID in all selected tasks; ``all_tasks`` stops static ones, too."""
-        self._call("stopping RAPID", STOP, stopmode=mode, usetsp="alltsk" if all_tasks else "normal")
+        self._call("stopping RAPID", STOP_EXECUTION, stopmode=mode, usetsp="alltsk" if all_tasks else "normal")
 
     def move_pp_to_main(self) -> None:
         """Move the program pointer of every selected task to ``main``; RAPID must be stopped."""
@@ -323,7 +323,7 @@ class RapidService(Service):
 
     def set_run_cycle(self, cycle: RunCycle) -> None:
         """Whether a program begins again at its end, from the next start on."""
-        self._call("setting the run cycle", SET_CYCLE, cycle=cycle)
+        self._call("setting the run cycle", SET_EXECUTION_CYCLE, cycle=cycle)
 
     def start_from_production_entry(self) -> None:
         """Start every normal task at its production entry."""
@@ -335,7 +335,7 @@ class RapidService(Service):
 
     def alias_signals(self) -> dict[str, str]:
         """Signals by their alias names in RAPID (AliasIO)."""
-        states = self._listed("reading the alias signals", ALIASES)
+        states = self._listed("reading the alias signals", RAPID_IO_ALIASES)
         return {state.title: state.fields.get("signal", state.fields.get("name", "")) for state in states}
 
     # Tasks
@@ -350,26 +350,26 @@ class RapidService(Service):
 
     def select_task(self, task: str, is_selected: bool) -> None:
         """Switch a task on or off in the task panel; it starts with the others if it is on."""
-        operation = ACTIVATE if is_selected else DEACTIVATE
+        operation = ACTIVATE_TASK if is_selected else DEACTIVATE_TASK
         self._call(f"switching {task} {'on' if is_selected else 'off'}", operation, task)
 
     def select_all_tasks(self, are_selected: bool) -> None:
         """Switch all tasks on or off in the task panel."""
-        operation = ACTIVATE_ALL if are_selected else DEACTIVATE_ALL
+        operation = ACTIVATE_ALL_TASKS if are_selected else DEACTIVATE_ALL_TASKS
         self._call(f"switching all tasks {'on' if are_selected else 'off'}", operation)
 
     def task_change_count(self, task: str) -> int:
         """Rises with every change of the task's modules."""
-        return self._answer(f"reading the change count of {task}", CHANGE_COUNT, task)
+        return self._answer(f"reading the change count of {task}", TASK_CHANGE_COUNT, task)
 
     def is_synchronized(self, task: str = "") -> bool:
         """Whether a task, or each of all, is in a synchronised motion (SyncMoveOn)."""
-        where = (TASK_SYNC_STATE, task) if task else (SYNC_STATE,)
+        where = (TASK_SYNC_STATE, task) if task else (POINTER_SYNC_STATE,)
         return all(self._answers("reading the synchronisation", *where, type="program-pointer"))
 
     def is_spy_running(self) -> bool:
         """Whether RAPID Spy logs each instruction."""
-        return self._answer("reading the spy", SPY)
+        return self._answer("reading the spy", TASK_SPY)
 
     def stack_frame(self, task: str, number: int = 1) -> StackFrame:
         """A call that is under way in a task; 1 is the innermost."""
@@ -386,7 +386,7 @@ class RapidService(Service):
 
     def abort_execution_level(self, task: str) -> None:
         """Leave a service routine or a call from outside that is under way in a task."""
-        self._call(f"leaving the execution level of {task}", ABORT_LEVEL, task)
+        self._call(f"leaving the execution level of {task}", ABORT_EXECUTION_LEVEL, task)
 
     def task_place(self, task: str) -> tuple[str, str, int]:
         """Module, routine and line that a task executes."""
@@ -396,20 +396,20 @@ class RapidService(Service):
     def task_rob_target(self, task: str, tool: str = "", work_object: str = "") -> RobTarget:
         """Where the robot of a task stands; tool and work object are the active ones where none are named."""
         frames = {"tool": tool or None, "wobj": work_object or None}
-        return self._answer(f"reading the position of {task}", MOTION_TARGET, task, **frames)
+        return self._answer(f"reading the position of {task}", TASK_TARGET, task, **frames)
 
     def task_joint_target(self, task: str) -> Joints:
         """Where the arm of a task stands, chain order [rad]."""
-        return self._answer(f"reading the joints of {task}", MOTION_JOINTS, task).chain()
+        return self._answer(f"reading the joints of {task}", TASK_JOINTS, task).chain()
 
     def task_units(self, task: str) -> tuple[str, ...]:
         """The mechanical units that a task moves."""
-        states = self._listed(f"reading the units of {task}", MOTION_UNITS, task)
+        states = self._listed(f"reading the units of {task}", TASK_UNITS, task)
         return tuple(state.text("name") for state in states if state.type == "rapid-mechunit")
 
     def external_joints(self, task: str) -> tuple[str, ...]:
         """What each of the six external axes is: ``rotating``, ``linear`` or ``not_active``."""
-        return self._answer(f"reading the external axes of {task}", EXTRA_JOINTS, task)
+        return self._answer(f"reading the external axes of {task}", TASK_EXTRA_JOINTS, task)
 
     # Programs
 
@@ -438,12 +438,12 @@ class RapidService(Service):
 
     def set_entry(self, task: str, routine: str) -> None:
         """Let the program of a task begin at another routine than ``main``."""
-        self._call("setting the entry", SET_ENTRY, task, routine=routine)
+        self._call("setting the entry", SET_PROGRAM_ENTRY, task, routine=routine)
 
     def build(self, task: str) -> tuple[BuildError, ...]:
         """Link the program of a task; its faults, none if it is free of them."""
         try:
-            self._call(f"linking the program of {task}", BUILD, task)
+            self._call(f"linking the program of {task}", BUILD_PROGRAM, task)
         except ControllerRefused as error:
             if error.code not in (RwsCode.SEMANTIC, RwsCode.SYNTAX):
                 raise
@@ -451,7 +451,7 @@ class RapidService(Service):
 
     def build_errors(self, task: str) -> tuple[BuildError, ...]:
         """Faults found when the program was linked."""
-        return self._answers(f"reading the faults of {task}", BUILD_ERRORS, task)
+        return self._answers(f"reading the faults of {task}", PROGRAM_BUILD_ERRORS, task)
 
     # Modules
 

@@ -6,8 +6,8 @@ from abb_protocols.rws.operations.operation import delete, get, post, put
 
 _GROUP = "/subscription/{group}"
 
-CREATE = post("/subscription", None, "resources", status=201)
-GROUP = get(_GROUP)
-REPLACE = put(_GROUP, "resources")
-DELETE = delete(_GROUP, status=200)
-DELETE_RESOURCE = delete(f"{_GROUP}/{{resource:.+}}", status=200)
+CREATE_SUBSCRIPTION = post("/subscription", None, "resources", status=201)
+SUBSCRIPTION_GROUP = get(_GROUP)
+REPLACE_SUBSCRIPTION = put(_GROUP, "resources")
+DELETE_SUBSCRIPTION = delete(_GROUP, status=200)
+DELETE_SUBSCRIBED_RESOURCE = delete(f"{_GROUP}/{{resource:.+}}", status=200)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import Page, RwsState, whole_number
-from abb_protocols.rws.operations.operation import UPPER_TRUTH, get, post
+from abb_protocols.rws.operations.operation import UPPER_TRUTH_VALUES, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, single
 from abb_protocols.rws.operations.service import Service
 from abb_protocols.rws.rapid_values import RapidValue, decode, encode
@@ -45,14 +45,14 @@ SYMBOLS = get(_SYMBOLS)
 SEARCH = post(
     _SYMBOLS,
     "search-symbols",
-    f"view=block|scope|stack, vartyp=udef|rw|ro|loop|any, blockurl, recursive={UPPER_TRUTH}, posl, posc, "
-    f"stack, onlyused={UPPER_TRUTH}, skipshared={UPPER_TRUTH}, regexp, symtyp, dattyp",
+    f"view=block|scope|stack, vartyp=udef|rw|ro|loop|any, blockurl, recursive={UPPER_TRUTH_VALUES}, posl, posc, "
+    f"stack, onlyused={UPPER_TRUTH_VALUES}, skipshared={UPPER_TRUTH_VALUES}, regexp, symtyp, dattyp",
     status=200,
 )
 SYMBOL = get(_DATUM, "value=raw").shows(single("rap-data", "value", TEXT))
 SET_SYMBOL = post(_DATUM, "set", "value", respects="rapid", grant=Grant.RAPID_CURRVALUE)
 SET_INITIAL_VALUE = post(_DATUM, "setInitValue", "value", respects="rapid", grant=Grant.RAPID_EDIT)
-VALIDATE = post(f"{_SYMBOL}/data", "validate", "task, value, datatype")
+VALIDATE_SYMBOL = post(f"{_SYMBOL}/data", "validate", "task, value, datatype")
 SYMBOL_PROPERTIES = get(f"{_SYMBOL}/properties/RAPID/{{symbol:.+}}")
 
 
@@ -109,7 +109,7 @@ class SymbolsService(Service):
 
     def is_value_of(self, task: str, literal: str, type: str) -> bool:
         """Whether a literal is a value of a RAPID type that is known in a task."""
-        return self._is_valid(f"checking a value of {type}", VALIDATE, task=task, value=literal, datatype=type)
+        return self._is_valid(f"checking a value of {type}", VALIDATE_SYMBOL, task=task, value=literal, datatype=type)
 
     def find_symbols(
         self,

@@ -9,7 +9,7 @@ from typing import Annotated
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ProtocolError
 from abb_protocols.rws.documents import Page
-from abb_protocols.rws.operations.operation import absent, get, post
+from abb_protocols.rws.operations.operation import absent_operations, get, post
 from abb_protocols.rws.operations.operation_answer import TEXT, WHOLE, record, single
 from abb_protocols.rws.operations.service import Service
 
@@ -64,22 +64,22 @@ class ReturnCode:
     description: str
 
 
-ROOT = get("/")
-SERVICES = get("/rw")
+RWS_ROOT = get("/")
+RWS_SERVICES = get("/rw")
 SYSTEM = get("/rw/system")
-OPTIONS = get("/rw/system/options")
+SYSTEM_OPTIONS = get("/rw/system/options")
 ROBOT_TYPE = get("/rw/system/robottype").shows(single("sys-robottype", "robot-type", TEXT))
-LICENSE = get("/rw/system/license").shows(single("sys-license", "license", TEXT))
+SYSTEM_LICENSE = get("/rw/system/license").shows(single("sys-license", "license", TEXT))
 PRODUCTS = get("/rw/system/products", "name").shows(record("sys-product-li", Product))
-ENERGY = get("/rw/system/energy")
+SYSTEM_ENERGY = get("/rw/system/energy")
 ENERGY_CHANGES = get("/rw/system/energy", resource="change-count").shows(
     single("sys-energy-changecount-li", "change-count", WHOLE)
 )
 RESET_ENERGY = post("/rw/system/energy", "reset")
-CODES = get("/rw/retcode", "code").shows(record("err-desc-li", ReturnCode))
+RETURN_CODES = get("/rw/retcode", "code").shows(record("err-desc-li", ReturnCode))
 DEVICES = get("/rw/devices", "Lang")
 DEVICE = get("/rw/devices/{device:.+}", "Lang")
-ABSENT = absent(
+ABSENT_FROM_SYSTEM = absent_operations(
     "integrated vision",
     "GET /rw/vision?resource | GET /rw/vision/{name} | POST /rw/vision?action=restart"
     " | POST /rw/vision?action=flash-led | POST /rw/vision?action=set-state"
@@ -111,7 +111,7 @@ class SystemService(Service):
 
     def options(self) -> tuple[str, ...]:
         """Names of the system's options."""
-        page = self._shown("reading the options", OPTIONS)
+        page = self._shown("reading the options", SYSTEM_OPTIONS)
         return tuple(child.text("option") for state in page.states for child in state.children)
 
     def robot_types(self) -> tuple[str, ...]:
@@ -120,7 +120,7 @@ class SystemService(Service):
 
     def license(self) -> str:
         """The system's licence."""
-        return self._answer("reading the licence", LICENSE)
+        return self._answer("reading the licence", SYSTEM_LICENSE)
 
     def products(self) -> dict[str, str]:
         """Versions of the installed products by name."""
@@ -128,7 +128,7 @@ class SystemService(Service):
 
     def energy(self) -> Energy:
         """What the robot has consumed."""
-        state = self._shown("reading the energy", ENERGY).one("sys-energy-state-li")
+        state = self._shown("reading the energy", SYSTEM_ENERGY).one("sys-energy-state-li")
         return Energy(state.number("accumulated-energy"), state.text("reset-time"))
 
     def energy_change_count(self) -> int:
@@ -141,7 +141,7 @@ class SystemService(Service):
 
     def return_codes(self) -> tuple[ReturnCode, ...]:
         """All of the controller's return codes."""
-        return self._answers("reading the return codes", CODES)
+        return self._answers("reading the return codes", RETURN_CODES)
 
     def hardware(self, path: str = "") -> tuple[str, ...]:
         """Paths of the hardware below ``path``, such as ``HW_DEVICES/CONTROLLER``."""

@@ -45,9 +45,9 @@ class User:
 
 
 USERS = get("/users", "user-type=self").shows(record("user", User))
-REGISTER = post("/users", None, "username, application, location, ulocale=local|remote", status=201)
-IMPERSONATE = post("/users", "impersonate", "uid", status=200)
-SET_LOCALE = post("/users", "set-locale", "type=local|remote", status=200)
+REGISTER_USER = post("/users", None, "username, application, location, ulocale=local|remote", status=201)
+IMPERSONATE_USER = post("/users", "impersonate", "uid", status=200)
+SET_USER_LOCALE = post("/users", "set-locale", "type=local|remote", status=200)
 GRANTS = get("/users/grants")
 RMMP = get("/users/rmmp")
 RMMP_USER = record(
@@ -76,15 +76,15 @@ class UsersService(Service):
     ) -> None:
         """Say who this client is, for the FlexPendant and other clients."""
         whom = {"username": name, "application": application, "location": location}
-        self._call("registering", REGISTER, **whom, ulocale="local" if is_local else "remote")
+        self._call("registering", REGISTER_USER, **whom, ulocale="local" if is_local else "remote")
 
     def set_local(self, is_local: bool) -> None:
         """Become a local client, which needs the enabling device within 5 s, or a remote one."""
-        self._call("changing the locale", SET_LOCALE, type="local" if is_local else "remote")
+        self._call("changing the locale", SET_USER_LOCALE, type="local" if is_local else "remote")
 
     def impersonate(self, uid: int) -> None:
         """Act as another client that is logged in; for local clients."""
-        self._call("acting as another client", IMPERSONATE, uid=uid)
+        self._call("acting as another client", IMPERSONATE_USER, uid=uid)
 
     def grants(self) -> tuple[str, ...]:
         """What the user is permitted, such as ``UAS_RAPID_EXECUTE``."""
