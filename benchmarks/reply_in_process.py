@@ -25,16 +25,30 @@ from abb_protocols.robot.joints import CYCLE, Joints, Side, home, joints, named_
 from abb_runtime.udp import UdpClient, free_port
 from yumi.control.goals import write_goal
 from yumi.control.loop import ArmLoop
-from yumi.control.stage_times import AFTER_REPLY, BEGIN, DECODE, ENCODE, LIMIT, RECEIVE, SEND, UPDATE
+from yumi.control.stage_times import (
+    AFTER_REPLY,
+    CYCLE_BEGIN,
+    DECODE_STAGE,
+    ENCODE_STAGE,
+    LIMIT_STAGE,
+    RECEIVE_STAGE,
+    SEND_STAGE,
+    UPDATE_STAGE,
+)
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.egm_arm import FallbackThread
 from yumi.driver.settings import Settings, read_controllers, read_settings
 from yumi.driver.wiring import build_arms, plan_egm
 
 STAGES = {
-    "receive": RECEIVE, "decode": DECODE, "controller": UPDATE, "limit": LIMIT, "encode": ENCODE, "send": SEND,
+    "receive": RECEIVE_STAGE,
+    "decode": DECODE_STAGE,
+    "controller": UPDATE_STAGE,
+    "limit": LIMIT_STAGE,
+    "encode": ENCODE_STAGE,
+    "send": SEND_STAGE,
     "after the reply": AFTER_REPLY,
-}  # fmt: skip
+}
 POSITION = "joint_position_controller"
 REPLY = "reply"
 WARM_UP = 500
@@ -138,7 +152,7 @@ def note(times: dict[str, list[float]], marks: Sequence[float]) -> None:
     """Add the durations between the marks of one cycle."""
     for stage, mark in STAGES.items():
         times[stage].append(1e6 * (marks[mark] - marks[mark - 1]))
-    times[REPLY].append(1e6 * (marks[SEND] - marks[BEGIN]))
+    times[REPLY].append(1e6 * (marks[SEND_STAGE] - marks[CYCLE_BEGIN]))
 
 
 def main(cycles: int) -> None:

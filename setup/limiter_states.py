@@ -10,7 +10,13 @@ from pathlib import Path
 from textwrap import wrap
 
 from yumi.control import loop_events
-from yumi.control.limiter_state import MEANINGS, SEEN, TRANSITIONS, LimiterEvent, LimiterState
+from yumi.control.limiter_state import (
+    LIMITER_EVENT_MEANINGS,
+    LIMITER_STATE_MEANINGS,
+    TRANSITIONS,
+    LimiterEvent,
+    LimiterState,
+)
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PAGE = DOCS / "reference" / "limiter-states.md"
@@ -97,13 +103,13 @@ def page() -> str:
         "",
         "| state | what is done with the arm |",
         "|---|---|",
-        *(f"| {state.name} | {MEANINGS[state]} |" for state in LimiterState),
+        *(f"| {state.name} | {LIMITER_STATE_MEANINGS[state]} |" for state in LimiterState),
         "",
         "## Events",
         "",
         "| event | what was seen |",
         "|---|---|",
-        *(f"| {event.name} | {SEEN[event]} |" for event in LimiterEvent),
+        *(f"| {event.name} | {LIMITER_EVENT_MEANINGS[event]} |" for event in LimiterEvent),
         "",
         "## Reports",
         "",

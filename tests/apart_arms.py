@@ -15,7 +15,7 @@ from abb_protocols.robot.joints import (
     CYCLE,
     JOINT_COUNT,
     YUMI_LIMITS,
-    ZERO,
+    ZERO_JOINTS,
     ArmCommand,
     ArmState,
     Joints,
@@ -28,7 +28,7 @@ from trajectories import change_rate
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
-from yumi.control.collisions import MARGIN, CollisionLimiter
+from yumi.control.collisions import COLLISION_MARGIN, CollisionLimiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import largest_difference
 from yumi.core.collision import CollisionModel, Obstacle
@@ -61,7 +61,7 @@ class ApartArms:
 
     positions: Mapping[Side, Joints]
     obstacles: Sequence[Obstacle] = (TABLE, POST)
-    margin: float = MARGIN
+    margin: float = COLLISION_MARGIN
     costs: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -102,7 +102,7 @@ class ApartArms:
             else:
                 is_first = not self.costs
                 dt = 0.0 if self._unheard[side] >= LOST_AFTER or is_first else CYCLE * (1 + self._unheard[side])
-                speed = change_rate(arm.position, self._measured[side], dt) if dt else ZERO
+                speed = change_rate(arm.position, self._measured[side], dt) if dt else ZERO_JOINTS
                 state = ArmState(self._time, dt, 1, arm.position, speed, arm.planned, True)
                 drive = drives.get(side)
                 desired = drive(self, side) if drive else None

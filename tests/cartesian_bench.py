@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from abb_protocols.robot.inverse_kinematics import arm_angle
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Quaternion, Side, joints
-from abb_protocols.robot.kinematics import multiply, rotation_vector, tool0_to_body
+from abb_protocols.robot.kinematics import quaternion_product, rotation_vector, tool0_to_body
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.goals import MemoryBuffer
 from yumi.control.loop_events import ControllerReport
@@ -99,7 +99,7 @@ def shares(positions: Array) -> Shares:
 def between(start: Quaternion, end: Quaternion) -> Array:
     """The turn from one orientation to another as a rotation vector [rad], (3,)."""
     w, x, y, z = start
-    return np.array(rotation_vector(multiply((w, -x, -y, -z), end)))
+    return np.array(rotation_vector(quaternion_product((w, -x, -y, -z), end)))
 
 
 class Deviation(NamedTuple):

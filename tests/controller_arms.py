@@ -11,7 +11,7 @@ from typing import Protocol
 from abb_protocols.robot.joints import (
     CYCLE,
     YUMI_LIMITS,
-    ZERO,
+    ZERO_JOINTS,
     ArmCommand,
     ArmState,
     Joints,
@@ -68,7 +68,7 @@ class PerfectArm:
     def __init__(self, position: Joints) -> None:
         self.is_running = True
         self._position = position
-        self._velocity = ZERO
+        self._velocity = ZERO_JOINTS
         self._dt = 0.0
 
     def read(self, now: float) -> ArmState | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from abb_protocols.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names, joints
+from abb_protocols.robot.joints import CYCLE, ZERO_JOINTS, ArmState, Joints, Side, joint_names, joints
 from abb_runtime.parameters import Value
 from yumi.control.controller import Controller
 from yumi.control.goals import GoalBuffer, SessionGoal
@@ -15,7 +15,12 @@ JOINTS = joint_names(Side.RIGHT)
 
 
 def state(
-    position: Joints, *, time: float = 2.5, session: int = 1, velocity: Joints = ZERO, planned: Joints | None = None
+    position: Joints,
+    *,
+    time: float = 2.5,
+    session: int = 1,
+    velocity: Joints = ZERO_JOINTS,
+    planned: Joints | None = None,
 ) -> ArmState:
     """A running arm, one cycle after the state before."""
     return ArmState(time, CYCLE, session, position, velocity, planned or position, is_running=True)

@@ -13,7 +13,7 @@ from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.goals import MemoryBuffer, write_goal
 from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.egm.egm_session import SILENCE
+from yumi.egm.egm_session import ROBOT_SILENCE
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd, VirtualArmRig, Wire
 
 __all__ = ["CONTROLLER", "CYCLE", "FULL_SPEED", "SUPERVISED", "EgmLoop", "OpenLimiter", "VirtualArmEnd", "Wire"]
@@ -50,7 +50,7 @@ class EgmLoop(VirtualArmRig):
         limiter: Limiter | None = None,
         model: ArmModel = SUPERVISED,
         *,
-        silence: float = SILENCE,
+        silence: float = ROBOT_SILENCE,
     ) -> None:
         self._goals = MemoryBuffer()
         controllers = {CONTROLLER: JointPositionController(self._goals)}

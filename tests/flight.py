@@ -10,7 +10,7 @@ from abb_protocols.robot.joints import ArmCommand, ArmState, Joints, Side, joint
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FlightRecorder, RecordedCycle, flight_memory
 from yumi.control.loop_events import SessionLost
-from yumi.control.stage_times import AFTER_REPLY, SEND, StageClock
+from yumi.control.stage_times import AFTER_REPLY, SEND_STAGE, StageClock
 from yumi.recording.message_types import RecordedEvent
 from yumi.recording.writer import RecordingWriter
 
@@ -32,7 +32,7 @@ def record_motion(recorder: FlightRecorder, count: int) -> float:
         state = ArmState(time, CYCLE, 1, swinging(time), swinging(0.1), swinging(time), is_running=True)
         command = ArmCommand(swinging(time + 0.02))
         stages.begin(0.0)
-        stages.note(SEND)
+        stages.note(SEND_STAGE)
         stages.note(AFTER_REPLY)
         wanted = None if number == 1 else command
         recorder.record(Cycle(state, wanted, command), swinging(1.0), stages)

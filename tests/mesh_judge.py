@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from abb_protocols.robot.joints import Joints, Side, joint_names
-from abb_protocols.robot.kinematics import matrix
+from abb_protocols.robot.kinematics import matrix_from_quaternion
 from abb_protocols.robot.urdf import robot_description
 from abb_view.robot_model import MESH_FOLDER
 from yumi.core.collision import Obstacle
@@ -39,7 +39,7 @@ class MeshJudge:
                 shape.geometry.buildConvexHull(True, "Qt")
                 shape.geometry = shape.geometry.convex
         for obstacle in obstacles:
-            pose = pin.SE3(matrix(obstacle.centre.orientation), np.array(obstacle.centre.position))
+            pose = pin.SE3(matrix_from_quaternion(obstacle.centre.orientation), np.array(obstacle.centre.position))
             shapes.addGeometryObject(pin.GeometryObject(obstacle.name, 0, pose, coal.Box(*obstacle.size)))
             links.append("yumi_body")
         ignored = {frozenset(pair[:2]) for pair in disabled_pairs()}

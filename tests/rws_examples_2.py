@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from rws_examples import _JOINTS, _OLD, _TOOL, DATUM, PASSWORD, SIGNALS, TASK, UNIT, USER, Session, example
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.version_2 import FORM, HAL, XHTML, RwsService2
+from virtual_irc5.rws.version_2 import FORM_2, HAL_2, XHTML_2, RwsService2
 
 MODULE = f"{TASK}/modules/TRobMain"
 SYMBOL = f"/rw/rapid/symbol/{DATUM}"
@@ -35,23 +35,23 @@ class Session2(Session):
     """A client of a virtual controller with RobotWare 7."""
 
     version = RwsService2
-    form_type = FORM
+    form_type = FORM_2
     request_of_mastership = "/rw/mastership/request"
 
     def _log_in(self) -> tuple[str, str]:
-        reply = self._handled(HttpRequest("GET", "/rw", (("Authorization", BASIC), ("Accept", XHTML))))
+        reply = self._handled(HttpRequest("GET", "/rw", (("Authorization", BASIC), ("Accept", XHTML_2))))
         return "Cookie", "; ".join(text.partition(";")[0] for name, text in reply.headers if name == "Set-Cookie")
 
-    def ask(self, method: str, target: str, form: str = "", accept: str | None = XHTML, kind: str = "") -> HttpReply:
+    def ask(self, method: str, target: str, form: str = "", accept: str | None = XHTML_2, kind: str = "") -> HttpReply:
         """Send a request; ``kind`` is the type of its body, that of a form by default; None sends no ``Accept``."""
         is_file = method == "PUT" and target.startswith("/fileservice")
-        body_type = kind or (_FILE if is_file else FORM)
+        body_type = kind or (_FILE if is_file else FORM_2)
         accepted = () if accept is None else (("Accept", accept),)
         headers = (self.cookie, ("Host", "memory"), *accepted, ("Content-Type", body_type))
         return self._handled(HttpRequest(method, target, headers, form.encode(), "client"))
 
     def show(self, method: str, target: str, body: str, form: str) -> HttpReply:
-        return self.ask(method, target, body, HAL if form == "json" else XHTML)
+        return self.ask(method, target, body, HAL_2 if form == "json" else XHTML_2)
 
     def prepare(self, name: str) -> None:
         if name not in _SETUPS:

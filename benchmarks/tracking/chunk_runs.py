@@ -20,7 +20,7 @@ from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.goals import MemoryBuffer
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ControllerReport
-from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.robot_response import RESPONSE_DELAY
 from yumi.control.motion.spline import SplineSampler, TrajectoryPoint
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
@@ -218,12 +218,12 @@ def follow_upstream(inference: Inference, seconds: float, seed: int, side: Side 
         due = [
             TrajectoryPoint(begin + float(each), tuple(map(float, row)))
             for each, row in zip(since, positions, strict=True)
-            if begin + each - DELAY > now + 1e-3
+            if begin + each - RESPONSE_DELAY > now + 1e-3
         ]
         if not due:
             run.refused.append("chunk_is_over")
             return None
-        shifted = [each._replace(time=each.time - DELAY) for each in due]
+        shifted = [each._replace(time=each.time - RESPONSE_DELAY) for each in due]
         place, speed = sampler.motion(now)
         sampler = SplineSampler(smooth_spline_through([TrajectoryPoint(now, place), *shifted], speed))
         run.taken.append(ChunkTaken(len(since) - len(due), 0, now, now, due[-1].time))
@@ -233,7 +233,7 @@ def follow_upstream(inference: Inference, seconds: float, seed: int, side: Side 
     for number in range(round((seconds + 1.0) / CYCLE)):
         now = number * CYCLE
         if now < seconds:
-            sender.cycle(now, sampler.position(now - DELAY))
+            sender.cycle(now, sampler.position(now - RESPONSE_DELAY))
         rows.append(sampler.position(now))
     run.times = np.arange(len(rows), dtype=np.float64) * CYCLE
     run.desired = run.sent = run.measured = np.array(rows)

@@ -18,7 +18,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from abb_protocols.robot.joints import CYCLE, JointLimits
-from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel
+from virtual_irc5.mechanics.arm_motion import ARM_MODELS, ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from virtual_irc5.mechanics.servo import follow_references
 
@@ -80,11 +80,11 @@ def _first(holds: Callable[[float], bool], lowest: float, highest: float) -> flo
 
 
 ROBOTS: Mapping[str, tuple[ArmModel, float, int]] = {
-    "YuMi, level 0, no filter": (MODELS["YuMi"], 0.0, 0),
-    "YuMi, level 0, 20 Hz": (MODELS["YuMi"], 20.0, 0),
-    "YuMi, level 1, 20 Hz": (MODELS["YuMi"], 20.0, 1),
-    "IRB 6640, 100 Hz": (MODELS["IRB 6640"], 100.0, 0),
-    "RobotStudio, 100 Hz": (MODELS["RobotStudio"], 100.0, 0),
+    "YuMi, level 0, no filter": (ARM_MODELS["YuMi"], 0.0, 0),
+    "YuMi, level 0, 20 Hz": (ARM_MODELS["YuMi"], 20.0, 0),
+    "YuMi, level 1, 20 Hz": (ARM_MODELS["YuMi"], 20.0, 1),
+    "IRB 6640, 100 Hz": (ARM_MODELS["IRB 6640"], 100.0, 0),
+    "RobotStudio, 100 Hz": (ARM_MODELS["RobotStudio"], 100.0, 0),
 }
 """Model, bandwidth of the low-pass filter [Hz] and level."""
 

@@ -13,13 +13,13 @@ from math import radians
 from tracking_runs import follow_sine
 
 from abb_runtime.parameters import Values
-from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.robot_response import RESPONSE_DELAY
 from yumi_evaluation.virtual_time import PlannedSine
 
 CASES: tuple[tuple[str, Values], ...] = (
     ("feed-forward and look-ahead", {}),
-    ("sent 4 ms too late", {"lookahead": DELAY - 0.004}),
-    ("sent 4 ms too early", {"lookahead": DELAY + 0.004}),
+    ("sent 4 ms too late", {"lookahead": RESPONSE_DELAY - 0.004}),
+    ("sent 4 ms too early", {"lookahead": RESPONSE_DELAY + 0.004}),
     ("feed-forward alone", {"lookahead": 0.0}),
     ("look-ahead alone", {"feedforward": 0.0}),
     ("neither", {"feedforward": 0.0, "lookahead": 0.0}),

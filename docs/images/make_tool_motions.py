@@ -28,7 +28,13 @@ from abb_protocols.robot.joints import (
     joints,
     named_pose,
 )
-from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
+from abb_protocols.robot.kinematics import (
+    compose_poses,
+    inverse_pose,
+    matrix_from_quaternion,
+    quaternion_of,
+    tool0_to_body,
+)
 from abb_protocols.robot.urdf import robot_description
 from yumi.api.obstacles import boxes_from
 from yumi.api.postures import posture_for
@@ -39,7 +45,7 @@ from yumi.control.tool_goal import ToolGoal, twist_goal
 from yumi.control.trajectory_commands import FollowTrajectory, TrajectoryEnded
 from yumi.core.collision import Obstacle
 from yumi.planning.planner import Plan, Planner
-from yumi.planning.tool_path import Waypoint, plan_path
+from yumi.planning.tool_path import LineWaypoint, plan_path
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 HERE = Path(__file__).parent
@@ -65,7 +71,7 @@ class Arm:
         self.rig.cycles.clear()
 
     def follow(self, waypoints: Sequence[Pose], tool: Pose, speed: float, angle: float | None = None) -> None:
-        points = [Waypoint(each) for each in waypoints[:-1]] + [Waypoint(waypoints[-1], angle)]
+        points = [LineWaypoint(each) for each in waypoints[:-1]] + [LineWaypoint(waypoints[-1], angle)]
         start = self.rig.manager.reference
         assert start is not None
         plan = plan_path(SIDE, start, points, LIMITS, tool=tool, speed=speed)
@@ -85,7 +91,7 @@ class Arm:
 
 def standing_at(target: Pose, tool: Pose) -> Joints:
     """The posture that the examples reach from ``ready``."""
-    return posture_for(SIDE, compose(target, inverse(tool)), None, None, named_pose(SIDE, "ready"), LIMITS)
+    return posture_for(SIDE, compose_poses(target, inverse_pose(tool)), None, None, named_pose(SIDE, "ready"), LIMITS)
 
 
 def line() -> Array:
@@ -101,7 +107,7 @@ def square() -> tuple[Array, Array]:
     """The square of draw_a_square.py, and its corners, on the paper [m]."""
     from draw_a_square import CORNERS, PAPER, PEN, on_paper  # noqa: PLC0415
 
-    poses = [compose(PAPER, on_paper(x, y)) for x, y in CORNERS]
+    poses = [compose_poses(PAPER, on_paper(x, y)) for x, y in CORNERS]
     arm = Arm(standing_at(poses[0], PEN))
     arm.follow(poses[1:], PEN, 0.1)
     return arm.places(PEN) - PAPER.position, np.array(CORNERS)
@@ -130,9 +136,16 @@ def hand_over() -> tuple[dict[Side, Joints], dict[Side, Joints]]:
     before, together = {}, {}
     for side in Side:
         before[side] = posture_for(
-            side, compose(poses(APART)[side.word], inverse(FINGERTIPS)), None, None, named_pose(side, "ready"), LIMITS
+            side,
+            compose_poses(poses(APART)[side.word], inverse_pose(FINGERTIPS)),
+            None,
+            None,
+            named_pose(side, "ready"),
+            LIMITS,
         )
-        line = plan_path(side, before[side], [Waypoint(poses(NEAR)[side.word])], LIMITS, tool=FINGERTIPS, speed=0.05)
+        line = plan_path(
+            side, before[side], [LineWaypoint(poses(NEAR)[side.word])], LIMITS, tool=FINGERTIPS, speed=0.05
+        )
         together[side] = joints(line.spline.last.position)
     return before, together
 
@@ -163,7 +176,7 @@ def picture(positions: Mapping[Side, Joints], things: Sequence[Link]) -> Image.I
 def thing(kind: str, size: tuple[float, ...], pose: Pose) -> Link:
     """A solid beside the robot, by its half edges, or radius and half length."""
     to_base = np.eye(4, dtype=np.float32)
-    to_base[:3, :3], to_base[:3, 3] = matrix(pose.orientation), pose.position
+    to_base[:3, :3], to_base[:3, 3] = matrix_from_quaternion(pose.orientation), pose.position
     return Link(to_base, (Solid(kind, size, np.eye(4, dtype=np.float32)),), (0.85, 0.62, 0.32))
 
 

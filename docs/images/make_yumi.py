@@ -26,7 +26,7 @@ from playwright.sync_api import sync_playwright
 
 import yumi
 from abb_protocols.robot.gripper_values import GripperState, ServoState
-from abb_protocols.robot.joints import POSES, ZERO, Joints, Side, joints
+from abb_protocols.robot.joints import POSES, ZERO_JOINTS, Joints, Side, joints
 from abb_runtime.process.command_process import CommandProcess
 from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.stage_times import StageTimes
@@ -102,7 +102,7 @@ def write_recording(file: Path) -> list[float]:
         for number, (time, positions, fingers) in enumerate(moments(), 1):
             times.append(time)
             for side, position in positions.items():
-                at_rest = (position, ZERO, position, position, position, ZERO, position, stages)
+                at_rest = (position, ZERO_JOINTS, position, position, position, ZERO_JOINTS, position, stages)
                 writer.add_frame(side, RecordedCycle(number, time, PERIOD, 1, True, *at_rest))
                 state = GripperState(ServoState.READY, 0, True, fingers[side], 0.0, 0.0)
                 writer.add_value(f"{side.value}/gripper", time, state)

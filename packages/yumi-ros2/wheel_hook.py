@@ -55,8 +55,8 @@ class CompiledHook(BuildHookInterface[BuilderConfig]):
 
         build_data["force_include"][str(clone / "config")] = "yumi/config"  # where yumi.driver.settings looks first
         library = root / "build" / "core" / "wheel.so"
-        core.compile_to(library, core.PORTABLE)
-        build_data["force_include"][str(library)] = core.PACKAGED.relative_to(root / "src").as_posix()
+        core.compile_to(library, core.PORTABLE_LIBRARY)
+        build_data["force_include"][str(library)] = core.PACKAGED_LIBRARY.relative_to(root / "src").as_posix()
         page = ROBOT_PAGE.packaged.relative_to(root / "src").as_posix()
         build_data["force_include"][str(built(ROBOT_PAGE, self.app.display_info))] = page
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")

@@ -7,8 +7,8 @@ import pytest
 
 from abb_protocols.errors import LoginRefused, NoConnection
 from abb_runtime.clock import ManualClock
-from abb_runtime.rws.session import BURST, RwsRequest, RwsSession
-from abb_runtime.rws.transport import INTERVAL, ConnectionLost
+from abb_runtime.rws.session import REQUEST_BURST, RwsRequest, RwsSession
+from abb_runtime.rws.transport import EXCHANGE_INTERVAL, ConnectionLost
 from refusals import refused
 from virtual_irc5.rws import http
 
@@ -27,7 +27,7 @@ class ScriptedTransport:
     """Answers with the script's entries in turn, each after half a second."""
 
     address = "yumi"
-    request_interval = INTERVAL
+    request_interval = EXCHANGE_INTERVAL
 
     def __init__(self, clock: ManualClock, *script: httpx.Response | NoConnection) -> None:
         self._clock = clock
@@ -117,7 +117,7 @@ def test_every_request_on_the_wire_counts_for_the_rate_limit(limited: tuple[RwsS
     session, clock = limited
     for _ in range(40):
         session.exchange(READ)
-    assert clock.now() == pytest.approx((40 + 1 - BURST) * INTERVAL)
+    assert clock.now() == pytest.approx((40 + 1 - REQUEST_BURST) * EXCHANGE_INTERVAL)
 
 
 def test_no_request_waits_once_the_rate_limit_is_lifted(limited: tuple[RwsSession, ManualClock]) -> None:
@@ -136,7 +136,7 @@ def test_rate_limit_is_kept_again_once_another_controller_may_answer(limited: tu
     for _ in range(41):
         session.exchange(READ)
     assert session.login_count == 2
-    assert clock.now() == pytest.approx((2 + 40 - BURST) * INTERVAL)
+    assert clock.now() == pytest.approx((2 + 40 - REQUEST_BURST) * EXCHANGE_INTERVAL)
 
 
 def test_waiting_for_its_turn_is_no_part_of_the_timeout() -> None:

@@ -19,7 +19,7 @@ from rws_examples import PASSWORD, USER, Session
 from rws_examples_2 import Session2
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.subscriptions import Upgrade
-from virtual_irc5.rws.version_2 import HAL, XHTML
+from virtual_irc5.rws.version_2 import HAL_2, XHTML_2
 from virtual_irc5.testing.memory_rws import MemoryChannel
 
 UNIT = "/rw/motionsystem/mechunits/ROB_L"
@@ -473,6 +473,6 @@ def test_version_2_sequence(
     session = Session2()
     session.prepare("program")
     assert session.ask("POST", "/rw/mastership/edit/request").status == 204
-    reply = session.ask(method, target, form, accept=HAL if method == "GET" else XHTML)
+    reply = session.ask(method, target, form, accept=HAL_2 if method == "GET" else XHTML_2)
     assert reply.status == (200 if method == "GET" else 204), reply.body
     assert check is None or check(json.loads(reply.body)["state"][0])

@@ -23,7 +23,7 @@ pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
 from virtual_irc5.http_server import HttpServer
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.subscriptions import SubscriptionChannel, Upgrade
-from virtual_irc5.rws.version_2 import FORM, HAL, XHTML, RwsService2
+from virtual_irc5.rws.version_2 import FORM_2, HAL_2, XHTML_2, RwsService2
 from virtual_irc5.world import World
 
 PANEL = "/rw/panel/ctrl-state"
@@ -69,14 +69,14 @@ def site() -> Iterator[Site]:
 @pytest.fixture
 def client(site: Site) -> Iterator[httpx.Client]:
     """As users write it: no certificate is checked, and the session is kept by cookies."""
-    headers = {"Accept": HAL}
+    headers = {"Accept": HAL_2}
     url = f"https://{site.server.address}"
     with httpx.Client(base_url=url, auth=(USER, PASSWORD), headers=headers, verify=False, trust_env=False) as client:
         yield client
 
 
 def post(client: httpx.Client, path: str, text: str = "") -> httpx.Response:
-    return client.post(path, content=text, headers={"Content-Type": FORM, "Accept": XHTML})
+    return client.post(path, content=text, headers={"Content-Type": FORM_2, "Accept": XHTML_2})
 
 
 def test_motors_are_switched_on_and_data_are_written(client: httpx.Client) -> None:
@@ -101,7 +101,7 @@ def test_file_is_written_loaded_and_read(client: httpx.Client) -> None:
 
 
 def test_requests_with_the_headers_of_the_library_are_answered(site: Site) -> None:
-    file, form = "/fileservice/HOME/own.txt", {"Content-Type": FORM}
+    file, form = "/fileservice/HOME/own.txt", {"Content-Type": FORM_2}
     url = f"https://{site.server.address}"
     with httpx.Client(base_url=url, auth=(USER, PASSWORD), verify=False, trust_env=False) as client:  # accepts */*
         shown = client.get("/rw/panel/opmode")
@@ -114,7 +114,7 @@ def test_requests_with_the_headers_of_the_library_are_answered(site: Site) -> No
             client.post("/subscription", content=f"resources=1&1={PANEL};ctrlstate&1-p=1", headers=form),
         ]
     assert [each.status_code for each in replies] == [204, 201, 204, 200, 204, 201]
-    assert (shown.status_code, shown.headers["Content-Type"], "AUTO" in shown.text) == (200, XHTML, True)
+    assert (shown.status_code, shown.headers["Content-Type"], "AUTO" in shown.text) == (200, XHTML_2, True)
 
 
 def test_request_without_accept_is_answered(site: Site) -> None:
@@ -122,7 +122,7 @@ def test_request_without_accept_is_answered(site: Site) -> None:
     insecure = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     insecure.check_hostname, insecure.verify_mode = False, ssl.CERT_NONE
     connection = HTTPSConnection(host, int(port), timeout=10.0, context=insecure)  # which sends none
-    headers = {"Authorization": BASIC, "Content-Type": FORM}
+    headers = {"Authorization": BASIC, "Content-Type": FORM_2}
     connection.request("POST", PANEL, "ctrl-state=motoroff", headers)
     assert connection.getresponse().status == 204
     connection.close()

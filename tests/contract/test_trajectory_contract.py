@@ -17,7 +17,7 @@ from trajectories import REST, dual_arm_trajectory, moved, planned, swing
 from yumi.control.cycle import Cycle
 from yumi.control.motion.spline import TrajectoryPoint, spline_through
 from yumi.control.trajectory_commands import (
-    UNLIMITED,
+    UNLIMITED_TOLERANCE,
     ArmPlan,
     CancelTrajectory,
     FollowTrajectory,
@@ -128,7 +128,7 @@ def test_goal_time_of_zero_waits_for_ever() -> None:
 
 def test_unlimited_tolerance_takes_back_the_controllers_own(arm: TrajectoryArm) -> None:
     arm.set({f"constraints.{name}.trajectory": 1e-9 for name in joint_names(SIDE)})
-    arm.follow(swing(HOME, 0.5, 1.0), tolerances=Tolerances(path=joints([UNLIMITED] * 7)))
+    arm.follow(swing(HOME, 0.5, 1.0), tolerances=Tolerances(path=joints([UNLIMITED_TOLERANCE] * 7)))
     assert arm.end().code == ResultCode.SUCCESSFUL
 
 

@@ -22,7 +22,7 @@ import yumi
 from abb_protocols.robot.joints import Side, joint_names
 from yumi.cli.main import main
 from yumi.control.controllers.trajectory_parameters import trajectory_parameters
-from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.driver.bringup import BRINGUP_ANNOUNCEMENT
 from yumi.driver.launch_checks import REQUIRED_OPTIONS
 from yumi.driver.settings import Settings
 from yumi.driver.speed_setting import FIRST_SPEED_SCALE
@@ -110,7 +110,7 @@ def test_page_about_the_real_robot_begins_with_what_was_never_tried_and_leads_to
     assert "**Look without touching**: `yumi up --robot 192.168.125.1` connects" in parts["Steps"]
     assert "**Bring it up**: `yumi up --robot 192.168.125.1 --bringup`" in parts["Steps"]
     moves = parts["What moves at `yumi up`"]
-    assert ANNOUNCEMENT in moves
+    assert BRINGUP_ANNOUNCEMENT in moves
     for step in ("Motors on", "Program pointers to main, start", "Calibrate a gripper", "End the EGM motion"):
         assert f"- *{step}" in moves
     motion = " ".join(parts["The first motion"].split())

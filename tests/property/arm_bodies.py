@@ -12,7 +12,7 @@ from abb_protocols.robot.description import (
     link_mass,
 )
 from abb_protocols.robot.joints import Joints, Pose, Side, Vector, rotate
-from abb_protocols.robot.kinematics import compose, quaternion_from_euler_zyx
+from abb_protocols.robot.kinematics import compose_poses, quaternion_from_euler_zyx
 from virtual_irc5.mechanics.dynamics import DRIVE_INERTIA, GRAVITY
 
 H = 1e-5  # step of the numerical derivatives [rad]
@@ -37,7 +37,7 @@ class ArmBodies:
     def kinetic(self, position: Joints, velocity: Joints) -> float:
         energy = sum(0.5 * inertia * speed * speed for inertia, speed in zip(DRIVE_INERTIA, velocity, strict=True))
         for mass, frame, joints_before in self._bodies(position):
-            centre = compose(frame, Pose(mass.centre, (1.0, 0.0, 0.0, 0.0))).position
+            centre = compose_poses(frame, Pose(mass.centre, (1.0, 0.0, 0.0, 0.0))).position
             turning, linear = [0.0] * 3, [0.0] * 3
             for joint, speed in zip(joints_before, velocity, strict=False):
                 axis = rotate(joint.orientation, Z)
@@ -49,7 +49,7 @@ class ArmBodies:
 
     def potential(self, position: Joints) -> float:
         return sum(
-            mass.mass * GRAVITY * compose(frame, Pose(mass.centre, (1.0, 0.0, 0.0, 0.0))).position[2]
+            mass.mass * GRAVITY * compose_poses(frame, Pose(mass.centre, (1.0, 0.0, 0.0, 0.0))).position[2]
             for mass, frame, _ in self._bodies(position)
         )
 
@@ -76,11 +76,17 @@ class ArmBodies:
         """Each body with its frame, and the frames of the joints that move it."""
         frame, joints, bodies = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), [], []
         for index, (origin, angle) in enumerate(zip(self._origins, position, strict=True)):
-            frame = compose(compose(frame, placed(origin)), placed(Origin(rpy=(0.0, 0.0, angle))))
+            frame = compose_poses(compose_poses(frame, placed(origin)), placed(Origin(rpy=(0.0, 0.0, angle))))
             joints.append(frame)
             bodies.append((link_mass(index), frame, list(joints)))
         if self._payload is not None:
-            bodies.append((self._payload, compose(compose(frame, placed(FLANGE_ORIGIN)), placed(TOOL0_ORIGIN)), joints))
+            bodies.append(
+                (
+                    self._payload,
+                    compose_poses(compose_poses(frame, placed(FLANGE_ORIGIN)), placed(TOOL0_ORIGIN)),
+                    joints,
+                )
+            )
         return bodies
 
 

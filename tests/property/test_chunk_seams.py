@@ -17,7 +17,7 @@ from cartesian_bench import shares
 from soak import MINUTES, long, short, tell
 from yumi.control.chunk_commands import FollowChunk
 from yumi.control.motion.chunk_motion import LONGEST_LEAD, ChunkMotion, join_chunk
-from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.robot_response import RESPONSE_DELAY
 from yumi.control.motion.setpoint import Setpoint
 from yumi.planning.chunk_plan import plan_chunk
 
@@ -34,7 +34,7 @@ def assert_brakes_at_the_end(run: ChunkRun) -> None:
     full = BRAKES * np.array(YUMI_LIMITS.jerk)
     for each in run.exhausted:
         # The first position that is commanded after the last point: earlier than due by the arm's delay.
-        first = int(np.searchsorted(run.times + DELAY, each.time))
+        first = int(np.searchsorted(run.times + RESPONSE_DELAY, each.time))
         speed = speeds[first - 2]
         towards_rest = -np.sign(speed)
         is_nearly_at_rest = towards_rest * rates[first] > 0.5 * np.sqrt(np.abs(speed) * full)  # it has braked already

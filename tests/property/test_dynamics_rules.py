@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from abb_protocols.robot.description import HAND, Mass
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Joints, Side
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.dynamics import ArmDynamics
 
@@ -23,7 +23,7 @@ sides = st.sampled_from(Side)
 
 
 def frictionless(side: Side, payload: Mass | None) -> ArmDynamics:
-    return ArmDynamics(side, payload, friction=ZERO)
+    return ArmDynamics(side, payload, friction=ZERO_JOINTS)
 
 
 @given(sides, payloads, positions, speeds, accelerations)

@@ -33,11 +33,11 @@ from system.teleoperation_bench import (
 )
 from system.test_endpoint_in_virtual_time import Driver
 from system.test_teleoperation_at_random import STILL, Hand
-from yumi.control.controller import IDLE
+from yumi.control.controller import CONTROLLER_IDLE_TIME
 from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_events import CommanderChanged, Event
 from yumi.driver.device_frame import DeviceHand, DeviceSettings
-from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.driver.teleoperated_arm import DEVICE_LINK_LOST
 
 LEFT = Side.LEFT
 HOLDS = 1e-4  # [rad] as near as the limiter brings a command back to the arm
@@ -120,7 +120,7 @@ class Scene:
                 for hand in self._hands.values():
                     held = ["stay"] * 6 + ["release"] * 4 + ["jump"]
                     hand.act(str(self._random.choice(held if hand.frame.clutch else ["stay"] * 2 + ["press"] * 3)))
-                silence = float(self._random.choice([0.0] * 8 + [0.1, 0.15, LINK_LOST + 0.1]))
+                silence = float(self._random.choice([0.0] * 8 + [0.1, 0.15, DEVICE_LINK_LOST + 0.1]))
                 self._silent_until = self._driver.now() + silence
                 is_mixed = bool(self._random.uniform() < 0.3)
             self._send(is_mixed=is_mixed)
@@ -133,7 +133,7 @@ class Scene:
         for hand in self._hands.values():
             hand.act("release")
         self._silent_until = 0.0
-        for _ in range(int((LINK_LOST + STILL) * RATE)):
+        for _ in range(int((DEVICE_LINK_LOST + STILL) * RATE)):
             self._send(is_mixed=False)
             self._driver.wait(1.0 / RATE)
 
@@ -233,7 +233,7 @@ def test_no_hand_over_steps_and_nothing_resumes_by_itself(
             del driver.arms[side].admitted[:-5]
         assert worst.max() <= max(WITHIN), (number, worst)
         driver.hand_over.give_back(tuple(Side))
-        driver.wait(1.1 * IDLE)  # the policy's stream is over
+        driver.wait(1.1 * CONTROLLER_IDLE_TIME)  # the policy's stream is over
         driver.mover.move(STARTS, 1.0, None)
         driver.until(lambda: not any(driver.mover.is_moving(side) for side in Side), 10.0)
         if count > 2 and number % 10 == 0:

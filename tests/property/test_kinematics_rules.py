@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Quaternion, Side, rotate
 from abb_protocols.robot.kinematics import (
-    compose,
+    compose_poses,
     euler_zyx,
-    inverse,
-    multiply,
+    inverse_pose,
     quaternion_from_euler_zyx,
+    quaternion_of_upper_half,
+    quaternion_product,
     tool0_to_body,
     tool0_to_foot,
-    upper_half,
 )
 
 positions = st.tuples(*(st.floats(*limits) for limits in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)))
@@ -69,24 +69,24 @@ def test_euler_angles_give_the_same_rotation_back(rotation):
 
 @given(rotations, rotations, vectors)
 def test_product_of_rotations_turns_by_one_after_the_other(a, b, vector):
-    assert rotate(multiply(a, b), vector) == pytest.approx(rotate(a, rotate(b, vector)), abs=1e-12)
+    assert rotate(quaternion_product(a, b), vector) == pytest.approx(rotate(a, rotate(b, vector)), abs=1e-12)
 
 
 @given(rotations, rotations, vectors, vectors)
 def test_composed_pose_moves_points_through_both_frames(a, b, p, q):
     b_to_a, c_to_b = Pose(p, a), Pose(q, b)
     x, y, z = rotate(a, q)
-    assert compose(b_to_a, c_to_b).position == pytest.approx((p[0] + x, p[1] + y, p[2] + z), abs=1e-12)
+    assert compose_poses(b_to_a, c_to_b).position == pytest.approx((p[0] + x, p[1] + y, p[2] + z), abs=1e-12)
 
 
 @given(rotations)
 def test_upper_half_keeps_the_rotation(rotation):
-    assert agrees(upper_half(rotation), rotation)
-    assert upper_half(rotation)[0] >= 0.0
+    assert agrees(quaternion_of_upper_half(rotation), rotation)
+    assert quaternion_of_upper_half(rotation)[0] >= 0.0
 
 
 @given(rotations, vectors)
 def test_pose_and_its_inverse_cancel(rotation, point):
     pose = Pose(point, rotation)
-    assert compose(pose, inverse(pose)).position == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
-    assert compose(inverse(pose), pose).position == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert compose_poses(pose, inverse_pose(pose)).position == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert compose_poses(inverse_pose(pose), pose).position == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)

@@ -25,7 +25,7 @@ from yumi.web.page_messages import (
     Pair,
     TakeControl,
 )
-from yumi.web.pairing import LONGEST_PAUSE, Pairing
+from yumi.web.pairing import LONGEST_PAIRING_PAUSE, Pairing
 from yumi.web.view_server import ViewServer, ViewSettings
 
 HELD = DeviceFrame(time=1.0, seen=1.0, right=DeviceHand(clutch=True, twist=(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)))
@@ -137,7 +137,7 @@ class Pages:
         return [msgspec.json.decode(each) for each in said]
 
     async def _pair(self) -> None:
-        self._time += float(self._random.choice([0.0, 1.0, LONGEST_PAUSE]))
+        self._time += float(self._random.choice([0.0, 1.0, LONGEST_PAIRING_PAUSE]))
         if (page := self._any()) is None:
             return
         is_right = bool(self._random.uniform() < 0.5)

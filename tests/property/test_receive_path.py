@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from abb_protocols.catalogue import message
 from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmState, Joints, Side, joints
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, ArmState, Joints, Side, joints
 from abb_runtime.clock import ManualClock
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop, VirtualArmEnd, Wire
 from refusals import assert_says, refused
@@ -35,9 +35,9 @@ from yumi.control.goals import MemoryBuffer, write_speeds
 from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ImplausibleFeedback, ProblemOver, ReferencesIgnored, SessionResumed
 from yumi.control.motion.robot_response import EGM_GAIN
-from yumi.control.shared_state import Problem
+from yumi.control.shared_state import ArmProblem
 from yumi.driver.settings import EgmSettings
-from yumi.egm.egm_session import SILENCE
+from yumi.egm.egm_session import ROBOT_SILENCE
 
 VELOCITY_CONTROLLER = "joint_velocity_controller"
 OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)
@@ -79,10 +79,15 @@ class Attacked(EgmLoop):
         unheard_until: until when replies are lost, or late by more than some cycles [s].
     """
 
-    def __init__(self, *, feeds_speed: bool = False, knows_other_arm: bool = True, silence: float = SILENCE) -> None:
+    def __init__(
+        self, *, feeds_speed: bool = False, knows_other_arm: bool = True, silence: float = ROBOT_SILENCE
+    ) -> None:
         self.limiter = Limiter(YUMI_LIMITS)
         if knows_other_arm:
-            other, there = ReportedLimiter(YUMI_LIMITS), ArmState(0.0, CYCLE, 1, OTHER_ARM, ZERO, OTHER_ARM, True)
+            other, there = (
+                ReportedLimiter(YUMI_LIMITS),
+                ArmState(0.0, CYCLE, 1, OTHER_ARM, ZERO_JOINTS, OTHER_ARM, True),
+            )
             other.limit(there, None)
             other.observe(there)
             self.limiter.pair(other)
@@ -100,7 +105,7 @@ class Attacked(EgmLoop):
         self.begun: list[float] = []
         self.home = self.robot.arm.position
         self.led: list[Led] = []
-        self._lead, self._used = ZERO, (ZERO, ZERO)
+        self._lead, self._used = ZERO_JOINTS, (ZERO_JOINTS, ZERO_JOINTS)
         self.deceived_at = -inf
         self.waits: list[int] = []
         self.unheard_until = -inf
@@ -133,7 +138,7 @@ class Attacked(EgmLoop):
         if self.is_silent:  # nothing is sent then that the robot could hear
             self.unheard_until += CYCLE
         motion, reported = self.robot.arm.egm, self.robot.arm.position
-        used = (motion.reference, motion.reference_velocity) if motion else (ZERO, ZERO)
+        used = (motion.reference, motion.reference_velocity) if motion else (ZERO_JOINTS, ZERO_JOINTS)
         was_waiting, sent = self.limiter.is_waiting, len(self.sent)
         super().cycle()
         if len(self.sent) > sent + 1:  # the robot takes the newest
@@ -142,7 +147,7 @@ class Attacked(EgmLoop):
             assert self.may_be_unheard
             self.waits.append(len(self.cycles) - 1)
         if motion is None or motion is not self.robot.arm.egm:
-            self._lead = ZERO
+            self._lead = ZERO_JOINTS
             return
         lead = joints(
             [EGM_GAIN * (ahead - now) + speed for ahead, now, speed in zip(used[0], reported, used[1], strict=True)]
@@ -717,7 +722,7 @@ def test_other_arms_positions_are_never_believed_by_a_young_session_that_knows_t
     doubts = [event for event in loop.events if isinstance(event, ImplausibleFeedback)]
     assert doubts
     assert all(event.is_other_arm for event in doubts)
-    assert loop.snapshot.problem is Problem.NONE
+    assert loop.snapshot.problem is ArmProblem.NONE
 
 
 def test_session_that_begins_anew_does_not_feed_the_old_speed_to_a_standing_arm() -> None:
@@ -742,14 +747,14 @@ def test_robot_that_hears_nothing_is_reported_within_300_ms_and_goals_are_refuse
     (event,) = (event for event in loop.events if isinstance(event, ReferencesIgnored))
     assert event.deactivated == (CONTROLLER,)
     assert_says(event.said, "arm_holds_ignored", problem=message("references_ignored", arm="left"))
-    assert loop.snapshot.problem is Problem.REFERENCES_IGNORED
+    assert loop.snapshot.problem is ArmProblem.REFERENCES_IGNORED
     with refused(CommandRefused, "goal_refused", reason=message("references_ignored", arm="left")):
         loop.line.check_follows()
     loop.run(1.0)
     loop.to_robot = hears
     loop.run(0.3)
-    assert loop.snapshot.problem is Problem.NONE
-    assert loop.events[-1] == ProblemOver(Side.LEFT, Problem.REFERENCES_IGNORED)
+    assert loop.snapshot.problem is ArmProblem.NONE
+    assert loop.events[-1] == ProblemOver(Side.LEFT, ArmProblem.REFERENCES_IGNORED)
     loop.line.check_follows()
     assert dist(loop.robot.arm.planned, loop.home) < 0.01
 
@@ -766,7 +771,7 @@ def test_robot_that_hears_nothing_from_the_begin_is_reported_within_300_ms_of_th
     (event,) = loop.events[begun:]
     assert isinstance(event, ReferencesIgnored)
     assert event.deactivated == (CONTROLLER,)
-    assert loop.snapshot.problem is Problem.REFERENCES_IGNORED
+    assert loop.snapshot.problem is ArmProblem.REFERENCES_IGNORED
 
 
 def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:
@@ -778,7 +783,7 @@ def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:
     assert_within_limits(loop)
     lost = [event for event in loop.events if isinstance(event, ImplausibleFeedback) and event.is_lost]
     assert [event.deactivated for event in lost] == [(CONTROLLER,)]
-    assert loop.snapshot.problem is Problem.IMPLAUSIBLE
+    assert loop.snapshot.problem is ArmProblem.IMPLAUSIBLE
     assert loop.snapshot.limiter.implausible == 200
     assert dist(loop.robot.arm.position, loop.home) < 0.4 * 7**0.5 + 0.3
     assert loop.line.state is not None
@@ -957,7 +962,7 @@ def test_robot_that_jumps_is_reported_as_such_and_leads_no_command_away(name: st
             assert event.said.values["cause"] == message("positions_implausible")
     if name == "forth and back":  # no datagram is true: the arm holds
         assert [event.deactivated for event in doubts if event.is_lost] == [(CONTROLLER,)]
-        assert loop.snapshot.problem is Problem.IMPLAUSIBLE
+        assert loop.snapshot.problem is ArmProblem.IMPLAUSIBLE
         assert is_at_rest(loop)
         assert dist(loop.sent[-1], left_at) < BRAKING
     else:

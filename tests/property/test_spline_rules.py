@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from abb_protocols.robot.joints import ZERO
+from abb_protocols.robot.joints import ZERO_JOINTS
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import SplineSampler, TrajectoryPoint, spline_through
 from yumi.control.motion.spline_limits import derivative, excess, value_at
@@ -64,7 +64,7 @@ def test_walk_tells_the_same_at_times_in_any_order(way: list[TrajectoryPoint], t
 def test_walk_rests_before_the_begin_and_after_the_end(way: list[TrajectoryPoint]) -> None:
     walk = SplineSampler(spline_through(way))
     assert walk.setpoint(way[0].time - 0.01) == Setpoint(pytest.approx(way[0].position))
-    assert walk.motion(way[-1].time)[1] is ZERO
+    assert walk.motion(way[-1].time)[1] is ZERO_JOINTS
 
 
 @given(polynomials, st.floats(0.01, 3.0), st.floats(-4.0, 0.0), st.floats(0.0, 4.0))

@@ -22,8 +22,8 @@ from abb_protocols.robot.gripper_values import GripOutcome, outcome_of
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
 from abb_runtime.clock import SystemClock
 from yumi.driver.robot_state import RobotMode
-from yumi.ros.gripper_actions import FAILURE, FAILURES
-from yumi.ros.messages import LATCHED
+from yumi.ros.gripper_actions import GRIPPER_FAILURE, GRIPPER_FAILURES
+from yumi.ros.messages import LATCHED_QOS
 
 _POLL = 0.05  # [s]
 _ANSWER = 30.0  # [s]
@@ -64,7 +64,7 @@ class RobotManagerClient:
         self._spinner = spinner
         self._services: dict[str, Any] = {}
         self._actions: dict[str, Any] = {}
-        spinner.node.create_subscription(RobotState, "yumi_robot_manager/state", self._take_state, LATCHED)
+        spinner.node.create_subscription(RobotState, "yumi_robot_manager/state", self._take_state, LATCHED_QOS)
 
     def wait_for_state(self, is_so: Callable[[Any], bool], timeout: float, what: str) -> Any:
         self._spinner.until(lambda: self.state is not None and is_so(self.state), timeout, what)
@@ -190,7 +190,7 @@ class GripperClient:
         self._side = side
         self._failures = (0, "")
         name = f"{side.value}/gripper"
-        spinner.node.create_subscription(DiagnosticStatus, f"{name}/state", self._take_state, LATCHED)
+        spinner.node.create_subscription(DiagnosticStatus, f"{name}/state", self._take_state, LATCHED_QOS)
         self._action = ActionClient(spinner.node, GripperCommand, f"{name}/gripper_cmd")
 
     def begin(self, position: float, effort: float = 0.0) -> Callable[[], GripOutcome]:
@@ -221,4 +221,4 @@ class GripperClient:
 
     def _take_state(self, status: Any) -> None:
         values = {each.key: each.value for each in status.values}
-        self._failures = (int(values.get(FAILURES, 0)), values.get(FAILURE, ""))
+        self._failures = (int(values.get(GRIPPER_FAILURES, 0)), values.get(GRIPPER_FAILURE, ""))

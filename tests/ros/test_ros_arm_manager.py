@@ -53,7 +53,7 @@ from yumi.control.loop_events import (
     SessionStarted,
 )
 from yumi.control.manager.controller_manager import ControllerManager
-from yumi.control.shared_state import Problem
+from yumi.control.shared_state import ArmProblem
 from yumi.control.stream_monitor import StreamReport
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
@@ -333,7 +333,7 @@ def test_begin_and_end_of_egm_are_logged_when_they_happen_and_a_fault_once_its_c
         RobotStoppedFollowing(Side.RIGHT, ()),
         SessionLost(Side.RIGHT, 0.09, ()),
         SessionResumed(Side.RIGHT, 3),
-        ProblemOver(Side.RIGHT, Problem.REFERENCES_IGNORED),
+        ProblemOver(Side.RIGHT, ArmProblem.REFERENCES_IGNORED),
     ]
     logged: list[Log] = []
     subscription = manager.client.node.create_subscription(Log, "/rosout", logged.append, 100)

@@ -21,13 +21,13 @@ from yumi_interfaces.action import MoveBothLinear, MoveLinear
 from yumi_interfaces.srv import InverseKinematics, Jacobian
 
 from abb_protocols.robot.joints import Pose, Side, joint_names, joints
-from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, tool0_to_body
 from abb_runtime.rws.client import RwsClient
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
 
-FINGERTIPS = Pose((0.0, 0.0, 0.1142), IDENTITY)
+FINGERTIPS = Pose((0.0, 0.0, 0.1142), IDENTITY_QUATERNION)
 CARTESIAN, POSITION = "cartesian_controller", "joint_position_controller"
 
 

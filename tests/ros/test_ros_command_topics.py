@@ -14,15 +14,15 @@ from std_msgs.msg import Float64MultiArray
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, Joints, Side, joint_names
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, joint_names
 from abb_runtime.clock import ManualClock
 from controller_states import read_goal
 from refusals import refused
 from yumi.control.counters import WireCounters
 from yumi.control.goals import CONFIGURED_DELAY, GoalKind, MemoryBuffer, SessionGoal
 from yumi.control.hand_over import Commander, HandOver, requested_by
-from yumi.control.motion.stream_begin import NEAR
-from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
+from yumi.control.motion.stream_begin import FARTHEST_STREAM_BEGIN
+from yumi.control.shared_state import ARM_PROBLEM_CODES, ArmProblem, Snapshot, read_snapshot
 from yumi.ros.command_topics import (
     CommandTopic,
     ForwardTopic,
@@ -235,24 +235,24 @@ def test_topic_refuses_goals_before_the_arm_can_take_them(
     assert node.warnings == [str(message("command_refused", noun="Goal", reason=reason))]
 
 
-@pytest.mark.parametrize("problem", [Problem.REFERENCES_IGNORED, Problem.IMPLAUSIBLE])
+@pytest.mark.parametrize("problem", [ArmProblem.REFERENCES_IGNORED, ArmProblem.IMPLAUSIBLE])
 @pytest.mark.parametrize("kind", [JointCommandTopic, JointVelocityTopic, ForwardTopic])
 def test_topics_refuse_with_the_cause_what_an_arm_with_a_problem_cannot_do(
-    node: Node, buffers: Boxes, kind: type[CommandTopic], problem: Problem
+    node: Node, buffers: Boxes, kind: type[CommandTopic], problem: ArmProblem
 ) -> None:
     topic: Any
     if kind is ForwardTopic:
         topic = forwarding(node, buffers, GoalKind.POSITION, {"forward_position_controller"})
-        buffers.snapshots.write(commanded(ZERO)._replace(problem=problem))
+        buffers.snapshots.write(commanded(ZERO_JOINTS)._replace(problem=problem))
         topic.take(Float64MultiArray(data=[0.0] * 7))
     else:
-        topic = commanding(kind, node, buffers, ZERO)
+        topic = commanding(kind, node, buffers, ZERO_JOINTS)
         goal_kind = read_snapshot(buffers.snapshots).goal_kind
-        buffers.snapshots.write(commanded(ZERO, goal_kind=goal_kind)._replace(problem=problem))
+        buffers.snapshots.write(commanded(ZERO_JOINTS, goal_kind=goal_kind)._replace(problem=problem))
         topic.take(JointState(name=list(NAMES), position=[0.0] * 7, velocity=[0.0] * 7))
     assert buffers.goals.read() is None
     assert buffers.speeds.read() is None
-    reason = message(PROBLEMS[problem], arm="right")
+    reason = message(ARM_PROBLEM_CODES[problem], arm="right")
     assert node.warnings == [str(message("command_refused", noun=topic.noun, reason=reason))]
 
 
@@ -311,7 +311,7 @@ def test_command_that_is_refused_takes_no_arm(node: Node, buffers: Boxes, middle
 
 def forwarding(node: Node, buffers: Boxes, kind: GoalKind, active: set[str]) -> ForwardTopic:
     """The topic of the controller ``mine`` on an arm that the ``active`` ones command."""
-    buffers.snapshots.write(commanded(ZERO, goal_kind=kind))
+    buffers.snapshots.write(commanded(ZERO_JOINTS, goal_kind=kind))
     both = (buffers.goals, buffers.speeds)
     return ForwardTopic(
         node, Side.RIGHT, both, lambda: read_snapshot(buffers.snapshots), lambda: 1.0, "mine", lambda: active
@@ -516,7 +516,7 @@ class Late:
         patch.setattr("yumi.ros.topic_refusals.time_ns", lambda: time_ns() + int(waited * 1e9))
         self.log, self._buffers = Node(), buffers
         self._node = rclpy.create_node("driver")
-        snapshot = commanded(ZERO, goal_kind=kind.kind)
+        snapshot = commanded(ZERO_JOINTS, goal_kind=kind.kind)
         self._topic = kind(self._node, Side.RIGHT, buffers.goals, lambda: snapshot, lambda: 100.0)
         patch.setattr(self._topic, "_refusals", RefusalLog(self.log, lambda: 0.0))
         self._publisher = self._node.create_publisher(JointState, kind.name, 1)
@@ -571,7 +571,7 @@ def test_goal_is_refused_while_a_person_commands_the_arm_or_has_let_it_go(
     assert newest(buffers, 3) is None
     hand_over.give_back((Side.RIGHT,))
     far = JointState(name=list(NAMES), position=[each + 0.2 for each in middle])  # where the stream was meanwhile
-    elsewhere = message("stream_begins_elsewhere", arm="right", distance=pytest.approx(0.2), most=NEAR)
+    elsewhere = message("stream_begins_elsewhere", arm="right", distance=pytest.approx(0.2), most=FARTHEST_STREAM_BEGIN)
     with refused(CommandRefused, "command_refused", noun="Goal", reason=elsewhere):
         topic._accept(far, clock.now())
     assert newest(buffers, 3) is None
@@ -606,7 +606,7 @@ def test_positions_by_index_go_on_near_the_arm_after_a_person_has_led_it(
         hand_over.take(Side.RIGHT, Commander.PAGE)
         hand_over.let_go(Side.RIGHT)
     hand_over.give_back((Side.RIGHT,))
-    elsewhere = message("stream_begins_elsewhere", arm="right", distance=pytest.approx(0.2), most=NEAR)
+    elsewhere = message("stream_begins_elsewhere", arm="right", distance=pytest.approx(0.2), most=FARTHEST_STREAM_BEGIN)
     with refused(CommandRefused, "command_refused", noun="Command", reason=elsewhere):
         topic._accept(far, clock.now())
     assert newest(buffers, 3) == (1, tuple(far.data))

@@ -25,10 +25,10 @@ from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
 from yumi.cli import demo
 from yumi.cli.demo import DemoScreen, motions_ahead, read_positions
-from yumi.control.collisions import MARGIN, CollisionLimiter
+from yumi.control.collisions import COLLISION_MARGIN, CollisionLimiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.driver.settings import CollisionSettings, RobotSettings, override, read_settings
-from yumi.ros.move_and_grab import CLOSE_ENOUGH, GOALS, MEETING, MoveAndGrab
+from yumi.ros.move_and_grab import GRAB_GOALS, MEETING_OF_ARMS, MOVE_TOLERANCE, MoveAndGrab
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 
@@ -45,13 +45,13 @@ def test_prompt_says_from_where_to_where_and_how_fast_each_arm_moves() -> None:
 
 
 def test_prompt_names_the_speed_that_joints_may_have_at_most() -> None:
-    assert "No joint is faster than 60 °/s (speed_scale 1)" in motions_ahead(GOALS, top_speed=radians(60.0))
+    assert "No joint is faster than 60 °/s (speed_scale 1)" in motions_ahead(GRAB_GOALS, top_speed=radians(60.0))
 
 
 def test_positions_are_read_from_the_controller(robot: Robot) -> None:
     positions = read_positions(RobotSettings(address="127.0.0.1", rws_port=robot.rws_port))
     assert set(positions) == set(Side)
-    assert all(len(position) == len(GOALS[Side.LEFT]) for position in positions.values())
+    assert all(len(position) == len(GRAB_GOALS[Side.LEFT]) for position in positions.values())
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def test_bar_is_full_when_the_arm_has_arrived() -> None:
         while not has_arrived():
             continue
 
-    errors, shares = iter([1.0, 0.5, 0.9 * CLOSE_ENOUGH]), list[float]()
+    errors, shares = iter([1.0, 0.5, 0.9 * MOVE_TOLERANCE]), list[float]()
     arm = SimpleNamespace(
         error=lambda: next(errors), goals=SimpleNamespace(publish=lambda _: None, topic=""), is_commanded=True
     )
@@ -169,7 +169,7 @@ def test_arms_are_sent_to_the_same_place_until_they_are_held_and_back() -> None:
         is_commanded, stands = True, True
 
         def __init__(self, side: Side) -> None:
-            self.at = GOALS[side]
+            self.at = GRAB_GOALS[side]
             self.goals = SimpleNamespace(publish=lambda message: sent.append((side, tuple(message.position))))
 
         def error(self) -> float:
@@ -190,7 +190,7 @@ def test_arms_are_sent_to_the_same_place_until_they_are_held_and_back() -> None:
 
     application._wait = wait
     application._approach()
-    assert sent == [*((side, MEETING[side]) for side in Side), *((side, GOALS[side]) for side in Side)]
+    assert sent == [*((side, MEETING_OF_ARMS[side]) for side in Side), *((side, GRAB_GOALS[side]) for side in Side)]
     assert heard.notes[1:] == [
         "held: right wrist - left wrist, 10 mm; the driver lets them no nearer (collision.margin)"
     ]
@@ -229,11 +229,11 @@ def test_arms_approach_each_other_on_the_demonstrations_own_virtual_robot_alone(
 @pytest.mark.timeout(240)
 def test_limiter_holds_the_arms_of_the_approach_before_they_meet() -> None:
     """In virtual time, from where nothing is near yet; at first they go on along each other."""
-    both = CollisionLimiter(CollisionSettings().model(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN, MARGIN)
+    both = CollisionLimiter(CollisionSettings().model(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN, COLLISION_MARGIN)
     limiters = {side: ReportedLimiter(YUMI_LIMITS, collisions=both.arm(side)) for side in Side}
     arms, measured, time = {}, {}, 100.0
     for side in Side:
-        begin = joints([a + 0.55 * (b - a) for a, b in zip(GOALS[side], MEETING[side], strict=True)])
+        begin = joints([a + 0.55 * (b - a) for a, b in zip(GRAB_GOALS[side], MEETING_OF_ARMS[side], strict=True)])
         arms[side] = arm = VirtualArm(side, begin, ArmModel(supervises_load=False))
         arm.switch_motors_on()
         arm.start_egm(EgmMotionParameters(bandwidth=0.0, max_speed=10.0))
@@ -244,7 +244,7 @@ def test_limiter_holds_the_arms_of_the_approach_before_they_meet() -> None:
         for side, arm in arms.items():
             velocity = change_rate(arm.position, measured[side], CYCLE)
             state = ArmState(time, CYCLE if cycle else 0.0, 1, arm.position, velocity, arm.planned, True)
-            arm.set_reference(*limiters[side].limit(state, ArmCommand(MEETING[side]) if cycle else None))
+            arm.set_reference(*limiters[side].limit(state, ArmCommand(MEETING_OF_ARMS[side]) if cycle else None))
             limiters[side].observe(state)
             measured[side], speeds[side] = arm.position, max(map(abs, velocity))
             arm.advance(CYCLE)
@@ -257,4 +257,4 @@ def test_limiter_holds_the_arms_of_the_approach_before_they_meet() -> None:
         assert limited is not None
         assert side.word in limited.part
         assert side.other.word in limited.other
-        assert MARGIN - 1e-3 < limited.distance < 2.0 * MARGIN
+        assert COLLISION_MARGIN - 1e-3 < limited.distance < 2.0 * COLLISION_MARGIN

@@ -10,8 +10,8 @@ from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, Joints, Pose, Side, home
-from abb_protocols.robot.kinematics import IDENTITY, compose, rotation_vector, tool0_to_body
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Pose, Side, home
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, compose_poses, rotation_vector, tool0_to_body
 from abb_protocols.robot.urdf import robot_description
 from refusals import refused
 from yumi.control.shared_state import JointStates
@@ -34,7 +34,7 @@ class Robot:
     def state(self, side: Side) -> Any:
         position: Joints = home(side)
         heard = self.heard_at.get(side)
-        return None if heard is None else JointStates(heard, position, ZERO)
+        return None if heard is None else JointStates(heard, position, ZERO_JOINTS)
 
     def fix(self, name: str, parent: str, *place: float, turn: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)) -> None:
         transform = TransformStamped(child_frame_id=name)
@@ -52,7 +52,7 @@ def robot() -> Robot:
 
 def is_same(one: Pose, other: Pose) -> bool:
     w, x, y, z = one.orientation
-    turn = rotation_vector(compose(Pose((0.0, 0.0, 0.0), (w, -x, -y, -z)), other).orientation)
+    turn = rotation_vector(compose_poses(Pose((0.0, 0.0, 0.0), (w, -x, -y, -z)), other).orientation)
     return dist(one.position, other.position) < 1e-9 and max(map(abs, turn)) < 1e-9
 
 
@@ -61,7 +61,7 @@ def test_frames_of_the_robot_are_where_its_joints_have_them(robot: Robot) -> Non
     assert is_same(robot.frames.to_base("yumi_tcp_r"), tool)
     assert is_same(robot.frames.to_base("/yumi_tool0_r"), tool0_to_body(Side.RIGHT, POSITION))
     for name in ("", "yumi_base", "yumi_base_link"):
-        assert is_same(robot.frames.to_base(name), Pose((0.0, 0.0, 0.0), IDENTITY))
+        assert is_same(robot.frames.to_base(name), Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION))
 
 
 def test_a_finger_is_where_it_stands_and_unknown_where_it_is_not_heard(robot: Robot) -> None:
@@ -134,4 +134,4 @@ def test_tools_are_frames_that_are_fixed_to_the_flange(robot: Robot) -> None:
             robot.frames.tool(Side.RIGHT, name)
     seen = robot.frames.in_tool(Side.RIGHT, "yumi_tool0_r")
     assert seen is not None
-    assert is_same(compose(TOOL, seen), Pose((0.0, 0.0, 0.0), IDENTITY))
+    assert is_same(compose_poses(TOOL, seen), Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION))

@@ -24,10 +24,10 @@ from std_srvs.srv import SetBool, Trigger
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
 from abb_protocols.robot.gripper_values import (
-    LOWEST_SPEED,
-    MAX_FORCE,
-    TOP_SPEED,
-    TRAVEL,
+    FINGER_TRAVEL,
+    LOWEST_FINGER_SPEED,
+    MAX_GRIP_FORCE,
+    TOP_FINGER_SPEED,
     GripperModules,
     GripperState,
     read_gripper,
@@ -168,7 +168,7 @@ def hand(hands: Hand) -> Iterator[Hand]:
     """Open, with nothing between its fingers."""
     hands.virtual.workpiece, hands.virtual.cups[1].under = None, None
     hands.robot.gate.set()
-    assert hands.result(hands.command(TRAVEL)).result.reached_goal
+    assert hands.result(hands.command(FINGER_TRAVEL)).result.reached_goal
     yield hands
     hands.close()
     hands.refusals.clear()
@@ -185,7 +185,7 @@ def test_gripper_command_holds_what_it_finds(hand: Hand) -> None:
 def test_gripper_command_grips_outwards_when_it_is_open_with_an_effort(hand: Hand) -> None:
     hand.result(hand.command(0.0))
     hand.virtual.workpiece = Workpiece(0.030, is_hollow=True)
-    result = hand.result(hand.command(TRAVEL, 8.0)).result
+    result = hand.result(hand.command(FINGER_TRAVEL, 8.0)).result
     assert (result.stalled, result.effort, result.position) == (True, 8.0, pytest.approx(0.015))
 
 
@@ -216,20 +216,20 @@ def test_parallel_gripper_command_takes_speed_and_effort_by_finger_name(hand: Ha
         (JointState(position=[0.01, 0.02]), message("fingers_with_different_values", what="position")),
         (
             JointState(position=[0.01], velocity=[0.5]),
-            message("gripper_speed_out_of_range", speed=0.5, lowest=LOWEST_SPEED, highest=TOP_SPEED),
+            message("gripper_speed_out_of_range", speed=0.5, lowest=LOWEST_FINGER_SPEED, highest=TOP_FINGER_SPEED),
         ),
         (
             JointState(position=[0.01], effort=[nan]),
-            message("gripper_effort_out_of_range", effort=nan, most=MAX_FORCE),
+            message("gripper_effort_out_of_range", effort=nan, most=MAX_GRIP_FORCE),
         ),
-        (JointState(position=[nan]), message("gripper_position_out_of_range", position=nan, most=TRAVEL)),
+        (JointState(position=[nan]), message("gripper_position_out_of_range", position=nan, most=FINGER_TRAVEL)),
     ],
 )
 def test_goal_that_no_gripper_can_carry_out_is_refused(hand: Hand, command: JointState, reason: Message) -> None:
     hand.client.sentences.clear()
     assert not hand.send(ParallelGripperCommand, ParallelGripperCommand.Goal(command=command)).accepted
     hand.client.until(hand.client.hears(f"Gripper goal refused: {reason}"))
-    assert hand.robot.state(Side.LEFT).position == TRAVEL
+    assert hand.robot.state(Side.LEFT).position == FINGER_TRAVEL
 
 
 def test_goal_is_refused_while_nothing_may_move(hand: Hand) -> None:
@@ -243,7 +243,7 @@ def test_second_goal_is_refused_and_the_first_can_be_cancelled(hand: Hand) -> No
     hand.robot.gate.clear()
     first = hand.command(0.0)
     assert first.accepted
-    assert not hand.command(TRAVEL).accepted
+    assert not hand.command(FINGER_TRAVEL).accepted
     refused = hand.trigger("calibrate")
     assert refused.message == str(message("gripper_busy", gripper="left"))
     hand.cancel(first)
@@ -274,7 +274,7 @@ def test_object_that_is_lost_is_reported_and_the_gripper_goes_on(hand: Hand) -> 
     hand.robot.faults.inject(Fault.OBJECT_LOST, Side.LEFT)
     hand.robot.wait(1.0)
     hand.client.until(lambda: (states[-1].effort[0], states[-1].position[0]) == (0.0, 0.0))
-    assert hand.result(hand.command(TRAVEL)).result.reached_goal
+    assert hand.result(hand.command(FINGER_TRAVEL)).result.reached_goal
 
 
 def test_gripper_that_lost_its_calibration_says_so_and_is_calibrated_again(hand: Hand) -> None:
@@ -285,7 +285,7 @@ def test_gripper_that_lost_its_calibration_says_so_and_is_calibrated_again(hand:
     assert hand.result(hand.command(0.0)).status == GoalStatus.STATUS_ABORTED
     hand.client.until(hand.client.hears(str(message("gripper_not_calibrated", gripper="left"))))
     assert hand.trigger("calibrate").success
-    assert hand.result(hand.command(TRAVEL)).result.reached_goal
+    assert hand.result(hand.command(FINGER_TRAVEL)).result.reached_goal
 
 
 def test_error_is_cleared_by_its_service_and_shown_in_the_state(hand: Hand) -> None:
@@ -344,7 +344,7 @@ def test_gripper_is_jogged_open_and_stopped(hand: Hand) -> None:
 
 
 def test_refused_goal_has_its_reason_in_the_state(hand: Hand) -> None:
-    said = message("gripper_position_out_of_range", position=0.03, most=TRAVEL)
+    said = message("gripper_position_out_of_range", position=0.03, most=FINGER_TRAVEL)
     with pytest.raises(CommandRefused, match=re.escape(f"The left gripper refused the goal: {said}")):
         hand.application.begin(0.03)
 

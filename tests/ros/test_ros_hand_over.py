@@ -30,7 +30,7 @@ from system.test_hand_over_measured import ARMS, WITHIN, commanding, sent, teleo
 from system.test_teleoperation_measured import recorded_driver
 from system.test_view_teleoperation import GAMEPAD, page_of, served_page
 from yumi.api.attach import RunningDriver
-from yumi.recording.message_types import EVENTS
+from yumi.recording.message_types import EVENTS_TOPIC
 from yumi.recording.reader import recorded_messages
 
 RATE = 50.0  # [Hz] of the policies
@@ -219,7 +219,7 @@ def test_no_take_over_steps_whether_policy_and_person_come_over_ros_page_or_pyth
             run(lambda turn: teleoperate_at_the_page(page, driver, turn))
         services.close()
     values = list(recorded_messages(record))
-    kinds = Counter(value.kind for topic, _, value in values if topic == EVENTS)
+    kinds = Counter(value.kind for topic, _, value in values if topic == EVENTS_TOPIC)
     assert kinds["ArmGivenBack"] == 2 * times
     assert kinds["CommanderChanged"] >= 2 * 2 * times
     worst = np.zeros(3)

@@ -16,7 +16,7 @@ from yumi_interfaces.action import MoveLinear
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, Joints, Side, home, joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, home, joints
 from refusals import assert_says, refused
 from yumi.control.counters import WireCounters
 from yumi.control.goals import GoalKind, MemoryBuffer
@@ -33,7 +33,7 @@ from yumi.control.trajectory_commands import (
     TrajectoryEnded,
     TrajectoryOutcome,
 )
-from yumi.driver.control_process import ENDED
+from yumi.driver.control_process import PROCESS_ENDED
 from yumi.planning.smoothing import smooth_spline_through
 from yumi.ros import line_actions
 from yumi.ros.line_actions import MoveLinearAction
@@ -176,7 +176,7 @@ def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, c
 @pytest.mark.parametrize(
     ("event", "sentence"),
     [
-        (ControlProcessEnded(Side.RIGHT, 1), str(ENDED)),
+        (ControlProcessEnded(Side.RIGHT, 1), str(PROCESS_ENDED)),
         (ReportsDropped(Side.RIGHT, 300), str(ReportsDropped(Side.RIGHT, 300))),
     ],
 )
@@ -219,7 +219,7 @@ def test_line_that_is_cancelled_while_it_waits_stops_nobody_elses_motion(bench: 
     def moves() -> Any:
         for place in places:
             bench.action._cancel(handle)  # the arm goes on moving meanwhile
-            yield joints([0.01 * place, *ZERO[1:]])
+            yield joints([0.01 * place, *ZERO_JOINTS[1:]])
 
     bench.target.motion = moves()
     result = bench.action._execute(handle)
@@ -237,7 +237,7 @@ def test_line_for_an_arm_that_a_person_moves_does_not_brake_it(bench: Bench, is_
         for step in range(100):
             if step == 2:
                 take()
-            yield joints([0.01 * step, *ZERO[1:]])
+            yield joints([0.01 * step, *ZERO_JOINTS[1:]])
 
     if not is_taken_meanwhile:
         take()

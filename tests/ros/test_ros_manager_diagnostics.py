@@ -14,7 +14,7 @@ from abb_protocols.robot.joints import Side
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, Statistics
 from yumi.control.counters import LimiterCounters
-from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
+from yumi.control.shared_state import ARM_PROBLEM_CODES, ArmProblem, Snapshot
 from yumi.driver.robot_state import RobotState
 from yumi.ros import messages
 from yumi.ros.gripper_actions import gripper_status
@@ -25,7 +25,7 @@ diagnostics = pytest.importorskip("yumi.ros.manager_diagnostics")
 
 QUICK = Statistics(100, 20e-6, 20e-6, 10e-6, 30e-6, 2e-6)
 PERIOD = Statistics(100, 0.004, 0.004, 0.002, 0.008, 1e-6)
-OK, WARN, ERROR = diagnostics.OK, diagnostics.WARN, diagnostics.ERROR
+OK, WARN, ERROR = diagnostics.DIAGNOSTIC_OK, diagnostics.DIAGNOSTIC_WARN, diagnostics.DIAGNOSTIC_ERROR
 
 
 def threshold(subject: str, quantity: str) -> tuple[float, float]:
@@ -129,16 +129,16 @@ def test_egm_that_nobody_asked_for_is_ok(snapshot: Snapshot, is_desired: bool, l
     assert (status.level, status.message) == (level, sentence)
 
 
-@pytest.mark.parametrize("problem", [Problem.REFERENCES_IGNORED, Problem.IMPLAUSIBLE])
+@pytest.mark.parametrize("problem", [ArmProblem.REFERENCES_IGNORED, ArmProblem.IMPLAUSIBLE])
 @pytest.mark.parametrize("is_running", [True, False])
-def test_egm_whose_arm_holds_for_a_problem_is_an_error_with_its_cause(problem: Problem, is_running: bool) -> None:
+def test_egm_whose_arm_holds_for_a_problem_is_an_error_with_its_cause(problem: ArmProblem, is_running: bool) -> None:
     snapshot = Snapshot(
         is_streaming=True, is_running=is_running, problem=problem, limiter=LimiterCounters(implausible=7)
     )
     status = messages.egm_status(Side.RIGHT, snapshot, is_desired=True)
     assert (status.level, status.message) == (
         DiagnosticStatus.ERROR,
-        str(message(PROBLEMS[problem], arm="right")),
+        str(message(ARM_PROBLEM_CODES[problem], arm="right")),
     )
     values = {pair.key: pair.value for pair in status.values}
     assert (values["problem"], values["implausible"]) == (problem.name.lower(), "7")

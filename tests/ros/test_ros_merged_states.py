@@ -12,7 +12,7 @@ from abb_runtime.clock import ManualClock
 from yumi.control.goals import MemoryBuffer
 from yumi.control.shared_state import JointStates
 from yumi.ros.nodes import TimerThread
-from yumi.ros.state_topics import STALE, MergedJointStates
+from yumi.ros.state_topics import STALE_STATE, MergedJointStates
 
 pytestmark = pytest.mark.ros
 
@@ -76,7 +76,7 @@ def test_merged_states_leave_out_an_arm_that_fell_silent(
     node: Node, states: dict[Side, MemoryBuffer], clock: ManualClock
 ) -> None:
     hear(states[Side.RIGHT], clock.now())
-    clock.advance(STALE - PERIOD)
+    clock.advance(STALE_STATE - PERIOD)
     hear(states[Side.LEFT], clock.now())
     node.tick()
     assert list(node.published[-1].name) == [*joint_names(Side.LEFT), *finger_names(Side.LEFT)]
@@ -130,6 +130,6 @@ def test_what_was_read_too_long_ago_is_not_published_as_current(
     node: Node, polled: dict[Side, JointStates], clock: ManualClock
 ) -> None:
     polled.update(dict.fromkeys(Side, read(clock.now())))
-    clock.advance(STALE)
+    clock.advance(STALE_STATE)
     node.tick()
     assert list(node.published[-1].name) == [*finger_names(Side.LEFT)]

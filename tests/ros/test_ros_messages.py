@@ -21,7 +21,7 @@ from yumi_interfaces import srv
 
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, TrajectoryRefused
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Side, joint_names
 from abb_runtime.clock import ManualClock
 from refusals import refused
 from yumi.control.controller import State
@@ -191,7 +191,7 @@ LONG = "x" * 1_000_000
 @pytest.mark.parametrize(
     "refuse",
     [
-        lambda: messages.goal_of_ros_message(JointState(name=[LONG], position=[0.0]), Side.RIGHT, ZERO),
+        lambda: messages.goal_of_ros_message(JointState(name=[LONG], position=[0.0]), Side.RIGHT, ZERO_JOINTS),
         lambda: messages.side_of_ros_message(LONG),
         lambda: messages.mode_of(LONG),
         lambda: messages.lifecycle_of_ros_message(SimpleNamespace(id=9, label=LONG)),

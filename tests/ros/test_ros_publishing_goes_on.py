@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from abb_protocols.robot.joints import ZERO, Side
+from abb_protocols.robot.joints import ZERO_JOINTS, Side
 from abb_runtime.clock import SystemClock
 from yumi.control.shared_state import JointStates
 from yumi.driver.control_process import ArmBuffers
@@ -62,7 +62,7 @@ def buffers(node: Node) -> Iterator[ArmBuffers]:
 
 
 def write(buffers: ArmBuffers, number: float) -> None:
-    buffers.states.write(JointStates(number, ZERO, ZERO))
+    buffers.states.write(JointStates(number, ZERO_JOINTS, ZERO_JOINTS))
     buffers.cycle_done.release()
 
 

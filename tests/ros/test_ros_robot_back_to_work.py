@@ -27,7 +27,7 @@ from abb_runtime.faults import Fault
 from abb_runtime.process.command_process import DRIVER_READY, CommandProcess
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.robot_state import RobotMode
-from yumi.ros.move_and_grab import GOALS, MoveAndGrab
+from yumi.ros.move_and_grab import GRAB_GOALS, MoveAndGrab
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -184,9 +184,9 @@ def short_task(spinner: Spinner, manager: RobotManagerClient, monkeypatch: pytes
     manager.start_egm()
     for side, change in ((Side.RIGHT, 2.0), (Side.LEFT, 15.0)):
         position = ArmClient(spinner, side).wait_for_state(TIMEOUT)
-        middle = GOALS[side] if side is Side.LEFT else position
+        middle = GRAB_GOALS[side] if side is Side.LEFT else position
         turn = copysign(radians(change), middle[6] - position[6] or -position[6])
-        monkeypatch.setitem(GOALS, side, goal_near(middle, turn))
+        monkeypatch.setitem(GRAB_GOALS, side, goal_near(middle, turn))
 
 
 def move_left_arm(listener: Listener, person: Person) -> None:

@@ -21,7 +21,7 @@ from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 from abb_protocols.catalogue import message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
-from abb_protocols.robot.gripper_values import TRAVEL, GripOutcome
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, GripOutcome
 from abb_protocols.robot.joints import Side
 from abb_runtime.faults import Fault
 from system.recovery_bench import largest_jump
@@ -173,10 +173,10 @@ def test_robot_is_recovered_as_soon_as_web_services_answer_again(stage: Stage) -
 def test_object_that_is_lost_is_reported_and_the_gripper_grips_again(stage: Stage) -> None:
     gripper = stage.application.grippers[Side.LEFT]
     with stage.scene(LOST):
-        gripper.begin(TRAVEL)()
+        gripper.begin(FINGER_TRAVEL)()
         assert gripper.begin(0.0)() is GripOutcome.HOLDING
         stage.notice(lambda: stage.inject_fault(Fault.OBJECT_LOST, Side.LEFT), "left fingers press with 0 N")
-        assert gripper.begin(TRAVEL)() is GripOutcome.OPEN
+        assert gripper.begin(FINGER_TRAVEL)() is GripOutcome.OPEN
         assert gripper.begin(0.0)() is GripOutcome.CLOSED
         stage.reach_new_goals()
 
@@ -194,7 +194,7 @@ def test_gripper_that_lost_its_calibration_says_so_and_grips_again(stage: Stage)
         stage.reach_new_goals()
         stage.application.manager.stop_egm()
         assert stage.calibrate(Side.LEFT) == "The gripper is calibrated: closed is 0."
-        assert gripper.begin(TRAVEL)() is GripOutcome.OPEN
+        assert gripper.begin(FINGER_TRAVEL)() is GripOutcome.OPEN
 
 
 def test_what_another_program_changes_is_reported(stage: Stage, request: pytest.FixtureRequest) -> None:
@@ -209,7 +209,7 @@ def test_grippers_grip_while_the_arms_move(stage: Stage) -> None:
     with stage.scene(ALONE) as goals:
         stage.reach(goals)
     with stage.scene(BESIDE) as goals:
-        ends = [gripper.begin(0.5 * TRAVEL) for gripper in stage.application.grippers.values()]
+        ends = [gripper.begin(0.5 * FINGER_TRAVEL) for gripper in stage.application.grippers.values()]
         stage.reach(goals)
         assert [end() for end in ends] == [GripOutcome.IN_PLACE, GripOutcome.IN_PLACE]
 

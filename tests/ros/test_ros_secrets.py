@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from yumi.cli import demo
 from yumi.cli.main import main
-from yumi.ros.move_and_grab import GOALS
+from yumi.ros.move_and_grab import GRAB_GOALS
 from yumi_evaluation import networked
 from yumi_evaluation.experiments import Mode
 from yumi_evaluation.networked import NetworkedPlan, start_driver, start_robot
@@ -68,7 +68,7 @@ def test_demonstration_passes_robot_speed_and_password_on_to_its_driver(
     tmp_path: Path, started: list[tuple[Sequence[str], Mapping[str, str]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(demo, "_run_application", lambda *_, approaches: {})
-    monkeypatch.setattr(demo, "read_positions", lambda robot: GOALS)
+    monkeypatch.setattr(demo, "read_positions", lambda robot: GRAB_GOALS)
     monkeypatch.setattr("yumi.recording.pictures.draw_joint_paths", lambda paths, picture: None)
     secret = tmp_path / "password"
     secret.write_text(SECRET)

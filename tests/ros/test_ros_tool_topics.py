@@ -14,7 +14,7 @@ from test_ros_command_topics import Node, commanded
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side, joints
-from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, tool0_to_body
 from abb_protocols.robot.urdf import robot_description
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
@@ -29,7 +29,7 @@ from yumi.ros.tool_topics import ServoPoseTopic, ServoTwistTopic, TargetPoseTopi
 
 pytestmark = pytest.mark.ros
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
-TOOL = Pose((0.0, 0.0, 0.0), IDENTITY)
+TOOL = Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION)
 
 
 class Control:

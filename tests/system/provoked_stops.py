@@ -21,7 +21,7 @@ from abb_protocols.catalogue import Message, said_by, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.description import HAND
-from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripperGoal, go_to, grip
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, GripDirection, GripperGoal, finger_position_goal, grip
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
 from abb_protocols.rws.values import ControllerState
 from abb_runtime.clock import ManualClock
@@ -62,7 +62,7 @@ GRIPPERS = ("gripper", "object")
 HERE = home(RIGHT)
 THERE = joints([*HERE[:6], HERE[6] + 1.0])
 TOOL0 = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-CLOSE, OPEN = grip(Direction.INWARDS, 10.0), go_to(TRAVEL)
+CLOSE, OPEN = grip(GripDirection.INWARDS, 10.0), finger_position_goal(FINGER_TRAVEL)
 
 
 class Row(NamedTuple):
@@ -260,8 +260,8 @@ def _gripper_rows(driver: Driver) -> Iterator[Row]:
     with left.alone():
         yield Row("grip while the gripper carries out another command", (_refused(lambda: left.alone().__enter__()),))
     yield Row("switch a vacuum that the gripper has not", (_refused(lambda: left.check_vacuum(3)),))
-    yield Row("open a gripper by 80 mm", (_refused(lambda: go_to(0.04)),))
-    yield Row("grip with 30 N", (_refused(lambda: grip(Direction.INWARDS, 30.0)),))
+    yield Row("open a gripper by 80 mm", (_refused(lambda: finger_position_goal(0.04)),))
+    yield Row("grip with 30 N", (_refused(lambda: grip(GripDirection.INWARDS, 30.0)),))
 
 
 def _motion_rows(driver: Driver) -> Iterator[Row]:

@@ -10,7 +10,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import StopNotConfirmed
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from abb_runtime.faults import Fault
-from abb_runtime.rws.transport import INTERVAL
+from abb_runtime.rws.transport import EXCHANGE_INTERVAL
 from system.virtual_time_bench import System
 from yumi.control.flight_recorder import RecordedCycle
 from yumi.driver.state_machine import EgmMotionSettings
@@ -33,7 +33,7 @@ class MovingSystem(System):
     """
 
     def __init__(self, motion: EgmMotionSettings | None = None) -> None:
-        super().__init__(motion=motion, request_interval=INTERVAL)
+        super().__init__(motion=motion, request_interval=EXCHANGE_INTERVAL)
         self.told: list[str] = []
         self.client.lift_rate_limit()  # a start that has to wait for its turns takes 2 s more
         self.manager.start_egm()

@@ -15,7 +15,7 @@ from abb_runtime.faults import Fault
 from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import free_port
-from yumi.driver.state_machine import MAIN, MachineState
+from yumi.driver.state_machine import MAIN_MODULE, MachineState
 
 TIMEOUT = 60.0
 
@@ -71,7 +71,7 @@ class VirtualRobot:
     def is_guided(self, side: Side) -> bool:
         """Whether EGM runs on an arm, as the controller says."""
         with RwsClient(self.address) as client:
-            state = rapid_values.decode(client.symbol(side.task, MAIN, "current_state"))
+            state = rapid_values.decode(client.symbol(side.task, MAIN_MODULE, "current_state"))
         return state == MachineState.RUN_EGM_ROUTINE
 
     def script(self, text: str) -> subprocess.Popen[str]:

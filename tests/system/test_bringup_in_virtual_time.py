@@ -17,7 +17,7 @@ from virtual_irc5.rapid.types import UnknownSymbol
 from yumi.driver.bringup import Bringup
 from yumi.driver.commissioning.controller_checks import NEEDED_GRANTS
 from yumi.driver.launch_checks import EgmAddress
-from yumi.driver.state_machine import EGM, EgmMotionSettings, MachineState
+from yumi.driver.state_machine import EGM_MODULE, EgmMotionSettings, MachineState
 
 
 @pytest.fixture
@@ -135,7 +135,7 @@ def test_bringup_says_that_the_program_is_missing(system: System, monkeypatch: p
 def test_egm_starts_on_both_arms_with_the_settings_of_the_thesis(system: System) -> None:
     system.start_egm()
     assert [system.bringup.machines.state(side) for side in Side] == [MachineState.RUN_EGM_ROUTINE] * 2
-    settings = rapid_values.decode(system.client.symbol("T_ROB_R", EGM, "settings"))
+    settings = rapid_values.decode(system.client.symbol("T_ROB_R", EGM_MODULE, "settings"))
     assert isinstance(settings, tuple)
     assert settings[2] == (False, 60.0)
     assert isinstance(settings[3], tuple)
@@ -187,7 +187,7 @@ GRIPPER = "[TRUE,[[0,0,114.2],[1,0,0,0]],[0.23,[8.2,11.7,52],[1,0,0,0],0.00021,0
 def test_tool_and_presync_of_the_settings_reach_the_robot() -> None:
     system = System(motion=EgmMotionSettings(tool=GRIPPER, use_presync=True))
     system.start_egm()
-    settings = rapid_values.decode(system.client.symbol("T_ROB_L", EGM, "settings"))
+    settings = rapid_values.decode(system.client.symbol("T_ROB_L", EGM_MODULE, "settings"))
     assert isinstance(settings, tuple)
     assert settings[1] is True
     assert isinstance(settings[3], tuple)

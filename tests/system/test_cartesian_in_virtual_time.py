@@ -11,8 +11,8 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.inverse_kinematics import Unreachable, arm_angle
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Pose, Side, Vector, joints
-from abb_protocols.robot.kinematics import multiply, quaternion_of, rotation_vector, tool0_to_body
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, Pose, Side, Vector, joints
+from abb_protocols.robot.kinematics import quaternion_of, quaternion_product, rotation_vector, tool0_to_body
 from cartesian_bench import NAME, CartesianBench, deviation, shares
 from refusals import assert_says, refused
 from soak import long, short, tell
@@ -24,7 +24,7 @@ from yumi.control.speed_scale import SpeedFactor, SpeedScale
 from yumi.control.tool_goal import ToolGoal, pose_goal, twist_goal
 from yumi.control.tool_limits import ToolLimits, Wall
 from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory, TrajectoryOutcome
-from yumi.planning.tool_path import Waypoint, plan_path
+from yumi.planning.tool_path import LineWaypoint, plan_path
 
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
 LIMITS = YUMI_LIMITS.slowed_to(radians(180.0))  # as EGM's MaxSpeedDeviation leaves them
@@ -50,12 +50,12 @@ def lines(count: int, seed: int) -> Iterator[tuple[Side, ArmPlan, Pose, Pose]]:
         x, y, z = (np.array(pose.position) - way).tolist()
         begin = Pose((x, y, z), pose.orientation)
         x, y, z = (np.array(pose.position) + way).tolist()
-        end = Pose((x, y, z), multiply(pose.orientation, turn))
+        end = Pose((x, y, z), quaternion_product(pose.orientation, turn))
         try:
-            back = plan_path(side, position, [Waypoint(begin, arm_angle(side, position))], LIMITS)
+            back = plan_path(side, position, [LineWaypoint(begin, arm_angle(side, position))], LIMITS)
             start = back.spline.last.position
             here = tool0_to_body(side, start)
-            plan = plan_path(side, start, [Waypoint(end, arm_angle(side, start))], LIMITS)
+            plan = plan_path(side, start, [LineWaypoint(end, arm_angle(side, start))], LIMITS)
         except Unreachable:
             continue
         found += 1
@@ -99,7 +99,7 @@ def test_a_line_slows_down_with_the_speed_scale() -> None:
     begin = tool0_to_body(Side.RIGHT, bench.start)
     x, y, z = begin.position
     end = Pose((x, y - 0.1, z), begin.orientation)
-    plan = plan_path(Side.RIGHT, bench.start, [Waypoint(end)], LIMITS)
+    plan = plan_path(Side.RIGHT, bench.start, [LineWaypoint(end)], LIMITS)
     before = bench.rig.clock.now()
     assert bench.follow(plan).outcome is TrajectoryOutcome.SUCCEEDED
     assert bench.rig.clock.now() - before == pytest.approx(2.0 * plan.spline.end, abs=0.3)
@@ -173,7 +173,7 @@ def test_a_stream_of_poses_is_followed_with_little_lag(rate: float, lag: float) 
 
     def pose(time: float) -> Pose:
         turn = quaternion_of((0.0, 0.0, 0.1 * (1.0 - np.cos(2.0 * time))))
-        return Pose((x, y - 0.05 * (1.0 - np.cos(2.0 * time)), z), multiply(begin.orientation, turn))
+        return Pose((x, y - 0.05 * (1.0 - np.cos(2.0 * time)), z), quaternion_product(begin.orientation, turn))
 
     def next_goal(now: float) -> ToolGoal | None:
         due = [times.pop(0) for _ in range(len(times)) if times and times[0] <= now]
@@ -216,8 +216,8 @@ def test_a_tool_that_a_stream_has_turned_once_round_stays_turned(tilt: float) ->
 
     def turned(now: float) -> ToolGoal:
         angle = 2.0 * pi * min(1.0, now / 4.5)
-        turn = multiply(quaternion_of((tilt * sin(angle), 0.0, 0.0)), quaternion_of((0.0, 0.0, angle)))
-        return pose_goal(0, Pose(begin.position, multiply(begin.orientation, turn)))
+        turn = quaternion_product(quaternion_of((tilt * sin(angle), 0.0, 0.0)), quaternion_of((0.0, 0.0, angle)))
+        return pose_goal(0, Pose(begin.position, quaternion_product(begin.orientation, turn)))
 
     before = len(bench.rig.cycles)
     bench.stream(7.0, turned)
@@ -238,7 +238,7 @@ def test_a_velocity_that_comes_while_its_jog_brakes_leads_on_without_a_jerk(paus
     def brake() -> None:
         bench.rig.manager.receive(NAME, CancelTrajectory(), bench.rig.line.state)
 
-    upwards = twist_goal(0, (0.0, 0.0, 0.15, *ZERO[3:]))
+    upwards = twist_goal(0, (0.0, 0.0, 0.15, *ZERO_JOINTS[3:]))
     bench.stream(0.3, lambda time: upwards)
     brake()
     bench.stream(pause, lambda time: None)
@@ -255,7 +255,7 @@ def test_a_stream_replaces_a_line_and_a_line_a_stream() -> None:
     bench = CartesianBench(Side.RIGHT, POSTURE)
     begin = tool0_to_body(Side.RIGHT, bench.start)
     x, y, z = begin.position
-    plan = plan_path(Side.RIGHT, bench.start, [Waypoint(Pose((x, y - 0.15, z), begin.orientation))], LIMITS)
+    plan = plan_path(Side.RIGHT, bench.start, [LineWaypoint(Pose((x, y - 0.15, z), begin.orientation))], LIMITS)
     first = len(bench.rig.cycles)
     bench.rig.manager.receive("cartesian_controller", FollowTrajectory(plan, 5), bench.rig.line.state)
     bench.rig.run(0.5)
@@ -263,8 +263,8 @@ def test_a_stream_replaces_a_line_and_a_line_a_stream() -> None:
     assert bench.ended[0].outcome is TrajectoryOutcome.ABORTED
     assert_says(bench.ended[0].said, "motion_replaced_by_stream")
     bench.rig.run(1.5)
-    assert bench.rig.snapshot.velocity == pytest.approx(ZERO, abs=0.01)
-    again = plan_path(Side.RIGHT, bench.start, [Waypoint(begin)], LIMITS)
+    assert bench.rig.snapshot.velocity == pytest.approx(ZERO_JOINTS, abs=0.01)
+    again = plan_path(Side.RIGHT, bench.start, [LineWaypoint(begin)], LIMITS)
     bench.rig.manager.receive("cartesian_controller", FollowTrajectory(again, 6), bench.rig.line.state)
     bench.rig.run_until(lambda: len(bench.ended) > 1, again.spline.end + 2.0)
     assert bench.ended[1].outcome is TrajectoryOutcome.SUCCEEDED
@@ -277,7 +277,9 @@ def test_a_tool_turns_on_about_the_same_axis_when_a_stream_changes_its_kind(is_t
     start = tool0_to_body(Side.RIGHT, bench.start)
     spin = (0.3, 0.2, -0.1)  # of the tool, seen from the body [rad/s]
     kinds = [
-        lambda time: pose_goal(0, Pose(start.position, multiply(quaternion_of(spin, time), start.orientation))),
+        lambda time: pose_goal(
+            0, Pose(start.position, quaternion_product(quaternion_of(spin, time), start.orientation))
+        ),
         lambda time: twist_goal(0, (0.0, 0.0, 0.0, *spin, 0.0)),
     ]
     first, second = reversed(kinds) if is_twist_first else kinds
@@ -287,7 +289,9 @@ def test_a_tool_turns_on_about_the_same_axis_when_a_stream_changes_its_kind(is_t
     here = tool0_to_body(Side.RIGHT, joints(bench.sent[-1].tolist()))
 
     def on(time: float) -> ToolGoal:
-        return pose_goal(0, Pose(here.position, multiply(quaternion_of(spin, time + CYCLE), here.orientation)))
+        return pose_goal(
+            0, Pose(here.position, quaternion_product(quaternion_of(spin, time + CYCLE), here.orientation))
+        )
 
     bench.stream(0.25, on if is_twist_first else second)
     rows = bench.sent[seen - 10 :]
@@ -295,7 +299,7 @@ def test_a_tool_turns_on_about_the_same_axis_when_a_stream_changes_its_kind(is_t
     rates = []
     for before, after in zip(turns[:-5], turns[5:], strict=True):
         w, x, y, z = before
-        rates.append(np.array(rotation_vector(multiply(after, (w, -x, -y, -z)))) / (5 * CYCLE))
+        rates.append(np.array(rotation_vector(quaternion_product(after, (w, -x, -y, -z)))) / (5 * CYCLE))
     across = [np.linalg.norm(rate - (rate @ spin) / np.dot(spin, spin) * np.array(spin)) for rate in rates]
     assert max(across) < most
 
@@ -407,16 +411,16 @@ def test_a_line_keeps_the_limits_of_the_tool() -> None:
     begin = tool0_to_body(Side.RIGHT, POSTURE)
     x, y, z = begin.position
     wall = wall_before(begin.position, 0.05, (0.0, -1.0, 0.0))
-    end = [Waypoint(Pose((x, y - 0.04, z), begin.orientation))]
+    end = [LineWaypoint(Pose((x, y - 0.04, z), begin.orientation))]
     fast = plan_path(Side.RIGHT, POSTURE, end, LIMITS, speed=0.5)
     slow = plan_path(Side.RIGHT, POSTURE, end, LIMITS, speed=0.5, within=ToolLimits(0.02, (wall,)))
     assert slow.spline.end > 2.0 > 3.0 * fast.spline.end
-    beyond = [*end, Waypoint(Pose((x, y - 0.06, z), begin.orientation))]
+    beyond = [*end, LineWaypoint(Pose((x, y - 0.06, z), begin.orientation))]
     with refused(CommandRefused, "path_through_wall", pose=2, wall="window") as refusal:
         plan_path(Side.RIGHT, POSTURE, beyond, LIMITS, within=ToolLimits(walls=(wall,)))
     assert refusal.value.said.values["distance"] == pytest.approx(0.01, abs=0.5e-3)
     here = wall_before(begin.position, -0.02, (0.0, -1.0, 0.0))
     with refused(CommandRefused, "path_through_wall", wall="window"):
         plan_path(Side.RIGHT, POSTURE, end, LIMITS, within=ToolLimits(walls=(here,)))
-    back = [Waypoint(Pose((x, y + 0.01, z), begin.orientation))]
+    back = [LineWaypoint(Pose((x, y + 0.01, z), begin.orientation))]
     assert plan_path(Side.RIGHT, POSTURE, back, LIMITS, within=ToolLimits(walls=(here,))).spline.end > 0.0

@@ -20,7 +20,7 @@ from cartesian_bench import shares
 from refusals import refused
 from system.test_endpoint_in_virtual_time import Driver
 from yumi.api.chunks import Chunk, ChunkFollower, _GripperSchedule
-from yumi.control.controller import IDLE
+from yumi.control.controller import CONTROLLER_IDLE_TIME
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands
@@ -224,7 +224,7 @@ def test_policy_takes_no_arm_from_another_one_and_keeps_those_that_it_moves(
         others.__enter__()
     with refused(CommandRefused, "chunks_taken_over", arm="right"):
         chunks.send(Chunk(PERIOD, right=points(driver, Side.RIGHT)))
-    driver.wait(1.1 * IDLE)
+    driver.wait(1.1 * CONTROLLER_IDLE_TIME)
 
 
 def test_chunks_end_where_another_client_lets_the_arm_follow_a_trajectory(

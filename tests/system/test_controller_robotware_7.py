@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from abb_runtime.faults import takes_faults
-from virtual_irc5.rws.version_2 import FORM, HAL
+from virtual_irc5.rws.version_2 import FORM_2, HAL_2
 from virtual_irc5.testing.controller_process import ControllerProcess
 
 pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
@@ -22,14 +22,14 @@ def test_controller_with_robotware_7_runs_a_program_and_takes_faults(tmp_path: P
         httpx.Client(
             base_url=f"https://{controller.address}",
             auth=(controller.user, controller.password),
-            headers={"Accept": HAL},
+            headers={"Accept": HAL_2},
             verify=False,
             trust_env=False,
         ) as client,
     ):
 
         def post(path: str, text: str = "") -> int:
-            return client.post(path, content=text, headers={"Content-Type": FORM}).status_code
+            return client.post(path, content=text, headers={"Content-Type": FORM_2}).status_code
 
         def state(path: str) -> dict[str, str]:
             return dict(client.get(path).json()["state"][0])

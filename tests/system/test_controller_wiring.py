@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from abb_protocols.errors import SettingsError
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, Side
 from abb_runtime.parameters import Values
 from abb_runtime.rws.client import RwsClient
 from controller_states import moved
@@ -42,7 +42,7 @@ def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str
     assert arm.snapshot.goal_kind is GoalKind.NONE
     arm.cycle()
     assert arm.snapshot.goal_kind is kind
-    write_goal(getattr(buffers, box), 1, moved(start, 6, 0.3), moved(ZERO, 6, 0.3))
+    write_goal(getattr(buffers, box), 1, moved(start, 6, 0.3), moved(ZERO_JOINTS, 6, 0.3))
     arm.run(0.2)
     assert arm.robot.arm.planned[6] > start[6] + 0.02
 

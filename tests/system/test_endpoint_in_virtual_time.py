@@ -22,7 +22,7 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, named_pose
-from abb_protocols.robot.kinematics import compose, matrix, tool0_to_body
+from abb_protocols.robot.kinematics import compose_poses, matrix_from_quaternion, tool0_to_body
 from abb_runtime.faults import Fault
 from refusals import refused
 from system.virtual_time_bench import System
@@ -41,7 +41,7 @@ from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, 
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import EndpointServer
 from yumi.driver.motion_commands import JOG_HOLDS
-from yumi.web.page_messages import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
+from yumi.web.page_messages import MAX_JOG_ANGULAR, MAX_JOG_JOINT_SPEED, MAX_JOG_LINEAR
 
 
 class Driver(System):
@@ -212,9 +212,9 @@ def check_stands_soon(driver: Driver, side: Side) -> None:
 @pytest.mark.parametrize(
     "velocity",
     [
-        (0.0, 0.0, MAX_LINEAR, 0.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, MAX_ANGULAR, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, MAX_JOINT_SPEED),
+        (0.0, 0.0, MAX_JOG_LINEAR, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, MAX_JOG_ANGULAR, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, MAX_JOG_JOINT_SPEED),
         None,
     ],
     ids=["line", "turn", "elbow", "joint"],
@@ -228,7 +228,7 @@ def test_arm_whose_fastest_jog_is_lost_stands_within_a_fifth_of_a_second(
 
     def jog() -> None:
         if velocity is None:
-            driver.mover.jog(Side.RIGHT, (MAX_JOINT_SPEED, *[0.0] * 6), owner)
+            driver.mover.jog(Side.RIGHT, (MAX_JOG_JOINT_SPEED, *[0.0] * 6), owner)
         else:
             driver.mover.jog_tool(Side.RIGHT, velocity, FINGERTIPS, owner, is_in_tool=False)
 
@@ -250,11 +250,11 @@ def test_fingertips_are_jogged_along_a_line_and_stop_by_their_controllers_timeou
     driver.done("start")
     driver.done("move", "right", "ready", "--speed-scale", "1")
     with attach() as attached:
-        before = compose(tool0_to_body(Side.RIGHT, driver.snapshot(Side.RIGHT).position), FINGERTIPS)
+        before = compose_poses(tool0_to_body(Side.RIGHT, driver.snapshot(Side.RIGHT).position), FINGERTIPS)
         keep_asking(driver, lambda: attached.jog_tool("right", linear=(0.0, 0.0, 0.08), frame=frame), 0.8)
         check_stands_soon(driver, Side.RIGHT)
-        after = compose(tool0_to_body(Side.RIGHT, driver.snapshot(Side.RIGHT).position), FINGERTIPS)
-    axis = np.array((0.0, 0.0, 1.0)) if frame == "base" else matrix(before.orientation)[:, 2]
+        after = compose_poses(tool0_to_body(Side.RIGHT, driver.snapshot(Side.RIGHT).position), FINGERTIPS)
+    axis = np.array((0.0, 0.0, 1.0)) if frame == "base" else matrix_from_quaternion(before.orientation)[:, 2]
     moved = np.array(after.position) - np.array(before.position)
     assert 0.04 < float(moved @ axis) < 0.4
     assert float(np.linalg.norm(moved - (moved @ axis) * axis)) < 0.001

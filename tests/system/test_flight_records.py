@@ -12,7 +12,7 @@ from queue import Queue
 
 import pytest
 
-from abb_protocols.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
+from abb_protocols.robot.joints import CYCLE, ZERO_JOINTS, ArmCommand, ArmState, Joints, Side, joints
 from abb_runtime.clock import ManualClock, SystemClock
 from abb_runtime.process.child import ChildProcess, PipeEnd
 from abb_runtime.udp import free_port
@@ -48,7 +48,7 @@ def stop_rapid(system: System) -> None:
 
 def break_controller(system: System) -> None:
     arm = system.arms[RIGHT]
-    arm.goals.write(SessionGoal(arm.snapshot.session, nan, (), ZERO))  # type: ignore[arg-type]  # without positions
+    arm.goals.write(SessionGoal(arm.snapshot.session, nan, (), ZERO_JOINTS))  # type: ignore[arg-type]  # without positions
 
 
 @pytest.fixture

@@ -12,16 +12,16 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.catalogue.actions import Action
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.gripper_values import (
-    ATMOSPHERE,
-    MAX_FORCE,
-    THINNEST,
-    TRAVEL,
-    Direction,
+    ATMOSPHERIC_PRESSURE,
+    FINGER_TRAVEL,
+    MAX_GRIP_FORCE,
+    THINNEST_GRIPPED,
+    GripDirection,
     GripOutcome,
     GripperGoal,
     GripperModules,
     ServoState,
-    go_to,
+    finger_position_goal,
     grip,
 )
 from abb_protocols.robot.joints import CYCLE, Side, home
@@ -38,9 +38,9 @@ from yumi.driver.gripper_setup import GripperSetup, close_as_test
 from yumi.driver.robot_state import RobotMode
 from yumi.driver.settings import read_settings
 
-CLOSE = grip(Direction.INWARDS, 10.0)
-SPREAD = grip(Direction.OUTWARDS, 8.0)
-OPEN = go_to(TRAVEL)
+CLOSE = grip(GripDirection.INWARDS, 10.0)
+SPREAD = grip(GripDirection.OUTWARDS, 8.0)
+OPEN = finger_position_goal(FINGER_TRAVEL)
 IN_EGM = message("not_idle", machines=(message("machine", arm="left", machine="RUN_EGM_ROUTINE"),))
 REPORTED = 0.1
 """By then the controller has reported a change of a gripper [s]."""
@@ -309,7 +309,7 @@ def test_fingers_are_reported_twenty_times_a_second_without_a_request_while_egm_
     calibrated: System, right: RwsGripper, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calibrated.start_egm()
-    right.begin(go_to(TRAVEL, speed=0.0125))
+    right.begin(finger_position_goal(FINGER_TRAVEL, speed=0.0125))
     calibrated.wait(0.1)
     monkeypatch.setattr(calibrated.http, "handle_request", lambda *_: pytest.fail("something was asked"))
     positions = set()
@@ -336,7 +336,7 @@ def test_gripper_is_known_again_after_the_web_socket_broke(calibrated: System, r
     assert calibrated.signals.state(Side.RIGHT) is None
     assert done(right, OPEN) is GripOutcome.OPEN
     calibrated.signals.keep_open()
-    assert calibrated.signals.state(Side.RIGHT).position == TRAVEL
+    assert calibrated.signals.state(Side.RIGHT).position == FINGER_TRAVEL
 
 
 def test_gripper_holds_an_object_and_knows_its_width(left: RwsGripper) -> None:
@@ -362,7 +362,7 @@ def test_grip_outwards_on_nothing_ends_open(right: RwsGripper) -> None:
 
 def test_gripper_goes_to_a_place_between_with_the_speed_it_is_reported(calibrated: System, right: RwsGripper) -> None:
     begin = calibrated.now()
-    assert done(right, go_to(0.012, speed=0.005)) is GripOutcome.IN_PLACE
+    assert done(right, finger_position_goal(0.012, speed=0.005)) is GripOutcome.IN_PLACE
     assert right.last_position == pytest.approx(0.012, abs=5e-4)
     assert calibrated.now() - begin == pytest.approx(2.6, abs=0.4)
 
@@ -375,14 +375,14 @@ def test_gripper_can_be_used_again_and_again(left: RwsGripper) -> None:
 def test_object_too_heavy_for_the_force_is_lost_and_the_fingers_close(calibrated: System, left: RwsGripper) -> None:
     calibrated.world.grippers[Side.LEFT].workpiece = Workpiece(0.02, mass=0.4)
     done(left, OPEN)
-    assert done(left, grip(Direction.INWARDS, 2.0)) in {GripOutcome.HOLDING, GripOutcome.CLOSED}
+    assert done(left, grip(GripDirection.INWARDS, 2.0)) in {GripOutcome.HOLDING, GripOutcome.CLOSED}
     calibrated.wait(1.0)
     assert (left.is_holding(), left.position()) == (False, 0.0)
 
 
 def test_something_in_the_way_of_a_move_is_reported_as_stalled_and_the_next_order_works(left: RwsGripper) -> None:
     done(left, OPEN)
-    assert done(left, go_to(0.005)) is GripOutcome.STALLED
+    assert done(left, finger_position_goal(0.005)) is GripOutcome.STALLED
     assert left.last_position == pytest.approx(0.010)
     assert done(left, OPEN) is GripOutcome.OPEN
 
@@ -423,7 +423,7 @@ def test_gripper_that_must_hold_stops_its_fingers(
     position = right.position()
     calibrated.wait(0.5)
     assert (right.state().state, right.position()) == (ServoState.READY, position)
-    assert 0.0 < position < TRAVEL
+    assert 0.0 < position < FINGER_TRAVEL
 
 
 def test_gripper_that_must_hold_keeps_what_it_holds(calibrated: System, left: RwsGripper) -> None:
@@ -464,12 +464,12 @@ def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System
 @pytest.mark.parametrize(
     ("order", "quantity", "values"),
     [
-        (lambda: go_to(TRAVEL + 0.001), "position", {"position": 0.026, "most": 0.025}),
-        (lambda: go_to(nan), "position", {"position": nan, "most": 0.025}),
-        (lambda: go_to(0.01, speed=0.03), "speed", {"speed": 0.03, "lowest": 0.003, "highest": 0.025}),
-        (lambda: go_to(0.01, speed=nan), "speed", {"speed": nan, "lowest": 0.003, "highest": 0.025}),
-        (lambda: grip(Direction.INWARDS, MAX_FORCE + 1.0), "force", {"force": 21.0, "most": 20.0}),
-        (lambda: grip(Direction.OUTWARDS, 0.0), "force", {"force": 0.0, "most": 20.0}),
+        (lambda: finger_position_goal(FINGER_TRAVEL + 0.001), "position", {"position": 0.026, "most": 0.025}),
+        (lambda: finger_position_goal(nan), "position", {"position": nan, "most": 0.025}),
+        (lambda: finger_position_goal(0.01, speed=0.03), "speed", {"speed": 0.03, "lowest": 0.003, "highest": 0.025}),
+        (lambda: finger_position_goal(0.01, speed=nan), "speed", {"speed": nan, "lowest": 0.003, "highest": 0.025}),
+        (lambda: grip(GripDirection.INWARDS, MAX_GRIP_FORCE + 1.0), "force", {"force": 21.0, "most": 20.0}),
+        (lambda: grip(GripDirection.OUTWARDS, 0.0), "force", {"force": 0.0, "most": 20.0}),
     ],
 )
 def test_order_that_no_gripper_can_carry_out_is_refused(
@@ -488,7 +488,7 @@ def test_vacuum_picks_what_lies_under_the_cup_and_blows_it_off(calibrated: Syste
     gripper.drop(channel)
     reading = gripper.vacuum(channel)
     assert (reading.sucks, reading.blows) == (False, False)
-    assert reading.pressure == pytest.approx(ATMOSPHERE, rel=0.05)
+    assert reading.pressure == pytest.approx(ATMOSPHERIC_PRESSURE, rel=0.05)
 
 
 def test_object_that_leaks_is_not_picked(calibrated: System, left: RwsGripper) -> None:
@@ -541,7 +541,7 @@ def egm_motion(commands: Callable[[System], None]) -> DriverArm:
 
 def use_both_hands(system: System) -> None:
     for gripper in system.grippers.values():
-        done(gripper, grip(Direction.OUTWARDS, 5.0))
+        done(gripper, grip(GripDirection.OUTWARDS, 5.0))
         done(gripper, OPEN)
     left = system.grippers[Side.LEFT]
     left.begin(CLOSE)
@@ -568,7 +568,7 @@ def test_grippers_are_closed_as_a_test_where_that_is_allowed(calibrated: System)
     said: list[Message] = []
     close_as_test(calibrated.grippers, said.append, said.append)
     assert said == [message("gripper_tested", gripper=side.word) for side in calibrated.grippers]
-    assert all(gripper.position() <= THINNEST for gripper in calibrated.grippers.values())
+    assert all(gripper.position() <= THINNEST_GRIPPED for gripper in calibrated.grippers.values())
 
 
 def test_gripper_that_does_not_close_is_reported_and_the_other_is_tested(calibrated: System, left: RwsGripper) -> None:

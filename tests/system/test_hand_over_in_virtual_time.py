@@ -15,19 +15,19 @@ import pytest
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.joints import CYCLE, ZERO, Joints, Side, joints
+from abb_protocols.robot.joints import CYCLE, ZERO_JOINTS, Joints, Side, joints
 from abb_protocols.robot.kinematics import tool0_to_body
 from cartesian_bench import shares
 from refusals import refused
 from system.teleoperation_bench import LEFT_START, RATE, RELEASED, RIGHT, START, WITHIN, at, driver_in_egm, operator_of
 from system.test_endpoint_in_virtual_time import Driver
 from yumi.api.motion_registry import Motion
-from yumi.control.controller import IDLE
+from yumi.control.controller import CONTROLLER_IDLE_TIME
 from yumi.control.hand_over import Commander, is_person_requesting, requested_by
 from yumi.control.loop_commands import ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import largest_difference
-from yumi.control.motion.standstill import AT_GOAL
+from yumi.control.motion.standstill import STANDSTILL_TOLERANCE
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver import motion_commands
 from yumi.driver.command import Caller, Command
@@ -113,7 +113,7 @@ def test_person_takes_an_arm_from_a_scripts_move_and_gives_it_back(clients: Clie
     # The jog's controller begins where the arm is measured, as soon as the thread of the move gives it the arm back.
     moved = driver.arms[RIGHT].admitted[begin:]
     assert min(largest_difference(sent, START) for sent in moved) <= 1e-5
-    assert driver.snapshot(RIGHT).sent == pytest.approx(START, abs=AT_GOAL)
+    assert driver.snapshot(RIGHT).sent == pytest.approx(START, abs=STANDSTILL_TOLERANCE)
     for side in Side:
         assert max(shares(np.array(driver.arms[side].admitted))) <= max(WITHIN)
 
@@ -125,7 +125,9 @@ def test_program_that_was_granted_an_arm_before_a_person_took_it_does_not_stop_i
     driver = clients.driver
     take_all = driver.hand_over.take_all
 
-    def grant_and_be_late(sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> frozenset[Side]:
+    def grant_and_be_late(
+        sides: Collection[Side], kind: Commander, lasts: float | None = CONTROLLER_IDLE_TIME
+    ) -> frozenset[Side]:
         handed_over = take_all(sides, kind, lasts)
         monkeypatch.undo()
         clients.jog(0.5)
@@ -156,7 +158,7 @@ def follow_line(driver: Driver) -> None:
 
 
 def jog_tool(driver: Driver) -> None:
-    driver.mover.jog_tool(RIGHT, ZERO, FINGERTIPS, "policy", is_in_tool=False)
+    driver.mover.jog_tool(RIGHT, ZERO_JOINTS, FINGERTIPS, "policy", is_in_tool=False)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from yumi.driver.command import ArmName
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperationReport
 from yumi.driver.motion_commands import Jog, Teleoperate
 from yumi.driver.reports import CommandingReport
-from yumi.recording.message_types import EVENTS
+from yumi.recording.message_types import EVENTS_TOPIC
 from yumi.recording.reader import recorded_messages
 from yumi.web.driver_link import DriverLink
 
@@ -159,7 +159,7 @@ def test_no_take_over_of_both_arms_steps_and_none_resumes_by_itself(
             driver.give_back()
     assert policy.refusals["arm_reserved_for_person"] > 10 * times
     values = list(recorded_messages(record))
-    kinds = Counter(value.kind for topic, _, value in values if topic == EVENTS)
+    kinds = Counter(value.kind for topic, _, value in values if topic == EVENTS_TOPIC)
     assert kinds["CommanderChanged"] >= 2 * 2 * times
     assert kinds["ArmGivenBack"] == 2 * times
     worst = np.zeros(3)

@@ -14,7 +14,7 @@ from abb_protocols.catalogue import Message, message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.rws.values import OperatingMode
 from system.test_doctor import served
-from virtual_irc5.controller.file_store import CAPACITY
+from virtual_irc5.controller.file_store import DISK_CAPACITY
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.world import World, WorldSettings
@@ -99,7 +99,7 @@ def test_nothing_to_roll_back_is_said(where: list[str], state: Path) -> None:
 
 
 def test_dry_run_of_a_roll_back_shows_it_and_changes_nothing(where: list[str], state: Path, controller: Irc5) -> None:
-    controller.files["BACKUP:/full"] = "x" * (CAPACITY - 2000)
+    controller.files["BACKUP:/full"] = "x" * (DISK_CAPACITY - 2000)
     run("install", *where, "--yes", "--no-backup")
     (record,) = state.rglob("record.json")
     there = [file.path for file in controller.files.entries("HOME:")]
@@ -111,7 +111,7 @@ def test_dry_run_of_a_roll_back_shows_it_and_changes_nothing(where: list[str], s
 
 
 def test_failure_says_how_to_go_on_and_back(where: list[str], state: Path, controller: Irc5) -> None:
-    controller.files["BACKUP:/full"] = "x" * (CAPACITY - 2000)
+    controller.files["BACKUP:/full"] = "x" * (DISK_CAPACITY - 2000)
     result = run("install", *where, "--yes", "--no-backup")
     assert result.exit_code == 1
     assert "`yumi install --roll-back` makes all as it was" in result.output

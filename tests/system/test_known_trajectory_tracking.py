@@ -7,7 +7,7 @@ from math import radians
 import pytest
 from tracking_runs import follow_sine
 
-from yumi.control.motion.robot_response import DELAY, EGM_GAIN
+from yumi.control.motion.robot_response import EGM_GAIN, RESPONSE_DELAY
 from yumi_evaluation.virtual_time import PlannedSine
 
 
@@ -21,12 +21,12 @@ def test_arm_follows_a_known_sine_without_lag(amplitude_deg: float, allowed_deg:
 
 def test_arm_is_a_whole_delay_late_without_lookahead() -> None:
     assert follow_sine(PlannedSine(radians(10.0), periods=1), {"lookahead": 0.0}).mean_lag == pytest.approx(
-        DELAY, abs=0.001
+        RESPONSE_DELAY, abs=0.001
     )
 
 
 def test_arm_lags_by_the_gain_of_its_own_loop_without_feedforward() -> None:
     assert follow_sine(PlannedSine(radians(10.0), periods=1), {"feedforward": 0.0}).mean_lag == pytest.approx(
-        1.0 / EGM_GAIN - DELAY,
+        1.0 / EGM_GAIN - RESPONSE_DELAY,
         abs=0.005,  # it is commanded so much in advance
     )

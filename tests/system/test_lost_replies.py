@@ -13,7 +13,7 @@ from wire_faults import Tapped, center
 import yumi
 from abb_protocols.egm.codec import MotorState, SensorCodec
 from abb_protocols.errors import YumiError
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, Joints, Side, joints
 from abb_runtime.clock import SystemClock
 from abb_runtime.fault_command import fault as fault_command
 from abb_runtime.faults import Fault, FaultDirection
@@ -47,7 +47,7 @@ def move_to(robot: Robot, angle: float) -> tuple[Motion, ...]:
 
 
 def follow(robot: Robot, angle: float) -> tuple[Motion, ...]:
-    return robot.follow(**{side.word: [(2.0, turned(side, angle), ZERO)] for side in Side}, wait=False)
+    return robot.follow(**{side.word: [(2.0, turned(side, angle), ZERO_JOINTS)] for side in Side}, wait=False)
 
 
 BEGINS: dict[str, Begin] = {"goals": move_to, "trajectories": follow}

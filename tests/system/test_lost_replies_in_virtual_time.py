@@ -9,7 +9,7 @@ from math import radians
 
 import pytest
 
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, Joints, Side, joints
 from controller_arms import CASES, Case
 from trajectories import planned
 from virtual_irc5.mechanics.arm_motion import ArmModel
@@ -125,7 +125,7 @@ def joint_goal() -> Arm:
 
 
 def _trajectory(rig: VirtualArmRig) -> FollowTrajectory:
-    points = [TrajectoryPoint(1.2, TO, ZERO), TrajectoryPoint(2.4, FROM, ZERO)]
+    points = [TrajectoryPoint(1.2, TO, ZERO_JOINTS), TrajectoryPoint(2.4, FROM, ZERO_JOINTS)]
     return FollowTrajectory(planned(points, Side.RIGHT, rig.line.state.time), goal=1)
 
 

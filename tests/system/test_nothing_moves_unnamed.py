@@ -24,7 +24,7 @@ from yumi.driver import wiring
 from yumi.driver.gripper_setup import GripperSetup
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.speed_setting import FIRST_SPEED_SCALE
-from yumi.driver.state_machine import RUN_RAPID, START_JOINT, WATCHDOG
+from yumi.driver.state_machine import RUN_RAPID_SIGNAL, START_JOINT_SIGNAL, WATCHDOG_MODULE
 from yumi.driver.wiring import is_real
 
 STEPS = ("switch the motors on", "move the program pointers to main", "start the RAPID program")
@@ -127,7 +127,7 @@ def test_robot_is_taken_for_real_once_another_controller_answers_at_its_address(
     robot.manager.start_egm()
     assert robot.are_calibrated == [True, True]
     robot.manager.stop_egm()
-    robot.manager.write_signal(RUN_RAPID, 0)
+    robot.manager.write_signal(RUN_RAPID_SIGNAL, 0)
     sessions = robot.manager.session_count
     kinds["takes_faults"] = False
     robot.adapter.expire_sessions()
@@ -136,7 +136,7 @@ def test_robot_is_taken_for_real_once_another_controller_answers_at_its_address(
     robot.manager.recover(lambda step: None)
     assert robot.are_calibrated == [False, False]
     with refused(CommandRefused, "rapid_signal_not_written"):
-        robot.manager.write_signal(RUN_RAPID, 0)
+        robot.manager.write_signal(RUN_RAPID_SIGNAL, 0)
     assert robot.manager.session_count > sessions
     assert robot.manager.speed.value == FIRST_SPEED_SCALE
 
@@ -230,11 +230,11 @@ class ConnectionInMemory(Connection):
 
 def test_refused_connect_ends_neither_the_egm_nor_the_watchdog_of_another_program(driver: Driver) -> None:
     driver.manager.make_ready()
-    driver.client.pulse_signal(START_JOINT)
+    driver.client.pulse_signal(START_JOINT_SIGNAL)
     driver.wait(1.0)
     assert all(driver.snapshot(side).is_running for side in Side)
     for side in Side:
-        driver.client.set_symbol(side.task, WATCHDOG, "active", "TRUE")
+        driver.client.set_symbol(side.task, WATCHDOG_MODULE, "active", "TRUE")
     done = list(driver.steps)
     with refused(RobotNotReady, "bring_up_not_named"):
         ConnectionInMemory(driver).open()
@@ -242,4 +242,4 @@ def test_refused_connect_ends_neither_the_egm_nor_the_watchdog_of_another_progra
     assert driver.steps == done
     assert all(driver.snapshot(side).is_running for side in Side)
     for side in Side:
-        assert driver.client.symbol(side.task, WATCHDOG, "active") == "TRUE"
+        assert driver.client.symbol(side.task, WATCHDOG_MODULE, "active") == "TRUE"

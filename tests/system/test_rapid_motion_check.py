@@ -14,7 +14,7 @@ from abb_protocols.rws import rapid_values
 from abb_protocols.rws.values import ExecutionState
 from refusals import refused
 from system.virtual_time_bench import System
-from yumi.control.collisions import MARGIN
+from yumi.control.collisions import COLLISION_MARGIN
 from yumi.core.collision import CollisionModel
 from yumi.driver import rapid_routines
 from yumi.driver.rapid_motion_check import FIRST_RATIO, RapidMotionCheck
@@ -32,7 +32,7 @@ def check_of(system: System, *, is_real: bool) -> RapidMotionCheck:
         system.bringup.panel,
         system.bringup.machines,
         CollisionModel(SERVO_GRIPPERS),
-        MARGIN,
+        COLLISION_MARGIN,
         is_real=lambda: is_real,
     )
 
@@ -224,7 +224,7 @@ def test_run_counts_as_the_first_where_another_motion_may_have_the_name(system: 
 def test_run_counts_as_the_first_again_once_another_controller_may_answer(system: System) -> None:
     is_real = [False]
     check = RapidMotionCheck(
-        system.client, system.bringup.panel, system.bringup.machines, None, MARGIN, is_real=lambda: is_real[0]
+        system.client, system.bringup.panel, system.bringup.machines, None, COLLISION_MARGIN, is_real=lambda: is_real[0]
     )
     system.bringup.make_ready()
 

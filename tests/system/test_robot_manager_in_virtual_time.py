@@ -22,7 +22,7 @@ from abb_runtime.faults import Fault, FaultDirection
 from refusals import assert_says, refused
 from system.virtual_time_bench import DriverArm, System
 from yumi.control.loop_events import AllowedCollisionsChanged
-from yumi.control.shared_state import Problem, Snapshot
+from yumi.control.shared_state import ArmProblem, Snapshot
 from yumi.driver import rapid_routines
 from yumi.driver.robot_state import RobotMode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
@@ -481,10 +481,10 @@ def test_recover_starts_egm_again_on_an_arm_that_ignores_its_references(system: 
     system.faults.inject(Fault.EGM_LOSS, Side.RIGHT, 1.0, 100.0, FaultDirection.TO_ROBOT)
     arm.go(joints([value + 0.2 for value in arm.snapshot.position]))
     system.wait(0.5)
-    assert arm.snapshot.problem is Problem.REFERENCES_IGNORED
+    assert arm.snapshot.problem is ArmProblem.REFERENCES_IGNORED
     assert not arm.snapshot.is_commanded
     assert "the controllers are active" in system.manager.recover(lambda _: None)
-    assert (arm.snapshot.problem, arm.snapshot.is_commanded) == (Problem.NONE, True)
+    assert (arm.snapshot.problem, arm.snapshot.is_commanded) == (ArmProblem.NONE, True)
     assert arm.snapshot.session > session
     system.wait(1.0)
     goal = joints([value + 0.2 for value in arm.snapshot.position])

@@ -13,21 +13,21 @@ import pytest
 
 from abb_protocols.catalogue import Message, clause, message, remedy_of
 from abb_protocols.errors import ControllerRefused, RobotNotReady
-from abb_protocols.robot.gripper_values import TRAVEL, ServoCommand, ServoState
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, ServoCommand, ServoState
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import ControllerState, EventType, ExecutionState, OperatingMode, Resource
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import Fault
 from abb_runtime.rws.client import Change, OnChange, OnLost, Subscription
-from abb_runtime.rws.transport import INTERVAL
+from abb_runtime.rws.transport import EXCHANGE_INTERVAL
 from refusals import assert_says, numbers_in
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
 from yumi.control.loop_events import Event as ArmEvent
 from yumi.control.loop_events import is_fault
-from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
+from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF_CHANGE, PROGRAM_STOPPED_CHANGE, STALE_STATE, WHOLE_POLL
 from yumi.driver.robot_state import RobotMode, RobotState
-from yumi.driver.state_machine import START_JOINT, MachineState
+from yumi.driver.state_machine import START_JOINT_SIGNAL, MachineState
 from yumi.driver.stops import Cause
 from yumi.recording.reader import read_recording
 from yumi.recording.recorder import Recorder
@@ -83,7 +83,7 @@ class Monitored:
 
 def ready_system() -> System:
     """A robot whose program runs, without EGM: its time passes several times as fast as with it."""
-    system = System(request_interval=INTERVAL)
+    system = System(request_interval=EXCHANGE_INTERVAL)
     system.manager.make_ready()
     return system
 
@@ -168,7 +168,7 @@ def test_jog_ends_when_a_stop_comes_that_a_person_must_confirm(
     system.faults.inject(fault)
     monitored.wait(0.3)
     assert right.state().state is ServoState.READY
-    assert 0.0 < right.position() < TRAVEL
+    assert 0.0 < right.position() < FINGER_TRAVEL
 
 
 def test_stop_that_needs_no_confirmation_ends_no_jog(monitored: Monitored) -> None:
@@ -188,7 +188,7 @@ def test_fingers_can_be_stopped_by_their_signal_while_a_stop_is_open(monitored: 
 def test_start_signal_of_another_client_is_known(monitored: Monitored) -> None:
     system = monitored.system
     assert monitored.monitor.state().machines[Side.LEFT] is MachineState.IDLE
-    system.world.controller.signals.set(START_JOINT, 1)
+    system.world.controller.signals.set(START_JOINT_SIGNAL, 1)
     assert monitored.until(lambda state: state.machines[Side.LEFT] is MachineState.RUN_EGM_ROUTINE) <= NOTICED
 
 
@@ -439,7 +439,7 @@ def test_each_change_for_the_better_is_logged_whoever_made_it(monitored: Monitor
 
 def test_emergency_stop_during_a_request_is_an_alarm(monitored: Monitored) -> None:
     monitored.lines.clear()
-    with monitored.monitor.log.requested(frozenset({MOTORS_OFF, PROGRAM_STOPPED})):
+    with monitored.monitor.log.requested(frozenset({MOTORS_OFF_CHANGE, PROGRAM_STOPPED_CHANGE})):
         monitored.system.faults.inject(Fault.EMERGENCY_STOP)
         monitored.wait(1.0)
     assert [level for level, _ in monitored.lines] == [logging.ERROR]
@@ -556,18 +556,18 @@ def test_stop_is_explained_to_all_who_wait_although_one_of_them_fails(
 def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> None:
     """Whatever keeps the monitor from making its steps, a hung thread or one that is gone."""
     assert monitored.monitor.state().is_connected
-    monitored.system.advance(STALE + WHOLE_POLL)
+    monitored.system.advance(STALE_STATE + WHOLE_POLL)
     state = monitored.monitor.state()
     assert not state.is_connected
     assert state.execution is None
     assert [each.code for each in state.reasons] == ["state_is_old"]
-    assert state.reasons[0].values["age"] >= STALE + WHOLE_POLL
+    assert state.reasons[0].values["age"] >= STALE_STATE + WHOLE_POLL
     assert str(state).startswith(clause(state.reasons[0]))
 
 
 def test_state_is_known_for_as_long_as_the_monitor_makes_its_steps(monitored: Monitored) -> None:
     monitored.told.clear()
-    monitored.wait(1.2 * STALE)
+    monitored.wait(1.2 * STALE_STATE)
     assert all(state.is_connected for state in monitored.told)
     assert monitored.monitor.state().is_connected
 

@@ -24,8 +24,8 @@ from abb_protocols.robot.joints import Side, home
 from abb_runtime.faults import Fault
 from refusals import numbers_in, refused
 from yumi.api.robot import Robot
-from yumi.control.motion.robot_response import DELAY
-from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.control.motion.robot_response import RESPONSE_DELAY
+from yumi.driver.bringup import BRINGUP_ANNOUNCEMENT
 from yumi.driver.reports import ArmMode
 from yumi.recording.reader import read_recording
 
@@ -57,7 +57,7 @@ def test_ctrl_c_leaves_the_arms_at_rest_and_ends_egm(virtual: VirtualRobot) -> N
         "    motion.wait()\n"
     )
     assert script.stdout is not None
-    assert script.stdout.readline().startswith(ANNOUNCEMENT)
+    assert script.stdout.readline().startswith(BRINGUP_ANNOUNCEMENT)
     assert script.stdout.readline() == "moving\n"
     script.send_signal(signal.SIGINT)
     output = output_of(script)
@@ -73,7 +73,7 @@ def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(virtu
     )
     output = output_of(script)
     assert (script.returncode, len(output.splitlines())) == (0, 1)
-    assert output.startswith(ANNOUNCEMENT)
+    assert output.startswith(BRINGUP_ANNOUNCEMENT)
     assert not virtual.is_guided(Side.RIGHT)
 
 
@@ -151,7 +151,7 @@ def test_robot_that_has_collided_is_opened_only_with_a_persons_confirmation(virt
 def test_both_arms_follow_a_stream_of_30_hz_by_its_stamps(virtual: VirtualRobot, tmp_path: Path) -> None:
     """Within 20 ms of what it is in virtual time; the recording says where the arms were when."""
     with yumi.connect(**virtual.options) as robot:
-        rate, late = 30.0, 1.0 / 30.0 + DELAY
+        rate, late = 30.0, 1.0 / 30.0 + RESPONSE_DELAY
         robot.move_to(right=RIGHT, left=LEFT)
 
         def way(moment: ArrayLike) -> NDArray[np.float64]:

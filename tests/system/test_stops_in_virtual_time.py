@@ -17,7 +17,7 @@ from system.recovery_bench import GOALS, MovingSystem
 from system.virtual_time_bench import System
 from yumi.driver.commissioning.stream_checks import streaming
 from yumi.driver.robot_state import RobotMode
-from yumi.driver.stops import HISTORY
+from yumi.driver.stops import STOP_HISTORY
 
 NO_JUMP = 1.001
 NUMBERS = {Fault.COLLISION: 50204, Fault.EMERGENCY_STOP: 10013}
@@ -344,7 +344,7 @@ def test_event_that_follows_its_state_soon_keeps_the_id_of_the_stop(system: Movi
 
 def test_emergency_stop_that_comes_later_than_one_known_by_the_state_has_another_id(system: MovingSystem) -> None:
     identity = state_only(system)
-    system.wait(HISTORY)
+    system.wait(STOP_HISTORY)
     stop(system, Fault.EMERGENCY_STOP)
     with refused(StopNotConfirmed, "another_stop_open", given=identity):
         system.recover(identity)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.robot_response import RESPONSE_DELAY
 from yumi_evaluation.followed_streams import HEAD, ROWS, Followed, SmoothPolicy, follow_stream
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "follow-a-stream.md"
@@ -36,7 +36,7 @@ def test_fourteen_joints_follow_a_smooth_policy_one_period_late_and_as_smoothly(
 
 def test_points_that_arrive_late_are_followed_by_their_stamps() -> None:
     found = follow_stream(30.0, duration=3.0, lateness=0.004)
-    assert found.lag == pytest.approx(1.0 / 30.0 + DELAY, abs=0.002)
+    assert found.lag == pytest.approx(1.0 / 30.0 + RESPONSE_DELAY, abs=0.002)
     assert found.acceleration <= 1.2
 
 

@@ -25,7 +25,7 @@ from system.teleoperation_bench import (
 )
 from system.test_endpoint_in_virtual_time import Driver
 from yumi.driver.device_frame import DeviceHand, DeviceSettings
-from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.driver.teleoperated_arm import DEVICE_LINK_LOST
 
 STILL = 0.3  # [s] after which an arm that was let go stands
 
@@ -91,11 +91,11 @@ class RandomTeleoperation:
             for hand in self._hands.values():
                 held = ["stay"] * 7 + ["release"] * 5 + ["jump"]
                 hand.act(str(self._random.choice(held if hand.frame.clutch else ["stay"] + ["press"] * 4)))
-            silence = float(self._random.choice([0.0] * 14 + [0.1, 0.15, LINK_LOST + 0.1]))
+            silence = float(self._random.choice([0.0] * 14 + [0.1, 0.15, DEVICE_LINK_LOST + 0.1]))
             self._send_for(float(self._random.uniform(0.1, 0.7)), silence, is_mixed=bool(self._random.uniform() < 0.3))
         for hand in self._hands.values():
             hand.act("release")
-        self._send_for(LINK_LOST + STILL, 0.0, is_mixed=False)
+        self._send_for(DEVICE_LINK_LOST + STILL, 0.0, is_mixed=False)
 
     def _send_for(self, seconds: float, silence: float, *, is_mixed: bool) -> None:
         """Move the hands; nothing of it arrives for ``silence`` [s], then all at once, perhaps in another order."""

@@ -14,10 +14,16 @@ from numpy.typing import NDArray
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.gripper_values import TRAVEL
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL
 from abb_protocols.robot.inverse_kinematics import arm_angle
 from abb_protocols.robot.joints import CYCLE, Pose, Side, joints
-from abb_protocols.robot.kinematics import compose, distance_between, multiply, quaternion_of, tool0_to_body
+from abb_protocols.robot.kinematics import (
+    compose_poses,
+    pose_distance,
+    quaternion_of,
+    quaternion_product,
+    tool0_to_body,
+)
 from cartesian_bench import shares
 from refusals import refused
 from system.teleoperation_bench import (
@@ -39,7 +45,7 @@ from yumi.driver.commands import carry_out
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperatedArmReport, TeleoperationReport
 from yumi.driver.motion_commands import Teleoperate
-from yumi.driver.teleoperated_arm import BLENDING, LINK_LOST
+from yumi.driver.teleoperated_arm import BLENDING, DEVICE_LINK_LOST
 from yumi.driver.teleoperation import OPERATOR_HOLDS
 
 
@@ -64,7 +70,7 @@ def sway(time: float) -> DeviceHand:
 
 def tip(driver: Driver, side: Side = RIGHT) -> Pose:
     """Where the fingertips are sent."""
-    return compose(tool0_to_body(side, driver.snapshot(side).sent), FINGERTIPS)
+    return compose_poses(tool0_to_body(side, driver.snapshot(side).sent), FINGERTIPS)
 
 
 def sent(driver: Driver, side: Side = RIGHT) -> NDArray[np.float64]:
@@ -73,7 +79,7 @@ def sent(driver: Driver, side: Side = RIGHT) -> NDArray[np.float64]:
 
 
 def is_exact(pose: Pose, other: Pose) -> bool:
-    way, turn = distance_between(pose, other)
+    way, turn = pose_distance(pose, other)
     return way <= EXACT[0] and turn <= EXACT[1]
 
 
@@ -101,7 +107,7 @@ def test_tool_moves_by_what_the_hand_moves(driver: Driver, operator: Operator) -
     assert is_exact(before, tip(driver))
     operator.hold(1.2, lambda time: at(0.05, -0.04, 0.03, (0.0, 0.0, 0.2)))
     x, y, z = before.position
-    turned = multiply(quaternion_of((0.0, 0.0, 0.2)), before.orientation)
+    turned = quaternion_product(quaternion_of((0.0, 0.0, 0.2)), before.orientation)
     assert is_exact(tip(driver), Pose((x + 0.05, y - 0.04, z + 0.03), turned))
     assert arm_angle(RIGHT, driver.snapshot(RIGHT).sent) == pytest.approx(angle, abs=radians(0.1))
     assert is_within_limits(driver)
@@ -176,7 +182,7 @@ def test_frames_older_than_the_newest_are_dropped(driver: Driver, operator: Oper
 
 def test_frames_that_come_too_late_are_no_link(driver: Driver, operator: Operator) -> None:
     operator.engage(at())
-    before, lateness = tip(driver), 2.0 * LINK_LOST
+    before, lateness = tip(driver), 2.0 * DEVICE_LINK_LOST
     driver.wait(lateness)
     for _ in range(30):  # a queue on the way that never empties
         operator.send(at(0.04), driver.now() - lateness)
@@ -189,10 +195,10 @@ def test_lost_link_brakes_and_the_clutch_is_inert_until_it_is_pressed_again(driv
     operator.engage(at())
     operator.hold(0.5, lambda time: at(0.2 * time))
     cycles = len(sent(driver))
-    driver.wait(LINK_LOST)
+    driver.wait(DEVICE_LINK_LOST)
     operator.teleoperation.lose(operator)
     driver.wait(0.5)
-    assert stands_after(driver, cycles) < LINK_LOST + 0.2
+    assert stands_after(driver, cycles) < DEVICE_LINK_LOST + 0.2
     before = tip(driver)
     operator.hold(1.0, sway)
     assert (operator.clutch, operator.why) == ("inert", "teleoperation_link_lost")
@@ -206,7 +212,7 @@ def test_lost_link_brakes_and_the_clutch_is_inert_until_it_is_pressed_again(driv
 
 def test_gap_that_no_timer_saw_is_a_lost_link_too(driver: Driver, operator: Operator) -> None:
     operator.engage(at())
-    driver.wait(LINK_LOST + 0.01)
+    driver.wait(DEVICE_LINK_LOST + 0.01)
     operator.send(at(0.01))
     assert (operator.clutch, operator.why) == ("inert", "teleoperation_link_lost")
 
@@ -216,7 +222,7 @@ def test_old_frame_with_the_clutch_released_ends_no_inert_clutch(driver: Driver,
     old = driver.now()
     driver.wait(1.0 / RATE)
     operator.send(at())
-    driver.wait(0.5 * LINK_LOST)
+    driver.wait(0.5 * DEVICE_LINK_LOST)
     operator.teleoperation.lose(operator)
     operator.send(RELEASED, old)  # it came late, and says nothing about now
     operator.hold(0.3, sway)
@@ -239,7 +245,7 @@ def test_way_of_the_hand_is_scaled_and_seen_from_where_the_operator_stands(drive
     before = tip(driver)
     operator.hold(1.2, lambda time: at(0.08, 0.04, 0.04, (0.2, 0.0, 0.0)))
     x, y, z = before.position
-    turned = multiply(quaternion_of((-0.2, 0.0, 0.0)), before.orientation)
+    turned = quaternion_product(quaternion_of((-0.2, 0.0, 0.0)), before.orientation)
     assert is_exact(tip(driver), Pose((x - 0.02, y - 0.01, z + 0.01), turned))
 
 
@@ -256,8 +262,8 @@ def test_tool_is_no_faster_than_the_settings_allow(driver: Driver, operator: Ope
     operator.settings = DeviceSettings(cutoff=0.0, speed=0.05, turning=0.1)
     operator.engage(at())
     operator.hold(1.0, lambda time: at(0.04 * min(1.0, 4.0 * time), turn=(0.0, 0.3 * min(1.0, 4.0 * time), 0.0)))
-    tips = [compose(tool0_to_body(RIGHT, joints(row)), FINGERTIPS) for row in sent(driver).tolist()]
-    steps = [distance_between(first, then) for first, then in zip(tips[:-10], tips[10:], strict=True)]
+    tips = [compose_poses(tool0_to_body(RIGHT, joints(row)), FINGERTIPS) for row in sent(driver).tolist()]
+    steps = [pose_distance(first, then) for first, then in zip(tips[:-10], tips[10:], strict=True)]
     assert max(way for way, _ in steps) / (10.0 * CYCLE) < 0.05 * 1.1
     assert max(turn for _, turn in steps) / (10.0 * CYCLE) < 0.1 * 1.1
     assert max(way for way, _ in steps) > 0.0
@@ -289,7 +295,10 @@ def test_tool_is_sent_a_moment_after_the_hand(driver: Driver, operator: Operator
     operator.engage(at())
     start, count = tip(driver).position[0], len(sent(driver))
     operator.hold(3.0, lambda time: at(swing(time)))
-    tips = [compose(tool0_to_body(RIGHT, joints(row)), FINGERTIPS).position[0] for row in sent(driver)[count:].tolist()]
+    tips = [
+        compose_poses(tool0_to_body(RIGHT, joints(row)), FINGERTIPS).position[0]
+        for row in sent(driver)[count:].tolist()
+    ]
     times = CYCLE * np.arange(1, 1 + len(tips))
     settled = times > 1.5
     lags = np.arange(0.0, 0.2, 0.002)
@@ -465,6 +474,6 @@ def test_gripper_grips_while_the_arm_is_teleoperated(driver: Driver) -> None:
 
         send(1.0, clutch=False)
         poll_until(lambda: send(1.0).left.clutch == "engaged")
-        poll_until(lambda: send(0.0).left.clutch == "engaged" and gripper.position() > 0.9 * TRAVEL)
+        poll_until(lambda: send(0.0).left.clutch == "engaged" and gripper.position() > 0.9 * FINGER_TRAVEL)
         poll_until(lambda: send(1.0).left.clutch == "engaged" and gripper.is_holding())
         assert send(1.0) == TeleoperationReport(left=TeleoperatedArmReport("engaged"))

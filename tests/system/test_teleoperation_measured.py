@@ -21,7 +21,7 @@ from yumi.api.attach import RunningDriver
 from yumi.control.flight_recorder import RecordedCycle
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperationReport
 from yumi.driver.motion_commands import Teleoperate
-from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.driver.teleoperated_arm import DEVICE_LINK_LOST
 from yumi.recording.reader import recorded_messages
 
 RATE = 60.0
@@ -143,12 +143,12 @@ def test_arm_of_a_device_that_falls_silent_or_is_gone_stands_soon(
                 device.send()
             lost_at.append(device.sent_at)
             if not is_gone:
-                time.sleep(LINK_LOST + 0.3)
+                time.sleep(DEVICE_LINK_LOST + 0.3)
                 assert device.send().right.clutch == "inert"
     cycles = right_cycles(record, lost_at[0], lost_at[-1])
     stops = [standstill(cycles, lost) for lost in lost_at]
     tell(f"From the last frame to standstill: median {1e3 * median(stops):.0f} ms, at most {1e3 * max(stops):.0f} ms.")
-    assert max(stops) < LINK_LOST + 0.2
+    assert max(stops) < DEVICE_LINK_LOST + 0.2
 
 
 def right_cycles(record: Path, begin: float, end: float) -> list[RecordedCycle]:

@@ -16,8 +16,8 @@ from soak import long, short
 from system.teleoperation_bench import RATE, RELEASED, RIGHT, Operator, at, driver_in_egm, operator_of
 from system.test_endpoint_in_virtual_time import Driver
 from yumi.driver.device_frame import DeviceHand
-from yumi.driver.teleoperated_arm import LINK_LOST
-from yumi.web.live import RATE as STATES
+from yumi.driver.teleoperated_arm import DEVICE_LINK_LOST
+from yumi.web.live import PAGE_STATE_RATE as STATES
 
 STANDS = 0.2  # [s] after the link counts as lost the arm stands
 FASTEST = 1e-2  # [rad/s] an arm that is slower stands, as at the end of a jog
@@ -133,14 +133,14 @@ def test_arm_over_a_link_that_is_fast_enough_follows_and_stands_soon_after_a_los
         cut = len(driver.arms[RIGHT].admitted)
         assert standstill(driver, cut - 50) > 0.19  # it moves until then
         page.is_cut = True
-        page.hold(LINK_LOST + STANDS + 0.2, sway)
+        page.hold(DEVICE_LINK_LOST + STANDS + 0.2, sway)
         page.is_cut = False
-        assert standstill(driver, cut) < LINK_LOST + STANDS
+        assert standstill(driver, cut) < DEVICE_LINK_LOST + STANDS
         still = driver.snapshot(RIGHT).sent
         page.hold(0.5, sway)  # the link is back, and the clutch held still
         assert operator.clutch == "inert"
         assert driver.snapshot(RIGHT).sent == still
-    assert delay <= max(page.ages) <= LINK_LOST
+    assert delay <= max(page.ages) <= DEVICE_LINK_LOST
 
 
 @pytest.mark.parametrize(("delay", "jitter"), [(0.1, 0.1), (0.15, 0.0), (0.8, 0.2)])
@@ -167,8 +167,8 @@ def test_arm_stands_soon_after_its_link_has_become_slow(driver: Driver, operator
     page.delay = delay  # of what is sent from now on: no frame is lost
     page.hold(2.0, lambda time: sway(0.7 + time))
     assert (operator.clutch, operator.why) == ("inert", "teleoperation_link_slow")
-    assert standstill(driver, since) < LINK_LOST + STANDS
-    assert max(page.ages) <= LINK_LOST
+    assert standstill(driver, since) < DEVICE_LINK_LOST + STANDS
+    assert max(page.ages) <= DEVICE_LINK_LOST
 
 
 @pytest.mark.parametrize("times", [short(6), long(300, 3600.0)])
@@ -188,6 +188,6 @@ def test_no_arm_moves_by_a_frame_that_is_too_old_whatever_the_link_does(
         since = len(driver.arms[RIGHT].admitted)
         page.is_cut = True
         page.hold(1.0, sway)
-        assert standstill(driver, since) < LINK_LOST + STANDS
+        assert standstill(driver, since) < DEVICE_LINK_LOST + STANDS
     assert engaged == times
-    assert max(page.ages) <= LINK_LOST
+    assert max(page.ages) <= DEVICE_LINK_LOST

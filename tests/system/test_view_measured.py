@@ -25,8 +25,8 @@ from soak import tell
 from yumi.api.attach import RunningDriver
 from yumi.control.flight_recorder import RecordedCycle
 from yumi.recording.reader import recorded_messages
-from yumi.web.live import RATE
-from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR
+from yumi.web.live import PAGE_STATE_RATE
+from yumi.web.page_messages import MAX_JOG_JOINT_SPEED, MAX_JOG_LINEAR
 
 pytestmark = [pytest.mark.real_time, pytest.mark.soak, pytest.mark.timeout(600)]
 PHASE = 20.0  # [s] with the page closed, and with it open
@@ -183,7 +183,9 @@ async def _delays(url: str) -> list[float]:
         page = await _Page.open(session, url)
         await page.take_control()
         for hold in range(HOLDS):
-            await asyncio.sleep(hold / HOLDS / RATE)  # at any moment between two states, not always after one
+            await asyncio.sleep(
+                hold / HOLDS / PAGE_STATE_RATE
+            )  # at any moment between two states, not always after one
             begin, moved_at, is_moving = time.monotonic(), 0.0, False
             while not moved_at or is_moving:
                 now = time.monotonic()
@@ -198,8 +200,8 @@ async def _delays(url: str) -> list[float]:
 
 
 JOGS: dict[str, dict[str, Any]] = {
-    "joint": {"type": "jog_joints", "speeds": [MAX_JOINT_SPEED, *[0.0] * 6]},
-    "tool": {"type": "jog_tool", "linear": [0.0, 0.0, MAX_LINEAR]},
+    "joint": {"type": "jog_joints", "speeds": [MAX_JOG_JOINT_SPEED, *[0.0] * 6]},
+    "tool": {"type": "jog_tool", "linear": [0.0, 0.0, MAX_JOG_LINEAR]},
 }
 """As fast as the page allows."""
 

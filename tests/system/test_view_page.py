@@ -17,7 +17,7 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import StopNotConfirmed
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Joints, Pose, Side, home, joints
-from abb_protocols.robot.kinematics import IDENTITY
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION
 from abb_runtime.faults import inject_fault
 from abb_runtime.process.command_process import CommandProcess
 from browser import browser
@@ -39,7 +39,7 @@ def chromium() -> Iterator[Any]:
         yield chromium
 
 
-BOX = Obstacle("post", Pose((0.40, -0.12, 0.06), IDENTITY), (0.08, 0.08, 0.20))
+BOX = Obstacle("post", Pose((0.40, -0.12, 0.06), IDENTITY_QUATERNION), (0.08, 0.08, 0.20))
 BESIDE = ((81, -119, -33, 35, -142, 103, -176), (119, -121, -67, 37, -179, 119, -139))  # of it, on either side [°]
 
 

@@ -16,7 +16,7 @@ import pytest
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.joints import Pose, Side
-from abb_protocols.robot.kinematics import distance_between, tool0_to_body
+from abb_protocols.robot.kinematics import pose_distance, tool0_to_body
 from abb_runtime.process.command_process import CommandProcess
 from abb_view.page_build import run_script
 from browser import browser
@@ -30,7 +30,7 @@ from system.test_teleoperation_measured import (
 )
 from yumi.api.attach import RunningDriver
 from yumi.control.hand_over import Commander
-from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.driver.teleoperated_arm import DEVICE_LINK_LOST
 from yumi.web.page_build import ROBOT_PAGE
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.timeout(240)]
@@ -150,7 +150,7 @@ def at_rest(page: Any, driver: RunningDriver, side: Side = Side.RIGHT) -> Pose:
     """Where the fingertips are sent, once they have been there for a while."""
     seen = [sent(driver, side)]
     end = time.monotonic() + SOON
-    while len(seen) < 10 or max(distance_between(seen[-1], each)[0] for each in seen[-10:]) > 1e-6:
+    while len(seen) < 10 or max(pose_distance(seen[-1], each)[0] for each in seen[-10:]) > 1e-6:
         assert time.monotonic() < end, "the tool does not stand"
         page.wait_for_timeout(30)
         seen.append(sent(driver, side))
@@ -223,7 +223,7 @@ def moved(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> tuple[float, float,
 
 def is_away(begin: Pose, driver: RunningDriver) -> bool:
     """Whether the tool has left the place where it stood."""
-    return distance_between(begin, sent(driver))[0] > 1e-3
+    return pose_distance(begin, sent(driver))[0] > 1e-3
 
 
 @pytest.mark.parametrize("steps", [short(8), long(40, 300.0)])
@@ -332,7 +332,7 @@ def drawn(page: Any) -> list[int] | None:
 
 
 def within(one: Pose, other: Pose, limits: tuple[float, float]) -> bool:
-    distance, turn = distance_between(one, other)
+    distance, turn = pose_distance(one, other)
     return distance <= limits[0] and turn <= limits[1]
 
 
@@ -412,7 +412,7 @@ def test_arm_stands_soon_after_the_link_to_a_headset_is_lost_and_holds_when_it_i
     cycles = right_cycles(served.record, lost_at[0], lost_at[-1])
     stops = [standstill(cycles, lost) for lost in lost_at]
     tell(f"From a headset's last frame to standstill: at most {1e3 * max(stops):.0f} ms.")
-    assert max(stops) < LINK_LOST + 0.2
+    assert max(stops) < DEVICE_LINK_LOST + 0.2
 
 
 GAMEPAD = """

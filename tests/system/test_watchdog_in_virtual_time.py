@@ -19,7 +19,7 @@ from abb_runtime.rws.client import RwsClient
 from system.recovery_bench import MovingSystem, recovered
 from system.virtual_time_bench import System
 from virtual_irc5.mechanics.arm_motion import ArmModel
-from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, START_JOINT, WATCHDOG, SgCommand
+from yumi.driver.state_machine import RUN_SG_SIGNAL, SG_MODULE, START_JOINT_SIGNAL, WATCHDOG_MODULE, SgCommand
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 
 TIMEOUT = 1.0
@@ -94,11 +94,11 @@ def test_egm_that_another_program_has_begun_is_begun_anew_and_watched(monkeypatc
     system.manager.watchdog.start()
     try:
         system.manager.make_ready()
-        system.client.pulse_signal(START_JOINT)
+        system.client.pulse_signal(START_JOINT_SIGNAL)
         system.wait(0.5)
         system.manager.start_egm()
         assert system.steps[-4:-2] == ["stop EGM", "start EGM on both arms"]
-        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG_MODULE, "active") == "TRUE"
     finally:
         system.manager.watchdog.stop()
 
@@ -165,8 +165,8 @@ def test_watchdog_that_was_disarmed_stops_nothing(system: MovingSystem) -> None:
 def test_task_that_was_held_by_a_gripper_does_not_take_it_for_silence(system: MovingSystem) -> None:
     """We refuse to calibrate then; another client may ask the task itself."""
     system.gives_signs = True
-    system.client.set_symbol("T_ROB_L", GRIPPER, "command_input", rapid_values.encode(float(SgCommand.CALIBRATE)))
-    system.client.pulse_signal(RUN_GRIPPER)
+    system.client.set_symbol("T_ROB_L", SG_MODULE, "command_input", rapid_values.encode(float(SgCommand.CALIBRATE)))
+    system.client.pulse_signal(RUN_SG_SIGNAL)
     system.until(lambda: system.world.grippers[Side.LEFT].is_calibrated, 8.0)
     system.wait(1.2 * TIMEOUT)
     assert system.grippers[Side.LEFT].is_calibrated()
@@ -186,7 +186,7 @@ def test_watchdog_sends_the_next_heartbeat_after_an_unexpected_exception(
     fails: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Else the robot would stop a driver that lives. The thread itself, which waits by the machine's clock."""
-    monkeypatch.setattr(supervision, "FIRST_PAUSE", 0.001)
+    monkeypatch.setattr(supervision, "FIRST_RESTART_PAUSE", 0.001)
     calls, has_beaten = Counter[str](), Event()
 
     def call(name: str) -> None:
@@ -214,7 +214,7 @@ def test_watchdog_sends_the_next_heartbeat_after_an_unexpected_exception(
 
 def test_robot_without_a_watchdog_is_in_egm_all_the_same(system: MovingSystem) -> None:
     for task in system.world.controller.tasks.values():
-        del task.program.modules[WATCHDOG.lower()]
+        del task.program.modules[WATCHDOG_MODULE.lower()]
     remark = watchdog(system)
     remark.start()
     try:
@@ -231,7 +231,7 @@ def test_driver_that_goes_disarms_the_watchdog_also_when_egm_has_ended_by_itself
         system.faults.inject(Fault.EGM_CONVERGENCE)
         system.wait(0.5)
         system.manager.end_motion()
-        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG_MODULE, "active") == "FALSE"
     finally:
         system.manager.watchdog.stop()
 
@@ -241,8 +241,8 @@ def test_egm_arms_the_watchdog_and_its_end_disarms_it() -> None:
     system.manager.watchdog.start()
     try:
         system.manager.start_egm()
-        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG_MODULE, "active") == "TRUE"
         system.manager.stop_egm()
-        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG_MODULE, "active") == "FALSE"
     finally:
         system.manager.watchdog.stop()

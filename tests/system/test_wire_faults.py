@@ -14,7 +14,7 @@ from tapped_controller import TappedController
 from wire_faults import LASTING, SINGLE, Attack, Swing, Tapped, check_limits, check_path, swing, swing_velocity
 
 import yumi
-from abb_protocols.robot.joints import CYCLE, ZERO, Joints, Side
+from abb_protocols.robot.joints import CYCLE, ZERO_JOINTS, Joints, Side
 from abb_runtime.clock import SystemClock
 from abb_runtime.fault_command import fault as fault_command
 from yumi.api.motion_registry import Motion
@@ -115,7 +115,10 @@ def _trajectory(side: Side) -> list[tuple[float, Joints, Joints]]:
     """Times, positions and velocities of a swing that ends at rest."""
     last = int(LENGTH * POINTS_PER_SECOND)
     times = [number / POINTS_PER_SECOND for number in range(last)]
-    return [*((time, swing(side, time), swing_velocity(time)) for time in times), (LENGTH, swing(side, LENGTH), ZERO)]
+    return [
+        *((time, swing(side, time), swing_velocity(time)) for time in times),
+        (LENGTH, swing(side, LENGTH), ZERO_JOINTS),
+    ]
 
 
 @pytest.fixture(scope="module")

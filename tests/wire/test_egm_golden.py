@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from abb_protocols.egm.codec import (
-    Collision,
+    EgmCollision,
     MciState,
     MotorState,
     PathCorrection,
@@ -60,7 +60,7 @@ def test_robot_datagram_of_robotware_7_is_read_with_every_field() -> None:
     assert [degrees(value) for value in message.measured] == pytest.approx([10, 11, 12, 13, 14, 15])
     assert (message.utilization, message.move_index, message.test_signals) == (0.625, 7, (1.5, 2.5))
     assert (message.force, message.force_control) == ((1.0, 2.0, 3.0, 0.1, 0.2, 0.3), True)
-    assert message.collision == Collision(is_triggered=True, quotas=(0.25, 0.5))
+    assert message.collision == EgmCollision(is_triggered=True, quotas=(0.25, 0.5))
     assert message.rapid_data == RapidData(flag=True, numbers=(1.0, -2.0))
     assert message.torque == (5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
     assert (message.measured_time, message.measured_stamp_ns) == (123.456789, 1_700_000_000_123_456_789)

@@ -11,7 +11,7 @@ import pytest
 
 from abb_protocols.rws.values import ControllerState, OperatingMode, RwsCode
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
-from virtual_irc5.controller.file_store import CAPACITY
+from virtual_irc5.controller.file_store import DISK_CAPACITY
 
 FORM = {"Content-Type": "application/x-www-form-urlencoded"}
 SYMBOL = "/rw/rapid/symbol/data/RAPID/T_ROB_R"
@@ -327,7 +327,7 @@ def test_motors_stay_off_in_emergency_stop(client: httpx.Client, controller: Pla
 
 
 def test_upload_to_a_full_disk_is_refused(client: httpx.Client, controller: PlainController) -> None:
-    controller.files.write("TEMP:/big", bytes(CAPACITY - 100))
+    controller.files.write("TEMP:/big", bytes(DISK_CAPACITY - 100))
     response = client.put("/fileservice/$home/more.mod?json=1", content=b"x" * 101)
     assert code(response) == (507, RwsCode.MAX_LIMIT_REACHED)
 

@@ -25,13 +25,13 @@ from abb_protocols.catalogue import from_wire, message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from abb_protocols.robot.gripper_values import GripOutcome
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints, named_pose
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Joints, Side, home, joints, named_pose
 from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused
 from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
 from yumi.api.motion_registry import Motion, MotionWay
-from yumi.control.controller import IDLE
+from yumi.control.controller import CONTROLLER_IDLE_TIME
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import ControllerCommand
@@ -135,7 +135,10 @@ def test_arms_retreat_on_a_planned_path(
     asked: dict[str, object] = {}
     start = {side: home(side) for side in Side}
     points = {
-        side: (TrajectoryPoint(0.0, start[side], ZERO, ZERO), TrajectoryPoint(1.0, start[side], ZERO, ZERO))
+        side: (
+            TrajectoryPoint(0.0, start[side], ZERO_JOINTS, ZERO_JOINTS),
+            TrajectoryPoint(1.0, start[side], ZERO_JOINTS, ZERO_JOINTS),
+        )
         for side in Side
     }
 
@@ -528,7 +531,7 @@ def test_client_that_sends_too_long_a_line_is_disconnected(driver: FakeDriver) -
 
 def test_joints_that_egm_does_not_report_are_those_the_controller_was_asked_for(driver: FakeDriver) -> None:
     driver.robot.control.snapshots[Side.LEFT] = Snapshot()
-    driver.read[Side.LEFT] = JointStates(0.0, home(Side.LEFT), ZERO)
+    driver.read[Side.LEFT] = JointStates(0.0, home(Side.LEFT), ZERO_JOINTS)
     connection, file = raw()
     with connection, file:
         connection.sendall(b'{"method": "subscribe", "id": 1, "rate": 30.0}\n')
@@ -795,7 +798,7 @@ def test_driver_goes_on_without_an_endpoint_where_its_path_is_too_long(
     assert lines == [f"No command and no second script finds this driver: {refusal.value.said}"]
 
 
-SPEEDS, OTHERS = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])
+SPEEDS, OTHERS = (0.1, *ZERO_JOINTS[1:]), (0.0, 0.2, *ZERO_JOINTS[2:])
 
 
 def speeds_of(driver: FakeDriver, side: Side) -> Joints:
@@ -816,7 +819,7 @@ def test_second_client_does_not_jog_the_arm_that_one_jogs(driver: FakeDriver, mo
             with refused(CommandRefused, "jogged_by_another", arm="right"):
                 second.jog_tool("right", linear=(0.0, 0.0, 0.05))
             assert speeds_of(driver, Side.RIGHT) == SPEEDS
-        poll_until(lambda: speeds_of(driver, Side.RIGHT) == ZERO)
+        poll_until(lambda: speeds_of(driver, Side.RIGHT) == ZERO_JOINTS)
         for _ in range(2):  # the first one takes the arm over
             second.jog("right", OTHERS)
         assert speeds_of(driver, Side.RIGHT) == OTHERS
@@ -844,7 +847,7 @@ def test_all_clients_are_served_while_an_arm_comes_to_rest_for_a_jog(driver: Fak
             file.flush()
             assert waits.wait(WAIT)
         # That client is gone: its jog of the left arm ends at once, and nobody waits for the right arm.
-        poll_until(lambda: speeds_of(driver, Side.LEFT) == ZERO)
+        poll_until(lambda: speeds_of(driver, Side.LEFT) == ZERO_JOINTS)
         other.stop_egm()
         is_served.set()
         poll_until(lambda: bool(served))
@@ -965,7 +968,7 @@ def test_stream_that_ends_leaves_the_stream_of_another_client_alone(driver: Fake
             client.stream(right=right)
             with refused(CommandRefused, "arm_commanded_by_another", who="stream"):
                 other.stream(right=right)
-            driver.robot.clock.advance(1.1 * IDLE)
+            driver.robot.clock.advance(1.1 * CONTROLLER_IDLE_TIME)
             other.stream(right=right)
             driver.robot.control.commands.clear()
         poll_until(lambda: driver.server.client_count == 1)

@@ -11,7 +11,7 @@ import pytest
 
 import fake_evdev
 from abb_protocols.errors import CommandRefused, MissingPrerequisite, RobotNotReady
-from abb_protocols.robot.joints import ZERO, Side
+from abb_protocols.robot.joints import ZERO_JOINTS, Side
 from fake_evdev import DROPPED, FakeInputDevice, Range, axis, button, change
 from refusals import refused
 from yumi.api import input_device, teleoperation_devices
@@ -116,7 +116,7 @@ def test_bumpers_of_a_gamepad_are_the_clutches_of_both_arms(monkeypatch: pytest.
         ([axis("HAT0X", 1)], (0, 0, 0, 1.0, 0, 0)),
         ([axis("RY", -32768)], (0, 0, 0, 0, 1.0, 0)),
         ([axis("RX", -32768)], (0, 0, 0, 0, 0, 1.0)),
-        ([axis("X", 2000), axis("RY", -3000)], ZERO[:6]),  # sticks that do not rest quite in the middle
+        ([axis("X", 2000), axis("RY", -3000)], ZERO_JOINTS[:6]),  # sticks that do not rest quite in the middle
         ([axis("X", -18022)], (0, 0.2 * 0.5, 0, 0, 0, 0)),
     ],
 )
@@ -125,7 +125,7 @@ def test_sticks_triggers_and_cross_move_and_turn_the_tool(
 ) -> None:
     pad = fake_evdev.gamepad()
     device = opened(monkeypatch, pad)
-    assert right(device).twist == pytest.approx(ZERO[:6])
+    assert right(device).twist == pytest.approx(ZERO_JOINTS[:6])
     pad.events.append(events)
     assert right(device).twist == pytest.approx(twist, abs=1e-4)
 
@@ -140,7 +140,7 @@ def test_cross_turns_the_elbow_of_the_arm(monkeypatch: pytest.MonkeyPatch) -> No
 def test_gamepad_whose_right_stick_is_z_and_rz_is_understood(monkeypatch: pytest.MonkeyPatch) -> None:
     pad = fake_evdev.bluetooth_gamepad()
     device = opened(monkeypatch, pad)
-    assert right(device).twist == pytest.approx(ZERO[:6], abs=1e-9)
+    assert right(device).twist == pytest.approx(ZERO_JOINTS[:6], abs=1e-9)
     pad.events.append([axis("Z", 0), axis("RZ", 0), axis("GAS", 255)])
     assert right(device).twist == pytest.approx((0, 0, 0.2, 0, 1.0, 1.0))
 
@@ -165,7 +165,7 @@ def test_what_was_missed_is_read_again(monkeypatch: pytest.MonkeyPatch) -> None:
     assert right(device).clutch
     pad.events.append([DROPPED])  # the button was let go, and the stick, in what the kernel had no room for
     assert not right(device).clutch
-    assert right(device).twist == pytest.approx(ZERO[:6])
+    assert right(device).twist == pytest.approx(ZERO_JOINTS[:6])
 
 
 def test_what_still_waited_when_events_were_missed_is_older_than_what_is_read_again(
@@ -175,16 +175,16 @@ def test_what_still_waited_when_events_were_missed_is_older_than_what_is_read_ag
     device = opened(monkeypatch, pad)
     pad.events += [[DROPPED, button("BTN_TR", 1)], [axis("X", -32768)]]  # the bumper was let go after that
     assert not right(device).clutch
-    assert right(device).twist == pytest.approx(ZERO[:6])
+    assert right(device).twist == pytest.approx(ZERO_JOINTS[:6])
 
 
 def test_cap_of_a_space_mouse_rests_when_events_were_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     mouse = fake_evdev.space_mouse(reports_changes=True)
     device = opened(monkeypatch, mouse)
     mouse.events.append([change("X", -350)])
-    assert right(device).twist != pytest.approx(ZERO[:6])
+    assert right(device).twist != pytest.approx(ZERO_JOINTS[:6])
     mouse.events.append([DROPPED])
-    assert right(device).twist == pytest.approx(ZERO[:6])
+    assert right(device).twist == pytest.approx(ZERO_JOINTS[:6])
 
 
 def test_gamepad_moves_the_arms_that_it_is_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,7 +234,7 @@ def test_cap_that_rests_reports_no_changes_any_more(monkeypatch: pytest.MonkeyPa
     mouse.events.append([change("Y", -350)])
     assert right(device, 1.0).twist == pytest.approx((0.2, 0, 0, 0, 0, 0))
     assert right(device, 1.05).twist == pytest.approx((0.2, 0, 0, 0, 0, 0))
-    assert right(device, 1.15).twist == pytest.approx(ZERO[:6])
+    assert right(device, 1.15).twist == pytest.approx(ZERO_JOINTS[:6])
 
 
 def test_space_mouse_that_falls_silent_away_from_rest_moves_nothing_and_soon_lets_the_clutch_go(
@@ -311,7 +311,7 @@ def test_joints_of_a_leader_get_signs_and_offsets() -> None:
     }
 
 
-@pytest.mark.parametrize("joints", [(0.0,) * 6, (nan, *ZERO[1:])])
+@pytest.mark.parametrize("joints", [(0.0,) * 6, (nan, *ZERO_JOINTS[1:])])
 def test_leader_that_reports_no_joints_is_refused(joints: tuple[float, ...]) -> None:
     with refused(CommandRefused, "leader_joints_malformed", count=7):
         Leader(Arm(*joints), Side.RIGHT).read(0.0)
@@ -319,9 +319,9 @@ def test_leader_that_reports_no_joints_is_refused(joints: tuple[float, ...]) -> 
 
 def test_signs_and_offsets_that_are_none_are_refused() -> None:
     with refused(CommandRefused, "leader_signs_malformed"):
-        Leader(Arm(*ZERO), Side.RIGHT, (1.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0))
+        Leader(Arm(*ZERO_JOINTS), Side.RIGHT, (1.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0))
     with refused(CommandRefused, "leader_offsets_malformed"):
-        Leader(Arm(*ZERO), Side.RIGHT, offsets=(nan,) * 7)
+        Leader(Arm(*ZERO_JOINTS), Side.RIGHT, offsets=(nan,) * 7)
 
 
 # ---- frame by frame

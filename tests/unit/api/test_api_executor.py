@@ -11,8 +11,18 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
-from abb_protocols.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Joints, Pose, Side, home, joint_names, joints
-from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
+from abb_protocols.robot.joints import (
+    CHAIN_AXES,
+    YUMI_LIMITS,
+    ZERO_JOINTS,
+    Joints,
+    Pose,
+    Side,
+    home,
+    joint_names,
+    joints,
+)
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, tool0_to_body
 from controller_states import read_goal
 from fake_robot import FakeRobot, Switch
 from refusals import assert_says, refused
@@ -21,10 +31,10 @@ from yumi.api.arm_access import wait_for
 from yumi.api.motion_registry import MotionRegistry
 from yumi.api.robot_arm import Arm
 from yumi.api.streams import OLDEST_JOG
-from yumi.control.controller import IDLE
+from yumi.control.controller import CONTROLLER_IDLE_TIME
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.counters import WireCounters
-from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN, MemoryBuffer, SessionGoal, stream_delay, write_speeds
+from yumi.control.goals import CONFIGURED_DELAY, UNKNOWN_JOINTS, MemoryBuffer, SessionGoal, stream_delay, write_speeds
 from yumi.control.hand_over import MOTION_BEGINS, Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
@@ -36,7 +46,7 @@ from yumi.control.loop_events import (
 )
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.motion.stream_begin import NEAR
+from yumi.control.motion.stream_begin import FARTHEST_STREAM_BEGIN
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.tool_goal import pose_goal
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, ResultCode, TrajectoryEnded, TrajectoryOutcome
@@ -291,7 +301,7 @@ def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None
     assert robot.control.switches == [Switch(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))]
     assert read_goal(robot.goals[Side.RIGHT], 1) == (
         3,
-        SessionGoal(1, robot.clock.now(), RIGHT, UNKNOWN, CONFIGURED_DELAY),
+        SessionGoal(1, robot.clock.now(), RIGHT, UNKNOWN_JOINTS, CONFIGURED_DELAY),
     )
 
 
@@ -300,7 +310,7 @@ def test_stream_gives_both_arms_the_point_for_the_same_time(robot: FakeRobot) ->
     speeds = (0.1,) * 7
     robot.executor.stream({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, {Side.LEFT: speeds}, 99.9, 0.1)
     goals = {side: read_goal(robot.goals[side], 1) for side in Side}
-    assert goals[Side.RIGHT] == (1, SessionGoal(1, 99.9, RIGHT, UNKNOWN, 0.1))
+    assert goals[Side.RIGHT] == (1, SessionGoal(1, 99.9, RIGHT, UNKNOWN_JOINTS, 0.1))
     assert goals[Side.LEFT] == (1, SessionGoal(1, 99.9, LEFT, speeds, 0.1))
 
 
@@ -354,11 +364,13 @@ def test_end_of_a_stream_brakes_the_arm_that_nothing_else_commands(robot: FakeRo
     robot.executor.end_stream(Side.LEFT, None)
     robot.executor.end_stream(Side.RIGHT, "another client")
     with requested_by(Commander.STREAM, "another client"):
-        robot.clock.advance(1.1 * IDLE)  # nobody commands the arm now, but who takes it over with the same controller
+        robot.clock.advance(
+            1.1 * CONTROLLER_IDLE_TIME
+        )  # nobody commands the arm now, but who takes it over with the same controller
         robot.control.hand_over.take(Side.RIGHT, Commander.STREAM)
         robot.executor.end_stream(Side.RIGHT, None)
     assert robot.control.commands == []
-    robot.clock.advance(1.1 * IDLE)
+    robot.clock.advance(1.1 * CONTROLLER_IDLE_TIME)
     robot.executor.end_stream(Side.RIGHT, None)
     assert robot.control.hand_over.of(Side.RIGHT).who is Commander.NONE
     assert [(each.side, type(each.message)) for each in robot.control.commands] == [(Side.RIGHT, StopMotion)]
@@ -373,7 +385,9 @@ def points(robot: FakeRobot) -> dict[Side, SessionGoal | None]:
 
 
 def test_stream_that_begins_elsewhere_with_one_arm_moves_neither_and_says_how_far(robot: FakeRobot) -> None:
-    with refused(CommandRefused, "stream_begins_elsewhere", arm="left", distance=pytest.approx(0.2), most=NEAR):
+    with refused(
+        CommandRefused, "stream_begins_elsewhere", arm="left", distance=pytest.approx(0.2), most=FARTHEST_STREAM_BEGIN
+    ):
         robot.executor.stream({Side.RIGHT: RIGHT, Side.LEFT: FAR})
     assert robot.control.commands == robot.control.switches == []
     assert points(robot) == {Side.RIGHT: None, Side.LEFT: None}
@@ -432,7 +446,7 @@ def test_stream_that_is_late_leaves_the_blend_of_the_one_that_has_taken_its_arm(
         with switching(sides):
             yield
         monkeypatch.undo()
-        robot.clock.advance(IDLE + 0.1)
+        robot.clock.advance(CONTROLLER_IDLE_TIME + 0.1)
         with requested_by(client="other"):
             robot.executor.stream({Side.RIGHT: FAR}, blend=1.0)
 
@@ -444,7 +458,9 @@ def test_stream_that_is_late_leaves_the_blend_of_the_one_that_has_taken_its_arm(
         robot.executor.stream({Side.RIGHT: FAR})
     newest = read_goal(robot.goals[Side.RIGHT], 1)
     assert newest is not None
-    assert largest_difference(newest[1].position, robot.control.snapshots[Side.RIGHT].sent) < 0.1 * NEAR
+    assert (
+        largest_difference(newest[1].position, robot.control.snapshots[Side.RIGHT].sent) < 0.1 * FARTHEST_STREAM_BEGIN
+    )
 
 
 @pytest.mark.parametrize("who", [Commander.PAGE, Commander.STREAM])
@@ -475,9 +491,9 @@ def test_program_that_ends_stops_an_arm_that_none_commands_any_more(robot: FakeR
 def test_point_that_comes_long_after_the_last_one_begins_a_stream(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
     robot.executor.stream({Side.LEFT: LEFT})
-    robot.clock.advance(0.9 * IDLE)
+    robot.clock.advance(0.9 * CONTROLLER_IDLE_TIME)
     robot.executor.stream({Side.LEFT: FAR})  # the same stream jumps
-    robot.clock.advance(1.1 * IDLE)
+    robot.clock.advance(1.1 * CONTROLLER_IDLE_TIME)
     with refused(CommandRefused, "stream_begins_elsewhere"):
         robot.executor.stream({Side.LEFT: FAR})
     switches = len(robot.control.switches)
@@ -558,7 +574,7 @@ def test_a_path_planned_before_a_stop_is_not_followed_after_it(
 
     monkeypatch.setattr(motion_executor, "plan_tool_motions", plan)
     with refused(CommandRefused, "goal_refused", reason=message("interrupted_while_planned", arm="right")):
-        robot.executor.follow_path({Side.RIGHT: ToolMotion(Pose((0.0, 0.0, 0.0), IDENTITY), ())})
+        robot.executor.follow_path({Side.RIGHT: ToolMotion(Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION), ())})
     assert not any(isinstance(each.message, FollowTrajectory) for each in robot.control.commands)
 
 
@@ -654,7 +670,11 @@ def test_arm_on_a_trajectory_moves_however_slowly(robot: FakeRobot) -> None:
     now = 100.0
 
     def show(buffer: MemoryBuffer, number: int, time: float) -> bool:
-        buffer.write(TrajectoryFeedback(number, time, 1.0, 1.0, Skew(), RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02))
+        buffer.write(
+            TrajectoryFeedback(
+                number, time, 1.0, 1.0, Skew(), RIGHT, ZERO_JOINTS, RIGHT, ZERO_JOINTS, RIGHT, ZERO_JOINTS, 0.02
+            )
+        )
         return robot.executor.is_moving(Side.RIGHT)
 
     assert not robot.executor.is_moving(Side.RIGHT)
@@ -669,7 +689,9 @@ def test_trajectory_knows_how_far_it_is(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     (motion,) = robot.executor.follow({Side.RIGHT: [(4.0, RIGHT)]})
     assert (motion.progress, motion.remaining) == (0.0, None)  # the controller has not begun
-    feedback = TrajectoryFeedback(motion.identity, 0.0, 1.0, 0.5, Skew(), RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02)
+    feedback = TrajectoryFeedback(
+        motion.identity, 0.0, 1.0, 0.5, Skew(), RIGHT, ZERO_JOINTS, RIGHT, ZERO_JOINTS, RIGHT, ZERO_JOINTS, 0.02
+    )
     robot.feedback[Side.RIGHT].write(feedback)
     assert (motion.progress, motion.remaining) == (0.25, 6.0)
 
@@ -709,7 +731,7 @@ def test_motions_are_counted_from_one_for_those_who_read_the_log(is_script: bool
 
 def test_jog_does_not_end_a_motion_that_began_since_the_last_one(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
-    twist = (0.1, *ZERO[1:])
+    twist = (0.1, *ZERO_JOINTS[1:])
     tool = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     for _ in range(2):
         robot.executor.jog_tool(Side.RIGHT, twist, tool, PAGE, is_in_tool=False)
@@ -723,7 +745,7 @@ def test_jog_does_not_end_a_motion_that_began_since_the_last_one(robot: FakeRobo
 def test_velocity_of_a_tool_has_the_time_at_which_it_was_asked_for(robot: FakeRobot) -> None:
     """Its controller may take it later, as where the arm is held first, and must not take an old one for new."""
     robot.control.on_command = robot.rest
-    twist = (0.1, *ZERO[1:])
+    twist = (0.1, *ZERO_JOINTS[1:])
     tool = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     for _ in range(2):
         robot.executor.jog_tool(Side.RIGHT, twist, tool, PAGE, is_in_tool=False)
@@ -778,7 +800,9 @@ def jog_joints(robot: FakeRobot, values: Joints, time: float | None = None) -> b
 
 
 def jog_tool(robot: FakeRobot, values: Joints, time: float | None = None) -> bool:
-    return robot.executor.jog_tool(Side.RIGHT, values, Pose((0.0, 0.0, 0.0), IDENTITY), PAGE, time, is_in_tool=False)
+    return robot.executor.jog_tool(
+        Side.RIGHT, values, Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION), PAGE, time, is_in_tool=False
+    )
 
 
 def newest_jog(robot: FakeRobot, jog: Callable[..., bool]) -> tuple[Joints, float]:
@@ -796,7 +820,7 @@ def test_jog_reaches_its_controller_with_the_time_at_which_it_was_asked_for(
     robot: FakeRobot, jog: Callable[..., bool]
 ) -> None:
     robot.control.on_command = robot.rest
-    fast, now = (0.1, *ZERO[1:]), robot.clock.now()
+    fast, now = (0.1, *ZERO_JOINTS[1:]), robot.clock.now()
     jog(robot, fast)
     for given, expected in ((None, now), (now - 0.08, now - 0.08), (now + 5.0, now)):  # a time to come is now
         jog(robot, fast, given)
@@ -811,12 +835,12 @@ def test_jog_that_was_asked_for_too_long_ago_is_refused_unless_the_arm_is_to_sta
     robot.control.on_command = robot.rest
     now = robot.clock.now()
     for speed in (0.1, 0.2):
-        jog(robot, (speed, *ZERO[1:]))
+        jog(robot, (speed, *ZERO_JOINTS[1:]))
     with refused(CommandRefused, "jog_too_old", age=age):
-        jog(robot, (0.3, *ZERO[1:]), now - age)
+        jog(robot, (0.3, *ZERO_JOINTS[1:]), now - age)
     assert newest_jog(robot, jog)[0][0] == 0.2
-    jog(robot, ZERO, now - age)
-    assert newest_jog(robot, jog) == (ZERO, now)
+    jog(robot, ZERO_JOINTS, now - age)
+    assert newest_jog(robot, jog) == (ZERO_JOINTS, now)
 
 
 @JOGS
@@ -824,7 +848,7 @@ def test_jog_that_has_waited_for_the_arm_is_refused(
     robot: FakeRobot, jog: Callable[..., bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot.control.on_command = robot.rest
-    fast, take_all = (0.1, *ZERO[1:]), robot.control.hand_over.take_all
+    fast, take_all = (0.1, *ZERO_JOINTS[1:]), robot.control.hand_over.take_all
     for _ in range(2):
         jog(robot, fast)
     written = newest_jog(robot, jog)
@@ -841,7 +865,7 @@ def test_jog_that_has_waited_for_the_arm_is_refused(
 
 def test_first_jog_takes_the_arm_over_and_the_next_one_moves_it(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
-    speeds = (0.1, *ZERO[1:])
+    speeds = (0.1, *ZERO_JOINTS[1:])
     assert robot.executor.jog(Side.RIGHT, speeds, PAGE)
     assert robot.speeds[Side.RIGHT].read() is None  # the key may have been let go meanwhile
     assert not robot.executor.jog(Side.RIGHT, speeds, PAGE)
@@ -852,13 +876,13 @@ def test_first_jog_takes_the_arm_over_and_the_next_one_moves_it(robot: FakeRobot
 
 def test_jog_ends_when_its_client_asks_no_more_and_leaves_what_others_command(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
-    speeds = (0.1, *ZERO[1:])
+    speeds = (0.1, *ZERO_JOINTS[1:])
     for _ in range(2):
         robot.executor.jog(Side.RIGHT, speeds, PAGE)
     robot.executor.end_jog(Side.RIGHT, PAGE)
     newest = robot.speeds[Side.RIGHT].read()
     assert newest is not None
-    assert newest[1].velocity == ZERO
+    assert newest[1].velocity == ZERO_JOINTS
     robot.executor.jog(Side.RIGHT, speeds, PAGE)
     robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     written = robot.speeds[Side.RIGHT].read()
@@ -868,7 +892,7 @@ def test_jog_ends_when_its_client_asks_no_more_and_leaves_what_others_command(ro
 
 def test_jog_is_refused_while_another_program_streams_to_the_same_controller(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
-    speeds, other = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])
+    speeds, other = (0.1, *ZERO_JOINTS[1:]), (0.0, 0.2, *ZERO_JOINTS[2:])
     for _ in range(2):
         robot.executor.jog(Side.RIGHT, speeds, PAGE)
     write_speeds(robot.speeds[Side.RIGHT], 1, other)  # as a ROS topic does
@@ -882,15 +906,15 @@ def test_jog_is_refused_while_another_program_streams_to_the_same_controller(rob
 
 def test_jog_takes_over_no_arm_that_another_program_moves_by_the_same_controller(robot: FakeRobot) -> None:
     robot.control.call(Commands.switch_controllers, Side.RIGHT, (JOG_CONTROLLER,), (GOAL_CONTROLLER,))
-    moving = robot.control.snapshots[Side.RIGHT]._replace(velocity=(0.3, *ZERO[1:]))
+    moving = robot.control.snapshots[Side.RIGHT]._replace(velocity=(0.3, *ZERO_JOINTS[1:]))
     robot.control.snapshots[Side.RIGHT] = moving
     with refused(CommandRefused, "jog_while_moving", arm="right"):
-        robot.executor.jog(Side.RIGHT, (0.1, *ZERO[1:]), PAGE)
+        robot.executor.jog(Side.RIGHT, (0.1, *ZERO_JOINTS[1:]), PAGE)
 
 
 def test_jog_does_not_take_an_arm_back_that_another_program_has_taken_while_a_key_is_held(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
-    speeds = (0.1, *ZERO[1:])
+    speeds = (0.1, *ZERO_JOINTS[1:])
     for _ in range(2):
         robot.executor.jog(Side.RIGHT, speeds, PAGE)
     robot.control.call(Commands.switch_controllers, Side.RIGHT, (TRAJECTORY_CONTROLLER,), (JOG_CONTROLLER,))
@@ -903,7 +927,7 @@ def test_jog_does_not_take_an_arm_back_that_another_program_has_taken_while_a_ke
 
 def test_arm_that_one_client_jogs_is_jogged_and_stopped_by_no_other_one(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
-    speeds, others = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])
+    speeds, others = (0.1, *ZERO_JOINTS[1:]), (0.0, 0.2, *ZERO_JOINTS[2:])
     tool = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     robot.executor.jog(Side.RIGHT, speeds, PAGE)
     with refused(CommandRefused, "jogged_by_another", arm="right"):  # also before it moves
@@ -925,7 +949,7 @@ def test_arm_is_free_for_the_next_client_when_a_jog_has_ended_or_comes_no_more(
     robot: FakeRobot, *, is_ended: bool
 ) -> None:
     robot.control.on_command = robot.rest
-    speeds, others = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])
+    speeds, others = (0.1, *ZERO_JOINTS[1:]), (0.0, 0.2, *ZERO_JOINTS[2:])
     for _ in range(2):
         robot.executor.jog(Side.RIGHT, speeds, PAGE)
     if is_ended:
@@ -942,7 +966,7 @@ def test_arm_is_free_for_the_next_client_when_a_jog_has_ended_or_comes_no_more(
 def test_jog_ends_while_another_one_waits_for_its_arm_to_come_to_rest(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     for _ in range(2):
-        robot.executor.jog(Side.LEFT, (0.1, *ZERO[1:]), PAGE)
+        robot.executor.jog(Side.LEFT, (0.1, *ZERO_JOINTS[1:]), PAGE)
     waits, is_stopped = Event(), Event()
     ended: list[bool] = []
 
@@ -953,7 +977,7 @@ def test_jog_ends_while_another_one_waits_for_its_arm_to_come_to_rest(robot: Fak
 
     robot.control.on_command = rest_late
     with ThreadPoolExecutor(2) as others:
-        taking = others.submit(robot.executor.jog, Side.RIGHT, (0.1, *ZERO[1:]), PAGE)
+        taking = others.submit(robot.executor.jog, Side.RIGHT, (0.1, *ZERO_JOINTS[1:]), PAGE)
         assert waits.wait(2.0)
         for side in Side:
             robot.executor.end_jog(side, PAGE)
@@ -961,7 +985,7 @@ def test_jog_ends_while_another_one_waits_for_its_arm_to_come_to_rest(robot: Fak
         assert taking.result()
     newest = robot.speeds[Side.LEFT].read()
     assert newest is not None
-    assert (newest[1].velocity, ended) == (ZERO, [True])
+    assert (newest[1].velocity, ended) == (ZERO_JOINTS, [True])
 
 
 def test_trajectory_from_elsewhere_than_where_it_was_planned_is_refused(robot: FakeRobot) -> None:

@@ -8,7 +8,14 @@ from typing import cast
 import pytest
 
 from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady
-from abb_protocols.robot.gripper_values import Direction, GripOutcome, GripperGoal, VacuumState, go_to, grip
+from abb_protocols.robot.gripper_values import (
+    GripDirection,
+    GripOutcome,
+    GripperGoal,
+    VacuumState,
+    finger_position_goal,
+    grip,
+)
 from abb_protocols.robot.joints import Side
 from refusals import refused
 from yumi.api.gripper import Grip, Gripper
@@ -75,7 +82,7 @@ def gripper(fake: FakeGripper) -> Gripper:
 
 def test_gripper_grasps_with_the_force_it_is_given_or_the_usual_one(gripper: Gripper, fake: FakeGripper) -> None:
     assert gripper.grasp() == gripper.grasp(force=4.0) == Grip(GripOutcome.HOLDING, 0.02)
-    assert fake.begun == [grip(Direction.INWARDS, 10.0), grip(Direction.INWARDS, 4.0)]
+    assert fake.begun == [grip(GripDirection.INWARDS, 10.0), grip(GripDirection.INWARDS, 4.0)]
 
 
 def test_stop_that_comes_while_a_command_begins_counts(fake: FakeGripper) -> None:
@@ -122,7 +129,7 @@ def test_gripper_opens_to_a_width(gripper: Gripper, fake: FakeGripper) -> None:
     fake.outcome = GripOutcome.IN_PLACE
     gripper.open(0.03)
     gripper.open()
-    assert fake.begun == [go_to(0.015), go_to(0.025)]
+    assert fake.begun == [finger_position_goal(0.015), finger_position_goal(0.025)]
 
 
 def test_gripper_that_cannot_open_says_so(gripper: Gripper, fake: FakeGripper) -> None:
@@ -150,14 +157,14 @@ def test_gripper_grasps_outwards_and_closes_to_let_go(gripper: Gripper, fake: Fa
     gripper.grasp(outwards=True)
     fake.outcome = GripOutcome.CLOSED
     gripper.release()
-    assert fake.begun == [grip(Direction.OUTWARDS, 10.0), go_to(0.0)]
+    assert fake.begun == [grip(GripDirection.OUTWARDS, 10.0), finger_position_goal(0.0)]
 
 
 def test_gripper_opens_to_let_go(gripper: Gripper, fake: FakeGripper) -> None:
     gripper.grasp()
     fake.outcome = GripOutcome.OPEN
     assert gripper.release().outcome is GripOutcome.OPEN
-    assert fake.begun[-1] == go_to(0.025)
+    assert fake.begun[-1] == finger_position_goal(0.025)
 
 
 def test_gripper_that_cannot_let_go_says_so(gripper: Gripper, fake: FakeGripper) -> None:

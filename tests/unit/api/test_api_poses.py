@@ -16,7 +16,7 @@ from abb_protocols.robot.confdata import configuration
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.inverse_kinematics import Unreachable, arm_angle
 from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side, joints
-from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, inverse, tool0_to_body
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, compose_poses, euler_zyx, inverse_pose, tool0_to_body
 from fake_robot import FakeRobot
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
@@ -27,14 +27,14 @@ from yumi.api.postures import posture_for, postures_of
 from yumi.api.robot_arm import Arm
 from yumi.control.tool_limits import ToolLimits
 from yumi.driver.controller_names import GOAL_CONTROLLER
-from yumi.planning.tool_path import SPEED, TURNING, ToolMotion, Waypoint, plan_tool_motions
+from yumi.planning.tool_path import TOOL_SPEED, TOOL_TURNING, LineWaypoint, ToolMotion, plan_tool_motions
 
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
 HERE = tool0_to_body(Side.RIGHT, POSTURE)
 
 
 def test_a_pose_has_a_quaternion_or_angles() -> None:
-    assert yumi.pose(0.1, 0.2, 0.3) == Pose((0.1, 0.2, 0.3), IDENTITY)
+    assert yumi.pose(0.1, 0.2, 0.3) == Pose((0.1, 0.2, 0.3), IDENTITY_QUATERNION)
     assert pose(0, 0, 0, (2, 0, 0, 0)).orientation == (1.0, 0.0, 0.0, 0.0)
     assert pose(0, 0, 0, rpy=(pi, 0, 0)).orientation == pytest.approx((0.0, 1.0, 0.0, 0.0))
     assert pose_from([0.1, 0.2, 0.3, 1, 0, 0, 0]) == pose(0.1, 0.2, 0.3)
@@ -87,7 +87,7 @@ def test_pose_of_an_arm_says_of_what_it_is_and_from_where_it_is_seen() -> None:
         (lambda: pose(nan, 0, 0), "pose_values_not_finite", {"name": "its place", "given": "(nan, 0, 0)", "count": 3}),
         (lambda: pose(inf, 0, 0), "pose_values_not_finite", {"count": 3}),
         (lambda: pose("a", 0, 0), "pose_values_no_numbers", {"name": "its place", "given": "('a', 0, 0)", "count": 3}),
-        (lambda: pose_from(Pose((nan, 0, 0), IDENTITY)), "pose_not_finite", {}),
+        (lambda: pose_from(Pose((nan, 0, 0), IDENTITY_QUATERNION)), "pose_not_finite", {}),
         (lambda: checked_angle(inf), "pose_angle_not_finite", {"given": "inf"}),
         (lambda: checked_angle("x"), "pose_angle_not_finite", {"given": "'x'"}),
         (lambda: pose(400, 0, 0), "pose_too_far", {"distance": 400.0}),
@@ -168,8 +168,8 @@ def test_both_arms_end_at_the_same_time() -> None:
     paths = {}
     for side, start in starts.items():
         x, y, z = (here := tool0_to_body(side, start)).position
-        goal = Waypoint(Pose((x, y, z + ways[side]), here.orientation))
-        paths[side] = ToolMotion(Pose((0.0, 0.0, 0.0), IDENTITY), (goal,))
+        goal = LineWaypoint(Pose((x, y, z + ways[side]), here.orientation))
+        paths[side] = ToolMotion(Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION), (goal,))
     plans = plan_tool_motions(paths, starts, YUMI_LIMITS, ToolLimits())
     assert plans[Side.RIGHT].spline.end == pytest.approx(plans[Side.LEFT].spline.end)
     assert plans[Side.RIGHT].spline.last.time == plans[Side.RIGHT].spline.end
@@ -188,7 +188,7 @@ def test_an_arms_pose_is_that_of_its_tool() -> None:
     found = arm.inverse_kinematics(arm.pose)
     assert found[0] == pytest.approx(POSTURE, abs=1e-6)
     frames.work_objects["table"] = pose(0.3, -0.2, 0.1, rpy=(0, 0, 0.5))
-    on_table = compose(inverse(pose(0.3, -0.2, 0.1, rpy=(0, 0, 0.5))), arm.pose)
+    on_table = compose_poses(inverse_pose(pose(0.3, -0.2, 0.1, rpy=(0, 0, 0.5))), arm.pose)
     assert arm.inverse_kinematics(on_table, work_object="table")[0] == pytest.approx(POSTURE, abs=1e-6)
     assert arm.jacobian().shape == (6, 7)
     assert degrees(arm.arm_angle) == pytest.approx(degrees(arm_angle(Side.RIGHT, POSTURE)))
@@ -211,7 +211,7 @@ def test_a_driver_without_a_cartesian_controller_says_so(monkeypatch: pytest.Mon
         arm.servo_pose(HERE, arm_angle=inf)
 
 
-@pytest.mark.parametrize(("line_speed", "speed"), [(None, SPEED), (0.4, 0.4)])
+@pytest.mark.parametrize(("line_speed", "speed"), [(None, TOOL_SPEED), (0.4, 0.4)])
 def test_a_line_keeps_the_scale_of_speeds(
     monkeypatch: pytest.MonkeyPatch, line_speed: float | None, speed: float
 ) -> None:
@@ -224,11 +224,11 @@ def test_a_line_keeps_the_scale_of_speeds(
     monkeypatch.setattr(motion_executor, "plan_tool_motions", refuse)
     robot = FakeRobot()
     robot.control.on_command = robot.rest
-    goal, tool = {Side.RIGHT: HERE.position}, {Side.RIGHT: Pose((0.0, 0.0, 0.0), IDENTITY)}
+    goal, tool = {Side.RIGHT: HERE.position}, {Side.RIGHT: Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION)}
     with pytest.raises(CommandRefused, match="Enough"):
         robot.executor.move_tools(goal, tool, 0.25, None, line_speed, is_linear=True)
     assert paths[Side.RIGHT].speed == 0.25 * speed
-    assert paths[Side.RIGHT].turning == 0.25 * TURNING
+    assert paths[Side.RIGHT].turning == 0.25 * TOOL_TURNING
 
 
 def test_boxes_are_given_by_name_with_pose_and_edges() -> None:

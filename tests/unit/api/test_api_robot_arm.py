@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from abb_protocols.errors import RobotNotReady
-from abb_protocols.robot.joints import ZERO, Side, home, joint_names
+from abb_protocols.robot.joints import ZERO_JOINTS, Side, home, joint_names
 from abb_protocols.robot.kinematics import tool0_to_body
 from fake_robot import FakeRobot
 from refusals import refused
@@ -39,7 +39,7 @@ def show(robot: FakeRobot, **values: object) -> None:
 
 def test_arm_reports_what_is_measured(arm: Arm) -> None:
     assert arm.position == RIGHT
-    assert arm.velocity == ZERO
+    assert arm.velocity == ZERO_JOINTS
     assert arm.pose == tool0_to_body(Side.RIGHT, RIGHT)
     assert arm.joint_names == joint_names(Side.RIGHT)
 

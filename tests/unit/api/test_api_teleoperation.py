@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.gripper_values import Direction, grip
+from abb_protocols.robot.gripper_values import GripDirection, grip
 from abb_protocols.robot.joints import Side
 from fake_driver import WAIT, FakeDriver
 from refusals import refused
@@ -20,7 +20,7 @@ from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, TeleoperatedArmReport
 from yumi.driver.motion_commands import Teleoperate
-from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.driver.teleoperated_arm import DEVICE_LINK_LOST
 from yumi.driver.teleoperation import Teleoperation
 
 
@@ -116,7 +116,7 @@ def test_arm_brakes_when_no_frame_comes_any_more(driver: FakeDriver, monkeypatch
     with attach() as attached:
         device = Device(driver, attached)
         device.engage()
-        monkeypatch.setattr(Teleoperation, "lasts", lambda teleoperation: LINK_LOST)
+        monkeypatch.setattr(Teleoperation, "lasts", lambda teleoperation: DEVICE_LINK_LOST)
         device.send()
         Device.until(lambda: len(brakes(driver)) == 1)
         report = device.send()
@@ -140,4 +140,4 @@ def test_gripper_gets_its_goal_while_frames_go_on(driver: FakeDriver) -> None:
             assert device.send(gripper=value).clutch == "engaged"  # although the first goal is not taken yet
         waits.set()
         Device.until(lambda: len(gripper.goals) == 2)
-    assert gripper.goals[-1] == grip(Direction.INWARDS, 10.0)
+    assert gripper.goals[-1] == grip(GripDirection.INWARDS, 10.0)

@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 import fake_evdev
 from abb_protocols.catalogue import all_texts, message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_protocols.robot.gripper_values import Direction, grip
+from abb_protocols.robot.gripper_values import GripDirection, grip
 from abb_protocols.robot.joints import Joints, Side, home
 from fake_driver import FakeDriver
 from fake_evdev import Event, FakeInputDevice, axis, button
@@ -92,7 +92,7 @@ def test_stick_of_a_gamepad_moves_an_arm_and_its_button_the_gripper(
     assert goal(driver).twist[:3] == pytest.approx((0.05, 0.0, 0.0))
     assert goal(driver).speed == 0.05
     assert driver.robot.tool_goals[Side.LEFT].read() is None
-    assert [gripper.goals for gripper in driver.grippers.values()] == [[grip(Direction.INWARDS, 10.0)], []]
+    assert [gripper.goals for gripper in driver.grippers.values()] == [[grip(GripDirection.INWARDS, 10.0)], []]
     assert result.stdout.splitlines() == ["right engaging", "right engaged"]
     assert result.stderr.splitlines()[0] == "Gamepad Xbox Pad"
     gone = message("input_device_gone", name="Xbox Pad", why=message("text", text="[Errno 19] No such device"))

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, ArmCommand, ArmState, Joints
+from abb_protocols.robot.joints import ZERO_JOINTS, ArmCommand, ArmState, Joints
 from abb_runtime.parameters import Parameter, Values
 from yumi.control.controller import Controller
 
-RUNNING = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=True)
-STOPPED = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=False)
+RUNNING = ArmState(1.0, 0.004, 1, ZERO_JOINTS, ZERO_JOINTS, ZERO_JOINTS, is_running=True)
+STOPPED = ArmState(1.0, 0.004, 1, ZERO_JOINTS, ZERO_JOINTS, ZERO_JOINTS, is_running=False)
 THERE: Joints = (0.1,) * 7
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from abb_protocols.robot.description import FINGER_ORIGINS, JOINT_ORIGINS, joint_1_origin
 from abb_protocols.robot.joints import Joints, Pose, Side
-from abb_protocols.robot.kinematics import matrix, quaternion_from_euler_zyx, tool0_to_body
+from abb_protocols.robot.kinematics import matrix_from_quaternion, quaternion_from_euler_zyx, tool0_to_body
 from abb_view.robot_model import MESH_FOLDER
 from yumi.core.collision import Obstacle
 
@@ -71,11 +71,11 @@ class CoverJudge:
         body = np.concatenate([triangles("torso"), triangles("base")])
         self._fixed = [("body", fcl.CollisionObject(_mesh(body), fcl.Transform()))]
         for box in obstacles:
-            place = fcl.Transform(matrix(box.centre.orientation), np.array(box.centre.position))
+            place = fcl.Transform(matrix_from_quaternion(box.centre.orientation), np.array(box.centre.position))
             self._fixed.append((box.name, fcl.CollisionObject(fcl.Box(*box.size), place)))
         self._origins = {
             side: [
-                _transform(matrix(quaternion_from_euler_zyx(origin.rpy)), np.array(origin.xyz))
+                _transform(matrix_from_quaternion(quaternion_from_euler_zyx(origin.rpy)), np.array(origin.xyz))
                 for origin in (joint_1_origin(side), *JOINT_ORIGINS)
             ]
             for side in Side
@@ -89,7 +89,7 @@ class CoverJudge:
             frame = frame @ origin @ turn
             frames.append(frame)
         pose = tool0_to_body(side, position, Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
-        frames.append(_transform(matrix(pose.orientation), np.array(pose.position)))
+        frames.append(_transform(matrix_from_quaternion(pose.orientation), np.array(pose.position)))
         for _, index, part in self._parts[side]:
             part.setTransform(fcl.Transform(frames[index][:3, :3], frames[index][:3, 3]))
 

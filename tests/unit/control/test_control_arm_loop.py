@@ -5,7 +5,17 @@ from math import nan
 import pytest
 
 from abb_protocols.catalogue import message
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names, joints
+from abb_protocols.robot.joints import (
+    CYCLE,
+    YUMI_LIMITS,
+    ZERO_JOINTS,
+    ArmCommand,
+    ArmState,
+    Joints,
+    Side,
+    joint_names,
+    joints,
+)
 from controller_arms import LimitedArm
 from egm_loop import EgmLoop
 from refusals import assert_says
@@ -99,7 +109,7 @@ def loop(arm: ScriptedArm, snapshots: MemoryBuffer) -> ArmLoop:
 def feed(
     loop: ArmLoop, arm: ScriptedArm, position: Joints, *, session: int = 1, is_running: bool = True, now: float = 1.0
 ) -> None:
-    arm.next = ArmState(now, 0.004, session, position, ZERO, position, is_running)
+    arm.next = ArmState(now, 0.004, session, position, ZERO_JOINTS, position, is_running)
     loop.run(now)
 
 
@@ -229,7 +239,7 @@ def test_loop_deactivates_controllers_when_the_robot_stops_following(
 def test_loop_begins_a_new_session_without_controllers_and_without_a_jump(
     loop: ArmLoop, arm: ScriptedArm, middle: Joints
 ) -> None:
-    feed(loop, arm, ZERO)
+    feed(loop, arm, ZERO_JOINTS)
     loop.manager.switch(["pusher"], [], loop.state)
     for now in (20.0, 20.004, 20.008):  # the first datagram alone may be late
         feed(loop, arm, middle, session=2, now=now)
@@ -345,7 +355,7 @@ def test_controllers_know_what_the_core_has_sent_in_their_place(
     feed(loop, arm, middle, now=20.0)
     ours = loop.manager.sent.position
     braked = joints([value + 0.002 for value in middle])
-    state = ArmState(time, CYCLE, 1, middle, ZERO, middle, is_running=True)
+    state = ArmState(time, CYCLE, 1, middle, ZERO_JOINTS, middle, is_running=True)
     monkeypatch.setattr(LimitedArm, "take_braked", lambda arm: (Cycle(state, None, ArmCommand(braked)),))
     monkeypatch.setattr(Limiter, "unanswered", 1)
     loop.watch_silence(20.006)
@@ -358,5 +368,5 @@ def test_position_that_is_no_number_has_no_later_command_taken_for_withheld(midd
     sent.note((*middle[:6], nan), middle)
     for _ in range(20):
         sent.note(middle, middle)
-        assert not sent.is_held_back(middle, ZERO, middle)
-    assert sent.is_held_back((*middle[:6], nan), ZERO, middle)
+        assert not sent.is_held_back(middle, ZERO_JOINTS, middle)
+    assert sent.is_held_back((*middle[:6], nan), ZERO_JOINTS, middle)

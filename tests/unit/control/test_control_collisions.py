@@ -22,7 +22,7 @@ from abb_protocols.robot.description import SERVO_GRIPPERS
 from abb_protocols.robot.joints import (
     CYCLE,
     YUMI_LIMITS,
-    ZERO,
+    ZERO_JOINTS,
     ArmCommand,
     ArmState,
     Joints,
@@ -40,7 +40,7 @@ from trajectories import planned
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmMotionParameters
-from yumi.control.collisions import BODY_MARGIN, MARGIN, CollisionLimiter
+from yumi.control.collisions import BODY_MARGIN, COLLISION_MARGIN, CollisionLimiter
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.goals import MemoryBuffer, write_goal
@@ -51,8 +51,8 @@ from yumi.control.motion.robot_response import EGM_GAIN, SERVO_CYCLES, plan_gain
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.trajectory_commands import Tolerances, TrajectoryOutcome
-from yumi.core.collision import PADDING, Array, CollisionModel, Distance, Obstacle
-from yumi.core.library import FLAGS, FOLDER, MOTION, STANDARD, _compiler
+from yumi.core.collision import COLLISION_PADDING, Array, CollisionModel, Distance, Obstacle
+from yumi.core.library import COMPILER_FLAGS, CORE_FOLDER, MOTION_STRUCT, STANDARD_LIBRARY, _compiler
 from yumi_evaluation.virtual_time import VirtualArmRig
 
 READY = {side: named_pose(side, "ready") for side in Side}
@@ -111,7 +111,7 @@ def least_kept(arms: ApartArms, positions: dict[Side, Joints]) -> bool:
     """Whether all but the body is beyond the margin, and the body as far as it has to be."""
 
     def least(each: Distance) -> float:
-        return BODY_MARGIN if each.other == "body" or "shoulder" in each.part + each.other else MARGIN
+        return BODY_MARGIN if each.other == "body" or "shoulder" in each.part + each.other else COLLISION_MARGIN
 
     return all(each.distance >= least(each) - ROUNDING for each in near(arms, positions))
 
@@ -127,7 +127,7 @@ def test_arms_turned_towards_each_other_come_to_rest_at_the_margin(drive: object
         arms.cycle(drives)
         lowest = min(lowest, between_arms(arms, arms.measured() if cycle % 2 else arms.commanded()))
         names |= {limited.other for side in Side if (limited := arms.both.arm(side).limited)}
-    assert MARGIN - ROUNDING <= lowest <= MARGIN + 0.01
+    assert COLLISION_MARGIN - ROUNDING <= lowest <= COLLISION_MARGIN + 0.01
     assert "left fingers" in names
 
 
@@ -135,7 +135,7 @@ def test_arm_that_starts_within_the_margin_may_leave_it_and_comes_no_nearer() ->
     tip = tool0_to_body(Side.RIGHT, FORWARD[Side.RIGHT], Pose((0.0, 0.0, 0.155), UPRIGHT)).position
     arms = ApartArms(FORWARD, obstacles=(Obstacle("box", Pose(tip, UPRIGHT), (0.03, 0.03, 0.03)),))
     first = nearest(arms, FORWARD)
-    assert first < MARGIN - ROUNDING
+    assert first < COLLISION_MARGIN - ROUNDING
     for _ in range(50):
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, name="box")))})
     assert nearest(arms, arms.commanded()) >= first - 1e-4
@@ -144,7 +144,7 @@ def test_arm_that_starts_within_the_margin_may_leave_it_and_comes_no_nearer() ->
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, 1.0, "box")))})
         distances.append(nearest(arms, arms.commanded()))
     assert min(distances) >= first - 1e-4
-    assert max(distances) > MARGIN
+    assert max(distances) > COLLISION_MARGIN
 
 
 def test_free_motion_is_not_touched() -> None:
@@ -180,7 +180,7 @@ def test_silent_arm_is_where_its_last_command_leads_it() -> None:
         now = {Side.RIGHT: arms.sent[Side.RIGHT].position, Side.LEFT: arms.arms[Side.LEFT].position}
         lowest = min(lowest, between_arms(arms, now))
         names |= {limited.other for limited in [arms.both.arm(Side.RIGHT).limited] if limited}
-    assert lowest >= MARGIN - ROUNDING
+    assert lowest >= COLLISION_MARGIN - ROUNDING
     # Nobody has read yet where RAPID or a hand has moved it since: the log says what it is based on.
     assert names
     assert all(name.startswith("left ") and name.endswith(" where EGM reported it last") for name in names)
@@ -224,7 +224,7 @@ def at_boundary(model: CollisionModel) -> tuple[Joints, Joints, Joints, Joints]:
             angle = 0.5 * (low + high)
             pairs = model.nearest({Side.RIGHT: turned(Side.RIGHT, angle), Side.LEFT: left}, 10_000, within=NEAR)
             distance = min((each.distance for each in pairs if each.other.startswith("left")), default=NEAR)
-            low, high = (angle, high) if distance > MARGIN + beyond else (low, angle)
+            low, high = (angle, high) if distance > COLLISION_MARGIN + beyond else (low, angle)
         return turned(Side.RIGHT, low)
 
     return with_left(0.004), with_left(0.001), with_left(-0.004), left
@@ -267,7 +267,18 @@ def look_into() -> PyDLL:
     source = Path(__file__).with_name("collision_segments.cpp")
     with TemporaryDirectory() as folder:
         library = f"{folder}/segments.so"
-        command = [*_compiler(), *FLAGS, "-O0", "-shared", "-I", str(FOLDER), str(source), *STANDARD, "-o", library]
+        command = [
+            *_compiler(),
+            *COMPILER_FLAGS,
+            "-O0",
+            "-shared",
+            "-I",
+            str(CORE_FOLDER),
+            str(source),
+            *STANDARD_LIBRARY,
+            "-o",
+            library,
+        ]
         subprocess.run(command, check=True)
         found = PyDLL(library)
     found.collisions_segments.restype, found.collisions_motion.restype = c_int64, c_void_p
@@ -278,13 +289,15 @@ def look_into() -> PyDLL:
 
 def motion_of(both: CollisionLimiter, side: Side) -> bytes:
     """How the command sent last moves an arm, and where it may go if it is not heard."""
-    return string_at(look_into().collisions_motion(both.arm_collisions_handle, both.arm(side).number), MOTION.size)
+    return string_at(
+        look_into().collisions_motion(both.arm_collisions_handle, both.arm(side).number), MOTION_STRUCT.size
+    )
 
 
 def packed(planned: Joints, sent: Setpoint, robot: Setpoint | None = None) -> bytes:
     """The motion of an arm as the core reads it."""
-    p, v, a = robot or Setpoint(ZERO)
-    return pack("58d", *planned, *chain(*sent), robot is not None, *p, *v, *a, 0.0, *ZERO)
+    p, v, a = robot or Setpoint(ZERO_JOINTS)
+    return pack("58d", *planned, *chain(*sent), robot is not None, *p, *v, *a, 0.0, *ZERO_JOINTS)
 
 
 class Segments:
@@ -410,7 +423,7 @@ def test_robot_whose_link_is_lost_goes_where_it_was_compared() -> None:
     postures = []
     for _ in range(30):
         postures += [each[Side.RIGHT].planned for each in arms.without_links()]
-        arms.cycle({Side.RIGHT: at_speed(ZERO)})
+        arms.cycle({Side.RIGHT: at_speed(ZERO_JOINTS)})
     assert braking.off(np.array(postures)) > 0.2
     assert coasting.off(np.array(postures)) < 1e-2
     within = [Segments(motion, level, coasts=True).off(coasting.lines[:, 0]) for level in range(6)]
@@ -455,17 +468,17 @@ def test_what_is_clear_comes_no_nearer_than_its_margin_and_what_is_refused_comes
         right, left = (moving(generator, side) for side in Side)
         planned = joints((np.array(left.position) - 0.02 * np.array(left.velocity)).tolist())
         both.arm(Side.LEFT).sent(planned, left, None)
-        both.arm(Side.RIGHT).sent(ZERO, Setpoint(ZERO), None)
+        both.arm(Side.RIGHT).sent(ZERO_JOINTS, Setpoint(ZERO_JOINTS), None)
         is_clear.append(both.arm(Side.RIGHT).accepts(right.position, right, None))
         mine, theirs = braking_postures(right, 24), braking_postures(left, 24)
         lines = np.linspace(planned, left.position, 5)
         beyond = np.inf
         for posture in mine:
             for other in (*theirs, *lines):
-                found = both.model.contacts(np.concatenate((posture, other)), MARGIN + 0.01)
+                found = both.model.contacts(np.concatenate((posture, other)), COLLISION_MARGIN + 0.01)
                 kept = both.margins[found["parts"][:, 0], found["parts"][:, 1]]
                 beyond = min(beyond, (found["distance"] - kept).min(initial=np.inf))
-            found = both.model.contacts(np.concatenate((posture, ZERO)), MARGIN + 0.01, Side.RIGHT)
+            found = both.model.contacts(np.concatenate((posture, ZERO_JOINTS)), COLLISION_MARGIN + 0.01, Side.RIGHT)
             assert is_right[found["parts"][:, 0]].all()
             kept = both.margins[found["parts"][:, 0], found["parts"][:, 1]]
             beyond = min(beyond, (found["distance"] - kept).min(initial=np.inf))
@@ -691,7 +704,7 @@ def test_arms_whose_links_are_lost_at_any_time_coast_into_nothing(
         arms.cycle({side: at_speed(speeds) for side, speeds in towards.items()})
         if cycle % 3 == 0:
             least = min(least, arms.least_without_links())
-    assert least > -PADDING
+    assert least > -COLLISION_PADDING
 
 
 def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_follows_later() -> None:
@@ -716,7 +729,7 @@ def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_fol
         assert arms.sent[Side.RIGHT].position == pytest.approx(sent, abs=0.02)
     assert arms.limiters[Side.RIGHT].counters.kept_apart == 0
     assert late > 0.1
-    assert least > -PADDING
+    assert least > -COLLISION_PADDING
     assert arms.arms[Side.RIGHT].planned == pytest.approx(goal, abs=2e-3)
 
 
@@ -731,7 +744,7 @@ def test_adversarial_cycles_never_break_the_margin(seed: int) -> None:
         arms.cycle(drives)
         if cycle % 4 == 0:
             assert least_kept(arms, arms.commanded())
-            assert nearest(arms, arms.measured()) > -PADDING
+            assert nearest(arms, arms.measured()) > -COLLISION_PADDING
 
 
 def test_loop_reports_which_parts_limit_an_arm() -> None:
@@ -798,7 +811,9 @@ def test_arm_that_begins_again_a_little_nearer_within_its_margin_may_leave(neare
     robot.switch_motors_on()
     robot.start_egm(EgmMotionParameters(bandwidth=0.0, max_speed=10.0))
     for cycle in range(400):
-        state = ArmState(1e3 + cycle * CYCLE, CYCLE if cycle else 0.0, 1, robot.position, ZERO, robot.planned, True)
+        state = ArmState(
+            1e3 + cycle * CYCLE, CYCLE if cycle else 0.0, 1, robot.position, ZERO_JOINTS, robot.planned, True
+        )
         command = limiter.limit(state, ArmCommand(away) if cycle else None)
         robot.set_reference(*command)
         limiter.observe(state)
@@ -824,9 +839,9 @@ def test_arm_that_is_heard_again_coasts_no_further_though_it_is_sent_the_same() 
     both.arm(Side.LEFT).sent(left, Setpoint(left), None)
     arm.sent(stands, Setpoint(stands), None)
     Limiter(YUMI_LIMITS, collisions=arm).note_interruption()
-    *_, coasts, j1, j2, j3, j4, j5, j6, j7 = MOTION.unpack(motion_of(both, Side.RIGHT))
+    *_, coasts, j1, j2, j3, j4, j5, j6, j7 = MOTION_STRUCT.unpack(motion_of(both, Side.RIGHT))
     assert coasts
     assert (j1, j2, j3, j4, j5, j6, j7) == stands
     assert not arm.accepts(stands, Setpoint(too_near), None)
     arm.sent(stands, Setpoint(stands), None)
-    assert not MOTION.unpack(motion_of(both, Side.RIGHT))[-8]
+    assert not MOTION_STRUCT.unpack(motion_of(both, Side.RIGHT))[-8]

@@ -16,7 +16,7 @@ import pytest
 from abb_protocols.robot.joints import Joints, Side, home, named_pose
 from apart_arms import POST, TABLE, ApartArms, renew_drive
 from soak import COLLISION_CYCLES, tell
-from yumi.control.collisions import BODY_MARGIN, MARGIN
+from yumi.control.collisions import BODY_MARGIN, COLLISION_MARGIN
 
 pytest.importorskip("fcl", reason="python-fcl is not installed")
 from cover_judge import CoverJudge
@@ -27,12 +27,12 @@ COASTS = 25  # cycles from the last one in which an arm was lost, in which it ma
 
 
 def margin(part: str, other: str) -> float:
-    return BODY_MARGIN if other == "body" or "shoulder" in part + other else MARGIN
+    return BODY_MARGIN if other == "body" or "shoulder" in part + other else COLLISION_MARGIN
 
 
 def within_margins(arms: ApartArms, positions: Mapping[Side, Joints]) -> dict[tuple[str, str], float]:
     """How near those parts are that are within their margins, by their names [m]."""
-    near = arms.shapes.nearest(positions, 10_000, within=MARGIN)
+    near = arms.shapes.nearest(positions, 10_000, within=COLLISION_MARGIN)
     pairs = ((each.part, each.other, each.distance) for each in reversed(near))  # of the same names, the nearest
     return {(part, other): distance for part, other, distance in pairs if distance < margin(part, other)}
 

@@ -6,14 +6,14 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, ArmCommand, ArmState, Joints, Side, joint_names
+from abb_protocols.robot.joints import ZERO_JOINTS, ArmCommand, ArmState, Joints, Side, joint_names
 from abb_runtime.parameters import Parameter, Values
 from refusals import assert_says, refused
 from yumi.control.controller import TRANSITIONS, Controller, State, Transition
 from yumi.control.manager.controller_manager import ControllerManager
 
-RUNNING = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=True)
-STOPPED = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=False)
+RUNNING = ArmState(1.0, 0.004, 1, ZERO_JOINTS, ZERO_JOINTS, ZERO_JOINTS, is_running=True)
+STOPPED = ArmState(1.0, 0.004, 1, ZERO_JOINTS, ZERO_JOINTS, ZERO_JOINTS, is_running=False)
 THERE: Joints = (0.1,) * 7
 
 
@@ -70,7 +70,7 @@ def test_manager_leads_a_controller_through_its_life(manager: ControllerManager,
     manager.configure("pusher")
     assert states(manager) == {"pusher": State.INACTIVE}
     manager.switch(["pusher"], [], RUNNING)
-    assert (states(manager), pusher.began_at, pusher.values) == ({"pusher": State.ACTIVE}, ZERO, {"p": 1.6})
+    assert (states(manager), pusher.began_at, pusher.values) == ({"pusher": State.ACTIVE}, ZERO_JOINTS, {"p": 1.6})
     manager.switch([], ["pusher"], RUNNING)
     assert states(manager) == {"pusher": State.INACTIVE}
 

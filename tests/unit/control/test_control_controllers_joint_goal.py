@@ -9,7 +9,7 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, home, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, ArmCommand, ArmState, Joints, Side, home, joints
 from refusals import assert_says, refused
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.goals import MemoryBuffer, write_goal
@@ -32,7 +32,7 @@ class VirtualArmRig:
         self.told: list[ArmCommand] = []
         self.notices: list[object] = []
         self.stuck = False
-        self.state = ArmState(0.0, CYCLE, 1, HOME, ZERO, HOME, is_running=True)
+        self.state = ArmState(0.0, CYCLE, 1, HOME, ZERO_JOINTS, HOME, is_running=True)
         self.controller.activate(self.state)
         while self.controller.update(self.state) is None:
             continue
@@ -141,7 +141,7 @@ def test_goal_controller_decelerates_when_it_is_told_to_stop(arm: VirtualArmRig)
     ]
     speeds = [command.velocity[0] for command in arm.told[begun:]]
     assert all(old - new <= YUMI_LIMITS.acceleration[0] * CYCLE * 1.001 for old, new in itertools.pairwise(speeds))
-    assert arm.told[-1].velocity is ZERO
+    assert arm.told[-1].velocity is ZERO_JOINTS
 
 
 def test_goal_controller_brakes_harder_rather_than_leave_the_range(arm: VirtualArmRig) -> None:
@@ -158,7 +158,7 @@ def test_goal_controller_brakes_harder_rather_than_leave_the_range(arm: VirtualA
 def test_goal_controller_holds_an_arm_until_it_stands(arm: VirtualArmRig, what: str) -> None:
     arm.controller.activate(arm.state)
     for step in range(20):
-        moving = {"planned": moved(HOME, 0.1 * step), "velocity": moved(ZERO, 0.1 * 57.0)}
+        moving = {"planned": moved(HOME, 0.1 * step), "velocity": moved(ZERO_JOINTS, 0.1 * 57.0)}
         assert arm.controller.update(arm.state._replace(**{what: moving[what]})) is None
     calm = arm.state._replace(position=moved(HOME, 1.9), planned=moved(HOME, 1.9 + 1e-3))
     commands = [arm.controller.update(calm) for _ in range(12)]
@@ -168,7 +168,7 @@ def test_goal_controller_holds_an_arm_until_it_stands(arm: VirtualArmRig, what: 
 
 def test_goal_controller_does_not_wait_for_ever_for_an_arm_that_trembles(arm: VirtualArmRig) -> None:
     arm.controller.activate(arm.state)
-    trembling = arm.state._replace(velocity=moved(ZERO, 10.0))
+    trembling = arm.state._replace(velocity=moved(ZERO_JOINTS, 10.0))
     commands = [arm.controller.update(trembling) for _ in range(260)]
     assert commands.index(ArmCommand(HOME)) == pytest.approx(1.0 / CYCLE, abs=2)
 

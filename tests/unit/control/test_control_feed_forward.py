@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from abb_protocols.robot.joints import (
     CYCLE,
     YUMI_LIMITS,
-    ZERO,
+    ZERO_JOINTS,
     ArmCommand,
     ArmState,
     Joints,
@@ -55,7 +55,7 @@ class Dictated(Controller):
 
     def update(self, state: ArmState) -> ArmCommand:
         position, velocity = self._wants(state.time - self._begin)
-        return ArmCommand(added(self._base, position), ZERO if velocity == 0.0 else added(ZERO, velocity))
+        return ArmCommand(added(self._base, position), ZERO_JOINTS if velocity == 0.0 else added(ZERO_JOINTS, velocity))
 
 
 def added(base: Joints, value: float) -> Joints:
@@ -159,7 +159,7 @@ def test_guard_refuses_a_speed_that_is_no_number() -> None:
     arm = dictated(lambda time: (0.0, inf), FULL_SPEED)
     arm.run(0.1)
     assert arm.snapshot.limiter.refused >= 24
-    assert arm.cycles[-1].sent.velocity is ZERO
+    assert arm.cycles[-1].sent.velocity is ZERO_JOINTS
 
 
 def bent(position: Joints, angle: float) -> Joints:
@@ -177,7 +177,7 @@ def test_arm_that_a_load_keeps_off_its_plan_stands_when_it_is_held(deflection: f
     reported, places = start, []
     for cycle in range(1500):
         last, reported = reported, bent(servo.position, -deflection)
-        speed = change_rate(reported, last, CYCLE) if cycle else ZERO
+        speed = change_rate(reported, last, CYCLE) if cycle else ZERO_JOINTS
         state = ArmState(
             cycle * CYCLE, CYCLE if cycle else 0.0, 1, reported, speed, motion.state.position, is_running=True
         )

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from abb_protocols.robot.joints import ArmCommand, ArmState, Joints, joints
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, flight_memory
-from yumi.control.stage_times import RECEIVE, StageClock
+from yumi.control.stage_times import RECEIVE_STAGE, StageClock
 
 STATIONS = StageClock()
 
@@ -67,7 +67,7 @@ def test_recorder_keeps_a_wanted_position_that_is_no_number(recorder: FlightReco
 def test_recorder_keeps_the_times_of_the_stations(recorder: FlightRecorder) -> None:
     stages = StageClock(lambda: 1.25)
     stages.begin(1.0)
-    stages.note(RECEIVE)
+    stages.note(RECEIVE_STAGE)
     recorder.record(cycle(1), None, stages)
     assert recorder.frames()[0].stages.receive == 0.25
 

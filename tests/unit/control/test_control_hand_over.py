@@ -13,14 +13,14 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, home, joints
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Joints, Side, home, joints
 from abb_runtime.clock import ManualClock
 from refusals import refused
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.chunk_commands import FollowChunk
-from yumi.control.controller import IDLE
+from yumi.control.controller import CONTROLLER_IDLE_TIME
 from yumi.control.controllers.joint_goal import JointGoal, StopMotion
-from yumi.control.goals import UNKNOWN
+from yumi.control.goals import UNKNOWN_JOINTS
 from yumi.control.hand_over import Commander, HandOver, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import ArmGivenBack, CommanderChanged, CommanderSilent, Event
@@ -49,7 +49,9 @@ class Arms(HandOver):
         self.events: list[Event] = []
         super().__init__(self.clock.now, lambda side: side in self.moving, self.events.append)
 
-    def taken(self, who: Commander, client: object = None, lasts: float | None = IDLE, side: Side = RIGHT) -> bool:
+    def taken(
+        self, who: Commander, client: object = None, lasts: float | None = CONTROLLER_IDLE_TIME, side: Side = RIGHT
+    ) -> bool:
         with requested_by(who, client, str(client)):  # type: ignore[arg-type]
             return self.take(side, who, lasts)
 
@@ -88,13 +90,13 @@ def test_one_who_commands_keeps_the_arm_from_those_of_the_same_rank(arms: Arms, 
 
 def test_stream_is_over_a_second_after_its_last_goal_and_a_motion_when_the_arm_stands(arms: Arms) -> None:
     arms.taken(Commander.STREAM, "stream")
-    arms.clock.advance(IDLE)
+    arms.clock.advance(CONTROLLER_IDLE_TIME)
     assert arms.of(RIGHT).who is Commander.STREAM
     arms.clock.advance(0.01)
     assert arms.of(RIGHT).who is Commander.NONE
     arms.moving.add(RIGHT)
     arms.taken(Commander.STREAM, "stream")
-    arms.clock.advance(2.0 * IDLE)  # its last points are for later, and the arm is not there yet
+    arms.clock.advance(2.0 * CONTROLLER_IDLE_TIME)  # its last points are for later, and the arm is not there yet
     assert arms.of(RIGHT).who is Commander.STREAM
     arms.moving.clear()
     assert arms.of(RIGHT).who is Commander.NONE
@@ -153,7 +155,7 @@ def test_nobody_lets_go_what_another_one_commands(arms: Arms) -> None:
         arms.renew(RIGHT, inf)
         assert not arms.is_own(RIGHT)
     assert arms.of(RIGHT).who is Commander.DEVICE
-    arms.clock.advance(IDLE + 0.01)
+    arms.clock.advance(CONTROLLER_IDLE_TIME + 0.01)
     assert arms.of(RIGHT).who is Commander.NONE
 
 
@@ -238,7 +240,7 @@ def test_program_that_is_late_switches_no_controller_of_another_program(arms: Ar
         pass
     with arms.passing(Commands.switch_controllers, (Side.LEFT, ("c",)), {}):
         pass
-    arms.clock.advance(IDLE + SOON)
+    arms.clock.advance(CONTROLLER_IDLE_TIME + SOON)
     with arms.passing(Commands.switch_controllers, (RIGHT, ("c",)), {}):
         pass
 
@@ -250,7 +252,7 @@ def test_arm_is_given_back_to_its_controller_unless_another_one_has_taken_it_mea
     for side in Side:
         arms.taken(Commander.TRAJECTORY, side=side)
     assert [*filter(arms.has_kept, Side)] == [*Side]
-    arms.clock.advance(IDLE + SOON)
+    arms.clock.advance(CONTROLLER_IDLE_TIME + SOON)
     arms.taken(other, "other")
     assert [*filter(arms.has_kept, Side)] == [LEFT]
     with requested_by(client="other"):
@@ -370,7 +372,7 @@ def test_blend_begins_where_the_arm_is_sent_and_ends_on_the_stream() -> None:
     sent, first = rad((20, -90, -110, 10, 30, 60, 10)), rad((30, -80, -100, 20, 40, 50, 0))
     blend = StreamBegin(sent, first, 2.0)
     assert blend.at(first, 0.0)[0] == blend.at(first, -1.0)[0] == pytest.approx(sent)
-    assert blend.at(first, 2.0) == (first, ZERO)
+    assert blend.at(first, 2.0) == (first, ZERO_JOINTS)
     half = joints([0.5 * (a + b) for a, b in zip(sent, first, strict=True)])
     assert blend.at(first, 1.0)[0] == pytest.approx(half)
     step = 1e-3
@@ -378,12 +380,12 @@ def test_blend_begins_where_the_arm_is_sent_and_ends_on_the_stream() -> None:
         a, b, c = (blend.at(first, time + number * step)[0][0] for number in range(3))
         assert abs(b - a) / step < 1e-5
         assert abs(c - 2.0 * b + a) / step**2 < 2e-2
-    assert StreamBegin(sent, first, 0.0).at(ZERO, 0.0) == (ZERO, ZERO)
+    assert StreamBegin(sent, first, 0.0).at(ZERO_JOINTS, 0.0) == (ZERO_JOINTS, ZERO_JOINTS)
 
 
 def test_velocity_of_a_blended_point_is_that_of_the_blended_positions() -> None:
     sent, speed = rad((20, -90, -110, 10, 30, 60, 10)), joints([0.1 * number for number in range(7)])
-    blend, step = StreamBegin(sent, ZERO, 2.0), 1e-4
+    blend, step = StreamBegin(sent, ZERO_JOINTS, 2.0), 1e-4
 
     def position(time: float) -> Joints:
         return blend.at(joints([each * time for each in speed]), time)[0]
@@ -392,4 +394,4 @@ def test_velocity_of_a_blended_point_is_that_of_the_blended_positions() -> None:
         _, velocity = blend.at(joints([each * time for each in speed]), time, speed)
         rows = zip(position(time - step), position(time + step), strict=True)
         assert velocity == pytest.approx([(after - before) / (2.0 * step) for before, after in rows], abs=1e-6)
-    assert all(map(isnan, blend.at(ZERO, 1.0, UNKNOWN)[1]))
+    assert all(map(isnan, blend.at(ZERO_JOINTS, 1.0, UNKNOWN_JOINTS)[1]))

@@ -10,7 +10,7 @@ from yumi.control.controller import State
 from yumi.control.controller_info import InterfaceInfo, Statistics
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.manager.hardware_component import STATISTICS_WINDOW
-from yumi.control.stage_times import MARK_COUNT
+from yumi.control.stage_times import STAGE_MARK_COUNT
 
 NAMES = joint_names(Side.RIGHT)
 
@@ -104,7 +104,7 @@ def test_hardware_cannot_be_finalized(manager: ControllerManager) -> None:
 def test_hardware_tells_how_long_reading_and_answering_take(manager: ControllerManager) -> None:
     for time in (1.0, 1.004):
         marks = [time, 0.0, time + 0.25, time + 0.5, time + 0.75, 0.0, time + 2.75, 0.0]
-        assert len(marks) == MARK_COUNT
+        assert len(marks) == STAGE_MARK_COUNT
         manager.note_times(RUNNING._replace(time=time), marks)
     info = manager.hardware()
     assert (info.read_time.mean, info.write_time.mean) == (pytest.approx(0.25), pytest.approx(2.0))
@@ -114,7 +114,7 @@ def test_hardware_tells_how_long_reading_and_answering_take(manager: ControllerM
 
 def test_hardware_counts_no_period_from_one_session_to_the_next(manager: ControllerManager) -> None:
     for session in (1, 2):
-        manager.note_times(RUNNING._replace(session=session), [0.0] * MARK_COUNT)
+        manager.note_times(RUNNING._replace(session=session), [0.0] * STAGE_MARK_COUNT)
     assert manager.hardware().period == Statistics()
 
 
@@ -122,7 +122,7 @@ def test_hardware_forgets_how_it_was_a_window_ago(manager: ControllerManager) ->
     now, longest = 1.0, []
     for number in range(round(3.0 * STATISTICS_WINDOW / 0.1)):
         now += 1.5 if number == 5 else 0.1  # one long pause at the beginning
-        manager.note_times(RUNNING._replace(time=now), [0.0] * MARK_COUNT)
+        manager.note_times(RUNNING._replace(time=now), [0.0] * STAGE_MARK_COUNT)
         longest.append(manager.hardware().period.maximum)
     assert max(longest) == pytest.approx(1.5)
     assert longest[-1] == pytest.approx(0.1)

@@ -9,20 +9,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, ArmCommand, ArmState, Joints, joints
 from reported_limiter import ReportedLimiter, reportable
 from soak import long, short
 from trajectories import change_rate
 from yumi.control.limiter_state import LimiterState
 from yumi.control.motion.robot_response import EGM_GAIN
-from yumi.control.shared_state import Problem
+from yumi.control.shared_state import ArmProblem
 
 DT = 0.004
 WANTED = st.tuples(*[st.floats(-100.0, 100.0)] * 7)
 
 
 def state(position: Joints, *, session: int = 1, dt: float = DT, is_running: bool = True) -> ArmState:
-    return ArmState(0.0, dt, session, position, ZERO, position, is_running)
+    return ArmState(0.0, dt, session, position, ZERO_JOINTS, position, is_running)
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def moved(position: Joints, index: int, by: float) -> Joints:
 
 
 def test_limiter_starts_a_session_with_the_measured_position(limiter: ReportedLimiter, middle: Joints) -> None:
-    assert limiter.limit(state(middle), ArmCommand(ZERO)) == ArmCommand(middle)
+    assert limiter.limit(state(middle), ArmCommand(ZERO_JOINTS)) == ArmCommand(middle)
 
 
 def test_limiter_comes_to_the_measured_position_within_the_limits_while_the_robot_does_not_follow(
@@ -43,7 +43,7 @@ def test_limiter_comes_to_the_measured_position_within_the_limits_while_the_robo
 ) -> None:
     path = [limiter.limit(state(middle), None).position] * 3
     elsewhere = moved(middle, 0, 0.02)
-    path += [limiter.limit(state(elsewhere, is_running=False), ArmCommand(ZERO)).position for _ in range(60)]
+    path += [limiter.limit(state(elsewhere, is_running=False), ArmCommand(ZERO_JOINTS)).position for _ in range(60)]
     assert path[-1] == pytest.approx(elsewhere, abs=1e-6)
     assert_within_limits(path)
 
@@ -88,15 +88,15 @@ def test_limiter_holds_when_a_command_is_not_finite(limiter: ReportedLimiter, mi
 
 def test_limiter_holds_when_a_speed_is_not_finite(limiter: ReportedLimiter, middle: Joints) -> None:
     limiter.limit(state(middle), None)
-    assert limiter.limit(state(middle), ArmCommand(middle, moved(ZERO, 0, nan))) == ArmCommand(middle)
+    assert limiter.limit(state(middle), ArmCommand(middle, moved(ZERO_JOINTS, 0, nan))) == ArmCommand(middle)
 
 
 @pytest.mark.parametrize("index", range(7))
 @pytest.mark.parametrize("direction", [-1.0, 1.0])
 def test_limiter_stops_each_joint_at_its_range(limiter: ReportedLimiter, index: int, direction: float) -> None:
     limit = (YUMI_LIMITS.upper if direction > 0 else YUMI_LIMITS.lower)[index]
-    limiter.limit(state(ZERO), None)
-    path = follow(limiter, [moved(ZERO, index, limit + direction)] * 1000, ZERO)
+    limiter.limit(state(ZERO_JOINTS), None)
+    path = follow(limiter, [moved(ZERO_JOINTS, index, limit + direction)] * 1000, ZERO_JOINTS)
     assert path[-1][index] == pytest.approx(limit)
     assert all(abs(position[index]) <= abs(limit) for position in path)
     assert limiter.counters.position_limited == 1000
@@ -125,20 +125,20 @@ def test_limiter_sends_no_position_out_of_range_to_an_arm_that_stands_a_little_o
 
 
 def test_limiter_brings_an_arm_back_into_its_range_no_faster_than_it_may_move(limiter: ReportedLimiter) -> None:
-    outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + 0.01)
+    outside = moved(ZERO_JOINTS, 1, YUMI_LIMITS.upper[1] + 0.01)
     path = [limiter.limit(state(outside), None).position]
-    assert path[0] == moved(ZERO, 1, YUMI_LIMITS.upper[1])
-    path += follow(limiter, [ZERO] * 300, path[0])
-    assert path[-1] == pytest.approx(ZERO, abs=1e-6)
+    assert path[0] == moved(ZERO_JOINTS, 1, YUMI_LIMITS.upper[1])
+    path += follow(limiter, [ZERO_JOINTS] * 300, path[0])
+    assert path[-1] == pytest.approx(ZERO_JOINTS, abs=1e-6)
     assert max(before[1] - after[1] for before, after in pairwise(path)) <= YUMI_LIMITS.velocity[1] * DT * 1.001
 
 
 @pytest.mark.parametrize("by", [0.011, 0.05, 0.11])
 def test_limiter_does_not_answer_an_arm_that_stands_further_outside(limiter: ReportedLimiter, by: float) -> None:
-    outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + by)
+    outside = moved(ZERO_JOINTS, 1, YUMI_LIMITS.upper[1] + by)
     for _ in range(30):
         assert limiter.check(state(outside)) is None
-    assert limiter.problem is Problem.IMPLAUSIBLE
+    assert limiter.problem is ArmProblem.IMPLAUSIBLE
 
 
 def rates(path: list[Joints], dt: float) -> list[Joints]:
@@ -150,8 +150,8 @@ def test_limiter_keeps_speed_acceleration_and_jerk_whatever_is_asked(
     wanted: list[Joints], hold: int, dt: float
 ) -> None:
     limiter = ReportedLimiter(YUMI_LIMITS)
-    path = [limiter.limit(state(ZERO), None).position] * 3
-    path += follow(limiter, [position for position in wanted for _ in range(hold)], ZERO, dt=dt)
+    path = [limiter.limit(state(ZERO_JOINTS), None).position] * 3
+    path += follow(limiter, [position for position in wanted for _ in range(hold)], ZERO_JOINTS, dt=dt)
     velocities = rates(path, dt)
     accelerations = rates(velocities, dt)
     for values, limits in ((velocities, YUMI_LIMITS.velocity), (accelerations, YUMI_LIMITS.acceleration)):
@@ -175,13 +175,13 @@ def assert_within_limits(path: list[Joints]) -> None:
 
 def wandering(random: Random, cycles: int) -> Iterator[Joints]:
     """Positions that move as hard as the joints may, most of the time, and sometimes jump; all over their range."""
-    place, speed, gain, aim = list(ZERO), list(ZERO), list(ZERO), list(ZERO)
+    place, speed, gain, aim = list(ZERO_JOINTS), list(ZERO_JOINTS), list(ZERO_JOINTS), list(ZERO_JOINTS)
     for _ in range(cycles):
         if random.random() < 0.03:
             aim = [random.choice((-1.0, 0.0, 1.0)) * top for top in YUMI_LIMITS.acceleration]
         if random.random() < 0.02:
             place = [random.uniform(*ends) for ends in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)]
-            speed, gain = list(ZERO), list(ZERO)
+            speed, gain = list(ZERO_JOINTS), list(ZERO_JOINTS)
         for index, (top, jerk) in enumerate(zip(YUMI_LIMITS.velocity, YUMI_LIMITS.jerk, strict=True)):
             gain[index] += max(-jerk * DT, min(jerk * DT, aim[index] - gain[index]))
             if abs(speed[index] + gain[index] * DT) > top:
@@ -194,7 +194,7 @@ def wandering(random: Random, cycles: int) -> Iterator[Joints]:
 @pytest.mark.parametrize("seed", range(20))
 def test_limiter_keeps_its_bounds_between_motions_at_the_limits_and_jumps(limiter: ReportedLimiter, seed: int) -> None:
     """Also while a joint is on its way to a goal that moves, turns back, or leads past the end of the range."""
-    path = [limiter.limit(state(ZERO), None).position] * 3
+    path = [limiter.limit(state(ZERO_JOINTS), None).position] * 3
     for wanted in wandering(Random(seed), 300):
         path += follow(limiter, [wanted], path[-1])
         limiter.observe(state(path[-1]))
@@ -212,8 +212,8 @@ def test_limiter_keeps_its_bounds_between_motions_at_the_limits_and_jumps(limite
 def test_slow_limiter_keeps_its_speed_and_never_fails(seed: int, speed_deg: float) -> None:
     """Goals that are much faster than the joints may be, and cycles of uneven length."""
     random, limits = Random(seed), YUMI_LIMITS.slowed_to(radians(speed_deg))
-    limiter, place = ReportedLimiter(limits), ZERO
-    limiter.limit(state(ZERO), None)
+    limiter, place = ReportedLimiter(limits), ZERO_JOINTS
+    limiter.limit(state(ZERO_JOINTS), None)
     for wanted in wandering(random, 300):
         dt = random.uniform(0.001, 0.005)
         (now,) = follow(limiter, [wanted], place, dt=dt)
@@ -223,12 +223,12 @@ def test_slow_limiter_keeps_its_speed_and_never_fails(seed: int, speed_deg: floa
 
 @pytest.mark.parametrize("noise", [1e-6, 1e-5, 3e-5])
 def test_limiter_follows_a_noisy_goal_without_shaking(limiter: ReportedLimiter, noise: float) -> None:
-    random, place = Random(1), ZERO
-    limiter.limit(state(ZERO), None)
+    random, place = Random(1), ZERO_JOINTS
+    limiter.limit(state(ZERO_JOINTS), None)
     late = []
     for count in range(1000):
         true = 0.25 * (1.0 - cos(2.0 * count * DT))
-        (place,) = follow(limiter, [moved(ZERO, 0, true + random.gauss(0.0, noise))], place)
+        (place,) = follow(limiter, [moved(ZERO_JOINTS, 0, true + random.gauss(0.0, noise))], place)
         limiter.observe(state(place))
         late.append(abs(place[0] - true))
     assert max(late) < 3e-3
@@ -237,9 +237,9 @@ def test_limiter_follows_a_noisy_goal_without_shaking(limiter: ReportedLimiter, 
 @given(wanted=st.lists(WANTED | st.none(), min_size=1, max_size=20), dt=st.floats(0.0, 1.0))
 def test_limiter_never_steps_by_more_than_velocity_times_dt(wanted: list[Joints | None], dt: float) -> None:
     limiter = ReportedLimiter(YUMI_LIMITS)
-    last = limiter.limit(state(ZERO), None).position
+    last = limiter.limit(state(ZERO_JOINTS), None).position
     for position in wanted:
-        now = limiter.limit(state(ZERO, dt=dt), None if position is None else ArmCommand(position)).position
+        now = limiter.limit(state(ZERO_JOINTS, dt=dt), None if position is None else ArmCommand(position)).position
         for old, new, speed in zip(last, now, YUMI_LIMITS.velocity, strict=True):
             assert abs(new - old) <= speed * min(dt, CYCLE) * 1.001 + 1e-9
         last = now
@@ -307,7 +307,7 @@ def test_limiter_notices_a_robot_that_does_not_get_its_commands_and_does_not_run
         told.append(limiter.limit(state(middle), ArmCommand(goal)))
         limiter.observe(state(middle))
         waits.append(limiter.is_waiting)
-        noticed.append(limiter.problem is Problem.REFERENCES_IGNORED)
+        noticed.append(limiter.problem is ArmProblem.REFERENCES_IGNORED)
     assert noticed.index(True) * DT < 0.3
     assert all(noticed[noticed.index(True) :])
     # Were it to hear any of them, it would set out no faster than four cycles of the command and one of acceleration.
@@ -321,13 +321,13 @@ def test_limiter_notices_a_robot_that_does_not_get_its_commands_and_does_not_run
     assert_within_limits(path[stop:])
     assert abs(told[-1].position[0] - middle[0]) < 2e-3
 
-    planned, velocity = middle, ZERO
+    planned, velocity = middle, ZERO_JOINTS
     for _ in range(600):
         now = state(planned)._replace(velocity=velocity)
         last, planned = planned, hears(planned, limiter.limit(now, ArmCommand(goal)))
         limiter.observe(now)
         (velocity,) = rates([last, planned], DT)
-    assert limiter.problem is Problem.NONE
+    assert limiter.problem is ArmProblem.NONE
     assert planned == pytest.approx(goal, abs=1e-3)
 
 
@@ -345,7 +345,7 @@ def test_limiter_does_not_report_a_slow_robot_as_ignoring_references(middle: Joi
         speeds = [gain * EGM_GAIN * (ahead - now) + speed for now, ahead, speed in rows]
         planned = joints([now + DT * max(-top, min(top, v)) for now, v in zip(planned, speeds, strict=True)])
         limiter.observe(state(planned))
-        assert limiter.problem is Problem.NONE
+        assert limiter.problem is ArmProblem.NONE
 
 
 @pytest.mark.parametrize("seconds", [short(20.0), long(600.0, 600.0)])
@@ -361,12 +361,12 @@ def test_limiter_does_not_report_a_robot_at_rest_as_ignoring_references(
             [now + DT * (EGM_GAIN * (to - now) + speed) * (abs(to - now) > deadband) for now, to, speed in rows]
         )
         seen = joints([now + random.gauss(0.0, noise) for now in planned]) if noise else planned
-        checked = limiter.check(ArmState(count * DT, DT * bool(count), 1, seen, ZERO, planned, is_running=True))
+        checked = limiter.check(ArmState(count * DT, DT * bool(count), 1, seen, ZERO_JOINTS, planned, is_running=True))
         assert checked is not None
         goal = joints([now + 1.2 * (to + 0.1 - now) for now, to in zip(seen, middle, strict=True)])
         command = limiter.limit(checked, ArmCommand(goal))
         limiter.observe(checked)
-        assert limiter.problem is Problem.NONE
+        assert limiter.problem is ArmProblem.NONE
     assert planned == pytest.approx([value + 0.1 for value in middle], abs=2e-3)
 
 
@@ -381,7 +381,7 @@ def test_limiter_does_not_report_a_robot_that_ramps_in_slowly(
         planned = joints([now + DT * fade * (EGM_GAIN * (to - now) + speed) for now, to, speed in rows])
         command = limiter.limit(state(planned), ArmCommand(moved(middle, 0, distance)) if count > 5 else None)
         limiter.observe(state(planned))
-        assert limiter.problem is Problem.NONE
+        assert limiter.problem is ArmProblem.NONE
 
 
 @pytest.mark.parametrize("rested_for", [0.0, 0.05, 0.1, 5.0])
@@ -397,9 +397,9 @@ def test_limiter_notices_within_300_ms_that_references_are_ignored_when_a_contro
         near = joints([value + random.gauss(0.0, 3e-5) for value in goal])  # never at rest
         limiter.limit(state(middle), ArmCommand(near))
         limiter.observe(state(middle))
-        if limiter.problem is Problem.REFERENCES_IGNORED:
+        if limiter.problem is ArmProblem.REFERENCES_IGNORED:
             break
-    assert limiter.problem is Problem.REFERENCES_IGNORED
+    assert limiter.problem is ArmProblem.REFERENCES_IGNORED
     assert 0.05 < since < 0.3
 
 
@@ -434,7 +434,7 @@ def test_limiter_goes_on_when_one_position_cannot_be_true(
         limiter.observe(state(told))
         path.append(place)
     assert limiter.counters.implausible == 2
-    assert limiter.problem is Problem.NONE
+    assert limiter.problem is ArmProblem.NONE
     assert_within_limits(path)
     assert path[-1] == pytest.approx(moved(middle, 0, 0.3), abs=1e-6)
 
@@ -450,11 +450,11 @@ def test_limiter_holds_where_it_is_while_positions_cannot_be_true_and_goes_on_af
     last = path[-1]
     for _ in range(1000):
         path.append(limiter.limit(state(elsewhere), ArmCommand(goal)).position)
-    assert limiter.problem is Problem.IMPLAUSIBLE
+    assert limiter.problem is ArmProblem.IMPLAUSIBLE
     assert path[-1] == path[-500]
     assert path[-1][3] == last[3]
     path += follow(limiter, [goal] * 300, path[-1])
-    assert limiter.problem is Problem.NONE
+    assert limiter.problem is ArmProblem.NONE
     assert path[-1] == pytest.approx(goal, abs=1e-6)
     assert_within_limits(path)
 
@@ -466,7 +466,7 @@ def test_robot_that_follows_feels_no_step_when_a_session_begins_in_its_motion(
     command = limiter.limit(state(middle), None)
     planned, speeds, withheld = middle, [], 0
     for count in range(400):
-        now = ArmState(count * DT, DT, 1 if count < 30 else 2, planned, ZERO, planned, is_running=True)
+        now = ArmState(count * DT, DT, 1 if count < 30 else 2, planned, ZERO_JOINTS, planned, is_running=True)
         checked = limiter.check(now)
         if checked is None:  # it goes on by the last command
             withheld += 1
@@ -491,7 +491,7 @@ def test_limiter_begins_where_the_robot_stands_when_its_new_session_does_not_fol
         now = ArmState(count * DT, DT, 1, planned, change_rate(planned, before, DT), planned, is_running=True)
         before, planned = planned, hears(planned, limiter.limit(now, ArmCommand(moved(middle, 0, 1.0))))
     planned = reportable(planned)
-    sent_at, first = 59 * DT, ArmState(0.0, DT, 2, planned, ZERO, planned, is_running=True)
+    sent_at, first = 59 * DT, ArmState(0.0, DT, 2, planned, ZERO_JOINTS, planned, is_running=True)
     for count in range(62, 59 + 250):  # as long as it could follow the last command
         assert limiter.check(first._replace(time=count * DT)) is None
     begun = first._replace(time=sent_at + 1.001)
@@ -616,7 +616,7 @@ def test_limiter_never_believes_positions_that_agree_with_each_other_but_not_wit
         assert checked.position == middle
         assert limiter.limit(checked, None) == ArmCommand(middle)
         assert limiter.counters.implausible == count + 1
-    assert limiter.problem is Problem.IMPLAUSIBLE
+    assert limiter.problem is ArmProblem.IMPLAUSIBLE
     for count in range(60, 90):
         checked = limiter.check(there._replace(time=count * DT))
         assert checked is not None
@@ -654,16 +654,16 @@ def test_limiter_does_not_feed_an_old_speed_to_an_arm_that_stands_in_a_new_sessi
     limiter = ReportedLimiter(YUMI_LIMITS, gain=gain)
     planned, speed, command = middle, 0.0, None
     for count in range(150):
-        now = ArmState(count * DT, DT * bool(count), 1, planned, ZERO, planned, is_running=True)
+        now = ArmState(count * DT, DT * bool(count), 1, planned, ZERO_JOINTS, planned, is_running=True)
         checked = limiter.check(now)
         assert checked is not None
         speed = min(1.0, speed + 0.05)
-        command = limiter.limit(checked, ArmCommand(planned, moved(ZERO, 0, speed)))
+        command = limiter.limit(checked, ArmCommand(planned, moved(ZERO_JOINTS, 0, speed)))
         limiter.observe(checked)
         planned = moved(planned, 0, DT * command.velocity[0])
     assert command is not None
     assert command.velocity[0] == pytest.approx(1.0, abs=0.1)
-    first = ArmState(0.9, 0.0, 2, planned, ZERO, planned, is_running=True)
+    first = ArmState(0.9, 0.0, 2, planned, ZERO_JOINTS, planned, is_running=True)
     assert limiter.check(first) is None  # it might follow the last command
     for later in range(1, 149):
         assert limiter.check(first._replace(time=0.9 + later * DT, dt=DT)) is None
@@ -686,7 +686,7 @@ def test_arm_that_was_held_stays_where_something_else_has_moved_it(
             rows = zip(planned, command.position, command.velocity, strict=True)
             planned = joints([now + DT * (EGM_GAIN * (sent - now) + speed) for now, sent, speed in rows])
         measured = joints([now + random.gauss(0.0, noise) for now in planned])
-        checked = limiter.check(ArmState(time, DT, 1, measured, ZERO, planned, is_running))
+        checked = limiter.check(ArmState(time, DT, 1, measured, ZERO_JOINTS, planned, is_running))
         if checked is not None:
             command = limiter.limit(checked, desired)
             limiter.observe(checked)
@@ -712,9 +712,9 @@ def test_speed_that_has_faded_is_none(gain: float, middle: Joints) -> None:
     limiter, planned = ReportedLimiter(YUMI_LIMITS, gain=gain), middle
     limiter.limit(state(middle), None)
     for cycle in range(400):
-        desired = ArmCommand(planned, moved(ZERO, 6, 0.001)) if cycle < 30 else None
+        desired = ArmCommand(planned, moved(ZERO_JOINTS, 6, 0.001)) if cycle < 30 else None
         command = limiter.limit(state(planned), desired)
         limiter.observe(state(planned))
         planned = moved(planned, 6, DT * command.velocity[6])
-    assert command.velocity is ZERO
+    assert command.velocity is ZERO_JOINTS
     assert limiter.is_at_rest

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, ArmCommand, ArmState, joints
 from reported_limiter import ReportedLimiter, reportable
 from yumi.control.limiter_state import (
-    MEANINGS,
-    SEEN,
+    LIMITER_EVENT_MEANINGS,
+    LIMITER_STATE_MEANINGS,
     SETTLING_STATES,
     TRANSITIONS,
     ForbiddenTransition,
@@ -20,8 +20,8 @@ SESSIONS = {event for event in LimiterEvent if event.name.startswith("SESSION")}
 
 
 def test_every_state_and_event_has_a_meaning_and_a_place() -> None:
-    assert set(MEANINGS) == set(TRANSITIONS) == set(LimiterState)
-    assert set(SEEN) == set(LimiterEvent) == {event for row in TRANSITIONS.values() for event in row}
+    assert set(LIMITER_STATE_MEANINGS) == set(TRANSITIONS) == set(LimiterState)
+    assert set(LIMITER_EVENT_MEANINGS) == set(LimiterEvent) == {event for row in TRANSITIONS.values() for event in row}
     reached, waiting = set(), [LimiterState.NO_SESSION]
     while waiting:
         state = waiting.pop()
@@ -71,7 +71,9 @@ def test_first_command_is_where_the_robot_is_whatever_comes_before(is_running: b
     """A first datagram of a robot that does not follow gets no reply; then the connection was lost for a while."""
     limiter = ReportedLimiter(YUMI_LIMITS)
     position = joints([0.3, -1.0, 0.5, 0.2, 0.1, -0.3, 0.4])
-    first = ArmState(session=1, time=10.0, dt=0.0, position=position, velocity=ZERO, planned=position, is_running=False)
+    first = ArmState(
+        session=1, time=10.0, dt=0.0, position=position, velocity=ZERO_JOINTS, planned=position, is_running=False
+    )
     assert limiter.check(first) is None
     limiter.note_interruption()
     limiter.note_connection_lost()
@@ -92,10 +94,10 @@ def test_session_does_not_begin_where_the_arm_was_in_the_session_before() -> Non
     limiter = ReportedLimiter(YUMI_LIMITS)
     there = joints([0.3, -1.0, 0.5, 0.2, 0.1, -0.3, 0.4])
     here = reportable(joints([0.1, -1.2, 0.3, 0.0, -0.1, -0.1, 0.2]))
-    old = ArmState(session=1, time=10.0, dt=0.0, position=there, velocity=ZERO, planned=there, is_running=True)
+    old = ArmState(session=1, time=10.0, dt=0.0, position=there, velocity=ZERO_JOINTS, planned=there, is_running=True)
     limiter.limit(old, None)
     limiter.observe(old)
-    first = ArmState(session=2, time=20.0, dt=0.0, position=here, velocity=ZERO, planned=here, is_running=False)
+    first = ArmState(session=2, time=20.0, dt=0.0, position=here, velocity=ZERO_JOINTS, planned=here, is_running=False)
     assert limiter.check(first) is None
     false = joints([each + 3.0 for each in here])
     assert limiter.check(first._replace(time=20.0 + CYCLE, dt=CYCLE, position=false, planned=false)) is None

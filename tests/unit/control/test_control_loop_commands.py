@@ -7,7 +7,7 @@ import pytest
 
 from abb_protocols.catalogue import Message, in_words, message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Side, joint_names
 from controller_arms import LimitedArm, PerfectArm
 from reported_limiter import ReportedLimiter
 from unit.control.controller_doubles import RUNNING, Double
@@ -39,7 +39,7 @@ class Arms:
         manager.configure("double")
         manager.switch(["double"], [], RUNNING)
         limiter = ReportedLimiter(YUMI_LIMITS)
-        return ArmLoop(side, LimitedArm(PerfectArm(ZERO), limiter), manager, limiter, self.buffers[side])
+        return ArmLoop(side, LimitedArm(PerfectArm(ZERO_JOINTS), limiter), manager, limiter, self.buffers[side])
 
     def call(self, command: Any, *args: Any) -> Any:
         return serve(self.commands, command, *args)

@@ -4,7 +4,7 @@ import itertools
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, ArmCommand, Joints, Side, joint_names
+from abb_protocols.robot.joints import ZERO_JOINTS, ArmCommand, Joints, Side, joint_names
 from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, THERE, Double
 from yumi.control.manager.controller_manager import ControllerManager
@@ -23,7 +23,7 @@ def commanded(**doubles: Double) -> ControllerManager:
     return manager
 
 
-def double(*kinds: str, position: Joints, velocity: Joints = ZERO, joints: int = 7) -> Double:
+def double(*kinds: str, position: Joints, velocity: Joints = ZERO_JOINTS, joints: int = 7) -> Double:
     double = Double(*kinds, joints=joints)
     double.command = ArmCommand(position, velocity)
     return double
@@ -40,7 +40,7 @@ def test_merged_command_keeps_the_zero_that_lets_the_guard_pass_it_at_once() -> 
     manager = commanded(a=double("position", position=THERE), b=double("velocity", position=ELSEWHERE))
     command = manager.update(RUNNING)
     assert command is not None
-    assert command.velocity is ZERO
+    assert command.velocity is ZERO_JOINTS
     assert command.position is THERE
 
 

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from abb_protocols.robot.joints import Pose
-from abb_protocols.robot.kinematics import IDENTITY, distance_between, multiply, quaternion_of, turn_between
+from abb_protocols.robot.kinematics import (
+    IDENTITY_QUATERNION,
+    pose_distance,
+    quaternion_of,
+    quaternion_product,
+    turn_between,
+)
 from yumi.control.motion.one_euro import OneEuroFilter, PoseFilter
 
 DT = 1.0 / 90.0
@@ -38,22 +44,24 @@ def test_trembling_is_filtered_and_a_motion_lags_less_the_faster_it_is() -> None
 
 
 def test_cutoff_of_zero_filters_nothing() -> None:
-    smooth = PoseFilter(Pose((0.0, 0.0, 0.0), IDENTITY), cutoff=0.0, beta=5.0)
+    smooth = PoseFilter(Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION), cutoff=0.0, beta=5.0)
     pose = Pose((1.0, 2.0, 3.0), quaternion_of((0.3, -0.2, 0.9)))
-    assert distance_between(smooth.step(pose, DT), pose) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert pose_distance(smooth.step(pose, DT), pose) == pytest.approx((0.0, 0.0), abs=1e-12)
 
 
 def test_orientation_is_filtered_the_shorter_way_round() -> None:
     start = Pose((0.0, 0.0, 0.0), quaternion_of((0.0, 0.0, 3.0)))
     smooth = PoseFilter(start, cutoff=5.0, beta=0.0)
-    target = Pose(start.position, multiply(quaternion_of((0.0, 0.0, 0.4)), start.orientation))  # beyond half a turn
+    target = Pose(
+        start.position, quaternion_product(quaternion_of((0.0, 0.0, 0.4)), start.orientation)
+    )  # beyond half a turn
     turned = [hypot(*turn_between(start.orientation, smooth.step(target, DT).orientation)) for _ in range(90)]
     assert turned == sorted(turned)
     assert turned[-1] == pytest.approx(0.4, abs=1e-9)
 
 
 def test_filtered_orientation_stays_a_rotation() -> None:
-    smooth = PoseFilter(Pose((0.0, 0.0, 0.0), IDENTITY), cutoff=1.0, beta=1.0)
+    smooth = PoseFilter(Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION), cutoff=1.0, beta=1.0)
     for number in range(1000):
         turn = (2.0 * sin(0.1 * number), pi * sin(0.03 * number), 0.5)
         pose = smooth.step(Pose((0.0, 0.0, 0.0), quaternion_of(turn)), DT)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from abb_protocols.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
+from abb_protocols.robot.joints import CYCLE, ZERO_JOINTS, ArmState, Joints, Side, joint_names
 from abb_runtime.parameters import Values
 from yumi.control.controller import Controller, Sampled
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
@@ -19,7 +19,7 @@ from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.shared_memory import SharedBuffer
 from yumi.core.library import SHARED_GOAL
 
-STATE = ArmState(1.0, CYCLE, 2, ZERO, ZERO, ZERO, is_running=True)
+STATE = ArmState(1.0, CYCLE, 2, ZERO_JOINTS, ZERO_JOINTS, ZERO_JOINTS, is_running=True)
 POSITIONS = st.tuples(*[st.floats(-0.5, 0.5)] * 7)
 NAME = "controller"
 

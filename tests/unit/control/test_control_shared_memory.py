@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import pytest
 
-from abb_protocols.robot.joints import ZERO, Joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints
 from abb_runtime.process.child import ChildProcess, PipeClosed, PipeEnd
 from yumi.control.goals import GoalKind
 from yumi.control.shared_memory import SharedBuffer, SharedBytes, SharedHistory
-from yumi.control.shared_state import JointStates, Problem, Snapshot
+from yumi.control.shared_state import ArmProblem, JointStates, Snapshot
 from yumi.control.speed_scale import SpeedFactor
 
 ROUNDS = 1000  # different values that the reader has to see
@@ -31,7 +31,7 @@ class Sample(NamedTuple):
     time: float
     more: Counts
     is_on: bool
-    problem: Problem
+    problem: ArmProblem
     kind: GoalKind
     position: Joints
     reference: Joints | None
@@ -43,12 +43,12 @@ ONE = Sample(
     0.25,
     Counts(8, -0.5),
     True,
-    Problem.IMPLAUSIBLE,
+    ArmProblem.IMPLAUSIBLE,
     GoalKind.POSITION | GoalKind.VELOCITY,
     SEVEN,
     None,
 )
-OTHER = Sample(-3, Counts(0, 0.0), 1e9, Counts(9, 1.5), False, Problem.NONE, GoalKind.NONE, ZERO, SEVEN)
+OTHER = Sample(-3, Counts(0, 0.0), 1e9, Counts(9, 1.5), False, ArmProblem.NONE, GoalKind.NONE, ZERO_JOINTS, SEVEN)
 
 
 def fill(pipe: PipeEnd, buffer: SharedBuffer[JointStates]) -> None:
@@ -93,7 +93,7 @@ def test_buffer_keeps_short_texts_and_cuts_longer_ones_off() -> None:
 
 def test_buffer_refuses_values_of_another_size() -> None:
     with pytest.raises(struct.error):
-        SharedBuffer(JointStates).write(JointStates(0.0, (1.0, 2.0), ZERO))  # type: ignore[arg-type]
+        SharedBuffer(JointStates).write(JointStates(0.0, (1.0, 2.0), ZERO_JOINTS))  # type: ignore[arg-type]
 
 
 def test_buffer_shows_the_value_before_when_its_writer_died_in_the_middle_of_one() -> None:

@@ -11,12 +11,12 @@ from abb_runtime.clock import ManualClock
 from yumi.control.controller_info import Statistics
 from yumi.control.stage_times import (
     AFTER_REPLY,
-    DECODE,
-    ENCODE,
-    LIMIT,
-    RECEIVE,
-    SEND,
-    UPDATE,
+    DECODE_STAGE,
+    ENCODE_STAGE,
+    LIMIT_STAGE,
+    RECEIVE_STAGE,
+    SEND_STAGE,
+    UPDATE_STAGE,
     RunningStatistics,
     StageClock,
     StageTimes,
@@ -46,7 +46,9 @@ def test_stage_clock_measures_each_stage(clock: ManualClock) -> None:
     timing = StageClock(clock.now)
     clock.advance(5.0)
     timing.begin(clock.now())
-    for number, stage in enumerate((RECEIVE, DECODE, UPDATE, LIMIT, ENCODE, SEND, AFTER_REPLY), start=1):
+    for number, stage in enumerate(
+        (RECEIVE_STAGE, DECODE_STAGE, UPDATE_STAGE, LIMIT_STAGE, ENCODE_STAGE, SEND_STAGE, AFTER_REPLY), start=1
+    ):
         clock.advance(number * 1e-6)
         timing.note(stage)
     times = StageTimes.of(timing.marks)
@@ -59,7 +61,7 @@ def test_stage_that_was_not_noted_took_no_time(clock: ManualClock) -> None:
     clock.advance(1.0)
     timing.begin(clock.now())
     clock.advance(2e-6)
-    timing.note(UPDATE)
+    timing.note(UPDATE_STAGE)
     assert StageTimes.of(timing.marks).update == pytest.approx(2e-6)
     assert StageTimes.of(timing.marks).send == 0.0
 
@@ -76,5 +78,5 @@ def test_stage_clock_forgets_the_cycle_before(clock: ManualClock) -> None:
 def test_stages_take_no_time_where_time_is_virtual() -> None:
     timing = StageClock()
     timing.begin(100.0)
-    timing.note(DECODE)
+    timing.note(DECODE_STAGE)
     assert set(timing.marks) == {0.0}

@@ -11,7 +11,7 @@ from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, j
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.goals import CONFIGURED_DELAY, MemoryBuffer, SessionGoal, write_goal
 from yumi.control.loop_events import ControllerReport
-from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.robot_response import RESPONSE_DELAY
 from yumi.control.stream_monitor import StreamReport
 from yumi_evaluation.virtual_time import VirtualArmRig
 
@@ -177,7 +177,7 @@ def test_points_for_the_future_wait_until_they_are_needed(arm: Arm) -> None:
     for number in range(60):
         arm.send(turned(ramp(number / RATE)), arm.rig.clock.now() + 0.5)
         arm.rig.run(1.0 / RATE)
-    assert arm.measured == pytest.approx(ramp(2.0 - 0.5 - 1.0 / RATE - DELAY), abs=0.3 * 0.02)
+    assert arm.measured == pytest.approx(ramp(2.0 - 0.5 - 1.0 / RATE - RESPONSE_DELAY), abs=0.3 * 0.02)
 
 
 def test_delay_that_changes_makes_no_step(arm: Arm) -> None:

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, joints
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Joints, joints
 from controller_states import moved
-from yumi.control.goals import UNKNOWN
+from yumi.control.goals import UNKNOWN_JOINTS
 from yumi.control.motion.target_predictor import TargetPredictor
 
 PERIOD = 0.004
@@ -20,7 +20,7 @@ AHEAD = 0.030
 @pytest.fixture
 def forecast() -> TargetPredictor:
     forecast = TargetPredictor(YUMI_LIMITS)
-    forecast.rest_at(ZERO)
+    forecast.rest_at(ZERO_JOINTS)
     return forecast
 
 
@@ -34,14 +34,14 @@ def stream(
     time = 0.0
     for number in range(round(seconds / PERIOD)):
         time = number * PERIOD
-        forecast.add(moved(ZERO, 6, path(time)), UNKNOWN, time + lateness())
+        forecast.add(moved(ZERO_JOINTS, 6, path(time)), UNKNOWN_JOINTS, time + lateness())
     return time
 
 
 @given(speed=st.floats(-3.0, 3.0), gain=st.floats(-3.0, 3.0))
 def test_motion_of_constant_acceleration_is_forecast_without_lag(speed: float, gain: float) -> None:
     forecast = TargetPredictor(YUMI_LIMITS)
-    forecast.rest_at(ZERO)
+    forecast.rest_at(ZERO_JOINTS)
     last = stream(forecast, lambda time: time * (speed + 0.5 * gain * time), 0.8)
     target, then = forecast.at(last, AHEAD), last + AHEAD
     assert target.position[6] == pytest.approx(then * (speed + 0.5 * gain * then), abs=2e-3)
@@ -50,7 +50,7 @@ def test_motion_of_constant_acceleration_is_forecast_without_lag(speed: float, g
 
 def test_goal_that_does_not_move_is_forecast_where_it_is(forecast: TargetPredictor, middle: Joints) -> None:
     for number in range(10):
-        forecast.add(middle, UNKNOWN, number * PERIOD)
+        forecast.add(middle, UNKNOWN_JOINTS, number * PERIOD)
     assert forecast.at(9 * PERIOD, AHEAD).position == middle
 
 
@@ -59,7 +59,7 @@ def test_jump_of_the_goal_is_no_motion(forecast: TargetPredictor, size_deg: floa
     size, speeds, places = radians(size_deg), [], []
     for number in range(100):
         time = number * PERIOD
-        forecast.add(moved(ZERO, 6, size * (number >= 50)), UNKNOWN, time)
+        forecast.add(moved(ZERO_JOINTS, 6, size * (number >= 50)), UNKNOWN_JOINTS, time)
         target = forecast.at(time, AHEAD)
         speeds.append(target.velocity[6])
         places.append(target.position[6])
@@ -71,7 +71,7 @@ def test_jump_of_the_goal_is_no_motion(forecast: TargetPredictor, size_deg: floa
 def test_jump_while_the_goal_moves_leaves_its_speed_alone(forecast: TargetPredictor) -> None:
     for number in range(200):
         time = number * PERIOD
-        forecast.add(moved(ZERO, 6, 0.5 * time + 0.3 * (number >= 100)), UNKNOWN, time)
+        forecast.add(moved(ZERO_JOINTS, 6, 0.5 * time + 0.3 * (number >= 100)), UNKNOWN_JOINTS, time)
         if number > 60:
             assert forecast.at(time, AHEAD).velocity[6] == pytest.approx(0.5, abs=0.02)
 
@@ -79,7 +79,7 @@ def test_jump_while_the_goal_moves_leaves_its_speed_alone(forecast: TargetPredic
 def test_new_speed_is_known_after_two_goals(forecast: TargetPredictor) -> None:
     for number in range(53):
         time = number * PERIOD
-        forecast.add(moved(ZERO, 6, max(0.0, time - 49.5 * PERIOD)), UNKNOWN, time)
+        forecast.add(moved(ZERO_JOINTS, 6, max(0.0, time - 49.5 * PERIOD)), UNKNOWN_JOINTS, time)
     assert forecast.at(time, AHEAD).velocity[6] == pytest.approx(1.0, abs=0.1)
 
 
@@ -92,14 +92,14 @@ def test_noisy_times_disturb_the_forecast_little(forecast: TargetPredictor) -> N
 def test_speed_that_is_given_is_used(forecast: TargetPredictor) -> None:
     for number in range(50):
         time = number * PERIOD
-        forecast.add(moved(ZERO, 6, sin(time)), joints([nan] * 6 + [cos(time)]), time)
+        forecast.add(moved(ZERO_JOINTS, 6, sin(time)), joints([nan] * 6 + [cos(time)]), time)
     assert forecast.at(time, AHEAD).position[6] == pytest.approx(sin(time + AHEAD), abs=2e-4)
 
 
 def test_two_goals_at_one_time_make_no_speed(forecast: TargetPredictor) -> None:
     stream(forecast, lambda time: 0.0, 0.2)
-    forecast.add(moved(ZERO, 6, 1e-4), UNKNOWN, 0.196)
-    forecast.add(moved(ZERO, 6, 2e-4), UNKNOWN, 0.196)
+    forecast.add(moved(ZERO_JOINTS, 6, 1e-4), UNKNOWN_JOINTS, 0.196)
+    forecast.add(moved(ZERO_JOINTS, 6, 2e-4), UNKNOWN_JOINTS, 0.196)
     assert abs(forecast.at(0.196, AHEAD).velocity[6]) < 0.02
 
 
@@ -111,29 +111,29 @@ def test_cycle_without_a_goal_goes_on_with_the_motion(forecast: TargetPredictor)
 def test_stream_that_ends_is_not_forecast_any_further(forecast: TargetPredictor) -> None:
     last = stream(forecast, lambda time: time, 0.4)
     target = forecast.at(last + forecast.timeout + 1e-3, AHEAD)
-    assert (target.position[6], target.velocity) == (last, ZERO)
+    assert (target.position[6], target.velocity) == (last, ZERO_JOINTS)
 
 
 def test_slow_stream_is_given_three_periods(forecast: TargetPredictor) -> None:
     for number in range(60):
-        forecast.add(moved(ZERO, 6, 0.025 * number), UNKNOWN, 0.025 * number)
+        forecast.add(moved(ZERO_JOINTS, 6, 0.025 * number), UNKNOWN_JOINTS, 0.025 * number)
     assert forecast.at(59 * 0.025 + 0.05, 0.0).velocity[6] == pytest.approx(1.0, abs=0.01)
-    assert forecast.at(59 * 0.025 + 0.08, 0.0).velocity == ZERO
+    assert forecast.at(59 * 0.025 + 0.08, 0.0).velocity == ZERO_JOINTS
 
 
 def test_stream_that_begins_again_has_forgotten_its_speed(forecast: TargetPredictor) -> None:
     last = stream(forecast, lambda time: time, 0.4)
-    forecast.add(moved(ZERO, 6, 0.1), UNKNOWN, last + 1.0)
-    assert forecast.at(last + 1.0, AHEAD).velocity == ZERO
+    forecast.add(moved(ZERO_JOINTS, 6, 0.1), UNKNOWN_JOINTS, last + 1.0)
+    assert forecast.at(last + 1.0, AHEAD).velocity == ZERO_JOINTS
 
 
 @given(st.lists(st.tuples(st.floats(-4.0, 4.0), st.floats(0.0, 0.1)), min_size=1, max_size=60))
 def test_forecast_never_asks_for_more_than_the_joint_can_do(steps: list[tuple[float, float]]) -> None:
     forecast, time = TargetPredictor(YUMI_LIMITS), 0.0
-    forecast.rest_at(ZERO)
+    forecast.rest_at(ZERO_JOINTS)
     for goal, interval in steps:
         time += interval
-        forecast.add(moved(ZERO, 6, goal), UNKNOWN, time)
+        forecast.add(moved(ZERO_JOINTS, 6, goal), UNKNOWN_JOINTS, time)
         target = forecast.at(time, 0.0)
         assert abs(target.velocity[6]) <= YUMI_LIMITS.velocity[6]
         assert abs(target.acceleration[6]) <= YUMI_LIMITS.acceleration[6]

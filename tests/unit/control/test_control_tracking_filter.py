@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, Joints
 from controller_states import moved
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.tracking_filter import TrackingFilter
@@ -19,10 +19,12 @@ Path = Callable[[float], tuple[float, float, float]]
 
 def target_at(path: Path, time: float) -> Setpoint:
     position, velocity, acceleration = path(time)
-    return Setpoint(moved(ZERO, 6, position), moved(ZERO, 6, velocity), moved(ZERO, 6, acceleration))
+    return Setpoint(
+        moved(ZERO_JOINTS, 6, position), moved(ZERO_JOINTS, 6, velocity), moved(ZERO_JOINTS, 6, acceleration)
+    )
 
 
-def pursued(path: Path, seconds: float, start: Joints = ZERO) -> list[Setpoint]:
+def pursued(path: Path, seconds: float, start: Joints = ZERO_JOINTS) -> list[Setpoint]:
     pursuit = TrackingFilter(YUMI_LIMITS)
     pursuit.begin(start)
     return [pursuit.step(target_at(path, number * CYCLE), CYCLE) for number in range(round(seconds / CYCLE))]
@@ -86,13 +88,13 @@ def test_limits_are_kept_whatever_the_target_does(orders: list[tuple[float, floa
 
 def test_joints_are_pursued_apart_from_each_other() -> None:
     steps = pursued(lambda _: (radians(90.0), 0.0, 0.0), 0.5)
-    assert all(step.position[:6] == ZERO[:6] for step in steps)
+    assert all(step.position[:6] == ZERO_JOINTS[:6] for step in steps)
 
 
 def test_pursuit_that_begins_in_motion_goes_on_smoothly() -> None:
     pursuit = TrackingFilter(YUMI_LIMITS)
-    pursuit.begin(ZERO, moved(ZERO, 6, 1.0))
-    steps = [pursuit.step(Setpoint(ZERO), CYCLE) for _ in range(300)]
+    pursuit.begin(ZERO_JOINTS, moved(ZERO_JOINTS, 6, 1.0))
+    steps = [pursuit.step(Setpoint(ZERO_JOINTS), CYCLE) for _ in range(300)]
     assert steps[0].velocity[6] == pytest.approx(1.0, abs=0.02)
     assert steps[-1].position[6] == pytest.approx(0.0, abs=1e-6)
     assert_within_limits(steps)

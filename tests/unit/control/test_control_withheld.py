@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from abb_protocols.robot.description import SERVO_GRIPPERS
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Pose, Side, home, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, ArmCommand, Pose, Side, home, joints
 from abb_protocols.robot.kinematics import tool0_to_body
 from cartesian_bench import shares
 from controller_states import configured, state
@@ -30,7 +30,7 @@ from yumi.control.limiter import Limiter
 from yumi.control.loop_events import ControllerReport
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.spline import TrajectoryPoint
-from yumi.control.motion.standstill import AT_GOAL
+from yumi.control.motion.standstill import STANDSTILL_TOLERANCE
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.tool_goal import ToolGoal, pose_goal, twist_goal
 from yumi.control.trajectory_commands import (
@@ -59,7 +59,7 @@ def rests_where_it_is(rig: VirtualArmRig) -> bool:
     last = rig.cycles[-1]
     assert last.desired is not None
     assert not any(last.desired.velocity)
-    return last.beyond < AT_GOAL and not rig.snapshot.limited_part
+    return last.beyond < STANDSTILL_TOLERANCE and not rig.snapshot.limited_part
 
 
 @pytest.mark.parametrize("is_cancelled", [False, True])
@@ -74,7 +74,7 @@ def test_tool_that_was_jogged_into_the_limit_stays_there_when_it_is_let_go(is_ca
         goals.write(twist_goal(rig.snapshot.session, UPWARDS, time=rig.clock.now()))
         rig.cycle()
     assert rig.snapshot.limited_part == "right wrist"
-    assert rig.cycles[-1].beyond > AT_GOAL
+    assert rig.cycles[-1].beyond > STANDSTILL_TOLERANCE
     if is_cancelled:
         rig.manager.receive("jog", CancelTrajectory(), rig.line.state)
     rig.run(2.5)
@@ -112,9 +112,9 @@ def test_joints_that_were_jogged_into_the_limit_stay_there_when_they_are_let_go(
         write_speeds(speeds, rig.snapshot.session, UP, rig.clock.now())
         rig.cycle()
     assert rig.snapshot.limited_part
-    assert rig.cycles[-1].beyond > AT_GOAL
+    assert rig.cycles[-1].beyond > STANDSTILL_TOLERANCE
     for _ in range(500):
-        write_speeds(speeds, rig.snapshot.session, ZERO, rig.clock.now())
+        write_speeds(speeds, rig.snapshot.session, ZERO_JOINTS, rig.clock.now())
         rig.cycle()
     assert rests_where_it_is(rig)
 
@@ -140,7 +140,10 @@ def test_trajectory_that_is_cancelled_in_front_of_the_limit_is_given_up_at_once(
     rig.switch_to("go")
     rig.run(0.5)
     far = joints([now + 1.5 * up for now, up in zip(home(Side.RIGHT), UP, strict=True)])
-    points = [TrajectoryPoint(0.0, home(Side.RIGHT), ZERO, ZERO), TrajectoryPoint(4.0, far, ZERO, ZERO)]
+    points = [
+        TrajectoryPoint(0.0, home(Side.RIGHT), ZERO_JOINTS, ZERO_JOINTS),
+        TrajectoryPoint(4.0, far, ZERO_JOINTS, ZERO_JOINTS),
+    ]
     plan = ArmPlan(Side.RIGHT, points[0], smooth_spline_through(points), None)
     rig.manager.receive("go", FollowTrajectory(plan, 1), rig.line.state)
     rig.run_until(lambda: rig.cycles[-1].beyond > 0.1, limit=10.0)
@@ -156,7 +159,7 @@ def test_trajectory_that_is_cancelled_in_front_of_the_limit_is_given_up_at_once(
 START = home(Side.RIGHT)
 FAR = joints([now + up for now, up in zip(START, UP, strict=True)])
 NEAR = joints([now - 0.3 * up for now, up in zip(START, UP, strict=True)])
-POINTS = [TrajectoryPoint(0.0, START, ZERO, ZERO), TrajectoryPoint(2.0, FAR, ZERO, ZERO)]
+POINTS = [TrajectoryPoint(0.0, START, ZERO_JOINTS, ZERO_JOINTS), TrajectoryPoint(2.0, FAR, ZERO_JOINTS, ZERO_JOINTS)]
 
 
 @pytest.mark.parametrize(
@@ -258,7 +261,7 @@ class Led:
 
     def stop_joints(self) -> None:
         for _ in range(4):
-            write_speeds(self.speeds, self.rig.snapshot.session, ZERO, self.rig.clock.now())
+            write_speeds(self.speeds, self.rig.snapshot.session, ZERO_JOINTS, self.rig.clock.now())
             self.rig.cycle()
 
     def stream(self) -> None:
@@ -325,7 +328,7 @@ def test_arm_that_is_let_go_while_it_is_held_back_goes_nowhere_by_what_was_withh
         assert after[0].desired is None  # the limiter brings it to rest from what it was sent
     else:
         rig.manager.check_take_over("path", rig.line.state, rig.clock.now())  # it is idle
-    assert max(each.beyond for each in after[75:]) < AT_GOAL
+    assert max(each.beyond for each in after[75:]) < STANDSTILL_TOLERANCE
     for each in after[150:]:
         assert each.sent.position == pytest.approx(after[150].sent.position, abs=1e-5)
 
@@ -504,7 +507,7 @@ def swung(side: Side, times: np.ndarray) -> list[TrajectoryPoint]:
     """Where the last joint turns to and back [rad], and the others stand."""
     turns = 0.4 * (1.0 - np.cos(0.5 * np.pi * times))
     return [
-        TrajectoryPoint(float(time), joints([*home(side)[:6], home(side)[6] + float(turn)]), ZERO, ZERO)
+        TrajectoryPoint(float(time), joints([*home(side)[:6], home(side)[6] + float(turn)]), ZERO_JOINTS, ZERO_JOINTS)
         for time, turn in zip(times, turns, strict=True)
     ]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from soak import long, short
-from yumi.core.library import FLAGS, FOLDER, STANDARD, _compiler, _folder, _ruckig, _run
+from yumi.core.library import COMPILER_FLAGS, CORE_FOLDER, STANDARD_LIBRARY, _compiler, _folder, _ruckig, _run
 
 FILES = sorted(Path(__file__).parent.glob("*.cpp"))
 SANITIZED = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -28,9 +28,19 @@ def compiled(file: Path, flags: tuple[str, ...]) -> Path:
     """The program of a test, compiled without a warning once for each edition of its sources, as the core itself is."""
     headers, archive, ruckig = _ruckig()
     warnings = ("-Wall", "-Wextra", "-Werror")
-    includes = ("-I", str(FOLDER), "-I", str(file.parent), "-isystem", str(headers))
-    command = [*_compiler(), *FLAGS, "-O1", *warnings, *flags, *includes, str(file), *STANDARD, str(archive)]
-    sources = (*sorted(FOLDER.glob("*.[ch]pp")), *sorted(file.parent.glob("*.hpp")), file)
+    includes = ("-I", str(CORE_FOLDER), "-I", str(file.parent), "-isystem", str(headers))
+    command = [
+        *_compiler(),
+        *COMPILER_FLAGS,
+        "-O1",
+        *warnings,
+        *flags,
+        *includes,
+        str(file),
+        *STANDARD_LIBRARY,
+        str(archive),
+    ]
+    sources = (*sorted(CORE_FOLDER.glob("*.[ch]pp")), *sorted(file.parent.glob("*.hpp")), file)
     edition = sha256(b"".join(each.read_bytes() for each in sources) + f"{command} {ruckig}".encode())
     program = _folder() / f"{file.stem}-{edition.hexdigest()[:16]}"
     if not program.exists():

@@ -14,7 +14,7 @@ import pytest
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.gripper_values import GripOutcome
-from abb_protocols.robot.joints import ZERO, Side
+from abb_protocols.robot.joints import ZERO_JOINTS, Side
 from fake_driver import WAIT, FakeDriver
 from refusals import refused
 from yumi.api.streams import OLDEST_JOG
@@ -104,7 +104,9 @@ def test_stop_waits_for_nothing() -> None:
     assert stops == {"stop_egm", "motors_off", "stop_rapid"}
 
 
-JOGS = pytest.mark.parametrize("jog", [Jog(arm="right", speeds=(0.1, *ZERO[1:])), JogTool(arm="right", elbow=0.1)])
+JOGS = pytest.mark.parametrize(
+    "jog", [Jog(arm="right", speeds=(0.1, *ZERO_JOINTS[1:])), JogTool(arm="right", elbow=0.1)]
+)
 PAGE = Caller(client="page", front_end=FrontEnd.PAGE)
 
 
@@ -170,7 +172,7 @@ def test_first_jog_of_a_person_takes_the_arm_from_a_programs_move_and_the_next_o
     assert driver.robot.control.hand_over.of(Side.RIGHT).who is Commander.PAGE
     assert written(driver) == []
     carry_out(at(jog, driver), driver.server._robot, PAGE)
-    assert written(driver) == [jog.speeds if isinstance(jog, Jog) else (*ZERO[:6], jog.elbow)]
+    assert written(driver) == [jog.speeds if isinstance(jog, Jog) else (*ZERO_JOINTS[:6], jog.elbow)]
 
 
 @JOGS
@@ -224,14 +226,16 @@ def test_jog_of_a_person_waits_for_a_point_of_a_programs_stream_and_moves_the_ar
         driver.robot.clock.advance(1.0)
         assert driver.robot.control.hand_over.of(Side.RIGHT).who is Commander.NONE
     lock.is_held = True
-    faster = msgspec.structs.replace(jog, **({"speeds": (0.2, *ZERO[1:])} if isinstance(jog, Jog) else {"elbow": 0.2}))
+    faster = msgspec.structs.replace(
+        jog, **({"speeds": (0.2, *ZERO_JOINTS[1:])} if isinstance(jog, Jog) else {"elbow": 0.2})
+    )
     if is_own and wait > OLDEST_JOG:
         with refused(CommandRefused, "jog_too_old"):
             carry_out(at(faster, driver), robot, PAGE)
         assert written(driver) == [before]
     else:  # the first one of a press takes the arm over only
         carry_out(at(faster, driver), robot, PAGE)
-        assert written(driver) == [tuple(2.0 * value for value in before) if is_own else ZERO]
+        assert written(driver) == [tuple(2.0 * value for value in before) if is_own else ZERO_JOINTS]
         carry_out(at(faster, driver), robot, PAGE)
         assert written(driver) == [tuple(2.0 * value for value in before)]
     assert not lock.is_held

@@ -14,7 +14,7 @@ import pytest
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.joints import ZERO, Side, home, joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Side, home, joints
 from abb_runtime.process.child import PipeClosed
 from refusals import refused
 from yumi.control.controllers.joint_goal import JointGoal
@@ -26,9 +26,9 @@ from yumi.control.loop_events import ControlProcessEnded, CycleFailed, Event
 from yumi.control.shared_state import Snapshot
 from yumi.driver import control_process
 from yumi.driver.control_process import (
-    HUNG,
-    STALE,
-    STARTING,
+    HUNG_PROCESS,
+    PROCESS_STARTING,
+    STALE_SNAPSHOT,
     ControlProcess,
     ControlProcessAnswer,
     ControlProcessRefusal,
@@ -111,7 +111,7 @@ def test_listener_that_fails_is_logged_once_and_hears_what_follows(
     ]
 
 
-@pytest.mark.parametrize(("age", "is_known"), [(0.0, True), (STALE + 0.1, False)])
+@pytest.mark.parametrize(("age", "is_known"), [(0.0, True), (STALE_SNAPSHOT + 0.1, False)])
 def test_process_that_stands_still_does_not_count_as_running(
     age: float, is_known: bool, control: ControlProcess
 ) -> None:
@@ -131,7 +131,7 @@ def test_process_that_stands_still_does_not_count_as_running(
 def test_arm_that_stands_before_its_goal_keeps_its_commander(
     kind: GoalKind, away: float, is_busy: bool, control: ControlProcess
 ) -> None:
-    goal = joints([away, *ZERO[1:]])
+    goal = joints([away, *ZERO_JOINTS[1:]])
     made = Snapshot(time.monotonic() + LONG, is_running=True, activation=7, goal_kind=kind, reference=goal)
     control.buffers[LEFT].snapshots.write(made)
     control.hand_over.take(LEFT, Commander.TRAJECTORY, -1.0)
@@ -171,7 +171,7 @@ def test_command_is_refused_and_not_kept_for_a_process_that_is_starting_again(
     with ThreadPoolExecutor(1) as other:
         revived = other.submit(control.revive)
         assert again.is_waited_for.wait(LONG)
-        with refused(RobotNotReady, STARTING.code):
+        with refused(RobotNotReady, PROCESS_STARTING.code):
             control.call(Commands.hold, LEFT)
         assert (again.sent, control._given_up[0]) == ([], 0)
         again.says.put("started")
@@ -190,11 +190,11 @@ def test_process_that_stands_still_while_a_robot_streams_is_found_out(
     for side in Side:
         control.buffers[side].snapshots.write(Snapshot(time.monotonic(), is_streaming=True, is_running=True))
     control.check()
-    made = Snapshot(time.monotonic() - HUNG - 1.0, is_streaming=is_streaming, is_running=True)
+    made = Snapshot(time.monotonic() - HUNG_PROCESS - 1.0, is_streaming=is_streaming, is_running=True)
     control.buffers[LEFT].snapshots.write(made)
     if is_streaming:
         with refused(RobotNotReady, "control_process_stands_still") as refusal:
             control.check()
-        assert refusal.value.said.values["duration"] == pytest.approx(HUNG + 1.0, abs=0.5)
+        assert refusal.value.said.values["duration"] == pytest.approx(HUNG_PROCESS + 1.0, abs=0.5)
     else:
         control.check()

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO
+from abb_protocols.robot.joints import ZERO_JOINTS
 from refusals import refused
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings
 from yumi.driver.motion_commands import Teleoperate
@@ -21,11 +21,11 @@ POSE = (0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0)
     ("hand", "code", "values"),
     [
         (DeviceHand(clutch=True), "device_motion_count", {"arm": "right", "count": 0}),
-        (DeviceHand(pose=POSE, joints=ZERO), "device_motion_count", {"count": 2}),
+        (DeviceHand(pose=POSE, joints=ZERO_JOINTS), "device_motion_count", {"count": 2}),
         (DeviceHand(pose=(nan, *POSE[1:])), "device_value_implausible", {"value": "nan"}),
         (DeviceHand(pose=(1e4, *POSE[1:])), "device_value_implausible", {"value": "10000"}),
         (DeviceHand(pose=(*POSE[:3], 0.1, 0.0, 0.0, 0.0)), "device_quaternion_malformed", {"length": 0.1}),
-        (DeviceHand(joints=(inf, *ZERO[1:])), "device_value_implausible", {"value": "inf"}),
+        (DeviceHand(joints=(inf, *ZERO_JOINTS[1:])), "device_value_implausible", {"value": "inf"}),
         (DeviceHand(pose=POSE, elbow=nan), "device_value_implausible", {"value": "nan"}),
         (DeviceHand(twist=(nan, 0.0, 0.0, 0.0, 0.0, 0.0)), "twist_implausible", {}),
     ],

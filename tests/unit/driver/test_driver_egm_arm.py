@@ -9,7 +9,7 @@ import pytest
 
 from abb_protocols.catalogue import clause, message
 from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints, Side, joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, ArmCommand, Joints, Side, joints
 from abb_runtime.clock import SystemClock
 from abb_runtime.udp import MemoryLink, UdpClient, UdpServer, memory_links
 from yumi.control.controller import Sampled
@@ -17,7 +17,7 @@ from yumi.control.goals import SessionGoal
 from yumi.control.limiter import Limiter
 from yumi.control.shared_memory import SharedBuffer
 from yumi.control.shared_state import Limited, Snapshot
-from yumi.control.stage_times import BEGIN, SEND, StageClock
+from yumi.control.stage_times import CYCLE_BEGIN, SEND_STAGE, StageClock
 from yumi.driver.egm_arm import EgmArm, FallbackThread
 from yumi.driver.reports import arm_report
 from yumi.egm.egm_session import Session
@@ -60,7 +60,7 @@ def test_arm_reports_position_and_zero_velocity_at_first(wire: tuple[EgmArm, Rob
     state = arm.receive(5.0)
     assert state is not None
     assert state.position == pytest.approx(HOME, abs=1e-6)
-    assert (state.time, state.dt, state.session, state.velocity) == (5.0, 0.0, 1, ZERO)
+    assert (state.time, state.dt, state.session, state.velocity) == (5.0, 0.0, 1, ZERO_JOINTS)
 
 
 def test_arm_derives_velocity_by_the_robots_own_clock(wire: tuple[EgmArm, Robot]) -> None:
@@ -235,8 +235,8 @@ def test_datagram_is_answered_by_the_formula_that_was_prepared_before_it_is_rece
             arm.settle(state)
             if before:
                 sampled += 1
-                assert stages.marks[: SEND + 1] == sorted(stages.marks[: SEND + 1])
-                assert stages.marks[BEGIN] > 0.0
+                assert stages.marks[: SEND_STAGE + 1] == sorted(stages.marks[: SEND_STAGE + 1])
+                assert stages.marks[CYCLE_BEGIN] > 0.0
             if sampled == 20:
                 break
         assert sent.position == pytest.approx(goal, abs=1e-6)

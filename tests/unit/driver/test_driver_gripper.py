@@ -11,13 +11,13 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ControllerRefused, GoalNotReached, RobotNotReady
 from abb_protocols.robot.gripper_values import (
-    TRAVEL,
-    Direction,
+    FINGER_TRAVEL,
+    GripDirection,
     GripOutcome,
     GripperGoal,
     GripperModules,
     ServoState,
-    go_to,
+    finger_position_goal,
     grip,
 )
 from abb_protocols.robot.joints import Side
@@ -96,8 +96,8 @@ def gripper_of(robot: Robot, side: Side, clock: ManualClock) -> RwsGripper:
     return RwsGripper(side, robot, GripperRoutines(robot, clock), clock, 10.0)
 
 
-CLOSE = grip(Direction.INWARDS, 20.0)
-SPREAD = grip(Direction.OUTWARDS, 20.0)
+CLOSE = grip(GripDirection.INWARDS, 20.0)
+SPREAD = grip(GripDirection.OUTWARDS, 20.0)
 
 
 class Told(GripperSignals):
@@ -117,15 +117,15 @@ class Told(GripperSignals):
 
 def test_fingers_that_are_reported_of_late_are_not_stalled(robot: Robot) -> None:
     def move_on() -> None:
-        robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, min(TRAVEL, clock.now() * 0.01))
+        robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, min(FINGER_TRAVEL, clock.now() * 0.01))
         if clock.now() > 2.0:
-            robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, TRAVEL)
-            told.show(ServoState.ACTION_COMPLETED, TRAVEL)
+            robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, FINGER_TRAVEL)
+            told.show(ServoState.ACTION_COMPLETED, FINGER_TRAVEL)
 
     clock = TellingClock(move_on)
     told = Told(ServoState.FREE_MOVE_TO_MAX_POS, 0.005)
     gripper = RwsGripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
-    assert gripper.wait(go_to(TRAVEL)) is GripOutcome.OPEN
+    assert gripper.wait(finger_position_goal(FINGER_TRAVEL)) is GripOutcome.OPEN
 
 
 def test_other_gripper_waits_until_the_task_has_taken_the_command(robot: Robot) -> None:
@@ -142,7 +142,7 @@ def test_other_gripper_waits_until_the_task_has_taken_the_command(robot: Robot) 
     assert robot.log.index("T_ROB_R takes it") < robot.log.index("T_ROB_L target_position_input=20")
 
 
-@pytest.mark.parametrize("goal", [go_to(0.01), CLOSE])
+@pytest.mark.parametrize("goal", [finger_position_goal(0.01), CLOSE])
 @pytest.mark.parametrize("is_persons", [False, True])
 def test_goal_that_waits_for_the_other_gripper_moves_no_fingers_after_a_stop(
     robot: Robot, clock: ManualClock, goal: GripperGoal, is_persons: bool
@@ -196,12 +196,14 @@ def test_wait_needs_few_requests_while_nothing_is_reported(robot: Robot) -> None
     def stop_after_two_seconds() -> None:
         robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, clock.now() * 0.01)
         if clock.now() > 1.99:
-            robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, TRAVEL)
+            robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, FINGER_TRAVEL)
 
     clock = TellingClock(stop_after_two_seconds)
     robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, 0.0)
     told: list[float] = []
-    assert gripper_of(robot, Side.LEFT, clock).wait(go_to(TRAVEL), told.append) is GripOutcome.OPEN
+    assert (
+        gripper_of(robot, Side.LEFT, clock).wait(finger_position_goal(FINGER_TRAVEL), told.append) is GripOutcome.OPEN
+    )
     assert told == pytest.approx([0.0, 0.002, 0.004, 0.006, 0.008, 0.010, 0.012, 0.014, 0.016, 0.018])
     assert len(robot.log) == 11 * 2 + 1
 
@@ -209,20 +211,20 @@ def test_wait_needs_few_requests_while_nothing_is_reported(robot: Robot) -> None
 def test_wait_asks_nothing_of_the_robot_while_it_reports_by_itself(robot: Robot) -> None:
     def stop_after_one_second() -> None:
         if clock.now() > 0.99:
-            robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, TRAVEL)
-            told.show(ServoState.ACTION_COMPLETED, TRAVEL)
+            robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, FINGER_TRAVEL)
+            told.show(ServoState.ACTION_COMPLETED, FINGER_TRAVEL)
 
     clock = TellingClock(stop_after_one_second)
     told = Told(ServoState.FREE_MOVE_TO_MAX_POS, 0.01)
     gripper = RwsGripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
     positions: list[float] = []
-    assert gripper.wait(go_to(TRAVEL), positions.append) is GripOutcome.OPEN
+    assert gripper.wait(finger_position_goal(FINGER_TRAVEL), positions.append) is GripOutcome.OPEN
     assert len(positions) == pytest.approx(20, abs=1)
     assert robot.log == ["hand_SysState_L", "hand_ActualPosition_L"]
 
 
 def test_end_that_was_reported_before_the_order_began_does_not_count(robot: Robot, clock: ManualClock) -> None:
-    told = Told(ServoState.ACTION_COMPLETED, TRAVEL)
+    told = Told(ServoState.ACTION_COMPLETED, FINGER_TRAVEL)
     robot.show(Side.LEFT, ServoState.AGILE_GRIP_INWARD, 0.02)
     gripper = RwsGripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
     gripper.begin(CLOSE)
@@ -245,8 +247,8 @@ def test_fingers_that_stand_still_on_their_way_are_stalled_and_let_go(robot: Rob
     clock = TellingClock(obey)
     robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, 0.01)
     gripper = gripper_of(robot, Side.LEFT, clock)
-    gripper.begin(go_to(TRAVEL))
-    assert gripper.wait(go_to(TRAVEL)) is GripOutcome.STALLED
+    gripper.begin(finger_position_goal(FINGER_TRAVEL))
+    assert gripper.wait(finger_position_goal(FINGER_TRAVEL)) is GripOutcome.STALLED
     assert 1.0 <= clock.now() < 2.0
 
 
@@ -270,7 +272,10 @@ def may_not() -> None:
 def test_gripper_that_may_not_move_any_more_is_reported_nothing(robot: Robot, clock: ManualClock) -> None:
     gripper = gripper_of(robot, Side.RIGHT, clock)
     robot.show(Side.RIGHT, ServoState.READY)
-    for move in (lambda: gripper.begin(go_to(0.01), may_not), lambda: gripper.jog(opens=True, check=may_not)):
+    for move in (
+        lambda: gripper.begin(finger_position_goal(0.01), may_not),
+        lambda: gripper.jog(opens=True, check=may_not),
+    ):
         robot.log.clear()
         with refused(RobotNotReady, "gripper_fingers_move"):
             move()
@@ -281,7 +286,7 @@ def test_speed_is_that_of_the_order_or_the_usual_one(robot: Robot, clock: Manual
     robot.show(Side.LEFT, ServoState.READY)
     gripper = gripper_of(robot, Side.LEFT, clock)
     for speed in (None, 0.01, None):
-        gripper.begin(go_to(0.01, speed))
+        gripper.begin(finger_position_goal(0.01, speed))
     written = [line for line in robot.log if line.startswith("hand_MaxSpeed")]
     assert written == ["hand_MaxSpeed_L=250", "hand_MaxSpeed_L=100", "hand_MaxSpeed_L=250"]
 
@@ -300,8 +305,8 @@ def test_wait_gives_up_a_gripper_that_does_not_come_to_rest(robot: Robot, clock:
         (ServoState.KEEP_OBJECT, 0.0248, CLOSE, GripOutcome.HOLDING),
         (ServoState.KEEP_OBJECT, 0.0005, CLOSE, GripOutcome.CLOSED),
         (ServoState.ACTION_COMPLETED, 0.0011, CLOSE, GripOutcome.STALLED),
-        (ServoState.ACTION_COMPLETED, 0.012, go_to(0.0125), GripOutcome.IN_PLACE),
-        (ServoState.ACTION_COMPLETED, 0.0242, go_to(TRAVEL), GripOutcome.OPEN),
+        (ServoState.ACTION_COMPLETED, 0.012, finger_position_goal(0.0125), GripOutcome.IN_PLACE),
+        (ServoState.ACTION_COMPLETED, 0.0242, finger_position_goal(FINGER_TRAVEL), GripOutcome.OPEN),
         (ServoState.AGILE_GRIP_OUTWARD, 0.01, SPREAD, None),
         (ServoState.KEEP_OBJECT, 0.0244, SPREAD, GripOutcome.HOLDING),
         (ServoState.KEEP_OBJECT, 0.0245, SPREAD, GripOutcome.OPEN),

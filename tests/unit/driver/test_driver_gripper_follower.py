@@ -10,8 +10,8 @@ import pytest
 from abb_protocols.catalogue import Message, message
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.gripper_values import TRAVEL, Direction, go_to, grip
-from abb_protocols.robot.joints import ZERO, Side
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, GripDirection, finger_position_goal, grip
+from abb_protocols.robot.joints import ZERO_JOINTS, Side
 from fake_driver import FakeDriver, FakeGripper
 from refusals import refused
 from yumi.driver.command import Caller, Command
@@ -39,9 +39,9 @@ def give(follower: GripperFollower, closed: float) -> None:
 
 
 def test_value_is_a_width_and_at_its_end_a_grip() -> None:
-    assert goal_of(0.0, 8.0) == go_to(TRAVEL)
-    assert goal_of(0.6, 8.0) == go_to(TRAVEL * 0.4)
-    assert goal_of(1.0, 8.0) == grip(Direction.INWARDS, 8.0)
+    assert goal_of(0.0, 8.0) == finger_position_goal(FINGER_TRAVEL)
+    assert goal_of(0.6, 8.0) == finger_position_goal(FINGER_TRAVEL * 0.4)
+    assert goal_of(1.0, 8.0) == grip(GripDirection.INWARDS, 8.0)
 
 
 def test_newest_of_the_goals_that_came_during_a_command_is_the_next_one(
@@ -71,7 +71,7 @@ def test_goal_that_was_not_given_yet_is_forgotten(gripper: FakeGripper, follower
     assert follower.take(0.2) is not None
 
 
-@pytest.mark.parametrize("command", [Jog(arm="right", speeds=(0.1, *ZERO[1:])), Move(right="ready")])
+@pytest.mark.parametrize("command", [Jog(arm="right", speeds=(0.1, *ZERO_JOINTS[1:])), Move(right="ready")])
 def test_goal_that_waits_is_forgotten_when_a_person_takes_the_arm(command: Command[str]) -> None:
     driver = FakeDriver()
     driver.robot.control.on_command = driver.robot.end
@@ -143,7 +143,7 @@ def test_goal_of_a_stream_is_given_again_after_another_one_has_moved_the_fingers
         return work is not None
 
     assert [follow(0.5), follow(0.5)] == [True, False]
-    gripper.begin(go_to(0.02), lambda: None)
+    gripper.begin(finger_position_goal(0.02), lambda: None)
     assert [follow(0.5), follow(0.5)] == [True, False]
     give(follower, 0.2)  # of a device
     assert [follow(0.5), follow(0.5)] == [True, False]

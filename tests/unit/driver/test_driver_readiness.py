@@ -13,7 +13,7 @@ from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from refusals import refused
-from yumi.control.shared_state import Problem, Snapshot
+from yumi.control.shared_state import ArmProblem, Snapshot
 from yumi.driver.readiness import (
     NEEDED,
     Condition,
@@ -156,10 +156,10 @@ def test_every_condition_says_a_reason_and_a_remedy_to_every_reader(condition: C
         (Snapshot(), message("arm_without_egm", arm="left")),
         (Snapshot(is_running=True), None),
         (
-            Snapshot(is_running=True, problem=Problem.REFERENCES_IGNORED),
+            Snapshot(is_running=True, problem=ArmProblem.REFERENCES_IGNORED),
             message("references_ignored", arm="left"),
         ),
-        (Snapshot(is_running=True, problem=Problem.IMPLAUSIBLE), message("feedback_implausible", arm="left")),
+        (Snapshot(is_running=True, problem=ArmProblem.IMPLAUSIBLE), message("feedback_implausible", arm="left")),
     ],
 )
 def test_arm_says_why_it_takes_no_goals(snapshot: Snapshot, reason: Message | None) -> None:

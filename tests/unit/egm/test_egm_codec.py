@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from abb_protocols.egm import egm_pb2 as pb
 from abb_protocols.egm.codec import (
     LARGEST_DATAGRAM,
-    Collision,
+    EgmCollision,
     MciState,
     MotorState,
     PathCorrection,
@@ -64,7 +64,7 @@ EVERYTHING = replace(
     force=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
     force_control=False,
     move_index=3,
-    collision=Collision(is_triggered=True, quotas=(0.25, 0.5)),
+    collision=EgmCollision(is_triggered=True, quotas=(0.25, 0.5)),
     rapid_data=RapidData(flag=True, numbers=(1.0, -2.0)),
     torque=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
     test_signals=(1.5,),

@@ -9,7 +9,7 @@ from abb_protocols.egm.codec import MciState, MotorState, RapidState, RobotCodec
 from abb_protocols.errors import ProtocolError
 from abb_protocols.robot.joints import Joints
 from refusals import refused
-from yumi.egm.egm_session import SILENCE, SensorSession, SessionCounters
+from yumi.egm.egm_session import ROBOT_SILENCE, SensorSession, SessionCounters
 from yumi.egm.joint_codec import JointCodec, JointReport
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
@@ -416,9 +416,9 @@ def test_session_begins_anew_after_a_short_silence_when_the_number_does_not_fit_
 
 def test_session_is_closed_once_when_the_robot_is_silent(session: SensorSession[JointReport]) -> None:
     accept(session, 0)
-    assert not session.close_if_silent(SILENCE)
-    assert session.close_if_silent(SILENCE + 0.001)
-    assert not session.close_if_silent(SILENCE + 0.002)
+    assert not session.close_if_silent(ROBOT_SILENCE)
+    assert session.close_if_silent(ROBOT_SILENCE + 0.001)
+    assert not session.close_if_silent(ROBOT_SILENCE + 0.002)
     assert not session.is_open
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS
 from soak import long, short, tell
-from yumi.planning.path_timing import UNLIMITED, MotionLimits, accelerating_law, fastest_along, time_demand
+from yumi.planning.path_timing import NO_PATH_CEILING, MotionLimits, accelerating_law, fastest_along, time_demand
 from yumi.planning.rounded_path import RoundedPath
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ def test_path_is_passed_below_its_ceiling_and_not_slower_elsewhere() -> None:
     path = RoundedPath(given, BOTH.velocity, 0.15)
     free, _ = fastest_along(path, BOTH)
     places, most = np.linspace(0.0, path.length, 200), float(np.max(np.diff(free))) / CYCLE
-    ceiling = np.where(np.abs(places / path.length - 0.5) < 0.2, 0.3 * most, UNLIMITED)
+    ceiling = np.where(np.abs(places / path.length - 0.5) < 0.2, 0.3 * most, NO_PATH_CEILING)
     law, positions = fastest_along(path, BOTH, ceiling)
     assert float(np.max(time_demand(positions, BOTH))) <= 1.0
     speeds, at = np.diff(law) / CYCLE, law[1:] / path.length

@@ -31,7 +31,7 @@ from abb_protocols.robot.joints import (
     joints,
     named_pose,
 )
-from abb_protocols.robot.kinematics import IDENTITY, tool0_to_body
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, tool0_to_body
 from abb_runtime.clock import ManualClock
 from apart_arms import NEAR, ApartArms
 from mesh_judge import MeshJudge
@@ -48,7 +48,7 @@ from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("roboplan") is None, reason="needs yumi-ros2[planning]")
 
-BOX = Obstacle("box", Pose((0.42, 0.0, 0.15), IDENTITY), (0.25, 0.3, 0.3))
+BOX = Obstacle("box", Pose((0.42, 0.0, 0.15), IDENTITY_QUATERNION), (0.25, 0.3, 0.3))
 SHAPES = CollisionModel(dict.fromkeys(Side, GripperModules.SERVO), obstacles=(BOX,))
 HOME = {side: home(side) for side in Side}
 PROBLEMS = 200
@@ -247,7 +247,7 @@ def test_arm_that_the_limiter_has_stopped_at_the_body_is_led_out_from_there(plan
 
 
 def test_arm_that_stands_beside_the_body_lets_the_other_one_get_no_nearer_to_a_box() -> None:
-    post = Obstacle("post", Pose((0.40, -0.12, 0.06), IDENTITY), (0.08, 0.08, 0.20))
+    post = Obstacle("post", Pose((0.40, -0.12, 0.06), IDENTITY_QUATERNION), (0.08, 0.08, 0.20))
     start, goal = (
         joints(np.radians(each).tolist())
         for each in ((81, -119, -33, 35, -142, 103, -176), (119, -121, -67, 37, -179, 119, -139))
@@ -341,8 +341,8 @@ def test_same_seed_finds_the_same_way(planner: Planner, problem, planned: Plan) 
             "plan_joint_out_of_range",
             {"joint": "yumi_joint_1_r", "position": 9.0, "upper": YUMI_LIMITS.upper[0]},
         ),
-        ({Side.RIGHT: Pose((2.0, 0.0, 0.5), IDENTITY)}, "plan_pose_out_of_reach", {"arm": "right"}),
-        ({Side.RIGHT: Pose((0.42, 0.0, 0.2), IDENTITY)}, "plan_goal_not_free", {}),
+        ({Side.RIGHT: Pose((2.0, 0.0, 0.5), IDENTITY_QUATERNION)}, "plan_pose_out_of_reach", {"arm": "right"}),
+        ({Side.RIGHT: Pose((0.42, 0.0, 0.2), IDENTITY_QUATERNION)}, "plan_goal_not_free", {}),
     ],
 )
 def test_impossible_goal_is_refused_with_its_reason(
@@ -456,13 +456,13 @@ import threading
 from yumi.planning.planner import Planner
 from yumi.control.motion.point_motion import point_travel
 from yumi.control.motion.setpoint import Setpoint
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Side, home
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Side, home
 from yumi.api.motion_registry import MotionRegistry, MotionWay
 
 planner = Planner()
 motion = MotionRegistry().begin(Side.RIGHT)
 motion.follow_way(
-    lambda plan=point_travel(Setpoint(home(Side.RIGHT)), ZERO, YUMI_LIMITS): MotionWay(plan.duration, None)
+    lambda plan=point_travel(Setpoint(home(Side.RIGHT)), ZERO_JOINTS, YUMI_LIMITS): MotionWay(plan.duration, None)
 )
 motion.future.set_result(None)
 threading.Thread(target=lambda: threading.Event().wait(), daemon=True).start()

@@ -12,7 +12,7 @@ import pytest
 from abb_protocols.catalogue import message
 from abb_protocols.errors import MissingPrerequisite
 from abb_runtime.process import supervision
-from abb_runtime.process.supervision import Failures, SupervisedThread
+from abb_runtime.process.supervision import SupervisedThread, ThreadFailures
 from refusals import refused
 
 LONG = 5.0
@@ -20,8 +20,8 @@ LONG = 5.0
 
 @pytest.fixture(autouse=True)
 def _short_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(supervision, "FIRST_PAUSE", 0.001)
-    monkeypatch.setattr(supervision, "LONGEST_PAUSE", 0.004)
+    monkeypatch.setattr(supervision, "FIRST_RESTART_PAUSE", 0.001)
+    monkeypatch.setattr(supervision, "LONGEST_RESTART_PAUSE", 0.004)
 
 
 def fail_with(error: Exception) -> Exception:
@@ -99,7 +99,7 @@ def test_pause_between_failures_grows_to_its_longest(monkeypatch: pytest.MonkeyP
 
 
 def test_traceback_is_logged_once_for_each_kind_and_counted_after(caplog: pytest.LogCaptureFixture) -> None:
-    failures = Failures()
+    failures = ThreadFailures()
 
     with caplog.at_level(logging.ERROR):
         for _ in range(100):

@@ -24,7 +24,7 @@ from yumi.control.loop_events import (
     SessionStarted,
 )
 from yumi.recording.message_types import RecordedEvent
-from yumi.recording.reader import AFTER, read_recording
+from yumi.recording.reader import FLIGHT_RECORD_AFTER, read_recording
 from yumi.recording.recorder import FullRecorder, Recorder
 from yumi.recording.writer import RecordingWriter
 
@@ -94,7 +94,7 @@ def test_record_goes_on_after_the_event_until_it_is_in_the_middle_of_the_picture
     records.close()
     frames = read_recording(files(tmp_path)[0]).frames[RIGHT]
     assert [frame.number for frame in frames] == list(range(1, len(frames) + 1))
-    assert frames[-1].time == pytest.approx(stop + AFTER, abs=CYCLE)
+    assert frames[-1].time == pytest.approx(stop + FLIGHT_RECORD_AFTER, abs=CYCLE)
     assert said[0].startswith("The last 0.2 s of the right arm, and 2.0 s after the stop, are in ")
 
 

@@ -15,7 +15,7 @@ from mcap.writer import Writer
 
 from abb_protocols.robot.gripper_values import GripperState, ServoState
 from abb_protocols.robot.joints import Pose, Side, finger_names, home, joint_names
-from abb_protocols.robot.kinematics import compose, tool0_to_body
+from abb_protocols.robot.kinematics import compose_poses, tool0_to_body
 from abb_protocols.robot.urdf import read_frames, robot_description
 from abb_runtime.clock import ManualClock
 from flight import CYCLE, LOST, flown
@@ -140,7 +140,7 @@ def test_frames_are_those_that_joints_move_and_lead_to_tool0(file: Path) -> None
     known, name, pose = {**fixed, **moved}, "yumi_tool0_r", Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     while name in known:
         _, name, to_parent = known[name]
-        pose = compose(to_parent, pose)
+        pose = compose_poses(to_parent, pose)
     frame = min(flown(COUNT).frames(), key=lambda each: abs((EPOCH + each.time) * 1e9 - message.log_time))
     assert pose.position == pytest.approx(tool0_to_body(Side.RIGHT, frame.position).position, abs=1e-9)
 

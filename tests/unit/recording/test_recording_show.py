@@ -15,7 +15,7 @@ from yumi.cli.main import main
 from yumi.recording.message_types import recorded_event
 from yumi.recording.pictures import draw_recording
 from yumi.recording.reader import Recording, read_recording
-from yumi.recording.tables import GAP, gaps_of, quantile
+from yumi.recording.tables import RECORDING_GAP, quantile, recording_gaps
 
 PNG = b"\x89PNG\r\n"
 
@@ -99,9 +99,9 @@ def test_picture_draws_what_moved_and_puts_the_event_in_the_middle(
 def test_gap_is_where_no_cycle_was_recorded() -> None:
     frames = flown(30).frames()
     kept = (*frames[:10], *frames[20:])
-    assert gaps_of(frames) == []
-    assert gaps_of(kept) == [(frames[9].time, frames[20].time)]
-    assert frames[20].time - frames[9].time > GAP
+    assert recording_gaps(frames) == []
+    assert recording_gaps(kept) == [(frames[9].time, frames[20].time)]
+    assert frames[20].time - frames[9].time > RECORDING_GAP
 
 
 def test_show_says_that_the_other_arm_is_not_recorded(runner: CliRunner, file: Path) -> None:

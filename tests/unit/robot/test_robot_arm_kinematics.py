@@ -15,7 +15,7 @@ from abb_protocols.robot.confdata import Confdata
 from abb_protocols.robot.inverse_kinematics import arm_angle
 from abb_protocols.robot.irb120 import irb120
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side
-from abb_protocols.robot.kinematics import matrix, tool0_to_body
+from abb_protocols.robot.kinematics import matrix_from_quaternion, tool0_to_body
 from abb_protocols.robot.rotations import rotation_vectors, rotations_about
 from abb_protocols.robot.yumi_arms import irb14050, yumi_arm
 
@@ -115,7 +115,7 @@ def test_yumi_arm_as_data_is_the_one_of_the_kinematics(position: Joints, side: S
     points, rotations = arm.forward(np.array([position]))
     pose = tool0_to_body(side, position)
     assert points[0] == pytest.approx(pose.position, abs=1e-12)
-    assert rotations[0] == pytest.approx(matrix(pose.orientation), abs=1e-12)
+    assert rotations[0] == pytest.approx(matrix_from_quaternion(pose.orientation), abs=1e-12)
     turned = (arm.angles(np.array([position]))[0] - arm_angle(side, position) + pi) % (2.0 * pi) - pi
     assert turned == pytest.approx(0.0, abs=1e-6)
 

@@ -22,13 +22,27 @@ from abb_protocols.robot.description import (
     Box,
     joint_1_origin,
 )
-from abb_protocols.robot.gripper_values import TRAVEL, GripperModules
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, GripperModules
 from abb_protocols.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
-from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_from_euler_zyx, tool0_to_body
+from abb_protocols.robot.kinematics import (
+    compose_poses,
+    inverse_pose,
+    matrix_from_quaternion,
+    quaternion_from_euler_zyx,
+    tool0_to_body,
+)
 from abb_view.robot_model import MESH_FOLDER
 from refusals import refused
 from yumi.control.collisions import BODY_MARGIN
-from yumi.core.collision import PADDING, Array, CollisionModel, CollisionPart, Obstacle, gripper_parts, link_parts
+from yumi.core.collision import (
+    COLLISION_PADDING,
+    Array,
+    CollisionModel,
+    CollisionPart,
+    Obstacle,
+    gripper_parts,
+    link_parts,
+)
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 HOME = {side: home(side) for side in Side}
@@ -123,7 +137,7 @@ def placed(side: Side, position: Joints, parts: tuple[CollisionPart, ...]) -> tu
     origins = (joint_1_origin(side), *JOINT_ORIGINS, FLANGE_ORIGIN, TOOL0_ORIGIN)
     for origin, angle in zip(origins, (*position, 0.0, 0.0), strict=True):
         step, turn = np.eye(4), np.eye(4)
-        step[:3, :3], step[:3, 3] = matrix(quaternion_from_euler_zyx(origin.rpy)), origin.xyz
+        step[:3, :3], step[:3, 3] = matrix_from_quaternion(quaternion_from_euler_zyx(origin.rpy)), origin.xyz
         turn[:2, :2] = (np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))
         frame = frame @ step @ turn
         frames.append(frame)
@@ -148,7 +162,7 @@ def test_distances_in_random_postures_are_those_of_another_calculation() -> None
             near = model.contacts(both, 0.3, alone)
             found |= {(first, second): distance for distance, _, _, (first, second) in near.tolist()}
         (right, left), fixed = (placed(side, positions[side], parts[side]) for side in Side), len(model.names) - 1
-        radii = {side: np.array([part.radius + PADDING for part in parts[side]]) for side in Side}
+        radii = {side: np.array([part.radius + COLLISION_PADDING for part in parts[side]]) for side in Side}
         for i in range(len(parts[Side.RIGHT])):
             for j in range(len(parts[Side.LEFT])):
                 ends = right[0][i], right[1][i], left[0][j], left[1][j]
@@ -162,7 +176,7 @@ def test_distances_in_random_postures_are_those_of_another_calculation() -> None
                 assert found[pair] == pytest.approx(exact, abs=1e-6)
                 compared += 1
         for side, (start, end) in ((Side.RIGHT, right), (Side.LEFT, left)):
-            local = [(each - pose.position) @ matrix(pose.orientation) for each in (start, end)]
+            local = [(each - pose.position) @ matrix_from_quaternion(pose.orientation) for each in (start, end)]
             exact = box_distances(*local, np.tile((0.1, 0.05, 0.15), (len(start), 1)))[0]
             for part, (distance, radius) in enumerate(zip(exact, radii[side], strict=True)):
                 if 1e-3 < distance < 0.29 + radius:
@@ -181,7 +195,7 @@ def test_distances_and_nearest_points_are_those_of_mujoco() -> None:
         for side in Side:
             parts = (*link_parts(), *gripper_parts(SERVO_GRIPPERS[side]))
             for part, start, end in zip(parts, *placed(side, positions[side], parts), strict=True):
-                size = (part.radius + PADDING, 0.0, 0.0)
+                size = (part.radius + COLLISION_PADDING, 0.0, 0.0)
                 spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], size=size)
         boxes = (pose.position, pose.orientation, (0.1, 0.05, 0.15))
         box = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=boxes[0], quat=boxes[1], size=boxes[2])
@@ -221,7 +235,9 @@ def test_segments_that_are_parallel_or_balls_have_a_distance() -> None:
             (exact,) = segment_distances(
                 *(each[None] for each in (ends[0][0][i], ends[0][1][i], ends[1][0][j], ends[1][1][j]))
             )
-            assert found[names] == pytest.approx(exact - rods[i].radius - rods[j].radius - 2.0 * PADDING, abs=1e-9)
+            assert found[names] == pytest.approx(
+                exact - rods[i].radius - rods[j].radius - 2.0 * COLLISION_PADDING, abs=1e-9
+            )
 
 
 def test_axis_inside_a_box_is_as_deep_as_the_nearest_face() -> None:
@@ -279,7 +295,7 @@ def test_gripper_shapes_contain_the_described_gripper_in_every_opening(modules: 
     assert isinstance(finger, Box)
     parts = gripper_parts(modules)
     assert inside(surface(base), parts).all()
-    for opening in (0.0, TRAVEL / 2.0, TRAVEL):
+    for opening in (0.0, FINGER_TRAVEL / 2.0, FINGER_TRAVEL):
         first = surface(finger) + FINGER_ORIGINS[0].xyz - (opening, 0.0, 0.0)
         assert inside(first, parts).all()
         assert inside(first * (-1.0, -1.0, 1.0), parts).all()
@@ -324,11 +340,11 @@ def test_link_shapes_contain_their_covers(index: int) -> None:
             if part.frame != index:
                 origin = JOINT_ORIGINS[min(part.frame, index)]
                 turned = Pose((0.0, 0.0, 0.0), (np.cos(turn / 2.0), 0.0, 0.0, np.sin(turn / 2.0)))
-                to_link = compose(Pose(origin.xyz, quaternion_from_euler_zyx(origin.rpy)), turned)
+                to_link = compose_poses(Pose(origin.xyz, quaternion_from_euler_zyx(origin.rpy)), turned)
             if part.frame < index:
-                to_link = inverse(to_link)
+                to_link = inverse_pose(to_link)
             start, end = (
-                np.broadcast_to(matrix(to_link.orientation) @ each + to_link.position, points.shape)
+                np.broadcast_to(matrix_from_quaternion(to_link.orientation) @ each + to_link.position, points.shape)
                 for each in (part.start, part.end)
             )
             distances[:] = np.minimum(distances, segment_distances(points, points, start, end) - part.radius)

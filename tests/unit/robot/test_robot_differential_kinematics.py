@@ -16,7 +16,7 @@ from abb_protocols.robot.differential_kinematics import (
 )
 from abb_protocols.robot.inverse_kinematics import arm_angle, jacobian
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, home, joints
-from abb_protocols.robot.kinematics import foot_to_body, matrix, tool0_to_body
+from abb_protocols.robot.kinematics import foot_to_body, matrix_from_quaternion, tool0_to_body
 from unit.robot.test_robot_inverse_kinematics import random_postures
 from unit.robot.test_robot_kinematics import rad
 
@@ -33,7 +33,7 @@ def test_derivatives_are_those_of_forward_kinematics() -> None:
     step = 1e-6
     for side, position in random_postures(1501, 30):
         now = wrist_of(side, position)
-        foot = matrix(foot_to_body(side).orientation)
+        foot = matrix_from_quaternion(foot_to_body(side).orientation)
         assert foot @ np.array(now.rotation) == pytest.approx(jacobian(side, position)[3:], abs=1e-12)
         found = np.array([*now.velocity, *now.rotation, now.elbow])
         for index in range(7):

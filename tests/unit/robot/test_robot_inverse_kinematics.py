@@ -23,7 +23,7 @@ from abb_protocols.robot.inverse_kinematics import (
     unreachable,
 )
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
-from abb_protocols.robot.kinematics import matrix, tool0_to_body
+from abb_protocols.robot.kinematics import matrix_from_quaternion, tool0_to_body
 from refusals import assert_says, refused
 from soak import long, short, tell
 from unit.robot.test_robot_kinematics import ROBOTSTUDIO, rad
@@ -55,7 +55,7 @@ def errors(side: Side, position: Joints, pose: Pose, angle: float) -> tuple[floa
     """What a posture misses of a pose [m], [rad] and of an arm angle [rad]."""
     actual = tool0_to_body(side, position)
     distance = float(np.linalg.norm(np.subtract(actual.position, pose.position)))
-    turn = matrix(actual.orientation) @ matrix(pose.orientation).T
+    turn = matrix_from_quaternion(actual.orientation) @ matrix_from_quaternion(pose.orientation).T
     return (
         distance,
         float(np.linalg.norm(turn - np.eye(3))),
@@ -214,7 +214,9 @@ def test_jacobian_is_the_derivative_of_the_tools_pose(side: Side, position: Join
         ahead[joint], back[joint] = position[joint] + step, position[joint] - step
         after, before = tool0_to_body(side, joints(ahead), tool), tool0_to_body(side, joints(back), tool)
         velocity = np.subtract(after.position, before.position) / (2.0 * step)
-        turn = (matrix(after.orientation) @ matrix(before.orientation).T - np.eye(3)) / (2.0 * step)
+        turn = (
+            matrix_from_quaternion(after.orientation) @ matrix_from_quaternion(before.orientation).T - np.eye(3)
+        ) / (2.0 * step)
         expected = [*velocity, turn[2, 1], turn[0, 2], turn[1, 0]]
         assert derivative[:, joint] == pytest.approx(expected, abs=1e-5)
 

@@ -10,7 +10,7 @@ from abb_protocols.robot.joints import Joints, Pose, Side, home, joints
 from abb_protocols.robot.kinematics import (
     euler_zyx,
     foot_to_body,
-    matrix,
+    matrix_from_quaternion,
     quaternion_from_matrix,
     tool0_to_body,
     tool0_to_foot,
@@ -98,6 +98,6 @@ def test_tool_frame_is_carried_by_tool0():
     [(1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.6, 0.0, 0.8), (0.5, -0.5, 0.5, -0.5), (0.1, 0.7, 0.1, 0.7)],
 )
 def test_a_rotation_matrix_gives_its_quaternion_back(orientation):
-    found = quaternion_from_matrix(matrix(orientation))
+    found = quaternion_from_matrix(matrix_from_quaternion(orientation))
     assert abs(sum(a * b for a, b in zip(found, orientation, strict=True))) == pytest.approx(1.0)
     assert found[0] >= 0.0

@@ -7,7 +7,13 @@ import pytest
 
 from abb_protocols.robot.inverse_kinematics import arm_angle, jacobian, postures
 from abb_protocols.robot.joints import Joints, Pose, Side, joint_names
-from abb_protocols.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
+from abb_protocols.robot.kinematics import (
+    compose_poses,
+    inverse_pose,
+    matrix_from_quaternion,
+    quaternion_of,
+    tool0_to_body,
+)
 from abb_protocols.robot.urdf import robot_description
 from soak import long, short
 from unit.robot.test_robot_inverse_kinematics import random_postures
@@ -31,7 +37,7 @@ def configured(model, side: Side, position: Joints) -> np.ndarray:
 
 
 def as_se3(pose: Pose):
-    return pin.SE3(matrix(pose.orientation), np.array(pose.position))
+    return pin.SE3(matrix_from_quaternion(pose.orientation), np.array(pose.position))
 
 
 def test_tool_and_work_object_are_where_pinocchio_says(model) -> None:
@@ -40,9 +46,9 @@ def test_tool_and_work_object_are_where_pinocchio_says(model) -> None:
         pin.framesForwardKinematics(model, data, configured(model, side, position))
         tool0 = data.oMf[model.getFrameId(f"yumi_tool0_{side.value}")]
         expected = as_se3(WORK_OBJECT).inverse() * tool0 * as_se3(TOOL)
-        found = compose(inverse(WORK_OBJECT), tool0_to_body(side, position, TOOL))
+        found = compose_poses(inverse_pose(WORK_OBJECT), tool0_to_body(side, position, TOOL))
         assert np.array(found.position) == pytest.approx(expected.translation, abs=1e-9)
-        assert matrix(found.orientation) == pytest.approx(expected.rotation, abs=1e-9)
+        assert matrix_from_quaternion(found.orientation) == pytest.approx(expected.rotation, abs=1e-9)
 
 
 def test_the_jacobian_is_pinocchios(model) -> None:
@@ -64,4 +70,4 @@ def test_every_posture_has_its_pose_in_pinocchio(model, count: int) -> None:
             pin.framesForwardKinematics(model, data, configured(model, side, each))
             found = data.oMf[model.getFrameId(f"yumi_tool0_{side.value}")]
             assert found.translation == pytest.approx(np.array(pose.position), abs=1e-9)
-            assert found.rotation == pytest.approx(matrix(pose.orientation), abs=1e-9)
+            assert found.rotation == pytest.approx(matrix_from_quaternion(pose.orientation), abs=1e-9)

@@ -17,7 +17,7 @@ import pytest
 import abb_protocols.rws
 import abb_runtime.rws
 from abb_protocols.errors import ProtocolError, YumiError
-from abb_protocols.robot.joints import ZERO, Pose
+from abb_protocols.robot.joints import ZERO_JOINTS, Pose
 from abb_protocols.rws.documents import Page, RwsState
 from abb_protocols.rws.operations import service
 from abb_protocols.rws.operations.modules import TextRange
@@ -45,7 +45,7 @@ SAMPLES: dict[str, Any] = {
     "float": 0.5,
     "bytes": b"x",
     "Pose": Pose((0.4, 0.0, 0.3), (1.0, 0.0, 0.0, 0.0)),
-    "Joints": ZERO,
+    "Joints": ZERO_JOINTS,
     "RobTarget": RobTarget(Pose((0.4, 0.0, 0.3), (1.0, 0.0, 0.0, 0.0)), (0, 0, 0, 0), (None,) * 6),
     "TextRange": TextRange(1, 1, 1, 2),
     "RapidValue": 1.0,

@@ -76,7 +76,9 @@ def test_wheel_for_every_python_brings_the_compiled_library(wheel: Path, others:
     extract(tmp_path, wheel, *others)
     # Neither a compiler nor a folder to write to.
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from yumi.core import library as it; it.load()"
-    loaded = run([sys.executable, "-c", f"{code}; print(it.PACKAGED)"], tmp_path, PATH="", XDG_CACHE_HOME="/proc")
+    loaded = run(
+        [sys.executable, "-c", f"{code}; print(it.PACKAGED_LIBRARY)"], tmp_path, PATH="", XDG_CACHE_HOME="/proc"
+    )
     assert loaded.strip() == str(tmp_path / "yumi" / "core" / "libcore.so")
 
 
@@ -86,7 +88,7 @@ def test_sources_contain_what_is_compiled(source: Path, tmp_path: Path) -> None:
     (archive,) = tmp_path.glob("*.tar.gz")
     with tarfile.open(archive) as files:
         names = files.getnames()
-        for file in library.FOLDER.glob("*.[ch]pp"):
+        for file in library.CORE_FOLDER.glob("*.[ch]pp"):
             assert f"{NAME}/src/yumi/core/{file.name}" in names
         for name in ("config/yumi.yaml", "launch/yumi.launch.py", "resource/yumi", "package.xml"):
             assert f"{NAME}/{name}" in names

@@ -15,7 +15,7 @@ from abb_protocols.catalogue.actions import ACTIONS
 from abb_protocols.errors import MissingPrerequisite
 from abb_runtime.faults import Fault
 from abb_view import page_build
-from abb_view.page_build import CONTROLLER_PAGE, SHELL, PageSources
+from abb_view.page_build import CONTROLLER_PAGE, PAGE_SHELL, PageSources
 from refusals import refused
 from yumi.driver.commands import COMMANDS
 from yumi.web.page_build import ROBOT_PAGE
@@ -56,13 +56,13 @@ def test_repository_has_neither_foreign_nor_built_code_of_the_page() -> None:
 
 
 def test_every_fault_of_the_virtual_robot_has_words_on_the_page() -> None:
-    words = (SHELL / "faults.ts").read_text()
+    words = (PAGE_SHELL / "faults.ts").read_text()
     without = [each.value.name for each in Fault if not any(f"{q}{each.value.name}{q}:" in words for q in ('"', ""))]
     assert without == []
 
 
 def test_button_that_a_sentence_of_the_page_names_is_there_by_that_name() -> None:
-    folders = (SHELL, ROBOT_PAGE.sources / "src")
+    folders = (PAGE_SHELL, ROBOT_PAGE.sources / "src")
     sources = [ROBOT_PAGE.sources / "index.html", *(file for folder in folders for file in folder.glob("*.ts"))]
     of_commands = [f'"{kind.button}"' for kind in COMMANDS]  # their buttons are made from the table
     markup = "\n".join([*(each.read_text() for each in sources), *of_commands])
@@ -86,8 +86,8 @@ def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Copied:
     sources = tmp_path / "lib" / "yumi" / "web" / "page"
     shutil.copytree(ROBOT_PAGE.sources, sources)
     shell = tmp_path / "lib" / "abb_view" / "shell"
-    shutil.copytree(SHELL, shell)
-    monkeypatch.setattr(page_build, "SHELL", shell)
+    shutil.copytree(PAGE_SHELL, shell)
+    monkeypatch.setattr(page_build, "PAGE_SHELL", shell)
     monkeypatch.setattr(page_build, "_of_the_environment", lambda: None)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
@@ -120,11 +120,11 @@ def test_page_is_built_once_and_again_when_a_source_changes(copied: Copied) -> N
     assert second != first
     assert (second / "style.css").read_text() == "body { color: red; }\n"
     assert (copied.folder / "asked").read_text().split() == ["ci", "run", "run"]  # the packages are the same
-    (page_build.SHELL / "package-lock.json").write_text("{}\n")
+    (page_build.PAGE_SHELL / "package-lock.json").write_text("{}\n")
     page_build.built(copied.page, told.append)
     assert (copied.folder / "asked").read_text().split()[3:] == ["ci", "run"]
     third = page_build.built(copied.page)
-    (page_build.SHELL / "dom.ts").write_text("export {};\n")
+    (page_build.PAGE_SHELL / "dom.ts").write_text("export {};\n")
     assert page_build.built(copied.page) != third
 
 

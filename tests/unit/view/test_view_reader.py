@@ -22,13 +22,13 @@ from abb_protocols.errors import ControllerRefused
 from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.irb120 import irb120
 from abb_protocols.robot.joints import Joints, Side, home
-from abb_protocols.robot.kinematics import matrix
+from abb_protocols.robot.kinematics import matrix_from_quaternion
 from abb_protocols.robot.yumi_arms import irb14050
 from abb_runtime.clock import ManualClock
 from abb_runtime.faults import DISPLAY_PATH, Fault
 from abb_runtime.rws.client import RwsClient
 from abb_view import controller_server, controller_view, page_server
-from abb_view.controller_reader import AROUND, ControllerReader, LogLine, PointerReport, ReaderUnit
+from abb_view.controller_reader import LINES_AROUND, ControllerReader, LogLine, PointerReport, ReaderUnit
 from abb_view.controller_server import ControllerServer
 from abb_view.controller_view import ControllerView
 from abb_view.page_server import FORWARDED, OpenPage, PageSettings
@@ -128,7 +128,7 @@ def test_six_axes_are_shown_where_they_are_while_the_pointer_stands_at_the_line_
     (task,) = message.tasks
     assert (task.name, task.execution) == ("T_ROB1", "started")
     lines = tuple(PROGRAM.splitlines())
-    assert task.pointer == PointerReport("Cell", "approach", 10, 10 - AROUND, lines[10 - AROUND - 1 :])
+    assert task.pointer == PointerReport("Cell", "approach", 10, 10 - LINES_AROUND, lines[10 - LINES_AROUND - 1 :])
     assert (message.program, message.motors, message.operating_mode) == ("running", "motoron", "AUTO")
     assert message.speed_ratio == 100
     assert message.missing == (str(say("no_driver_for_robot", robot="an IRB 120 (mechanical unit ROB_1), not a YuMi")),)
@@ -482,7 +482,7 @@ def test_robot_is_drawn_with_its_tool_where_the_description_has_it(arm: Kinemati
                 frame = frame @ turn(joint["axis"], values[joint["name"]])
         tool0 = arm.tool0(as_joints(position))
         assert frame[:3, 3] == pytest.approx(tool0.position, abs=1e-9)
-        assert frame[:3, :3] == pytest.approx(matrix(tool0.orientation), abs=1e-9)
+        assert frame[:3, :3] == pytest.approx(matrix_from_quaternion(tool0.orientation), abs=1e-9)
 
 
 def test_capsules_lead_from_axis_to_axis() -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from abb_protocols.egm import egm_pb2 as pb
 from abb_protocols.egm.codec import MciState, PathCorrection, RobotMessage, SensorCodec, SensorMessage
 from abb_protocols.robot.joints import Side, Vector
-from abb_protocols.robot.kinematics import matrix
+from abb_protocols.robot.kinematics import matrix_from_quaternion
 from virtual_irc5.controller.installed_system import ROBOTS, factory_system, with_programs
 from virtual_irc5.mechanics.egm_client import EgmClientState
 from virtual_irc5.world import World, WorldSettings
@@ -112,7 +112,9 @@ class Seam:
         if "seam" in self.screen:
             arm = self.world.arms[Side.RIGHT]
             pose = arm.tool_pose(arm.planned, None)
-            self.points.append(pose.position + matrix(pose.orientation) @ (0.0, 0.0, 0.06) - (0.3, 0.0, 0.25))
+            self.points.append(
+                pose.position + matrix_from_quaternion(pose.orientation) @ (0.0, 0.0, 0.06) - (0.3, 0.0, 0.25)
+            )
 
     _inbox: list[bytes] = field(default_factory=list)
 

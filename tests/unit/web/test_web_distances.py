@@ -8,7 +8,7 @@ import pytest
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
 from yumi.core.collision import CollisionModel
 from yumi.driver.surroundings import Surroundings, SurroundingsBox, shapes_of
-from yumi.web.distances import NEAR, Distances
+from yumi.web.distances import NEAR_DISTANCE, Distances
 
 TURNED = Pose((0.35, 0.05, 0.1), (0.9238795, 0.0, 0.0, 0.3826834))  # by 45 degrees about z
 SURROUNDINGS = Surroundings(boxes=(SurroundingsBox("box", TURNED, (0.2, 0.1, 0.2)),))
@@ -30,7 +30,7 @@ def test_nearest_pair_is_that_of_the_exact_shapes_and_its_points_are_as_far_from
         found = distances.nearest(positions)
         pairs = [pair for pair in exact.nearest(positions, 10_000) if pair.other != "body"]
         if found is None:
-            assert pairs[0].distance > NEAR - 0.003
+            assert pairs[0].distance > NEAR_DISTANCE - 0.003
             continue
         seen += 1
         if pairs[0].distance < 0.004:  # how deep shapes lie in each other is told otherwise of balls

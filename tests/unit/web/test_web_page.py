@@ -17,7 +17,7 @@ import pytest
 from abb_protocols.catalogue import message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.robot.gripper_values import GripperState, ServoState
-from abb_protocols.robot.joints import ZERO, Joints, Side, home, joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, home, joints
 from abb_protocols.rws.values import ControllerState
 from browser import browser
 from fake_driver import FakeDriver
@@ -44,7 +44,7 @@ def chromium(program: Any) -> Iterator[Any]:
 @pytest.fixture(autouse=True)
 def slow_browser(monkeypatch: pytest.MonkeyPatch) -> None:
     """A browser that draws in software may be slow: the page jogs and keeps control nevertheless."""
-    monkeypatch.setattr(page_operator, "OLDEST_SEEN", 60.0)
+    monkeypatch.setattr(page_operator, "OLDEST_SEEN_STATE", 60.0)
     monkeypatch.setattr(view_server, "_ANSWER", 60.0)
 
 
@@ -431,21 +431,21 @@ def test_tool_follows_the_handle_and_the_keys_on_the_picture(
         page.mouse.move(canvas["x"] + x, canvas["y"] + y)
         page.mouse.down()
         page.mouse.move(canvas["x"] + x, canvas["y"] + y - 40, steps=5)
-        twist(lambda it: it[2] > 0.02 and it[3:] == ZERO[3:])
+        twist(lambda it: it[2] > 0.02 and it[3:] == ZERO_JOINTS[3:])
         page.mouse.up()
-        twist(lambda it: it == ZERO)
+        twist(lambda it: it == ZERO_JOINTS)
 
         page.select_option("#handle", "none")
         page.focus("#scene")
         page.keyboard.down("ArrowLeft")
-        twist(lambda it: it[1] > 0.02 and it[:1] == ZERO[:1] and it[2:] == ZERO[2:])
+        twist(lambda it: it[1] > 0.02 and it[:1] == ZERO_JOINTS[:1] and it[2:] == ZERO_JOINTS[2:])
         page.keyboard.up("ArrowLeft")
-        twist(lambda it: it == ZERO)
+        twist(lambda it: it == ZERO_JOINTS)
         # A key that is let go while Command is held is not reported, and one of the number pad by another name.
         page.keyboard.down("ArrowLeft")
         twist(lambda it: it[1] > 0.02)
         page.keyboard.down("Meta")
-        twist(lambda it: it == ZERO)
+        twist(lambda it: it == ZERO_JOINTS)
         page.keyboard.up("Meta")
         page.keyboard.up("ArrowLeft")
         for kind, key in (("keydown", "Home"), ("keyup", "7")):
@@ -455,7 +455,7 @@ def test_tool_follows_the_handle_and_the_keys_on_the_picture(
         page.keyboard.down(" ")
         twist(lambda it: it[2] > 0.02)
         page.keyboard.down("Meta")
-        twist(lambda it: it == ZERO)
+        twist(lambda it: it == ZERO_JOINTS)
         page.keyboard.up("Meta")
         page.keyboard.up(" ")
         page.select_option("#jog-frame", "box table")
@@ -464,5 +464,5 @@ def test_tool_follows_the_handle_and_the_keys_on_the_picture(
         page.keyboard.down("PageUp")
         twist(lambda it: it[5] > 0.1)
         page.locator("#scene").blur()
-        twist(lambda it: it == ZERO)
+        twist(lambda it: it == ZERO_JOINTS)
     assert errors == []

@@ -6,7 +6,7 @@ import pytest
 
 from abb_protocols.errors import CommandRefused
 from refusals import refused
-from yumi.web.pairing import DIGITS, FIRST_PAUSE, LONGEST_PAUSE, WRONG_CODES, Pairing
+from yumi.web.pairing import FIRST_PAIRING_PAUSE, LONGEST_PAIRING_PAUSE, PAIRING_DIGITS, WRONG_PAIRING_CODES, Pairing
 
 
 class Terminal:
@@ -20,11 +20,11 @@ class Terminal:
 
     @property
     def wrong(self) -> str:
-        return f"{(int(self.codes[-1]) + 1) % 10**DIGITS:0{DIGITS}d}"
+        return f"{(int(self.codes[-1]) + 1) % 10**PAIRING_DIGITS:0{PAIRING_DIGITS}d}"
 
     def guess_wrongly(self) -> float:
         """As often as is allowed; the pause that follows [s]."""
-        for _ in range(WRONG_CODES - 1):
+        for _ in range(WRONG_PAIRING_CODES - 1):
             with refused(CommandRefused, "pairing_code_wrong"):
                 self.pairing.pair(self.wrong)
         with pytest.raises(CommandRefused) as error:
@@ -40,7 +40,7 @@ def terminal() -> Terminal:
 
 def test_code_pairs_one_session_and_another_code_is_shown_then(terminal: Terminal) -> None:
     code = terminal.codes[-1]
-    assert len(code) == DIGITS
+    assert len(code) == PAIRING_DIGITS
     assert code.isdigit()
     key = terminal.pairing.pair(f" {code[:3]} {code[3:]} ")
     assert terminal.pairing.is_paired(key)
@@ -74,9 +74,9 @@ def test_wrong_codes_make_a_pause_in_which_the_right_one_is_refused_too_and_a_ne
     terminal.guess_wrongly()
     assert len(terminal.codes) == 2
     for _ in range(2):
-        with refused(CommandRefused, "pairing_paused", duration=FIRST_PAUSE):
+        with refused(CommandRefused, "pairing_paused", duration=FIRST_PAIRING_PAUSE):
             terminal.pairing.pair(terminal.codes[-1])
-    terminal.time += FIRST_PAUSE
+    terminal.time += FIRST_PAIRING_PAUSE
     if code != terminal.codes[-1]:
         with refused(CommandRefused, "pairing_code_wrong"):
             terminal.pairing.pair(code)
@@ -85,9 +85,9 @@ def test_wrong_codes_make_a_pause_in_which_the_right_one_is_refused_too_and_a_ne
 
 def test_each_pause_is_twice_as_long_until_somebody_is_paired(terminal: Terminal) -> None:
     pauses: list[float] = []
-    while LONGEST_PAUSE not in pauses:
+    while LONGEST_PAIRING_PAUSE not in pauses:
         pauses.append(terminal.guess_wrongly())
         terminal.time += pauses[-1]
-    assert pauses == [min(LONGEST_PAUSE, FIRST_PAUSE * 2**count) for count in range(len(pauses))]
+    assert pauses == [min(LONGEST_PAIRING_PAUSE, FIRST_PAIRING_PAUSE * 2**count) for count in range(len(pauses))]
     terminal.pairing.pair(terminal.codes[-1])
-    assert terminal.guess_wrongly() == FIRST_PAUSE
+    assert terminal.guess_wrongly() == FIRST_PAIRING_PAUSE

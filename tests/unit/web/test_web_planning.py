@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from abb_protocols.robot.joints import YUMI_LIMITS, Pose, Side, home
-from abb_protocols.robot.kinematics import IDENTITY
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION
 from yumi.driver.surroundings import Surroundings, SurroundingsBox, SurroundingsTool, limits_of, shapes_of
 from yumi.planning.planner import Plan
 from yumi.planning.planning_process import PlanningProcess
@@ -25,7 +25,7 @@ def test_process_plans_for_what_the_driver_has_told() -> None:
     told = msgspec.json.encode(
         Surroundings(
             tools={"right": (SurroundingsTool(name="pen", start=(0.0, 0.0, 0.1), end=(0.0, 0.0, 0.15), radius=0.005),)},
-            boxes=(SurroundingsBox(name="far", pose=Pose((1.5, 0.0, 0.0), IDENTITY), size=(0.1, 0.1, 0.1)),),
+            boxes=(SurroundingsBox(name="far", pose=Pose((1.5, 0.0, 0.0), IDENTITY_QUATERNION), size=(0.1, 0.1, 0.1)),),
         )
     )
     start = {side: home(side) for side in Side}

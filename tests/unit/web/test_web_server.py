@@ -22,8 +22,15 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import SettingsError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import posture_near, wrist_of, wrist_target
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
-from abb_protocols.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, tool0_to_body
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Pose, Side, home, rotate
+from abb_protocols.robot.kinematics import (
+    IDENTITY_QUATERNION,
+    compose_poses,
+    inverse_pose,
+    quaternion_of,
+    quaternion_product,
+    tool0_to_body,
+)
 from abb_runtime.faults import Fault
 from abb_view.page_server import MAX_PAGES
 from fake_driver import BOX, FakeDriver
@@ -45,8 +52,8 @@ from yumi.planning.planning_process import PlanningProcess
 from yumi.web import distances, live, page_operator, view_server
 from yumi.web.distances import Distances
 from yumi.web.driver_link import DriverLink
-from yumi.web.page_messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog
-from yumi.web.page_operator import OLDEST_SEEN, within_joint_speed
+from yumi.web.page_messages import MAX_JOG_JOINT_SPEED, MAX_JOG_LINEAR, ToolJog
+from yumi.web.page_operator import OLDEST_SEEN_STATE, within_joint_speed
 from yumi.web.view_server import ViewServer, ViewSettings
 
 SOON = 10.0
@@ -520,7 +527,7 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
             await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
             assert driver.robot.control.switches[-1].activate == (JOG_CONTROLLER,)
             await page.send(type="jog_joints", arm="right", hold=1, speeds=[0.0] * 7)
-            await eventually(lambda: speeds_of(driver) == ZERO)
+            await eventually(lambda: speeds_of(driver) == ZERO_JOINTS)
             up = [0.0, 0.0, 0.1]
             await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=2, linear=up)
             assert driver.robot.control.switches[-1].activate == (CARTESIAN_CONTROLLER,)
@@ -528,7 +535,7 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
                 await page.send(type="give_back")
                 await eventually(lambda: driver.robot.control.switches[-1].activate == (GOAL_CONTROLLER,))
         # The page is closed: the arm stops, and holds.
-        await eventually(lambda: twist_of(driver) == ZERO)
+        await eventually(lambda: twist_of(driver) == ZERO_JOINTS)
         await eventually(lambda: not driver.server.client_count)
         last = GOAL_CONTROLLER if is_given_back else CARTESIAN_CONTROLLER
         assert driver.robot.control.switches[-1].activate == (last,)
@@ -572,7 +579,8 @@ def test_plan_is_shown_and_then_followed_once(driver: FakeDriver, monkeypatch: p
     start = {side: home(side) for side in Side}
     goal = (start[Side.RIGHT][0] + 0.2, *start[Side.RIGHT][1:])
     points = tuple(
-        TrajectoryPoint(time, position, ZERO, ZERO) for time, position in ((0.0, start[Side.RIGHT]), (1.0, goal))
+        TrajectoryPoint(time, position, ZERO_JOINTS, ZERO_JOINTS)
+        for time, position in ((0.0, start[Side.RIGHT]), (1.0, goal))
     )
 
     async def plan(self: object, begin: Any, goals: Any, *, obstacles: tuple[Obstacle, ...], **options: Any) -> Plan:
@@ -693,7 +701,7 @@ def test_jog_ends_when_the_page_sends_no_more(driver: FakeDriver) -> None:
             await page.take_control()
             await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
             begin = time.monotonic()
-            await eventually(lambda: speeds_of(driver) == ZERO)  # whatever timeout the controller has
+            await eventually(lambda: speeds_of(driver) == ZERO_JOINTS)  # whatever timeout the controller has
             assert time.monotonic() - begin < 0.5
 
     run(story, may_operate=True)
@@ -703,7 +711,7 @@ def test_jog_ends_when_the_page_sends_no_more(driver: FakeDriver) -> None:
 def test_tool_is_jogged_no_faster_than_its_joints_may_be(frame: Literal["base", "tool"]) -> None:
     stretched, step, slowed = (0.3, -0.9, -1.4, -1.0, 0.2, 0.4, 0.1), 1e-3, []
     for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (0.6, 0.0, 0.8)):
-        x, y, z = (MAX_LINEAR * each for each in direction)
+        x, y, z = (MAX_JOG_LINEAR * each for each in direction)
         asked = ToolJog(arm="right", hold=1, seen=0.0, frame=frame, linear=(x, y, z), angular=(0.0, 0.0, 0.2))
         jog = within_joint_speed(asked, stretched)
         share = jog.angular[2] / asked.angular[2]
@@ -711,16 +719,18 @@ def test_tool_is_jogged_no_faster_than_its_joints_may_be(frame: Literal["base", 
         assert jog == replace(asked, linear=jog.linear, angular=(0.0, 0.0, jog.angular[2]))
         # Where the arm is a moment later, by another calculation.
         here = tool0_to_body(Side.RIGHT, stretched, FINGERTIPS)
-        turn = here.orientation if frame == "tool" else IDENTITY
+        turn = here.orientation if frame == "tool" else IDENTITY_QUATERNION
         linear, angular = rotate(turn, jog.linear), rotate(turn, jog.angular)
         place = [at + step * speed for at, speed in zip(here.position, linear, strict=True)]
-        after = Pose((place[0], place[1], place[2]), multiply(quaternion_of(angular, step), here.orientation))
+        after = Pose((place[0], place[1], place[2]), quaternion_product(quaternion_of(angular, step), here.orientation))
         angle = wrist_of(Side.RIGHT, stretched).angle
-        target = wrist_target(Side.RIGHT, compose(after, inverse(FINGERTIPS)), angle)
+        target = wrist_target(Side.RIGHT, compose_poses(after, inverse_pose(FINGERTIPS)), angle)
         there, error = posture_near(Side.RIGHT, target, stretched)
         assert error < 1e-9
         fastest = max(abs(b - a) for a, b in zip(stretched, there, strict=True)) / step
-        assert fastest == pytest.approx(MAX_JOINT_SPEED, rel=0.02) if share < 1.0 else fastest <= MAX_JOINT_SPEED
+        assert (
+            fastest == pytest.approx(MAX_JOG_JOINT_SPEED, rel=0.02) if share < 1.0 else fastest <= MAX_JOG_JOINT_SPEED
+        )
         slowed.append(share < 1.0)
     assert any(slowed)
 
@@ -732,12 +742,12 @@ def test_jog_that_comes_late_is_refused_and_its_end_is_not(driver: FakeDriver) -
         async with site.page() as page:
             await page.take_control()
             await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
-            late = time.monotonic() - OLDEST_SEEN - 0.1  # as if what was sent had waited in a tunnel
+            late = time.monotonic() - OLDEST_SEEN_STATE - 0.1  # as if what was sent had waited in a tunnel
             await page.send(type="jog_joints", arm="right", hold=2, seen=late, speeds=[0.5] * 7)
             late_jog = await page.until("jog_refused", lambda it: it["hold"] == 2)
             assert late_jog["error"]["code"] == "page_too_slow_to_jog"
             await page.send(type="jog_joints", arm="right", hold=1, seen=late, speeds=[0.0] * 7)
-            await eventually(lambda: speeds_of(driver) == ZERO)
+            await eventually(lambda: speeds_of(driver) == ZERO_JOINTS)
 
     run(story, may_operate=True)
 
@@ -779,9 +789,9 @@ def test_end_of_a_jog_is_carried_out_however_long_it_waited(
         async with site.page() as page:
             await page.take_control()
             await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=1, linear=up)
-            monkeypatch.setattr(page_operator, "STALE", -1.0)  # what waits has always waited for too long
+            monkeypatch.setattr(page_operator, "STALE_JOG", -1.0)  # what waits has always waited for too long
             await page.send(type="jog_tool", arm="right", hold=1)
-            await eventually(lambda: twist_of(driver) == ZERO)
+            await eventually(lambda: twist_of(driver) == ZERO_JOINTS)
 
     run(story, may_operate=True)
 
@@ -794,7 +804,7 @@ def test_next_page_gives_back_what_a_page_that_was_closed_has_jogged(driver: Fak
             async with site.page() as page:
                 await page.take_control()
                 await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
-            await eventually(lambda: speeds_of(driver) == ZERO)
+            await eventually(lambda: speeds_of(driver) == ZERO_JOINTS)
             assert driver.robot.control.switches[-1].activate == (JOG_CONTROLLER,)
             await other.take_control()
             await other.send(type="give_back")

@@ -20,10 +20,10 @@ from unit.web.test_web_server import SOON, SPEEDS, Page, Site, eventually, on_pa
 from yumi.control.loop_commands import ControllerCommand
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER
-from yumi.driver.teleoperated_arm import LINK_LOST
+from yumi.driver.teleoperated_arm import DEVICE_LINK_LOST
 from yumi.driver.teleoperation import OPERATOR_HOLDS, Teleoperation
 from yumi.web import view_server
-from yumi.web.pairing import WRONG_CODES
+from yumi.web.pairing import WRONG_PAIRING_CODES
 from yumi.web.view_server import ViewServer, ViewSettings
 
 RELEASED = {"clutch": False}
@@ -139,7 +139,7 @@ def test_page_whose_frames_are_too_old_when_they_come_moves_nothing(driver: Fake
             await page.take_control()
             device = Device(driver, page)
             for hand in (RELEASED, at(0.0)):  # each of them has been on the way for as long
-                report = await device.send(hand, age=LINK_LOST + 0.1)
+                report = await device.send(hand, age=DEVICE_LINK_LOST + 0.1)
             arm = report["arms"]["right"]
             assert (arm["clutch"], arm["why"]["code"], report["dropped"]) == ("inert", "teleoperation_link_slow", 2)
             assert goal(driver) is None
@@ -301,11 +301,11 @@ def test_codes_cannot_be_tried_one_after_another(driver: FakeDriver, elsewhere: 
         first = elsewhere.codes[-1]
         wrong = "000000" if first != "000000" else "111111"
         refusals = []
-        for _ in range(WRONG_CODES + 1):  # however often the page connects anew
+        for _ in range(WRONG_PAIRING_CODES + 1):  # however often the page connects anew
             async with site.page() as page:
                 await page.until("state")
                 refusals.append((await pair(page, wrong))["error"]["code"])
-        assert refusals == ["pairing_code_wrong"] * (WRONG_CODES - 1) + ["pairing_paused"] * 2
+        assert refusals == ["pairing_code_wrong"] * (WRONG_PAIRING_CODES - 1) + ["pairing_paused"] * 2
         async with site.page() as page:
             await page.until("state")
             assert (await pair(page, elsewhere.codes[-1]))["error"]["code"] == "pairing_paused"

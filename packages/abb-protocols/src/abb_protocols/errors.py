@@ -1,6 +1,6 @@
-"""The errors of yumi, drawn once; each class is one decision of the caller.
+"""The errors of yumi, drawn once: what is refused, missing, not ready, not reached, not confirmed or not connected.
 
-::
+Each class is one decision of the caller::
 
     YumiError
     ├── SettingsError        a configuration file or option is wrong: mend it and start again

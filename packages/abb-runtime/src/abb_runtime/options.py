@@ -39,18 +39,18 @@ class OptionNumber(click.FloatRange):
         return number
 
 
-FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-FOLDER = click.Path(file_okay=False, path_type=Path)
-NEW_FILE = click.Path(dir_okay=False, path_type=Path)
+FILE_TYPE = click.Path(exists=True, dir_okay=False, path_type=Path)
+FOLDER_TYPE = click.Path(file_okay=False, path_type=Path)
+NEW_FILE_TYPE = click.Path(dir_okay=False, path_type=Path)
 _GRIPPER_MODULES = click.Choice([modules.value for modules in GripperModules])
-ARM = click.Choice(["right", "left"])
-ARMS = click.Choice(["right", "left", "both"])
+ARM_TYPE = click.Choice(["right", "left"])
+ARMS_TYPE = click.Choice(["right", "left", "both"])
 _PORT = click.IntRange(1, MAX_PORT)
-SCALE = OptionNumber("factor", 0.01, 1.0, is_open=False)
-TIME = OptionNumber("time", 0.0, 3600.0, is_open=True)
+FACTOR_TYPE = OptionNumber("factor", 0.01, 1.0, is_open=False)
+TIME_TYPE = OptionNumber("time", 0.0, 3600.0, is_open=True)
 
 Command = Callable[..., Any]
-Decorator = Callable[[Command], Command]
+OptionDecorator = Callable[[Command], Command]
 
 
 class SharedCommand(click.Command):
@@ -75,7 +75,7 @@ https_option = click.option(
 yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
 dry_run_option = click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
 cfg_option = click.option(
-    "--cfg", multiple=True, type=FILE, help="System parameters to add, such as your EIO.cfg; may be repeated."
+    "--cfg", multiple=True, type=FILE_TYPE, help="System parameters to add, such as your EIO.cfg; may be repeated."
 )
 model_option = click.option(
     "--model",
@@ -85,16 +85,16 @@ model_option = click.option(
     help="The robot: a YuMi, a single-arm YuMi, or an IRB 120 of six axes (both T_ROB1, ROB_1).",
 )
 
-OF_SETTINGS = "as in the settings"
-ONCE = "Only once: a program ends with main, a topic gives one message."
+SETTINGS_HELP = "as in the settings"
+ONCE_HELP = "Only once: a program ends with main, a topic gives one message."
 """The help of ``--once``."""
 
-OF_DRIVER = "that of the running driver"
-STARTED = "a virtual one that is started"
+DRIVER_HELP = "that of the running driver"
+STARTED_HELP = "a virtual one that is started"
 """What ``--robot`` is in its absence."""
 
 
-def robot_option(without: str = OF_DRIVER, default: str | None = None) -> Decorator:
+def robot_option(without: str = DRIVER_HELP, default: str | None = None) -> OptionDecorator:
     """``--robot``: the robot by the address of its controller, also where a command uses its driver.
 
     Args:
@@ -110,13 +110,13 @@ def robot_option(without: str = OF_DRIVER, default: str | None = None) -> Decora
     )
 
 
-def user_option(default: str | None = None) -> Decorator:
+def user_option(default: str | None = None) -> OptionDecorator:
     """``--user``, with the settings' one where there is no default."""
-    shown = default is not None or OF_SETTINGS
+    shown = default is not None or SETTINGS_HELP
     return click.option("--user", default=default, show_default=shown, help="User name on the controller.")
 
 
-def egm_port_options(left: int | None = None, right: int | None = None) -> Decorator:
+def egm_port_options(left: int | None = None, right: int | None = None) -> OptionDecorator:
     """Where EGM's datagrams arrive, for the commands that receive them, or send them there."""
 
     def with_options(command: Command) -> Command:
@@ -125,7 +125,7 @@ def egm_port_options(left: int | None = None, right: int | None = None) -> Decor
                 f"--{word}-egm-port",
                 type=_PORT,
                 default=port,
-                show_default=port is not None or OF_SETTINGS,
+                show_default=port is not None or SETTINGS_HELP,
                 help=f"UDP port where the {word} arm's datagrams arrive.",
             )(command)
         return command
@@ -146,27 +146,27 @@ def gripper_options(command: Command) -> Command:
     return command
 
 
-def speed_scale_option(without: str = "1 on this machine, 0.1 elsewhere") -> Decorator:
+def speed_scale_option(without: str = "1 on this machine, 0.1 elsewhere") -> OptionDecorator:
     """``--speed-scale``, with what it is in its absence."""
-    return click.option("--speed-scale", type=SCALE, show_default=without, help="Factor on all speeds.")
+    return click.option("--speed-scale", type=FACTOR_TYPE, show_default=without, help="Factor on all speeds.")
 
 
-def arm_option(without: str) -> Decorator:
+def arm_option(without: str) -> OptionDecorator:
     """``--arm`` of commands that are about one arm or another; those that act on an arm take it as an argument."""
-    return click.option("--arm", type=ARM, show_default=without, help="Which arm.")
+    return click.option("--arm", type=ARM_TYPE, show_default=without, help="Which arm.")
 
 
-def count_option(default: int | None = None) -> Decorator:
+def count_option(default: int | None = None) -> OptionDecorator:
     """``--count`` of commands that print line after line."""
     return click.option("--count", type=click.IntRange(1), default=default, help="End after so many.")
 
 
-def timeout_option(default: float | None = None) -> Decorator:
+def timeout_option(default: float | None = None) -> OptionDecorator:
     """``--timeout``, of a wait or a motion."""
-    return click.option("--timeout", type=TIME, default=default, show_default=True, help="Longest time [s].")
+    return click.option("--timeout", type=TIME_TYPE, default=default, show_default=True, help="Longest time [s].")
 
 
-def stream_option(default: bool) -> Decorator:
+def stream_option(default: bool) -> OptionDecorator:
     """``--stream`` of commands that can see whether EGM works."""
     return click.option(
         "--stream/--no-stream",
@@ -176,27 +176,27 @@ def stream_option(default: bool) -> Decorator:
     )
 
 
-def picture_option(without: str) -> Decorator:
+def picture_option(without: str) -> OptionDecorator:
     """``--picture``, with where it goes, or what becomes of it, without the option."""
-    return click.option("--picture", type=NEW_FILE, show_default=without, help="File of the picture.")
+    return click.option("--picture", type=NEW_FILE_TYPE, show_default=without, help="File of the picture.")
 
 
-def output_option(default: str, *, is_shown_only: bool = False) -> Decorator:
+def output_option(default: str, *, is_shown_only: bool = False) -> OptionDecorator:
     """``--output`` of commands that write several files; the default may be one that depends on the time."""
     return click.option(
         "--output",
-        type=FOLDER,
+        type=FOLDER_TYPE,
         default=None if is_shown_only else Path(default),
         show_default=default,
         help="Folder of the files that are written.",
     )
 
 
-def logs_option(default: str) -> Decorator:
+def logs_option(default: str) -> OptionDecorator:
     """``--logs`` of commands that start others."""
     return click.option(
         "--logs",
-        type=FOLDER,
+        type=FOLDER_TYPE,
         default=Path(default),
         show_default=True,
         help="Folder for the output of the processes that are started.",

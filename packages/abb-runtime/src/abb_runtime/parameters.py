@@ -1,4 +1,4 @@
-"""Values that can be set: their types, ranges, choices and units, and the files in YAML, as of ROS 2, that set them.
+"""Values that can be set: numbers and texts with ranges, choices and units, and the YAML files, as of ROS 2, for them.
 
 A parameter file names nodes, in full or by wildcard, each with its parameters; every value knows its line::
 

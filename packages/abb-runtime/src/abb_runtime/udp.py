@@ -1,4 +1,4 @@
-"""UDP sockets for EGM of both ends, waiting for both, and this machine's addresses, ports and network cards."""
+"""UDP sockets for EGM, links in memory in their place, a poller of both; addresses, hosts, ports and network cards."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A controller as a page shows it: read over Robot Web Services, and never changed.
+"""A controller as a page shows it: tasks, pointers and log lines, read over Robot Web Services, and never changed.
 
 Any robot: a YuMi, a single arm, six axes, or one that abb_protocols has no description of. A page gets joint positions,
 RAPID's tasks with their program pointers and the lines around these, and the newest lines of the event log. A
@@ -27,13 +27,13 @@ from abb_protocols.robot.yumi_arms import irb14050
 from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.operations.motion import JointTarget
 from abb_protocols.rws.operations.rapid import TaskInfo
-from abb_protocols.rws.request import BUSY
+from abb_protocols.rws.request import BUSY_STATUS
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.faults import DISPLAY_PATH
 from abb_runtime.rws.client import RwsClient
 
-AROUND = 5
+LINES_AROUND = 5
 """Lines of RAPID that are shown before and behind that of a program pointer."""
 
 _ARMS: Mapping[str, Callable[[], KinematicArm]] = {"IRB 120": irb120, "IRB 14050": irb14050}
@@ -281,7 +281,7 @@ class ControllerReader:
                 reading.read()
                 self._refused.pop(reading.name, None)
             except (ControllerRefused, ProtocolError) as error:
-                if isinstance(error, ControllerRefused) and error.status == BUSY:
+                if isinstance(error, ControllerRefused) and error.status == BUSY_STATUS:
                     raise
                 self._refused[reading.name] = error.said
         return max(0.0, min(each.due for each in self._readings) - self._clock.now())
@@ -372,7 +372,7 @@ class ControllerReader:
         try:
             pointer, _ = self._client.pointers(task)
         except ControllerRefused as error:
-            if error.status == BUSY:
+            if error.status == BUSY_STATUS:
                 raise
             pointer = None  # a task without a program
         if pointer is None or pointer.range is None:
@@ -380,8 +380,8 @@ class ControllerReader:
             return
         line = pointer.range.row
         lines = self._text(task, pointer.module)
-        first = max(1, line - AROUND)
-        shown = tuple(each[:_LONGEST_LINE] for each in lines[first - 1 : line + AROUND])
+        first = max(1, line - LINES_AROUND)
+        shown = tuple(each[:_LONGEST_LINE] for each in lines[first - 1 : line + LINES_AROUND])
         self._pointers[task] = PointerReport(pointer.module, pointer.routine, line, first, shown)
 
     def _text(self, task: str, module: str) -> tuple[str, ...]:

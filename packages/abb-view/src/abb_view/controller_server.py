@@ -16,7 +16,7 @@ from abb_runtime.udp import is_loopback
 from abb_view.controller_reader import ControllerReader, LogMessage
 from abb_view.controller_view import ControllerView
 from abb_view.page_build import CONTROLLER_PAGE, page_folder
-from abb_view.page_server import OpenPage, PageServer, PageSettings, fault_for_page, is_of_this_machine, said_of
+from abb_view.page_server import OpenPage, PageServer, PageSettings, error_on_page, fault_for_page, is_of_this_machine
 from abb_view.robot_model import controller_model
 
 
@@ -128,7 +128,7 @@ class ControllerServer(PageServer[OpenPage]):
                 raise CommandRefused(message("faults_only_virtual"))
             fault = await asyncio.to_thread(inject_fault, address, request.name, request.form)
         except Exception as error:  # a fault of ours, too: the page waits for an answer
-            said = _words(said_of(error, self._program))
+            said = _words(error_on_page(error, self._program))
             page.send({"type": "failed", "id": request.id, "error": {"sentence": said}})
             return
         page.send({"type": "done", "id": request.id, "result": f"Done: {fault.value.meaning}"})

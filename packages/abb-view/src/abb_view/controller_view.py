@@ -10,7 +10,7 @@ import msgspec
 
 from abb_protocols.catalogue import Message
 from abb_view.controller_reader import ControllerReader, LogLine, LogMessage
-from abb_view.page_server import said_of
+from abb_view.page_server import error_on_page
 
 _LINES = 200
 """So many lines of the log are kept for a page that is opened later."""
@@ -73,7 +73,7 @@ class ControllerView:
                     delay = await asyncio.shield(reading)
                 except Exception as error:  # a fault of ours, too, which the log shows whole
                     self.reader.forget()
-                    self._set_why_not(said_of(error, self._program))
+                    self._set_why_not(error_on_page(error, self._program))
                     await asyncio.sleep(_RECONNECT)
                     continue
                 if self.reader is not reader:

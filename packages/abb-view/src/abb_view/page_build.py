@@ -27,7 +27,7 @@ from typing import NamedTuple
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import MissingPrerequisite
 
-SHELL = Path(__file__).with_name("shell")
+PAGE_SHELL = Path(__file__).with_name("shell")
 """The sources of the shell, on which every page is built."""
 
 _OLDEST_NODE = 20
@@ -151,8 +151,8 @@ def _home(page: PageSources) -> Path:
 
 def _sources(page: PageSources) -> dict[str, Path]:
     """All files that a page and its tests are made from, by their names in the workshop."""
-    found = {name: SHELL / name for name in _TOOLS}
-    found |= {f"abb-view/{file.name}": file for file in SHELL.glob("*.ts")}
+    found = {name: PAGE_SHELL / name for name in _TOOLS}
+    found |= {f"abb-view/{file.name}": file for file in PAGE_SHELL.glob("*.ts")}
     for folder in (page.sources, page.sources / "src", page.sources / "tests"):
         found |= {file.relative_to(page.sources).as_posix(): file for file in _files(folder)}
     return dict(sorted(found.items()))

@@ -346,7 +346,7 @@ def page_tls(listen: str, product: str, show: Callable[[str], None]) -> ssl.SSLC
     return certificate.context
 
 
-def said_of(error: Exception, program: str) -> Message:
+def error_on_page(error: Exception, program: str) -> Message:
     """What an exception says; what is no refusal is a fault of ours, which the log of ``program`` shows whole."""
     if isinstance(error, YumiError):
         return error.said

@@ -11,9 +11,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from abb_protocols.robot.gripper_values import MAX_FORCE, TRAVEL
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, MAX_GRIP_FORCE
 from abb_protocols.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
-from abb_protocols.robot.kinematics import matrix
+from abb_protocols.robot.kinematics import matrix_from_quaternion
 from abb_protocols.robot.urdf import MESHES, robot_description
 from abb_view.controller_reader import ControllerReader, ReaderUnit
 
@@ -46,7 +46,7 @@ def yumi_model() -> dict[str, Any]:
             for side in Side
         },
         "limits": {"lower": YUMI_LIMITS.lower, "upper": YUMI_LIMITS.upper, "velocity": YUMI_LIMITS.velocity},
-        "gripper": {"travel": TRAVEL, "force": MAX_FORCE},
+        "gripper": {"travel": FINGER_TRAVEL, "force": MAX_GRIP_FORCE},
     }
 
 
@@ -161,7 +161,7 @@ def capsule_model(units: Sequence[ReaderUnit]) -> dict[str, Any]:
             links[name].append(_hub(axis, radius))
     x, y, z = arm.foot_to_world.position
     joints[0]["xyz"] = [a + b for a, b in zip((x, y, z), joints[0]["xyz"], strict=True)]
-    assert np.allclose(matrix(arm.foot_to_world.orientation), np.eye(3)), "a foot that stands upright"
+    assert np.allclose(matrix_from_quaternion(arm.foot_to_world.orientation), np.eye(3)), "a foot that stands upright"
     return {
         "links": links,
         "joints": joints,

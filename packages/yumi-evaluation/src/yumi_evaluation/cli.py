@@ -35,8 +35,8 @@ from abb_protocols.errors import (
 )
 from abb_protocols.robot.joints import Side
 from abb_runtime.options import (
-    ARMS,
-    STARTED,
+    ARMS_TYPE,
+    STARTED_HELP,
     JsonOutput,
     egm_port_options,
     json_option,
@@ -76,7 +76,7 @@ class _Ended(Exception):
 
 @click.command()
 @click.option("--virtual-time", is_flag=True, help="Without ROS 2 and without waiting; the same figures every time.")
-@robot_option(STARTED)
+@robot_option(STARTED_HELP)
 @user_option(DEFAULT_USER)
 @password_options
 @yes_option
@@ -337,7 +337,7 @@ def _print_comparison(found: Comparison, files: list[tuple[str, Path]], console:
 
 
 @click.command()
-@click.argument("arm", type=ARMS)
+@click.argument("arm", type=ARMS_TYPE)
 @robot_options()
 @egm_port_options()
 @config_option

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from abb_protocols.catalogue import Message, clause
 from abb_protocols.robot.joints import CHAIN_AXES, JOINT_COUNT, JointLimits
-from virtual_irc5.mechanics.arm_motion import MODELS
+from virtual_irc5.mechanics.arm_motion import ARM_MODELS
 from virtual_irc5.mechanics.egm_parameters import EgmParameters, write_egm_parameters
 from yumi_evaluation.identification import (
     Dynamics,
@@ -153,8 +153,8 @@ def dynamics_of(log: RobotLog, gain: float, bandwidth: float | None) -> tuple[st
         gain: k [1/s].
         bandwidth: of EGM's low-pass filter [Hz]; None is what the log says.
     """
-    used = log.robot if log.robot in MODELS else YUMI
-    model, count = MODELS[used], len(log.joints)
+    used = log.robot if log.robot in ARM_MODELS else YUMI
+    model, count = ARM_MODELS[used], len(log.joints)
     if len(model.limits.velocity) != count:
         model = replace(model, limits=JointLimits.unlimited(count))
     return used, Dynamics(gain, model, log.bandwidth if bandwidth is None else bandwidth)

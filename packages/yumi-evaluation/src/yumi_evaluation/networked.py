@@ -36,7 +36,7 @@ from abb_runtime.process.realtime import paused_collector
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from abb_runtime.rws.login import PASSWORD_VARIABLE
 from abb_runtime.udp import free_port
-from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.robot_response import RESPONSE_DELAY
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.driver.settings import address_values, override, read_settings
@@ -280,7 +280,7 @@ class EvaluationNode:
         self._counters = {name: int(values[name]) for name in COUNTED}
 
 
-DELIVERED: Values = {"tracking.feed_forward": False, "tracking.delay": DELAY, **proportional(1.2).values}
+DELIVERED: Values = {"tracking.feed_forward": False, "tracking.delay": RESPONSE_DELAY, **proportional(1.2).values}
 """The joint position controller as it is delivered."""
 
 _BACK = 2e-4  # [rad] from where an arm counts as back

@@ -33,7 +33,7 @@ from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.goals import MemoryBuffer, SessionGoal, write_goal
 from yumi.driver.bringup import Bringup
 from yumi.driver.rapid_routines import RapidRoutines
-from yumi.driver.state_machine import RAPID, RUN_RAPID, EgmMotionSettings
+from yumi.driver.state_machine import RAPID_MODULE, RUN_RAPID_SIGNAL, EgmMotionSettings
 from yumi_evaluation.experiments import AXIS_6
 from yumi_evaluation.virtual_time import CONTROLLER, VirtualArmRig, moved
 
@@ -164,8 +164,8 @@ _ROUTINE = "routine_name_input"
 
 def prepare(client: RwsClient) -> None:
     """After the module was loaded: have only our task run a routine when both see the signal's next edge."""
-    client.set_symbol(SIDE.other.task, RAPID, _ROUTINE, '""')
-    client.set_signal(RUN_RAPID, 0)
+    client.set_symbol(SIDE.other.task, RAPID_MODULE, _ROUTINE, '""')
+    client.set_signal(RUN_RAPID_SIGNAL, 0)
 
 
 def machine_trip(
@@ -187,13 +187,13 @@ def machine_trip(
     """
     begin = now()
     client.set_symbol(SIDE.task, MODULE, "asked", number)
-    client.set_symbol(SIDE.task, RAPID, _ROUTINE, '"answer"')
-    client.set_signal(RUN_RAPID, 1)
+    client.set_symbol(SIDE.task, RAPID_MODULE, _ROUTINE, '"answer"')
+    client.set_signal(RUN_RAPID_SIGNAL, 1)
     asked = now()
     _wait_until(lambda: client.symbol(SIDE.task, MODULE, "answered") == number, now, pause)
     answered = now()
-    client.set_signal(RUN_RAPID, 0)
-    _wait_until(lambda: client.symbol(SIDE.task, RAPID, _ROUTINE) == '""', now, pause)
+    client.set_signal(RUN_RAPID_SIGNAL, 0)
+    _wait_until(lambda: client.symbol(SIDE.task, RAPID_MODULE, _ROUTINE) == '""', now, pause)
     return asked - begin, answered - asked
 
 

@@ -37,7 +37,7 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_commands import FollowTrajectory
 from yumi.driver.egm_arm import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.egm.egm_session import SILENCE, Session
+from yumi.egm.egm_session import ROBOT_SILENCE, Session
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 from yumi_evaluation.experiments import AXIS_6, GOAL_RATE, Experiment, Mode, Sine, Step, System, Trace
 from yumi_evaluation.metrics import Series, series
@@ -118,7 +118,7 @@ class VirtualArmRig:
         model: ArmModel | None = None,
         position: Joints | None = None,
         speed: SpeedScale | None = None,
-        silence: float = SILENCE,
+        silence: float = ROBOT_SILENCE,
     ) -> None:
         self.robot = VirtualArmEnd(side, model, position=position)
         self.clock = ManualClock(100.0)

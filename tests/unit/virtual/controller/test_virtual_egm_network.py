@@ -8,7 +8,7 @@ from math import degrees
 import pytest
 
 from abb_protocols.egm import egm_pb2 as pb
-from abb_protocols.egm.codec import RobotMessage, SensorCodec, parse
+from abb_protocols.egm.codec import RobotMessage, SensorCodec, parse_egm
 from abb_protocols.robot.joints import CYCLE, Side
 from abb_runtime.faults import Fault, FaultDirection
 from virtual_irc5.mechanics.arm import VirtualArm
@@ -146,7 +146,9 @@ def test_every_second_datagram_is_cut_between_two_fields(bench: Bench) -> None:
     datagrams = _left(bench.run(40))
     for whole, cut in zip(datagrams[::2], datagrams[1::2], strict=True):
         assert _read(whole).seqno
-        assert not parse(pb.EgmRobot, cut).HasField("rapidExecState")  # the last field; a cut inside one would raise
+        assert not parse_egm(pb.EgmRobot, cut).HasField(
+            "rapidExecState"
+        )  # the last field; a cut inside one would raise
     assert len({len(cut) for cut in datagrams[1::2]}) > 4
 
 

@@ -3,7 +3,7 @@
 import pytest
 from instruction_bench import InstructionBench
 
-from abb_protocols.robot.gripper_values import MAX_FORCE, ServoState
+from abb_protocols.robot.gripper_values import MAX_GRIP_FORCE, ServoState
 from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
 
 
@@ -71,7 +71,7 @@ def test_grip_checks_the_position_with_an_allowance_only(loaded: InstructionBenc
 
 def test_grip_without_a_force_presses_with_the_greatest(loaded: InstructionBench) -> None:
     loaded.run("g_SetForce 5; g_GripIn;")
-    assert loaded.unit.gripper.hold_force == MAX_FORCE
+    assert loaded.unit.gripper.hold_force == MAX_GRIP_FORCE
 
 
 def test_grip_out_holds_something_hollow() -> None:

@@ -11,7 +11,7 @@ from instruction_bench import InstructionBench
 
 from abb_protocols.robot.inverse_kinematics import arm_angle
 from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, home, joint_names
-from abb_protocols.robot.kinematics import matrix, quaternion_of, tool0_to_body
+from abb_protocols.robot.kinematics import matrix_from_quaternion, quaternion_of, tool0_to_body
 from abb_protocols.robot.urdf import robot_description
 from abb_protocols.robot.yumi_arms import yumi_arm
 from unit.robot.test_robot_inverse_kinematics import random_postures
@@ -126,7 +126,7 @@ def test_c_rob_t_is_where_pinocchio_says_with_tool_and_work_object(side: Side, p
         values[model.joints[model.getJointId(name)].idx_q] = value
     pin.framesForwardKinematics(model, data, values)
     tool0 = data.oMf[model.getFrameId(f"yumi_tool0_{side.value}")]
-    tool, table = (pin.SE3(matrix(each.orientation), np.array(each.position)) for each in (TIP, TABLE))
+    tool, table = (pin.SE3(matrix_from_quaternion(each.orientation), np.array(each.position)) for each in (TIP, TABLE))
     expected = table.inverse() * tool0 * tool
 
     def in_rapid(pose: Pose) -> str:
@@ -141,7 +141,7 @@ def test_c_rob_t_is_where_pinocchio_says_with_tool_and_work_object(side: Side, p
     assert not bench.failure
     x, y, z, *quaternion = [float(each) for each in re.findall(r"[-+.E\d]+", bench.read("point"))[:7]]
     assert (x, y, z) == pytest.approx(1e3 * expected.translation, abs=0.01)
-    assert matrix((quaternion[0], quaternion[1], quaternion[2], quaternion[3])) == pytest.approx(
+    assert matrix_from_quaternion((quaternion[0], quaternion[1], quaternion[2], quaternion[3])) == pytest.approx(
         expected.rotation, abs=1e-5
     )
 

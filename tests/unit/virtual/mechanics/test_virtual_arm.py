@@ -8,7 +8,7 @@ from math import dist, inf, nan
 import pytest
 
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.joints import ZERO, Joints, Side, home
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, home
 from abb_protocols.robot.kinematics import tool0_to_body
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel
@@ -52,7 +52,7 @@ def test_arm_reaches_the_target_and_stands_still(arm):
     settle(arm)
     assert arm.position == pytest.approx(target, abs=1e-5)
     assert arm.planned == target
-    assert arm.velocity == ZERO
+    assert arm.velocity == ZERO_JOINTS
 
 
 def test_motion_to_where_the_arm_stands_is_over_at_once(arm):
@@ -106,19 +106,19 @@ def test_duration_is_kept_when_it_is_longer_than_needed(arm):
 @pytest.mark.parametrize("value", [3.0, -3.0, nan, inf])
 def test_target_out_of_range_is_refused_and_nothing_moves(arm, value):
     with pytest.raises(CommandRefused, match=r"yumi_joint_1_l cannot move to .* its range is -168.5° to 168.5°"):
-        arm.move_to(beside(ZERO, value))
+        arm.move_to(beside(ZERO_JOINTS, value))
     assert arm.is_stationary
 
 
 def test_motion_is_refused_when_motors_are_off():
     with pytest.raises(RobotNotReady, match="motors of the left arm are off"):
-        VirtualArm(Side.LEFT).move_to(ZERO)
+        VirtualArm(Side.LEFT).move_to(ZERO_JOINTS)
 
 
 def test_motion_is_refused_when_egm_guides_the_arm(arm):
     arm.start_egm(EgmMotionParameters())
     with pytest.raises(RobotNotReady, match="EGM moves the left arm"):
-        arm.move_to(ZERO)
+        arm.move_to(ZERO_JOINTS)
 
 
 def test_stop_decelerates_and_holds(arm):
@@ -144,34 +144,34 @@ def test_brakes_stop_the_arm_faster_than_the_drives(arm):
 
 def test_brakes_hold_when_egm_was_guiding(arm):
     arm.start_egm(VELOCITY_MODE)
-    arm.set_reference(None, beside(ZERO, 1.0))
+    arm.set_reference(None, beside(ZERO_JOINTS, 1.0))
     arm.advance(0.2)
     arm.switch_motors_off()
     assert settle(arm) < 0.3
     with pytest.raises(RobotNotReady, match="EGM does not move the left arm"):
-        arm.set_reference(ZERO, None)
+        arm.set_reference(ZERO_JOINTS, None)
 
 
 def test_measured_position_follows_a_constant_speed_late_by_delay_and_lag(arm):
     arm.start_egm(VELOCITY_MODE)
-    arm.set_reference(None, beside(ZERO, 0.5))
+    arm.set_reference(None, beside(ZERO_JOINTS, 0.5))
     arm.advance(0.5)
     assert (arm.planned[0] - arm.position[0]) / 0.5 == pytest.approx(0.010 + 0.006, abs=1e-6)
 
 
 def test_filtering_level_adds_its_delay_without_a_jump(arm):
     arm.start_egm(EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=10.0, level=1))
-    arm.set_reference(None, beside(ZERO, 0.5))
+    arm.set_reference(None, beside(ZERO_JOINTS, 0.5))
     arm.advance(0.5)
     assert (arm.planned[0] - arm.position[0]) / 0.5 == pytest.approx(0.032, abs=1e-6)
     assert arm.reaction_time == pytest.approx(0.032)
 
 
 def test_servo_answers_a_step_of_speed_as_its_formula_says():
-    arm = VirtualArm(Side.LEFT, ZERO, ArmModel(reference_delay=0.0, delay=0.0, lag=0.010, step=1.0))
+    arm = VirtualArm(Side.LEFT, ZERO_JOINTS, ArmModel(reference_delay=0.0, delay=0.0, lag=0.010, step=1.0))
     arm.switch_motors_on()
     arm.start_egm(VELOCITY_MODE)
-    arm.set_reference(None, beside(ZERO, 1.0))
+    arm.set_reference(None, beside(ZERO_JOINTS, 1.0))
     arm.advance(0.010)
     assert arm.position[0] == pytest.approx(0.010 * 0.36787944, rel=1e-6)  # t - τ(1 - e^(-t/τ)) at t = τ
 
@@ -191,7 +191,7 @@ def test_motion_is_the_same_however_time_is_divided(arm, dt):
 
 def test_egm_that_ends_holds_after_its_ramp(arm):
     arm.start_egm(VELOCITY_MODE)
-    arm.set_reference(None, beside(ZERO, 0.5))
+    arm.set_reference(None, beside(ZERO_JOINTS, 0.5))
     arm.advance(0.5)
     before = arm.planned[0]
     arm.stop_egm(1.0)
@@ -201,7 +201,7 @@ def test_egm_that_ends_holds_after_its_ramp(arm):
 
 def test_egm_that_ends_in_a_step_of_speed_does_not_speed_up_further(arm):
     arm.start_egm(VELOCITY_MODE)
-    arm.set_reference(None, beside(ZERO, 0.2))
+    arm.set_reference(None, beside(ZERO_JOINTS, 0.2))
     arm.advance(CYCLE)
     arm.stop_egm()
     arm.advance(0.02)
@@ -210,7 +210,7 @@ def test_egm_that_ends_in_a_step_of_speed_does_not_speed_up_further(arm):
 
 def test_egm_that_ramps_down_returns_to_where_it_began(arm):
     arm.start_egm(VELOCITY_MODE)
-    arm.set_reference(None, beside(ZERO, 0.5))
+    arm.set_reference(None, beside(ZERO_JOINTS, 0.5))
     arm.advance(0.5)
     arm.stop_egm(1.0, returns_to_start=True)
     settle(arm)

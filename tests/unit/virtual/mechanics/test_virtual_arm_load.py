@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from abb_protocols.robot.joints import ZERO, Joints, Side, home
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, home
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.arm_motion import ArmModel, MotionState
 from virtual_irc5.mechanics.dynamics import ArmDynamics
@@ -37,7 +37,7 @@ def beside(by: float, *indices: int) -> Joints:
 
 
 def pushed(acceleration: float) -> MotionState:
-    return MotionState(HOME, ZERO, (acceleration, *ZERO[1:]))
+    return MotionState(HOME, ZERO_JOINTS, (acceleration, *ZERO_JOINTS[1:]))
 
 
 def test_load_begins_with_what_holds_the_arm(load: LoadSupervision) -> None:
@@ -123,7 +123,7 @@ def test_step_after_motion_within_the_limits_overloads_as_if_all_torques_had_bee
     for index in range(120):
         change = 600.0 if index >= 100 else 0.2
         position = (HOME[0] + 0.002 * min(index, 100), *HOME[1:])
-        state = MotionState(position, (0.5, *ZERO[1:]), (change, *ZERO[1:]))
+        state = MotionState(position, (0.5, *ZERO_JOINTS[1:]), (change, *ZERO_JOINTS[1:]))
         overloads = [load.advance(state, CYCLE) for load in (always, seldom)]
         assert (overloads[0] is None) == (overloads[1] is None)
         if None not in overloads:

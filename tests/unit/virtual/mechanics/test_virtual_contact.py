@@ -9,7 +9,7 @@ from math import degrees, radians
 import pytest
 
 from abb_protocols.robot.description import SERVO_GRIPPERS
-from abb_protocols.robot.joints import ZERO, Joints, Side, abb_from_chain, home, joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, abb_from_chain, home, joints
 from virtual_irc5.mechanics.contacts import ContactDetector
 from virtual_irc5.world import World, WorldSettings
 
@@ -139,7 +139,7 @@ def test_arm_that_moves_into_the_body_names_it(world: World) -> None:
 @pytest.mark.parametrize("side", Side)
 def test_one_arm_at_zero_and_both_at_home_touch_nothing(side: Side) -> None:
     detector = ContactDetector(SERVO_GRIPPERS, APART)
-    for positions in ({each: home(each) for each in Side}, {side: ZERO, side.other: home(side.other)}):
+    for positions in ({each: home(each) for each in Side}, {side: ZERO_JOINTS, side.other: home(side.other)}):
         assert detector.touched(positions, dict.fromkeys(Side, 0.0), Side) == {}
 
 

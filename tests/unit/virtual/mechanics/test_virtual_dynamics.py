@@ -7,7 +7,7 @@ import random
 import pytest
 
 from abb_protocols.robot.description import JOINT_FRICTION, Mass
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Joints, Side
 from virtual_irc5.mechanics.dynamics import DRIVE_INERTIA, ArmDynamics
 
 HALF_KILO = Mass(0.5, (0.0, 0.0, 0.05), (0.0,) * 6)
@@ -34,19 +34,19 @@ def test_holding_torque_reaches_the_published_maxima(
 
 
 def test_inertia_at_the_joints_reaches_the_published_maxima(poses: list[Joints]) -> None:
-    arm = ArmDynamics(Side.RIGHT, HALF_KILO, drive_inertia=ZERO, gravity=0.0)
+    arm = ArmDynamics(Side.RIGHT, HALF_KILO, drive_inertia=ZERO_JOINTS, gravity=0.0)
     published = (0.85, 0.74, 0.21, 0.15, 0.009, 0.005)
     for index, most in enumerate(published):
         one = tuple(float(index == other) for other in range(7))
-        assert max(arm.torque(pose, ZERO, one)[index] for pose in poses) == pytest.approx(most, rel=0.05)
+        assert max(arm.torque(pose, ZERO_JOINTS, one)[index] for pose in poses) == pytest.approx(most, rel=0.05)
 
 
 def test_arm_at_rest_without_gravity_needs_no_torque(middle: Joints) -> None:
-    assert ArmDynamics(Side.LEFT, HALF_KILO, gravity=0.0).torque(middle) == ZERO
+    assert ArmDynamics(Side.LEFT, HALF_KILO, gravity=0.0).torque(middle) == ZERO_JOINTS
 
 
 def test_friction_is_full_when_the_joints_move_and_none_when_they_stand(middle: Joints) -> None:
-    arm, smooth = ArmDynamics(Side.LEFT), ArmDynamics(Side.LEFT, friction=ZERO)
+    arm, smooth = ArmDynamics(Side.LEFT), ArmDynamics(Side.LEFT, friction=ZERO_JOINTS)
     moving = (0.1,) * 7
     lost = [a - b for a, b in zip(arm.torque(middle, moving), smooth.torque(middle, moving), strict=True)]
     assert lost == pytest.approx(JOINT_FRICTION)
@@ -54,7 +54,7 @@ def test_friction_is_full_when_the_joints_move_and_none_when_they_stand(middle: 
 
 
 def test_drives_add_their_inertia_to_each_joint(middle: Joints) -> None:
-    arm, light = ArmDynamics(Side.LEFT), ArmDynamics(Side.LEFT, drive_inertia=ZERO)
-    heavier, lighter = (dynamics.torque(middle, ZERO, (1.0,) * 7) for dynamics in (arm, light))
+    arm, light = ArmDynamics(Side.LEFT), ArmDynamics(Side.LEFT, drive_inertia=ZERO_JOINTS)
+    heavier, lighter = (dynamics.torque(middle, ZERO_JOINTS, (1.0,) * 7) for dynamics in (arm, light))
     added = [more - less for more, less in zip(heavier, lighter, strict=True)]
     assert added == pytest.approx(DRIVE_INERTIA)

@@ -8,9 +8,9 @@ from math import exp, pi, radians
 
 import pytest
 
-from abb_protocols.robot.joints import ZERO, JointLimits, Joints, Side
+from abb_protocols.robot.joints import ZERO_JOINTS, JointLimits, Joints, Side
 from virtual_irc5.mechanics.arm import VirtualArm
-from virtual_irc5.mechanics.arm_motion import MODELS, ArmModel
+from virtual_irc5.mechanics.arm_motion import ARM_MODELS, ArmModel
 from virtual_irc5.mechanics.egm_motion import EgmActivation, EgmMotion, EgmMotionParameters, EgmRun, ExternalMotionData
 from virtual_irc5.mechanics.servo import follow_references
 
@@ -29,7 +29,7 @@ def only(index: int, value: float) -> Joints:
 
 def law(**settings: float) -> EgmMotion:
     defaults = {"gain": 5.0, "bandwidth": 0.0, "max_speed": FAST}
-    return EgmMotion(ZERO, EgmMotionParameters(**{**defaults, **settings}), AT_ONCE)
+    return EgmMotion(ZERO_JOINTS, EgmMotionParameters(**{**defaults, **settings}), AT_ONCE)
 
 
 def advanced(motion: EgmMotion, duration: float, dt: float = CYCLE) -> EgmMotion:
@@ -49,7 +49,7 @@ class Sample:
 
 def p_controlled(gain: float, goal_at: Callable[[float], float], duration: float) -> list[Sample]:
     """Axis 6 with command = measured + P·(goal - measured), each command one cycle late."""
-    arm = VirtualArm(Side.LEFT, ZERO, THESIS)
+    arm = VirtualArm(Side.LEFT, ZERO_JOINTS, THESIS)
     arm.switch_motors_on()
     arm.start_egm(FULL_SPEED)
     trace, time = [], 0.0
@@ -95,7 +95,7 @@ def test_loop_is_closed_over_what_the_robot_reports():
 
 def test_references_are_used_when_their_delay_is_over():
     model = ArmModel(reference_delay=2.5 * CYCLE)
-    motion = EgmMotion(ZERO, EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
+    motion = EgmMotion(ZERO_JOINTS, EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
     motion.reference_velocity = only(0, 0.1)
     speeds = []
     for _ in range(5):
@@ -106,7 +106,7 @@ def test_references_are_used_when_their_delay_is_over():
 
 def test_reference_that_lasts_less_than_a_step_counts_for_its_part_of_it():
     model = ArmModel(reference_delay=0.001)
-    motion = EgmMotion(ZERO, EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
+    motion = EgmMotion(ZERO_JOINTS, EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
     for speed in (0.1, 0.2, 0.4):
         motion.reference_velocity = only(0, speed)
         motion.advance(0.001)
@@ -150,7 +150,7 @@ def test_dead_time_inside_the_loop_leaves_the_lag_of_a_ramp_at_one_over_the_gain
 def test_measured_robots_lag_on_a_ramp_as_in_their_records(robot: str, cycle: float, lag: float) -> None:
     ramp = [(0.2 * number * cycle,) * 6 for number in range(1000)]
     settings = EgmMotionParameters(gain=5.0, bandwidth=100.0, max_speed=FAST)
-    answer = follow_references([(0.0,) * 6, *ramp[:-1]], (0.0,) * 6, MODELS[robot], settings, cycle=cycle)
+    answer = follow_references([(0.0,) * 6, *ramp[:-1]], (0.0,) * 6, ARM_MODELS[robot], settings, cycle=cycle)
     # Records begin with a cycle; the lag is that of a reference that changes in the middle of one.
     assert (ramp[-1][0] - answer[-1].measured[0]) / 0.2 == pytest.approx(lag + cycle / 2.0, abs=0.0025)
 
@@ -180,7 +180,7 @@ def test_speed_is_capped_with_one_scale_for_all_joints():
 
 def test_change_of_speed_is_capped_with_one_scale_for_all_joints():
     model = ArmModel(reference_delay=0.0, egm_acceleration=(5.0,) * 7)
-    motion = EgmMotion(ZERO, EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
+    motion = EgmMotion(ZERO_JOINTS, EgmMotionParameters(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
     motion.reference_velocity = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for _ in range(100):
         motion.advance(CYCLE)

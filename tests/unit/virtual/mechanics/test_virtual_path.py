@@ -6,7 +6,7 @@ import pytest
 
 from abb_protocols.robot.joints import Joints, Side
 from virtual_irc5.mechanics.arm import VirtualArm
-from virtual_irc5.mechanics.path_geometry import STOP, LegFrames, LegSpeed, joint_leg
+from virtual_irc5.mechanics.path_geometry import STOP_CORNER, LegFrames, LegSpeed, joint_leg
 
 
 @pytest.mark.parametrize(
@@ -15,6 +15,6 @@ from virtual_irc5.mechanics.path_geometry import STOP, LegFrames, LegSpeed, join
 def test_move_to_where_the_arm_nearly_is_can_be_planned(offset: float) -> None:
     arm = VirtualArm(Side.LEFT)
     end: Joints = tuple(angle + offset for angle in arm.planned)
-    leg = joint_leg(arm.kinematics, arm.planned, end, LegFrames(), LegSpeed(tool=0.1), STOP)
+    leg = joint_leg(arm.kinematics, arm.planned, end, LegFrames(), LegSpeed(tool=0.1), STOP_CORNER)
     passage = arm.path.append(leg)
     assert 0.0 <= passage.end < 1e-4

@@ -2,8 +2,8 @@
 
 import pytest
 
-from abb_protocols.robot.gripper_values import ATMOSPHERE
-from virtual_irc5.mechanics.virtual_gripper import DEEPEST, OPEN, CupObject, VacuumCup
+from abb_protocols.robot.gripper_values import ATMOSPHERIC_PRESSURE
+from virtual_irc5.mechanics.virtual_gripper import DEEPEST_VACUUM, OPEN_CUP_PRESSURE, CupObject, VacuumCup
 
 
 def sucking(under: CupObject | None, seconds: float = 2.0) -> VacuumCup:
@@ -14,23 +14,23 @@ def sucking(under: CupObject | None, seconds: float = 2.0) -> VacuumCup:
 
 
 def test_vacuum_takes_tenths_of_a_second_to_build_up() -> None:
-    assert 0.45 * ATMOSPHERE < sucking(CupObject(), 0.1).pressure < 0.65 * ATMOSPHERE
-    assert sucking(CupObject(), 1.0).pressure == pytest.approx(DEEPEST, rel=0.01)
+    assert 0.45 * ATMOSPHERIC_PRESSURE < sucking(CupObject(), 0.1).pressure < 0.65 * ATMOSPHERIC_PRESSURE
+    assert sucking(CupObject(), 1.0).pressure == pytest.approx(DEEPEST_VACUUM, rel=0.01)
 
 
 def test_cup_with_nothing_under_it_sucks_air() -> None:
-    assert sucking(None).pressure == pytest.approx(OPEN)
+    assert sucking(None).pressure == pytest.approx(OPEN_CUP_PRESSURE)
 
 
 def test_leak_keeps_the_pressure_up() -> None:
-    assert sucking(CupObject(leak=0.5)).pressure == pytest.approx((DEEPEST + OPEN) / 2)
+    assert sucking(CupObject(leak=0.5)).pressure == pytest.approx((DEEPEST_VACUUM + OPEN_CUP_PRESSURE) / 2)
 
 
 def test_object_that_is_lost_lets_the_air_in() -> None:
     cup = sucking(CupObject())
     cup.under = None
     cup.advance(1.0)
-    assert cup.pressure == pytest.approx(OPEN, rel=0.01)
+    assert cup.pressure == pytest.approx(OPEN_CUP_PRESSURE, rel=0.01)
 
 
 def test_blow_off_releases_at_once_and_switching_off_takes_longer() -> None:
@@ -40,7 +40,7 @@ def test_blow_off_releases_at_once_and_switching_off_takes_longer() -> None:
     for cup in (blown, left):
         cup.advance(0.1)
     assert (blown.sucks, blown.blows) == (False, True)
-    assert blown.pressure > 0.99 * ATMOSPHERE > left.pressure
+    assert blown.pressure > 0.99 * ATMOSPHERIC_PRESSURE > left.pressure
 
 
 @pytest.mark.parametrize("dt", [0.004, 0.1, 1.0])

@@ -14,7 +14,7 @@ from rws_examples import Session
 from rws_examples_2 import Session2
 from soak import long, short
 from virtual_irc5.rws.http import HttpReply, HttpRequest
-from virtual_irc5.rws.version_2 import XHTML
+from virtual_irc5.rws.version_2 import XHTML_2
 
 DOCUMENTED = {200, 201, 202, 204, 400, 401, 403, 404, 405, 409, 415, 500, 503, 507}
 NUMBERS = ("-1", "nan", "1e999", "9" * 400, "0x10", "1;DROP", "\u0661")
@@ -66,7 +66,7 @@ def malformed(operation: Operation) -> Iterator[tuple[str, str]]:
 
 
 def raw(session: Session, method: str, target: str, content_type: str, body: bytes) -> HttpReply:
-    headers = (session.cookie, ("Host", "memory"), ("Accept", XHTML), ("Content-Type", content_type))
+    headers = (session.cookie, ("Host", "memory"), ("Accept", XHTML_2), ("Content-Type", content_type))
     return session._handled(HttpRequest(method, target, headers, body, "client"))
 
 

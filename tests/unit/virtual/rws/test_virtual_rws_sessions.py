@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from virtual_irc5.rws.http import IDLE_LIFE, MAX_SESSIONS, SessionTable, TooManySessions
+from virtual_irc5.rws.http import IDLE_SESSION_LIFE, MAX_SESSIONS, SessionTable, TooManySessions
 
 
 @pytest.fixture
@@ -53,14 +53,14 @@ def test_session_is_found_by_connection_cookie(table: SessionTable) -> None:
 def test_session_lives_while_it_is_used(table: SessionTable) -> None:
     session = table.open(0.0)
     cookie = sent_back(table.touch(session, "peer", 0.0))
-    for time in (IDLE_LIFE, 2 * IDLE_LIFE):
+    for time in (IDLE_SESSION_LIFE, 2 * IDLE_SESSION_LIFE):
         assert table.find(cookie, time) is session
         table.touch(session, "peer", time)
 
 
 def test_session_is_forgotten_when_idle_for_five_minutes(table: SessionTable) -> None:
     cookie = sent_back(table.touch(table.open(0.0), "peer", 0.0))
-    assert table.find(cookie, now=IDLE_LIFE + 0.1) is None
+    assert table.find(cookie, now=IDLE_SESSION_LIFE + 0.1) is None
     assert len(table) == 0
 
 
@@ -81,7 +81,7 @@ def test_seventy_first_session_is_refused(table: SessionTable) -> None:
 def test_idle_session_makes_room_for_another(table: SessionTable) -> None:
     for _ in range(MAX_SESSIONS):
         table.open(0.0)
-    assert table.open(IDLE_LIFE + 0.1).id.startswith("71::")
+    assert table.open(IDLE_SESSION_LIFE + 0.1).id.startswith("71::")
 
 
 def test_connections_of_a_session_do_not_pile_up(table: SessionTable) -> None:

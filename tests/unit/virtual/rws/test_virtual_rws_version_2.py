@@ -17,7 +17,7 @@ from rws_examples import Example, content_type, operation_of
 from rws_examples_2 import BASIC, EXAMPLES_2, SIGNALS, SYMBOL, TASK, Session2
 from virtual_irc5.rws.http import HttpReply, HttpRequest
 from virtual_irc5.rws.subscriptions import Upgrade
-from virtual_irc5.rws.version_2 import FORM, HAL, XHTML
+from virtual_irc5.rws.version_2 import FORM_2, HAL_2, XHTML_2
 from virtual_irc5.testing.memory_rws import MemoryChannel
 
 PANEL = "/rw/panel/ctrl-state"
@@ -65,8 +65,8 @@ def test_operation_is_answered_in_both_representations(session: Session2, exampl
     xhtml, data = example.send(session), example.send(session, "json")
     expected = (operation.success, operation.success)
     assert (xhtml.status, data.status) == expected, (xhtml.body, data.body)
-    if content_type(data) == HAL and data.body:
-        assert content_type(xhtml) == XHTML
+    if content_type(data) == HAL_2 and data.body:
+        assert content_type(xhtml) == XHTML_2
         assert in_xhtml(xhtml) == in_hal(data.body)
 
 
@@ -81,8 +81,8 @@ def test_links_lead_to_what_is_there(client: Session2) -> None:
     for example in EXAMPLES_2:
         if example.method != "GET" or example.before or "{" in example.target:
             continue
-        reply = client.ask("GET", example.target, accept=HAL)
-        if content_type(reply) != HAL or example.target == "/logout":
+        reply = client.ask("GET", example.target, accept=HAL_2)
+        if content_type(reply) != HAL_2 or example.target == "/logout":
             continue
         document = json.loads(reply.body)
         base = document["_links"]["base"]["href"]
@@ -90,7 +90,7 @@ def test_links_lead_to_what_is_there(client: Session2) -> None:
         for href in (link["href"] for links in linked for rel, link in links.items() if rel in ("self", "next")):
             assert "json=1" not in href
             target = urljoin(base, href).removeprefix("https://memory")
-            found = client.ask("GET", target, accept=HAL)
+            found = client.ask("GET", target, accept=HAL_2)
             if found.status == 405 or b"there is no resource" in found.body:
                 lost.add(target)
     assert lost == set()
@@ -119,35 +119,35 @@ def test_operation_is_answered_to_the_defaults_of_http_libraries(
     reply = example.send(default_session)
     assert reply.status == operation_of(default_session, example).success, reply.body
     if reply.body.startswith(b"<?xml"):
-        assert content_type(reply) == XHTML
+        assert content_type(reply) == XHTML_2
 
 
 @pytest.mark.parametrize("accept", ["*/*", None])
 def test_options_are_answered_to_the_defaults_of_http_libraries(client: Session2, accept: str | None) -> None:
     reply = client.ask("OPTIONS", PANEL, accept=accept)
-    assert (reply.status, content_type(reply), b"motoron|motoroff" in reply.body) == (200, XHTML, True)
+    assert (reply.status, content_type(reply), b"motoron|motoroff" in reply.body) == (200, XHTML_2, True)
 
 
 @pytest.mark.parametrize(
     ("accept", "expected"),
     [
-        ("", XHTML),
-        ("application/*", XHTML),
-        ("*/*;v=2.0", XHTML),
-        ("text/html,application/xhtml+xml,application/xml;q=0.9,image/avif,image/webp,*/*;q=0.8", XHTML),
-        ("text/html, image/gif, image/jpeg, *; q=.2, */*; q=.2", XHTML),
-        ("application/json, text/plain, */*", XHTML),
-        ("application/hal+json;v=2.0, */*", HAL),
-        ("*/*, application/hal+json;v=2.0", HAL),
-        ("APPLICATION/HAL+JSON; V=2.0", HAL),
-        ("application/hal+json ; charset=utf-8 ; v=2", HAL),
-        ('application/hal+json;v="2.0"', HAL),
-        ("application/hal+json;v=2.0, application/xhtml+xml;v=2.0", HAL),
-        ("application/xhtml+xml;v=2.0, application/hal+json;v=2.0", XHTML),
-        ("application/xhtml+xml;v=2.0;q=0.5, application/hal+json;v=2.0;q=0.9", HAL),
-        ("application/hal+json;v=2.0;q=0.2, application/*;q=0.5", XHTML),
-        ("application/xhtml+xml;v=2.0;q=0, */*", HAL),
-        ("application/hal+json;v=2.0;q=much", HAL),
+        ("", XHTML_2),
+        ("application/*", XHTML_2),
+        ("*/*;v=2.0", XHTML_2),
+        ("text/html,application/xhtml+xml,application/xml;q=0.9,image/avif,image/webp,*/*;q=0.8", XHTML_2),
+        ("text/html, image/gif, image/jpeg, *; q=.2, */*; q=.2", XHTML_2),
+        ("application/json, text/plain, */*", XHTML_2),
+        ("application/hal+json;v=2.0, */*", HAL_2),
+        ("*/*, application/hal+json;v=2.0", HAL_2),
+        ("APPLICATION/HAL+JSON; V=2.0", HAL_2),
+        ("application/hal+json ; charset=utf-8 ; v=2", HAL_2),
+        ('application/hal+json;v="2.0"', HAL_2),
+        ("application/hal+json;v=2.0, application/xhtml+xml;v=2.0", HAL_2),
+        ("application/xhtml+xml;v=2.0, application/hal+json;v=2.0", XHTML_2),
+        ("application/xhtml+xml;v=2.0;q=0.5, application/hal+json;v=2.0;q=0.9", HAL_2),
+        ("application/hal+json;v=2.0;q=0.2, application/*;q=0.5", XHTML_2),
+        ("application/xhtml+xml;v=2.0;q=0, */*", HAL_2),
+        ("application/hal+json;v=2.0;q=much", HAL_2),
     ],
 )
 def test_representation_is_the_one_that_a_client_prefers(client: Session2, accept: str, expected: str) -> None:
@@ -156,8 +156,8 @@ def test_representation_is_the_one_that_a_client_prefers(client: Session2, accep
 
 
 def test_representation_is_chosen_from_all_accept_headers(client: Session2) -> None:
-    headers = (client.cookie, ("Accept", "text/html"), ("accept", "application/xml;q=0.5"), ("ACCEPT", HAL))
-    assert content_type(client._handled(HttpRequest("GET", PANEL, headers))) == HAL
+    headers = (client.cookie, ("Accept", "text/html"), ("accept", "application/xml;q=0.5"), ("ACCEPT", HAL_2))
+    assert content_type(client._handled(HttpRequest("GET", PANEL, headers))) == HAL_2
 
 
 @pytest.mark.parametrize(
@@ -177,13 +177,13 @@ def test_representation_is_chosen_from_all_accept_headers(client: Session2) -> N
 def test_other_representations_are_not_acceptable(client: Session2, accept: str) -> None:
     for method, target, form in (("GET", PANEL, ""), ("POST", PANEL, "ctrl-state=motoron"), ("OPTIONS", PANEL, "")):
         reply = client.ask(method, target, form, accept=accept)
-        assert (reply.status, content_type(reply)) == (406, XHTML)
-        assert "accept header" in read_status(XHTML, reply.body).message
+        assert (reply.status, content_type(reply)) == (406, XHTML_2)
+        assert "accept header" in read_status(XHTML_2, reply.body).message
     assert client.controller.controller_state.value == "motoroff"
 
 
 def test_parameter_json_of_version_1_has_no_effect(client: Session2) -> None:
-    assert content_type(client.ask("GET", f"{PANEL}?json=1")) == XHTML
+    assert content_type(client.ask("GET", f"{PANEL}?json=1")) == XHTML_2
 
 
 @pytest.mark.parametrize("kind", ["application/x-www-form-urlencoded", "application/json", "text/plain;v=2.0"])
@@ -192,7 +192,7 @@ def test_other_types_of_a_form_are_refused(client: Session2, kind: str) -> None:
     assert client.controller.controller_state.value == "motoroff"
 
 
-@pytest.mark.parametrize("kind", ["text/plain", "application/json", FORM])
+@pytest.mark.parametrize("kind", ["text/plain", "application/json", FORM_2])
 def test_other_types_of_a_file_are_refused(client: Session2, kind: str) -> None:
     assert client.ask("PUT", "/fileservice/HOME/other.txt", "text", kind=kind).status == 415
     assert "HOME:/other.txt" not in client.controller.files
@@ -217,7 +217,7 @@ def test_file_is_read_whatever_a_client_accepts(client: Session2) -> None:
     ],
 )
 def test_wrong_credentials_are_asked_for_again(client: Session2, credentials: str) -> None:
-    headers = (("Authorization", credentials), ("Accept", HAL)) if credentials else (("Accept", HAL),)
+    headers = (("Authorization", credentials), ("Accept", HAL_2)) if credentials else (("Accept", HAL_2),)
     reply = client._handled(HttpRequest("GET", PANEL, headers))
     assert (reply.status, reply.header("WWW-Authenticate")) == (401, 'Basic realm="validusers@robapi.abb"')
 
@@ -230,7 +230,7 @@ def test_names_and_actions_of_version_1_are_not_there(client: Session2) -> None:
 
 
 def test_actions_are_shown_by_options(client: Session2) -> None:
-    document = json.loads(client.ask("OPTIONS", PANEL, accept=HAL).body)
+    document = json.loads(client.ask("OPTIONS", PANEL, accept=HAL_2).body)
     assert document["state"][0]["ctrl-state"] == "motoron|motoroff"
 
 
@@ -238,7 +238,7 @@ def test_data_are_written_with_mastership_of_edit_alone(client: Session2) -> Non
     assert client.ask("POST", f"{SYMBOL}/data", "value=3").status == 403
     assert client.ask("POST", "/rw/mastership/edit/request").status == 204
     assert client.ask("POST", f"{SYMBOL}/data", "value=3").status == 204
-    assert json.loads(client.ask("GET", f"{SYMBOL}/data", accept=HAL).body)["state"][0]["value"] == "3"
+    assert json.loads(client.ask("GET", f"{SYMBOL}/data", accept=HAL_2).body)["state"][0]["value"] == "3"
     assert client.ask("POST", f"{SYMBOL}/data", "value=0").status == 204
     assert client.ask("POST", "/rw/mastership/edit/release").status == 204
 
@@ -246,7 +246,7 @@ def test_data_are_written_with_mastership_of_edit_alone(client: Session2) -> Non
 def test_mastership_may_be_taken_for_one_request(client: Session2) -> None:
     assert client.ask("POST", "/rw/rapid/execution/resetpp").status == 403
     assert client.ask("POST", "/rw/rapid/execution/resetpp?mastership=implicit").status == 204
-    status = json.loads(client.ask("GET", "/rw/mastership/edit", accept=HAL).body)["state"][0]
+    status = json.loads(client.ask("GET", "/rw/mastership/edit", accept=HAL_2).body)["state"][0]
     assert status["mastership"] == "nomaster"
 
 
@@ -277,14 +277,14 @@ def test_mastership_for_one_request_needs_the_privilege_in_manual_mode(client: S
 def test_loaded_module_is_shown(client: Session2) -> None:
     client.prepare("no small")
     client.prepare("hold rapid")
-    reply = client.ask("POST", f"{TASK}/loadmod", "modulepath=HOME/small.mod&replace=true", accept=HAL)
+    reply = client.ask("POST", f"{TASK}/loadmod", "modulepath=HOME/small.mod&replace=true", accept=HAL_2)
     assert (reply.status, json.loads(reply.body)["state"][0]["name"]) == (200, "Small")
 
 
 def test_body_without_the_task_that_it_is_about_is_refused(client: Session2) -> None:
     client.prepare("hold rapid")
     reply = client.ask("POST", "/rw/rapid/tasks/activate")
-    assert (reply.status, "task" in read_status(XHTML, reply.body).message) == (400, True)
+    assert (reply.status, "task" in read_status(XHTML_2, reply.body).message) == (400, True)
 
 
 # Subscriptions
@@ -394,7 +394,7 @@ def test_data_of_a_routine_under_way_are_read(block: str) -> None:
     session.controller.set_motors(True)
     session.controller.start_rapid()
     session.world.cycle({})
-    reply = session.ask("GET", f"/rw/rapid/symbol/RAPID/T_ROB_L/{block}/number/data", accept=HAL)
+    reply = session.ask("GET", f"/rw/rapid/symbol/RAPID/T_ROB_L/{block}/number/data", accept=HAL_2)
     assert [each["value"] for each in json.loads(reply.body)["state"]] == ["5"]
-    found = session.ask("POST", "/rw/rapid/symbols/search", "view=stack&blockurl=RAPID/T_ROB_L&stack=1", accept=HAL)
+    found = session.ask("POST", "/rw/rapid/symbols/search", "view=stack&blockurl=RAPID/T_ROB_L&stack=1", accept=HAL_2)
     assert [each["symburl"] for each in json.loads(found.body)["state"]] == ["RAPID/T_ROB_L/%1/number"]

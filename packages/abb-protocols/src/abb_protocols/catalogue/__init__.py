@@ -1,4 +1,4 @@
-"""The catalogue: messages for people as codes with values, to and from the wire, and the one place that words them.
+"""The catalogue: messages for people as codes with values, and their words: headlines, sentences, clauses, remedies.
 
 Between the parts of the program, its processes and its front ends travel :class:`Message` values: a code, and the
 values that belong to it. Only what shows a message to a person words it, from the texts of each package.

@@ -1,4 +1,4 @@
-"""The codec of EGM: datagrams to values and back, for both ends; protobuf, degrees and millimetres stay in here.
+"""The codec of EGM, for both ends: datagrams to messages of robot and sensor: joints, states, twists, path corrections.
 
 The names follow ABB: the *robot* sends :class:`RobotMessage`, the *sensor* (that is us, or anyone who guides the
 robot) answers with :class:`SensorMessage` or :class:`PathCorrection` (reference/egm.md §1-3). They are frozen values in
@@ -56,7 +56,7 @@ class RapidState(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Collision:
+class EgmCollision:
     """EgmCollisionInfo, RobotWare 7.6.
 
     Attributes:
@@ -132,7 +132,7 @@ class RobotMessage:
     force: tuple[float, ...] | None = None
     force_control: bool | None = None
     move_index: int | None = None
-    collision: Collision | None = None
+    collision: EgmCollision | None = None
     rapid_data: RapidData | None = None
     torque: tuple[float, ...] | None = None
     test_signals: tuple[float, ...] = ()
@@ -244,7 +244,7 @@ class SensorCodec:
         Raises:
             ProtocolError: the datagram is not a complete message of a robot with these axes.
         """
-        robot = parse(pb.EgmRobot, datagram)
+        robot = parse_egm(pb.EgmRobot, datagram)
         header, feedback, planned = robot.header, robot.feedBack, robot.planned
         if header.mtype != _DATA or not header.HasField("seqno"):
             raise ProtocolError(message("datagram_of_wrong_type", type=int(header.mtype), expected=_DATA))
@@ -339,7 +339,7 @@ class RobotCodec:
         Raises:
             ProtocolError: the datagram is no EgmSensor.
         """
-        sensor = parse(pb.EgmSensor, datagram)
+        sensor = parse_egm(pb.EgmSensor, datagram)
         header, planned, speed = sensor.header, sensor.planned, sensor.speedRef
         # The same field numbers have other contents: an offset of the path would be read as the position of axis 1.
         if header.mtype == pb.EgmHeader.MSGTYPE_PATH_CORRECTION:
@@ -366,7 +366,7 @@ class RobotCodec:
         Raises:
             ProtocolError: the datagram is no EgmSensorPathCorr.
         """
-        sensor = parse(pb.EgmSensorPathCorr, datagram)
+        sensor = parse_egm(pb.EgmSensorPathCorr, datagram)
         if sensor.header.mtype == pb.EgmHeader.MSGTYPE_CORRECTION:
             raise ProtocolError(message("datagram_has_references", type=int(sensor.header.mtype)))
         if not sensor.pathCorr.HasField("pos"):
@@ -414,7 +414,7 @@ class RobotCodec:
 # ---- parts of datagrams
 
 
-def parse(kind: type[_Parsed], datagram: bytes) -> _Parsed:
+def parse_egm(kind: type[_Parsed], datagram: bytes) -> _Parsed:
     """Read ``datagram`` into a message of its own, which is faster than emptying another, too.
 
     Raises:
@@ -484,10 +484,10 @@ def _read_force(robot: pb.EgmRobot) -> tuple[tuple[float, ...] | None, bool | No
     """Force, and whether force control is active where the controller has RobotWare 7's layout."""
     if not robot.measuredForce:
         return None, None
-    six = parse(pb.EgmMeasuredForce6, robot.measuredForce)
+    six = parse_egm(pb.EgmMeasuredForce6, robot.measuredForce)
     if six.force:
         return tuple(six.force), None
-    seven = parse(pb.EgmMeasuredForce7, robot.measuredForce)
+    seven = parse_egm(pb.EgmMeasuredForce7, robot.measuredForce)
     return tuple(seven.force) or None, seven.fcActive if seven.HasField("fcActive") else None
 
 
@@ -619,10 +619,10 @@ def _write_times(motion: _Motion, time: float | None, stamp_ns: int | None) -> N
         motion.timeStamp.sec, motion.timeStamp.nsec = divmod(stamp_ns, _NS_PER_S)
 
 
-def _read_collision(robot: pb.EgmRobot) -> Collision | None:
+def _read_collision(robot: pb.EgmRobot) -> EgmCollision | None:
     if not robot.HasField("CollisionInfo"):
         return None
-    return Collision(robot.CollisionInfo.collsionTriggered, tuple(robot.CollisionInfo.collDetQuota))
+    return EgmCollision(robot.CollisionInfo.collsionTriggered, tuple(robot.CollisionInfo.collDetQuota))
 
 
 def _read_data(data: pb.EgmRAPIDdata) -> RapidData | None:

@@ -19,7 +19,7 @@ from abb_protocols.errors import YumiError
 from abb_protocols.robot.chain import Chain
 from abb_protocols.robot.confdata import Confdata
 from abb_protocols.robot.joints import JointLimits, Joints, Pose
-from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
+from abb_protocols.robot.kinematics import matrix_from_quaternion, quaternion_from_matrix
 
 _Array = NDArray[np.float64]
 _Postures = Callable[[Pose, float], tuple[Joints, ...]]
@@ -76,7 +76,7 @@ class KinematicArm(Chain):
 
     @cached_property
     def _foot_rotation(self) -> _Array:
-        return matrix(self.foot_to_world.orientation)
+        return matrix_from_quaternion(self.foot_to_world.orientation)
 
     # Forward ------------------------------------------------------------------------------------------------------
 

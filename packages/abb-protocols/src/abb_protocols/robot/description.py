@@ -1,4 +1,4 @@
-"""The robot in numbers: frames, shapes and masses, each in one of the tables below.
+"""The robot in numbers: origins of joints and fingers, shapes (boxes, cylinders, capsules), hand, cups, masses.
 
 :mod:`abb_protocols.robot.urdf` makes a URDF of them. Link frames are those of the public YuMi descriptions
 (reference/yumi.md §1.4), so their meshes fit. Lengths in [m], angles in [rad], masses in [kg] unless the name says
@@ -26,7 +26,7 @@ from math import pi, sqrt
 
 from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import Pose, Side, Vector
-from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, foot_to_body
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, compose_poses, euler_zyx, foot_to_body
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ TOOL0_ORIGIN = Origin((0.0, 0.0, 0.0), (pi / 2, 0.0, pi / 2))
 FINGER_ORIGINS = (Origin((0.0, -0.0065, 0.0837)), Origin((0.0, 0.0065, 0.0837), (0.0, 0.0, pi)))
 # ABB's frames of the gripper, seen from tool0 (reference/yumi.md §2.2): [m], and quaternions w, x, y, z.
 _S = sqrt(0.5)
-FINGERTIPS = Pose((0.0, 0.0, 0.1142), IDENTITY)
+FINGERTIPS = Pose((0.0, 0.0, 0.1142), IDENTITY_QUATERNION)
 CAMERA = Pose((-0.0073, 0.0283, 0.0351), (0.5, -0.5, 0.5, 0.5))
 CUPS = {1: Pose((0.0635, 0.0185, 0.0375), (_S, 0.0, _S, 0.0)), 2: Pose((-0.0635, 0.0185, 0.0375), (0.0, -_S, 0.0, _S))}
 _FOOT_TO_JOINT_1 = Pose((0.0, 0.0, 0.066), (0.0, 0.0, 0.0, 1.0))
@@ -175,7 +175,7 @@ SERVO_GRIPPERS: Mapping[Side, GripperModules] = dict.fromkeys(Side, GripperModul
 
 def joint_1_origin(side: Side) -> Origin:
     """Where the first joint of the arm sits on the body (reference/yumi.md §1.5)."""
-    pose = compose(foot_to_body(side), _FOOT_TO_JOINT_1)
+    pose = compose_poses(foot_to_body(side), _FOOT_TO_JOINT_1)
     return Origin(pose.position, euler_zyx(pose.orientation))
 
 

@@ -19,17 +19,17 @@ from typing import NamedTuple
 from abb_protocols.robot.joints import Joints, Pose, Side, Vector, joints, rotate
 from abb_protocols.robot.kinematics import (
     ARM_ANGLE_REFERENCES,
-    ELBOW,
-    FLANGE,
-    OFFSETS,
+    ELBOW_AXIS,
+    FLANGE_OFFSET,
+    JOINT_OFFSETS,
     TURNS_ABOUT,
-    WRIST,
-    compose,
+    WRIST_AXIS,
+    compose_poses,
     foot_to_body,
-    inverse,
+    inverse_pose,
 )
 
-_BODY_TO_FOOT = {side: inverse(foot_to_body(side)) for side in Side}
+_BODY_TO_FOOT = {side: inverse_pose(foot_to_body(side)) for side in Side}
 
 CONVERGED = 1e-12
 """A posture that misses its target by less has it [m], [rad].
@@ -87,14 +87,14 @@ class Wrist(NamedTuple):
 
 def wrist_target(side: Side, tool0: Pose, angle: float) -> WristTarget:
     """The target of a pose of tool0 in the body frame and an arm angle [rad]."""
-    in_foot = compose(_BODY_TO_FOOT[side], tool0)
+    in_foot = compose_poses(_BODY_TO_FOOT[side], tool0)
     w, x, y, z = in_foot.orientation
     # Columns of the rotation matrix of tool0: its z runs along axis 6, its x against the frame's third direction.
     first = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y))
     second = (2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x))
     third = (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
     px, py, pz = in_foot.position
-    wrist = (px - FLANGE * third[0], py - FLANGE * third[1], pz - FLANGE * third[2])
+    wrist = (px - FLANGE_OFFSET * third[0], py - FLANGE_OFFSET * third[1], pz - FLANGE_OFFSET * third[2])
     return WristTarget(wrist, third, second, (-first[0], -first[1], -first[2]), angle)
 
 
@@ -108,7 +108,7 @@ def wrist_of(side: Side, position: Joints) -> Wrist:
     px = py = pz = 0.0
     columns: list[Vector] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
     points, axes = list[Vector](), list[Vector]()
-    for about, (x, y, z), angle in zip(TURNS_ABOUT, OFFSETS, position, strict=True):
+    for about, (x, y, z), angle in zip(TURNS_ABOUT, JOINT_OFFSETS, position, strict=True):
         (x1, x2, x3), (y1, y2, y3), (z1, z2, z3) = columns
         px, py, pz = px + x * x1 + y * y1 + z * z1, py + x * x2 + y * y2 + z * z2, pz + x * x3 + y * y3 + z * z3
         points.append((px, py, pz))
@@ -118,11 +118,11 @@ def wrist_of(side: Side, position: Joints) -> Wrist:
         (a1, a2, a3), (b1, b2, b3) = columns[second], columns[third]
         columns[second] = (c * a1 + s * b1, c * a2 + s * b2, c * a3 + s * b3)
         columns[third] = (c * b1 - s * a1, c * b2 - s * a2, c * b3 - s * a3)
-    wrist = points[WRIST]
+    wrist = points[WRIST_AXIS]
     moved = [_cross(axis, _sum(wrist, point, -1.0)) for axis, point in zip(axes, points, strict=True)]
 
     # The arm angle lies between the reference and the elbow's axis, seen along the line from shoulder to wrist.
-    reference, elbow, from_shoulder = ARM_ANGLE_REFERENCES[side], axes[ELBOW], _sum(wrist, points[0], -1.0)
+    reference, elbow, from_shoulder = ARM_ANGLE_REFERENCES[side], axes[ELBOW_AXIS], _sum(wrist, points[0], -1.0)
     length = hypot(*from_shoulder)
     line = _times(1.0 / length, from_shoulder)
     normal, along, along_reference = _cross(line, reference), _dot(line, elbow), _dot(line, reference)
@@ -135,7 +135,7 @@ def wrist_of(side: Side, position: Joints) -> Wrist:
     with_axis = _sum(_times(cosine / size, normal), _sum(reference, line, -along_reference), -sine / size)
     with_turn = _cross(elbow, with_axis)
     changes = [_dot(with_wrist, each) for each in moved]
-    for index in range(ELBOW):
+    for index in range(ELBOW_AXIS):
         changes[index] += _dot(axes[index], with_turn)
     x_axis, y_axis, z_axis = columns
     return Wrist(

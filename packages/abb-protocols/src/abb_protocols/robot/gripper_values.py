@@ -1,4 +1,4 @@
-"""The Smart Gripper as values: ranges, modules, states made of its signals, goals and their outcomes; SI throughout."""
+"""The Smart Gripper as values in SI: speeds and travel of its fingers, vacuum pressures, signals, goals, outcomes."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from enum import Enum, IntEnum
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ProtocolError
 
-TOP_SPEED = 0.025
+TOP_FINGER_SPEED = 0.025
 """Highest speed of each finger [m/s] (reference/yumi.md §2.1)."""
 
-LOWEST_SPEED = 0.003
+LOWEST_FINGER_SPEED = 0.003
 """Lowest speed the drive takes [m/s] (reference/statemachine.md §5.3)."""
 
-TRAVEL = 0.025
+FINGER_TRAVEL = 0.025
 """From closed to open, per finger [m] (reference/yumi.md §2.1)."""
 
-MAX_FORCE = 20.0
+MAX_GRIP_FORCE = 20.0
 """Largest holding force [N]."""
 
-ALLOWANCE = 0.001
+FINGER_ALLOWANCE = 0.001
 """How far from where they were sent the fingers may end [m]; the gripper's own (reference/yumi.md §2.1)."""
 
-THINNEST = 0.0005
+THINNEST_GRIPPED = 0.0005
 """Nothing fits between fingers that are nearer than this to the middle [m]."""
 
 
-ATMOSPHERE = 100_000.0
+ATMOSPHERIC_PRESSURE = 100_000.0
 """What the pressure sensor of a vacuum module shows at rest [Pa]."""
 
 
@@ -51,7 +51,7 @@ class GripperModules(Enum):
         return tuple(range(1, 1 + self.value.count("vacuum")))
 
 
-class Direction(Enum):
+class GripDirection(Enum):
     """Which way the fingers grip."""
 
     INWARDS = "inwards"
@@ -128,9 +128,9 @@ def outcome_of(position: float, effort: float, *, stalled: bool, reached_goal: b
         return GripOutcome.HOLDING
     if stalled or not reached_goal:
         return GripOutcome.STALLED
-    if position <= ALLOWANCE:
+    if position <= FINGER_ALLOWANCE:
         return GripOutcome.CLOSED
-    return GripOutcome.OPEN if position >= TRAVEL - ALLOWANCE else GripOutcome.IN_PLACE
+    return GripOutcome.OPEN if position >= FINGER_TRAVEL - FINGER_ALLOWANCE else GripOutcome.IN_PLACE
 
 
 _M_PER_COUNT = 1e-4  # positions and speeds count 0.1 mm
@@ -193,7 +193,7 @@ class GripperState:
     @property
     def is_holding(self) -> bool:
         """Whether the fingers press on something; closed ones press on each other."""
-        return self.state is ServoState.KEEP_OBJECT and self.position > THINNEST
+        return self.state is ServoState.KEEP_OBJECT and self.position > THINNEST_GRIPPED
 
 
 def signal_names(modules: GripperModules) -> tuple[str, ...]:
@@ -276,34 +276,40 @@ class GripperGoal:
     """
 
     position: float
-    direction: Direction | None = None
+    direction: GripDirection | None = None
     force: float = 0.0
     speed: float | None = None
 
     def is_held(self, state: ServoState, position: float) -> bool:
         """Whether a gripper that came to rest in ``state`` at ``position`` [m] holds something as ordered."""
-        is_free = position <= THINNEST if self.direction is Direction.INWARDS else position >= TRAVEL - THINNEST
+        is_free = (
+            position <= THINNEST_GRIPPED
+            if self.direction is GripDirection.INWARDS
+            else position >= FINGER_TRAVEL - THINNEST_GRIPPED
+        )
         return self.direction is not None and state is ServoState.KEEP_OBJECT and not is_free
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.position <= TRAVEL:  # NaN too
-            raise CommandRefused(message("gripper_position_out_of_range", position=self.position, most=TRAVEL))
-        if self.direction is not None and not 0.0 < self.force <= MAX_FORCE:
-            raise CommandRefused(message("gripper_force_out_of_range", force=self.force, most=MAX_FORCE))
-        if self.speed is not None and not LOWEST_SPEED <= self.speed <= TOP_SPEED:
+        if not 0.0 <= self.position <= FINGER_TRAVEL:  # NaN too
+            raise CommandRefused(message("gripper_position_out_of_range", position=self.position, most=FINGER_TRAVEL))
+        if self.direction is not None and not 0.0 < self.force <= MAX_GRIP_FORCE:
+            raise CommandRefused(message("gripper_force_out_of_range", force=self.force, most=MAX_GRIP_FORCE))
+        if self.speed is not None and not LOWEST_FINGER_SPEED <= self.speed <= TOP_FINGER_SPEED:
             raise CommandRefused(
-                message("gripper_speed_out_of_range", speed=self.speed, lowest=LOWEST_SPEED, highest=TOP_SPEED)
+                message(
+                    "gripper_speed_out_of_range", speed=self.speed, lowest=LOWEST_FINGER_SPEED, highest=TOP_FINGER_SPEED
+                )
             )
 
 
-def go_to(position: float, speed: float | None = None) -> GripperGoal:
+def finger_position_goal(position: float, speed: float | None = None) -> GripperGoal:
     """Go to ``position`` [m]; what is in the way stops the fingers."""
     return GripperGoal(position, speed=speed)
 
 
-def grip(direction: Direction, force: float, speed: float | None = None) -> GripperGoal:
+def grip(direction: GripDirection, force: float, speed: float | None = None) -> GripperGoal:
     """Close, or open, until something is held with ``force`` [N]."""
-    return GripperGoal(0.0 if direction is Direction.INWARDS else TRAVEL, direction, force, speed)
+    return GripperGoal(0.0 if direction is GripDirection.INWARDS else FINGER_TRAVEL, direction, force, speed)
 
 
 def gripper_goal(position: float, effort: float, usual_force: float, speed: float | None = None) -> GripperGoal:
@@ -315,10 +321,10 @@ def gripper_goal(position: float, effort: float, usual_force: float, speed: floa
     Raises:
         CommandRefused: a value is out of range.
     """
-    if not 0.0 <= effort <= MAX_FORCE:
-        raise CommandRefused(message("gripper_effort_out_of_range", effort=effort, most=MAX_FORCE))
+    if not 0.0 <= effort <= MAX_GRIP_FORCE:
+        raise CommandRefused(message("gripper_effort_out_of_range", effort=effort, most=MAX_GRIP_FORCE))
     if position == 0.0:
-        return grip(Direction.INWARDS, effort or usual_force, speed)
-    if position == TRAVEL and effort > 0.0:
-        return grip(Direction.OUTWARDS, effort, speed)
-    return go_to(position, speed)
+        return grip(GripDirection.INWARDS, effort or usual_force, speed)
+    if position == FINGER_TRAVEL and effort > 0.0:
+        return grip(GripDirection.OUTWARDS, effort, speed)
+    return finger_position_goal(position, speed)

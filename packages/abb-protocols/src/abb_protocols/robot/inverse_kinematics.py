@@ -38,20 +38,20 @@ from abb_protocols.robot.differential_kinematics import CONVERGED, posture_near,
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joints
 from abb_protocols.robot.kinematics import (
     ARM_ANGLE_REFERENCES,
-    ELBOW,
+    ELBOW_AXIS,
     ELBOW_OFFSET,
-    FLANGE,
+    FLANGE_OFFSET,
     FOREARM,
-    OFFSETS,
+    JOINT_OFFSETS,
     SHOULDER_OFFSET,
     TURNS_ABOUT,
     UPPER_ARM,
-    WRIST,
+    WRIST_AXIS,
     WRIST_OFFSET,
-    compose,
+    compose_poses,
     foot_to_body,
-    inverse,
-    matrix,
+    inverse_pose,
+    matrix_from_quaternion,
     tool0_to_body,
     turn_between,
 )
@@ -60,15 +60,15 @@ from abb_protocols.robot.rotations import cross, wrapped_angles
 _Array = NDArray[np.float64]
 _Rows = NDArray[np.intp]
 
-_SHOULDER = np.array(OFFSETS[0])
+_SHOULDER = np.array(JOINT_OFFSETS[0])
 _TOOL0_TO_AXIS_6 = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])  # Ry(90°): tool z along axis 6
 TO_WRIST: Mapping[Side, Chain] = {
-    side: Chain(TURNS_ABOUT, np.array([*OFFSETS, (0.0, 0.0, 0.0)]), np.eye(3), reference, ELBOW, WRIST)
+    side: Chain(TURNS_ABOUT, np.array([*JOINT_OFFSETS, (0.0, 0.0, 0.0)]), np.eye(3), reference, ELBOW_AXIS, WRIST_AXIS)
     for side, reference in ARM_ANGLE_REFERENCES.items()
 }
 """The chain of each arm from its foot to the wrist, where axis 6 begins, turned as axis 6."""
 TO_TOOL0: Mapping[Side, Chain] = {
-    side: replace(chain, offsets=np.array([*OFFSETS, (FLANGE, 0.0, 0.0)]), end=_TOOL0_TO_AXIS_6)
+    side: replace(chain, offsets=np.array([*JOINT_OFFSETS, (FLANGE_OFFSET, 0.0, 0.0)]), end=_TOOL0_TO_AXIS_6)
     for side, chain in TO_WRIST.items()
 }
 """The same to tool0, the flange's length further."""
@@ -139,7 +139,7 @@ def jacobian(side: Side, position: Joints, tool: Pose | None = None) -> _Array:
     points, axes, tip, rotation = (value[0] for value in TO_TOOL0[side].places(np.array([position])))
     if tool is not None:
         tip = tip + rotation @ np.array(tool.position)
-    foot = matrix(foot_to_body(side).orientation)
+    foot = matrix_from_quaternion(foot_to_body(side).orientation)
     return np.concatenate([foot @ cross(axes, tip - points).T, foot @ axes.T])
 
 
@@ -311,11 +311,13 @@ def unreachable(
 
 
 def _targets(side: Side, tool0s: Sequence[Pose], angles: Sequence[float]) -> _Targets:
-    body_to_foot = inverse(foot_to_body(side))
-    in_foot = [compose(body_to_foot, tool0) for tool0 in tool0s]
-    rotation = np.array([matrix(each.orientation) for each in in_foot]).reshape(-1, 3, 3) @ _TOOL0_TO_AXIS_6.T
+    body_to_foot = inverse_pose(foot_to_body(side))
+    in_foot = [compose_poses(body_to_foot, tool0) for tool0 in tool0s]
+    rotation = (
+        np.array([matrix_from_quaternion(each.orientation) for each in in_foot]).reshape(-1, 3, 3) @ _TOOL0_TO_AXIS_6.T
+    )
     tip = np.array([each.position for each in in_foot]).reshape(-1, 3)
-    wrist = tip - rotation[:, :, 0] * FLANGE
+    wrist = tip - rotation[:, :, 0] * FLANGE_OFFSET
     return _Targets(wrist, rotation, np.array(angles, dtype=float), TO_WRIST[side])
 
 

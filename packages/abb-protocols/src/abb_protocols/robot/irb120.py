@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.confdata import CONFIGURATION_TOLERANCE, Confdata, quarter_turn
-from abb_protocols.robot.joints import ORIGIN, JointLimits, Joints, Pose
-from abb_protocols.robot.kinematics import matrix
+from abb_protocols.robot.joints import ORIGIN_POSE, JointLimits, Joints, Pose
+from abb_protocols.robot.kinematics import matrix_from_quaternion
 from abb_protocols.robot.rotations import rotations_about
 
 _Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def _six_axis_configuration(position: Joints) -> Confdata:
 
 def _six_axis_postures(tool0: Pose, limits: JointLimits) -> tuple[Joints, ...]:
     """In closed form: two ways to face the wrist, two elbows, two wrists, and full turns within the limits."""
-    rotation = matrix(tool0.orientation)
+    rotation = matrix_from_quaternion(tool0.orientation)
     wrist = np.array(tool0.position) - rotation[:, _Z] * _FLANGE
     ahead, up = hypot(float(wrist[0]), float(wrist[1])), float(wrist[2]) - _BASE
     facing = atan2(float(wrist[1]), float(wrist[0]))
@@ -115,7 +115,7 @@ def irb120() -> KinematicArm:
         end=_TOOL0_AT_ZERO,
         name="robot",
         axes=(1, 2, 3, 4, 5, 6),
-        foot_to_world=ORIGIN,
+        foot_to_world=ORIGIN_POSE,
         limits=_IRB120_LIMITS,
         home=(0.0, 0.0, 0.0, 0.0, radians(30.0), 0.0),
         configuration=_six_axis_configuration,

@@ -1,4 +1,4 @@
-"""The joints of both sides of the robot: names, orders and limits; poses, and the state and command of an arm.
+"""The joints of both sides of the robot: axes in chain order, limits, home; poses, quaternions; state and command.
 
 Chain order lists the axes from body to flange in ABB's numbers: 1, 2, 7, 3, 4, 5, 6. RAPID and EGM keep axis 7
 apart: ``robax`` (EGM ``joints``) holds axes 1-6 and ``extax.eax_a`` (EGM ``externalJoints[0]``) axis 7
@@ -113,7 +113,7 @@ def abb_from_chain(chain: Joints) -> tuple[tuple[float, float, float, float, flo
     return (a1, a2, a3, a4, a5, a6), a7
 
 
-ZERO: Joints = (0.0,) * JOINT_COUNT
+ZERO_JOINTS: Joints = (0.0,) * JOINT_COUNT
 
 Vector = tuple[float, float, float]
 """x, y, z; [m] or [rad] as the name says."""
@@ -168,7 +168,7 @@ class Pose:
         return replace(self, position=(px + dx, py + dy, pz + dz))
 
 
-ORIGIN = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+ORIGIN_POSE = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 """A frame that lies on another one, as tool0 does on the flange, and wobj0 on the world."""
 
 
@@ -203,7 +203,7 @@ class ArmCommand(NamedTuple):
     """
 
     position: Joints
-    velocity: Joints = ZERO
+    velocity: Joints = ZERO_JOINTS
 
 
 CYCLE = 0.004032

@@ -1,4 +1,4 @@
-"""Forward kinematics of one arm in plain numbers, and the arithmetic of poses and quaternions.
+"""Forward kinematics of one arm: axes and offsets, foot to tool0; the arithmetic of poses, rotations and quaternions.
 
 In the all-zero pose every axis of the arm is parallel to an axis of the arm's foot frame: 1 z, 2 y, 7 z, 3 y,
 4 x, 5 y, 6 x. So the chain is seven plane rotations with an offset in front of each (reference/yumi.md §1.4; it
@@ -23,12 +23,12 @@ UPPER_ARM = 0.2515
 ELBOW_OFFSET = 0.0405
 FOREARM = 0.265
 WRIST_OFFSET = 0.027
-FLANGE = 0.036
+FLANGE_OFFSET = 0.036
 
 # The same as a chain, in chain order.
 TURNS_ABOUT = (2, 1, 2, 1, 0, 1, 0)
 """The axis of the foot frame that each joint turns about in the all-zero pose: 0 x, 1 y, 2 z."""
-OFFSETS: tuple[Vector, ...] = (
+JOINT_OFFSETS: tuple[Vector, ...] = (
     (0.0, 0.0, _SHOULDER_HEIGHT),
     (-SHOULDER_OFFSET, 0.0, 0.0),
     (SHOULDER_OFFSET, 0.0, 0.0),
@@ -38,17 +38,17 @@ OFFSETS: tuple[Vector, ...] = (
     (0.0, 0.0, WRIST_OFFSET),
 )
 """What is in front of each joint in the all-zero pose [m]."""
-ELBOW, WRIST = 3, 6
+ELBOW_AXIS, WRIST_AXIS = 3, 6
 """Indices of the axis whose direction the arm angle is of, and of the one that begins at the wrist."""
 
-IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+IDENTITY_QUATERNION: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 # gravity_alpha, gravity_beta, gamma_rotation of MOC.cfg for the left arm; the right one mirrors (§1.5) [rad].
 _LEFT_FOOT_ALPHA, _LEFT_FOOT_BETA, _LEFT_FOOT_GAMMA = -0.629233, 0.950657, -0.184266
 _LEFT_FOOT_Y, _FOOT_Z = 0.050, 0.384
 
 
-def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
+def quaternion_product(a: Quaternion, b: Quaternion) -> Quaternion:
     """The rotation ``b`` followed by ``a``, both seen from the fixed frame: a ⊗ b."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
@@ -60,14 +60,14 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
-def compose(b_to_a: Pose, c_to_b: Pose) -> Pose:
+def compose_poses(b_to_a: Pose, c_to_b: Pose) -> Pose:
     """Frame c seen from frame a."""
     x, y, z = rotate(b_to_a.orientation, c_to_b.position)
     ax, ay, az = b_to_a.position
-    return Pose((ax + x, ay + y, az + z), multiply(b_to_a.orientation, c_to_b.orientation))
+    return Pose((ax + x, ay + y, az + z), quaternion_product(b_to_a.orientation, c_to_b.orientation))
 
 
-def inverse(b_to_a: Pose) -> Pose:
+def inverse_pose(b_to_a: Pose) -> Pose:
     """Frame a seen from frame b."""
     w, x, y, z = b_to_a.orientation
     back = (w, -x, -y, -z)
@@ -91,13 +91,13 @@ def quaternion_of(rotation: Vector, factor: float = 1.0) -> Quaternion:
     x, y, z = rotation
     angle = hypot(x, y, z)
     if angle < 1e-12:
-        return IDENTITY
+        return IDENTITY_QUATERNION
     half = 0.5 * factor * angle
     s = sin(half) / angle
     return (cos(half), s * x, s * y, s * z)
 
 
-def unit(orientation: Quaternion) -> Quaternion:
+def unit_quaternion(orientation: Quaternion) -> Quaternion:
     """The quaternion of length 1."""
     size = hypot(*orientation)
     w, x, y, z = orientation
@@ -107,10 +107,10 @@ def unit(orientation: Quaternion) -> Quaternion:
 def turn_between(first: Quaternion, then: Quaternion) -> Vector:
     """The rotation vector that turns one orientation into another one, by half a turn at most [rad]."""
     w, x, y, z = first
-    return rotation_vector(multiply(then, (w, -x, -y, -z)))
+    return rotation_vector(quaternion_product(then, (w, -x, -y, -z)))
 
 
-def distance_between(first: Pose, then: Pose) -> tuple[float, float]:
+def pose_distance(first: Pose, then: Pose) -> tuple[float, float]:
     """How far two poses are apart: the distance [m] and the turn [rad]."""
     return dist(first.position, then.position), hypot(*turn_between(first.orientation, then.orientation))
 
@@ -129,16 +129,16 @@ def euler_zyx(orientation: Quaternion) -> Vector:
 def quaternion_from_euler_zyx(rpy: Vector) -> Quaternion:
     """The orientation Rz(yaw)·Ry(pitch)·Rx(roll) from roll, pitch, yaw [rad]; URDF's ``rpy`` is the same."""
     roll, pitch, yaw = rpy
-    return multiply(multiply(_about_z(yaw), _about_y(pitch)), _about_x(roll))
+    return quaternion_product(quaternion_product(_about_z(yaw), _about_y(pitch)), _about_x(roll))
 
 
-def upper_half(orientation: Quaternion) -> Quaternion:
+def quaternion_of_upper_half(orientation: Quaternion) -> Quaternion:
     """Of the two quaternions of one rotation, the one with w ≥ 0, as RAPID writes them."""
     w, x, y, z = orientation
     return (w, x, y, z) if copysign(1.0, w) > 0.0 else (-w, -x, -y, -z)
 
 
-def matrix(orientation: Quaternion) -> NDArray[np.float64]:
+def matrix_from_quaternion(orientation: Quaternion) -> NDArray[np.float64]:
     """The rotation matrix of a unit quaternion, (3, 3)."""
     w, x, y, z = orientation
     return np.array(
@@ -161,7 +161,7 @@ def quaternion_from_matrix(rotation: NDArray[np.float64]) -> Quaternion:
         (zy - yz, xz - zx, yx - xy, xx + yy + zz),
     ]
     x, y, z, w = np.linalg.eigh(outer)[1][:, 3].tolist()
-    return upper_half((w, x, y, z))
+    return quaternion_of_upper_half((w, x, y, z))
 
 
 def _about_x(angle: float) -> Quaternion:
@@ -178,13 +178,13 @@ def _about_z(angle: float) -> Quaternion:
 
 def _foot(mirror: float) -> Pose:
     alpha, beta, gamma = mirror * _LEFT_FOOT_ALPHA, _LEFT_FOOT_BETA, mirror * _LEFT_FOOT_GAMMA
-    turned = multiply(quaternion_of((alpha, 0.0, 0.0)), quaternion_of((0.0, beta, 0.0)))
-    orientation = multiply(turned, quaternion_of((0.0, 0.0, gamma)))
+    turned = quaternion_product(quaternion_of((alpha, 0.0, 0.0)), quaternion_of((0.0, beta, 0.0)))
+    orientation = quaternion_product(turned, quaternion_of((0.0, 0.0, gamma)))
     return Pose((0.0, mirror * _LEFT_FOOT_Y, _FOOT_Z), orientation)
 
 
 _FEET = {Side.LEFT: _foot(1.0), Side.RIGHT: _foot(-1.0)}
-_BODY_TO_FOOT = {side: inverse(foot) for side, foot in _FEET.items()}
+_BODY_TO_FOOT = {side: inverse_pose(foot) for side, foot in _FEET.items()}
 
 ARM_ANGLE_REFERENCES: Mapping[Side, Vector] = {
     side: rotate(rotation.orientation, (0.0, 1.0 if side is Side.RIGHT else -1.0, 0.0))
@@ -206,7 +206,7 @@ def tool0_to_foot(position: Joints, tool: Pose | None = None) -> Pose:
         tool: a tool frame in tool0, RAPID's ``tframe``; None is tool0 itself.
     """
     flange = Pose(*_chain(position))
-    return flange if tool is None else compose(flange, tool)
+    return flange if tool is None else compose_poses(flange, tool)
 
 
 def tool0_to_body(side: Side, position: Joints, tool: Pose | None = None) -> Pose:
@@ -217,8 +217,8 @@ def tool0_to_body(side: Side, position: Joints, tool: Pose | None = None) -> Pos
         position: joint positions in chain order [rad], (7,); limits are not checked.
         tool: a tool frame in tool0, RAPID's ``tframe``; None is tool0 itself.
     """
-    pose = compose(_FEET[side], tool0_to_foot(position, tool))
-    return Pose(pose.position, upper_half(pose.orientation))
+    pose = compose_poses(_FEET[side], tool0_to_foot(position, tool))
+    return Pose(pose.position, quaternion_of_upper_half(pose.orientation))
 
 
 def _chain(position: Joints) -> tuple[Vector, Quaternion]:
@@ -226,7 +226,7 @@ def _chain(position: Joints) -> tuple[Vector, Quaternion]:
     a1, a2, a7, a3, a4, a5, a6 = position
     # Flange and wrist, turned by axis 5 (y) and axis 4 (x); axis 6 runs through the flange's centre.
     s, c = sin(a5), cos(a5)
-    x, y, z = c * FLANGE + s * WRIST_OFFSET, 0.0, c * WRIST_OFFSET - s * FLANGE - WRIST_OFFSET
+    x, y, z = c * FLANGE_OFFSET + s * WRIST_OFFSET, 0.0, c * WRIST_OFFSET - s * FLANGE_OFFSET - WRIST_OFFSET
     s, c = sin(a4), cos(a4)
     y, z = -s * z, c * z
     # Forearm, turned by axis 3 (y); upper arm by axis 7 (z) and axis 2 (y).
@@ -239,9 +239,9 @@ def _chain(position: Joints) -> tuple[Vector, Quaternion]:
     s, c = sin(a2), cos(a2)
     x, z = c * x + s * z - SHOULDER_OFFSET, c * z - s * x + _SHOULDER_HEIGHT
     s, c = sin(a1), cos(a1)
-    shoulder = multiply(_about_z_then_y(a1, a2), _about_z_then_y(a7, a3))
-    wrist = multiply(_about_x_then_y(a4, a5), _about_x_then_y(a6, pi / 2.0))
-    return (c * x - s * y, s * x + c * y, z), multiply(shoulder, wrist)
+    shoulder = quaternion_product(_about_z_then_y(a1, a2), _about_z_then_y(a7, a3))
+    wrist = quaternion_product(_about_x_then_y(a4, a5), _about_x_then_y(a6, pi / 2.0))
+    return (c * x - s * y, s * x + c * y, z), quaternion_product(shoulder, wrist)
 
 
 def _about_z_then_y(z_angle: float, y_angle: float) -> Quaternion:

@@ -10,7 +10,7 @@ import numpy as np
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.description import Mass
-from abb_protocols.robot.joints import ORIGIN, Pose, Quaternion, Vector, rotate
+from abb_protocols.robot.joints import ORIGIN_POSE, Pose, Quaternion, Vector, rotate
 from abb_protocols.robot.kinematics import quaternion_from_matrix
 
 _MOST_LOAD = 0.5  # [kg] an arm carries, its gripper included (reference/yumi.md)
@@ -32,7 +32,7 @@ class Tool:
         CommandRefused: a value is not finite, negative or too large; the sentence says which.
     """
 
-    tcp: Pose = ORIGIN
+    tcp: Pose = ORIGIN_POSE
     load: Mass = _NO_LOAD
     payload: Mass = _NO_LOAD
 

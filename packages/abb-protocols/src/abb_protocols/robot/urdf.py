@@ -1,4 +1,4 @@
-"""URDF: that of the robot for ROS, the elements it is made of, and the frames of one read again.
+"""URDF: that of the robot for ROS, with its XML of links, joints, boxes and meshes, and the frames of one read again.
 
 Every number of :func:`robot_description` stands in :mod:`abb_protocols.robot.description`.
 """
@@ -37,9 +37,9 @@ from abb_protocols.robot.description import (
     joint_1_origin,
     link_mass,
 )
-from abb_protocols.robot.gripper_values import MAX_FORCE, TOP_SPEED, TRAVEL, GripperModules
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, MAX_GRIP_FORCE, TOP_FINGER_SPEED, GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names, prefixed
-from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, quaternion_from_euler_zyx
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, compose_poses, euler_zyx, quaternion_from_euler_zyx
 
 _MATERIALS = {
     "abb_white": "0.94 0.94 0.92 1",
@@ -117,7 +117,7 @@ def _gripper(side: Side, modules: GripperModules, meshes: str) -> Iterator[str]:
         yield from _frame(prefixed(f"gripper_{side.value}_{name}"), base, origin)
     first, second = finger_names(side)
     mimic = {second: f'<mimic joint="{first}" multiplier="1" offset="0"/>'}  # one motor drives both fingers
-    limit = limit_xml(0.0, TRAVEL, MAX_FORCE, TOP_SPEED)
+    limit = limit_xml(0.0, FINGER_TRAVEL, MAX_GRIP_FORCE, TOP_FINGER_SPEED)
     for name, origin in zip((first, second), FINGER_ORIGINS, strict=True):
         finger = "finger".join(name.rsplit("joint", 1))  # the last one: the prefix may have the word
         yield link_xml(finger, FINGER_MASS, _solids(FINGER_SHAPES), "abb_grey", _visuals("finger", meshes))
@@ -245,9 +245,9 @@ class UrdfFrame:
         position *= self.multiplier
         x, y, z = self.axis
         if self.slides:
-            return compose(self.origin, Pose((x * position, y * position, z * position), IDENTITY))
+            return compose_poses(self.origin, Pose((x * position, y * position, z * position), IDENTITY_QUATERNION))
         s, turn = sin(position / 2.0), cos(position / 2.0)
-        return compose(self.origin, Pose((0.0, 0.0, 0.0), (turn, x * s, y * s, z * s)))
+        return compose_poses(self.origin, Pose((0.0, 0.0, 0.0), (turn, x * s, y * s, z * s)))
 
 
 def read_frames(urdf: str) -> tuple[UrdfFrame, ...]:

@@ -11,8 +11,14 @@ import numpy as np
 from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.confdata import configuration
 from abb_protocols.robot.inverse_kinematics import TO_TOOL0, postures
-from abb_protocols.robot.joints import CHAIN_AXES, ORIGIN, YUMI_LIMITS, JointLimits, Joints, Pose, Side, home
-from abb_protocols.robot.kinematics import FLANGE, OFFSETS, compose, foot_to_body, matrix
+from abb_protocols.robot.joints import CHAIN_AXES, ORIGIN_POSE, YUMI_LIMITS, JointLimits, Joints, Pose, Side, home
+from abb_protocols.robot.kinematics import (
+    FLANGE_OFFSET,
+    JOINT_OFFSETS,
+    compose_poses,
+    foot_to_body,
+    matrix_from_quaternion,
+)
 from abb_protocols.robot.rotations import cross
 
 
@@ -41,21 +47,21 @@ def irb14050() -> KinematicArm:
 
     def find(tool0: Pose, angle: float) -> tuple[Joints, ...]:
         # The same half-plane of the elbow, counted from the direction that an IRB 14000's arm counts from.
-        turned = matrix(tool0.orientation)
-        wrist = np.array(tool0.position) - turned[:, 2] * FLANGE
-        line = (wrist - OFFSETS[0]) / np.linalg.norm(wrist - OFFSETS[0])
+        turned = matrix_from_quaternion(tool0.orientation)
+        wrist = np.array(tool0.position) - turned[:, 2] * FLANGE_OFFSET
+        line = (wrist - JOINT_OFFSETS[0]) / np.linalg.norm(wrist - JOINT_OFFSETS[0])
         across = cross(line, z)
         across = across / np.linalg.norm(across)
         inside = cross(across, line) * cos(angle - pi / 2.0) + across * sin(angle - pi / 2.0)
         other = cross(line, np.array(arm.reference))
         other = other / np.linalg.norm(other)
         counted = atan2(float(inside @ other), float(inside @ cross(other, line))) + pi / 2.0
-        return arm.find_postures(compose(arm.foot_to_world, tool0), float((counted + pi) % tau - pi))
+        return arm.find_postures(compose_poses(arm.foot_to_world, tool0), float((counted + pi) % tau - pi))
 
     return replace(
         arm,
         name="robot",
-        foot_to_world=ORIGIN,
+        foot_to_world=ORIGIN_POSE,
         reference=(0.0, 0.0, 1.0),
         find_postures=find,
         is_of_yumi=False,

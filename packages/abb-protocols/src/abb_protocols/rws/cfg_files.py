@@ -14,7 +14,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import SettingsError
 from abb_protocols.rws.rapid_values import NUMBER
 
-FLAG = "TRUE"
+CFG_FLAG = "TRUE"
 """Value of an attribute of a cfg file that stands without one."""
 
 # A flag has no value: what follows it is the next attribute, unless it is a negative number.
@@ -42,14 +42,14 @@ class CfgFile:
         return self.header.partition(":CFG_")[0]
 
 
-def stated(attributes: Mapping[str, str]) -> dict[str, str]:
+def stated_attributes(attributes: Mapping[str, str]) -> dict[str, str]:
     """What a file has to state of an instance: without flags that are not set and attributes that are empty.
 
     Args:
         attributes: as Robot Web Services list them: all that its type has, those with their default values, too.
     """
     return {
-        name: FLAG if value.strip().lower() in _SET else value
+        name: CFG_FLAG if value.strip().lower() in _SET else value
         for name, value in attributes.items()
         if value.strip().lower() not in _UNSET
     }
@@ -73,7 +73,7 @@ def read_cfg(text: str) -> CfgFile:
             type_name = line[:-1]
         else:
             found = _ATTRIBUTE.findall(line)
-            instances.append((type_name, {name: value.strip('"') if value else FLAG for name, value in found}))
+            instances.append((type_name, {name: value.strip('"') if value else CFG_FLAG for name, value in found}))
     return CfgFile(header, tuple(instances))
 
 
@@ -90,7 +90,7 @@ def write_cfg(header: str, instances: Iterable[tuple[str, Mapping[str, str]]]) -
             lines.append("")
             for name, value in attributes.items():
                 plain = value if NUMBER.fullmatch(value) else f'"{value}"'
-                word = f"-{name}" if value == FLAG else f"-{name} {plain}"
+                word = f"-{name}" if value == CFG_FLAG else f"-{name} {plain}"
                 if len(line) + len(word) > _LONGEST_LINE:
                     lines.append(f"{line} \\")
                     line = "     "

@@ -1,4 +1,4 @@
-"""Documents of Robot Web Services: forms, pages with their states, the XHTML they come in, and refusals read from it.
+"""Documents of Robot Web Services: forms, pages with their states and members, XHTML, and refusals with their status.
 
 From inside out (reference/rws.md §1, §3). What the states of a service mean is said beside its operations.
 

@@ -1,4 +1,4 @@
-"""RAPID values as Robot Web Services spell them: literals without blanks, from Python's values and back.
+"""RAPID values as Robot Web Services spell them: literals without blanks; encoded, decoded, split.
 
 (reference/rws.md §6.5)
 

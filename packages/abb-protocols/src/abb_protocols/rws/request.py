@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from abb_protocols.rws.documents import FORM_TYPE, Pairs, encode_form
 
-BUSY = 503
+BUSY_STATUS = 503
 """Status of HTTP of a controller that has no session left, or no time."""
 
 _PATH_SAFE = "/;:$@-._~"

@@ -1,4 +1,4 @@
-"""Values of Robot Web Services: enumerations, grants, return codes and their meaning, subscribed resources.
+"""Values of Robot Web Services: enumerations of modes, states, types and grants; return codes; subscribed resources.
 
 States are spelled as on the wire (reference/rws.md §5-6), return codes as in ABB's table (§3.4-3.5).
 """

@@ -14,14 +14,14 @@ from abb_protocols.errors import MissingPrerequisite
 
 _log = logging.getLogger(__name__)
 
-FIRST_PAUSE = 0.1
+FIRST_RESTART_PAUSE = 0.1
 """The work begins again after this time [s]; the time doubles with each failure that follows soon."""
 
-LONGEST_PAUSE = 5.0
+LONGEST_RESTART_PAUSE = 5.0
 """The time does not grow beyond this [s]; work that ran for longer begins with the shortest one again."""
 
 
-class Failures:
+class ThreadFailures:
     """Logs exceptions that end nothing: each kind once with its traceback, then its 10th, 100th, 1000th, … time.
 
     A kind is a type of exception from one line of code. Safe from any thread.
@@ -72,7 +72,7 @@ class SupervisedThread:
         self._work = work
         self._is_over = is_over
         self._on_failure = on_failure
-        self._failures = Failures()
+        self._failures = ThreadFailures()
         self._thread = Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
@@ -94,7 +94,7 @@ class SupervisedThread:
             self._thread.join()
 
     def _run(self) -> None:
-        pause = FIRST_PAUSE
+        pause = FIRST_RESTART_PAUSE
         while not self._is_over.is_set():
             begun = time.monotonic()
             try:
@@ -103,10 +103,10 @@ class SupervisedThread:
             except Exception as error:  # whatever it is: the program depends on this thread
                 self._failures.note(f"Thread {self._name}", error)
             self._failures.attempt(f"Thread {self._name}", self._on_failure)
-            if time.monotonic() - begun > LONGEST_PAUSE:
-                pause = FIRST_PAUSE
+            if time.monotonic() - begun > LONGEST_RESTART_PAUSE:
+                pause = FIRST_RESTART_PAUSE
             self._is_over.wait(pause)
-            pause = min(2.0 * pause, LONGEST_PAUSE)
+            pause = min(2.0 * pause, LONGEST_RESTART_PAUSE)
 
 
 def start_thread(thread: Thread) -> None:

@@ -1,4 +1,4 @@
-"""The client of Robot Web Services: a controller in typed calls, and subscriptions; SI and chain order come out.
+"""The client of Robot Web Services: typed calls, and changes by subscription; SI and chain order come out.
 
 One client holds one session: build it, ``connect`` and ``close`` it, or use it as a context manager. The calls of
 each service are beside their operations in :mod:`abb_protocols.rws.operations`; here are the session, subscriptions,
@@ -46,7 +46,7 @@ from abb_protocols.rws.operations.service import OnProgress
 from abb_protocols.rws.operations.symbols import SymbolsService
 from abb_protocols.rws.operations.system import SYSTEM, SystemInfo, SystemService, read_system
 from abb_protocols.rws.operations.users import LOGOUT, UsersService
-from abb_protocols.rws.request import BUSY, RwsRequest
+from abb_protocols.rws.request import BUSY_STATUS, RwsRequest
 from abb_protocols.rws.values import PROTOCOL, Priority, Resource, RwsCode
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.rws.session import RwsSession
@@ -124,7 +124,7 @@ class RwsClient(
         """Log in, and return which controller answers."""
         try:
             reply = self._session.exchange(SYSTEM.request())
-            if not self._session.is_open and reply.status_code != BUSY:
+            if not self._session.is_open and reply.status_code != BUSY_STATUS:
                 reason = message("answers_without_session", status=reply.status_code)
                 raise self._session.not_a_controller(reason)
             return read_system(self._page(reply, "reading the system"))
@@ -231,7 +231,7 @@ class RwsClient(
         """Any operation of :mod:`abb_protocols.rws.operations`; the value that it shows, or None where it shows none.
 
         Args:
-            operation: such as ``motion.LEAD_THROUGH``.
+            operation: such as ``motion.UNIT_LEAD_THROUGH``.
             places: texts for the placeholders in its path, in order.
             arguments: of URL and body by name, with ``_`` for ``-``.
         """

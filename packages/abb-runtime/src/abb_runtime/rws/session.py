@@ -26,13 +26,13 @@ import httpx
 
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import LoginRefused, NoConnection, ProtocolError
-from abb_protocols.rws.request import BUSY, RwsRequest
+from abb_protocols.rws.request import BUSY_STATUS, RwsRequest
 from abb_protocols.rws.values import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 from abb_runtime.clock import Clock
-from abb_runtime.rws.transport import INTERVAL, ConnectionLost, ExchangeDeadline, Transport
+from abb_runtime.rws.transport import EXCHANGE_INTERVAL, ConnectionLost, ExchangeDeadline, Transport
 from abb_runtime.rws.web_socket import Listener, OpenWebSocket
 
-BURST = 15
+REQUEST_BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
 
 _LONGEST_TRANSFER = 600.0
@@ -60,7 +60,7 @@ class RateLimit:
         interval: mean time between two requests [s]; 0 does not limit them.
     """
 
-    def __init__(self, clock: Clock, interval: float = INTERVAL) -> None:
+    def __init__(self, clock: Clock, interval: float = EXCHANGE_INTERVAL) -> None:
         self._clock = clock
         self._interval = interval
         self._lock = Lock()
@@ -80,7 +80,7 @@ class RateLimit:
         with self._lock:
             now = self._clock.now()
             self._rested_at = max(self._rested_at, now) + self._interval
-            return self._rested_at - now - BURST * self._interval
+            return self._rested_at - now - REQUEST_BURST * self._interval
 
 
 class RwsSession:
@@ -130,7 +130,7 @@ class RwsSession:
             while True:
                 try:
                     response = self._authorized(request, deadline)
-                    if response.status_code != BUSY or not repeats:
+                    if response.status_code != BUSY_STATUS or not repeats:
                         return response
                 except ConnectionLost:
                     if not repeats:

@@ -25,7 +25,7 @@ from abb_protocols.errors import NoConnection, ProtocolError, SettingsError
 from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.rws.web_socket import NO_DESCRIPTOR, Listener, OpenWebSocket, WebSocket
 
-INTERVAL = 0.051
+EXCHANGE_INTERVAL = 0.051
 """Mean time between two requests [s]; a controller wants fewer than twenty a second (reference/rws.md §1.1)."""
 
 _HOST = re.compile(r"[0-9A-Za-z._-]+|[0-9a-f:.]+(%[\w.-]+)?")  # a name, IPv4, or IPv6
@@ -96,7 +96,7 @@ class HttpTransport(httpx.BaseTransport):
         SettingsError: the address is not one.
     """
 
-    request_interval = INTERVAL
+    request_interval = EXCHANGE_INTERVAL
 
     def __init__(self, address: str, clock: Clock | None = None) -> None:
         self.address = address

@@ -17,7 +17,7 @@ import click
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import RapidError, SettingsError
-from abb_runtime.options import FILE, JsonOutput, SharedCommand, cfg_option, json_option, model_option
+from abb_runtime.options import FILE_TYPE, JsonOutput, SharedCommand, cfg_option, json_option, model_option
 
 if TYPE_CHECKING:
     from virtual_irc5.rapid.types import RapidReferenceError
@@ -30,7 +30,7 @@ _ROUTINE_ENDS = re.compile(r"^\s*END(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
 
 
 @click.command(cls=SharedCommand)
-@click.argument("files", nargs=-1, required=True, type=FILE, metavar="FILE…")
+@click.argument("files", nargs=-1, required=True, type=FILE_TYPE, metavar="FILE…")
 @cfg_option
 @model_option
 @json_option

@@ -12,7 +12,7 @@ from abb_protocols.catalogue import speak_as
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import SettingsError, YumiError
 from abb_runtime.fault_command import fault
-from abb_runtime.options import ONCE, password_options, robot_option, user_option, with_json_targets, yes_option
+from abb_runtime.options import ONCE_HELP, password_options, robot_option, user_option, with_json_targets, yes_option
 from abb_runtime.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from abb_runtime.rws.login import with_usual_port
 from virtual_irc5 import __version__
@@ -57,7 +57,7 @@ def main() -> None:
 @main.command("debug")
 @click.argument("task")
 @yes_option
-@click.option("--once", is_flag=True, help=ONCE)
+@click.option("--once", is_flag=True, help=ONCE_HELP)
 @robot_option(default="127.0.0.1")
 @user_option(DEFAULT_USER)
 @password_options

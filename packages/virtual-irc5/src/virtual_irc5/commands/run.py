@@ -7,12 +7,12 @@ from pathlib import Path
 
 import click
 
-from abb_protocols.robot.gripper_values import TRAVEL, GripperModules
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, GripperModules
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import GRANTS
 from abb_runtime.options import (
-    FILE,
-    ONCE,
+    FILE_TYPE,
+    ONCE_HELP,
     OptionNumber,
     SharedCommand,
     cfg_option,
@@ -30,7 +30,7 @@ from abb_runtime.rws.client import DEFAULT_PASSWORD
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
 from abb_runtime.udp import address_of_host
 
-_WIDTH = OptionNumber("width", 0.0, 2.0 * TRAVEL, is_open=True)
+_WIDTH = OptionNumber("width", 0.0, 2.0 * FINGER_TRAVEL, is_open=True)
 _LEAK = OptionNumber("leak", 0.0, 1.0, is_open=False)
 _SPEED = OptionNumber("factor", 0.01, 100.0, is_open=False)
 _ARM_TASKS = {side.word: side.task for side in Side}
@@ -96,11 +96,11 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 )
 @click.option(
     "--dynamics",
-    type=FILE,
+    type=FILE_TYPE,
     help="Settings with which its arms follow EGM, as `yumi compare` of yumi-ros2 has written them.",
 )
 @click.option("--start", is_flag=True, help="Switch the motors on and start RAPID.")
-@click.option("--once", is_flag=True, help=ONCE)
+@click.option("--once", is_flag=True, help=ONCE_HELP)
 @click.option(
     "--real-time-factor", type=_SPEED, default=1.0, show_default=True, help="Run so many times as fast as a real one."
 )

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 from virtual_irc5.controller_log import RefusalReason, Refused
 
-DEVICES = ("HOME", "TEMP", "BACKUP", "RAMDISK")
-ENCODING = "latin-1"
+DISK_DEVICES = ("HOME", "TEMP", "BACKUP", "RAMDISK")
+FILE_ENCODING = "latin-1"
 """Of RAPID's files, unless they are UTF-8."""
 
-CAPACITY = 64 * 1024 * 1024
+DISK_CAPACITY = 64 * 1024 * 1024
 """Of all devices together [bytes]."""
 
 MOST_FILES = 1000
@@ -26,13 +26,13 @@ def decoded_file_text(content: bytes) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return content.decode(ENCODING)
+        return content.decode(FILE_ENCODING)
 
 
 def _encoded(text: str) -> bytes:
     """A file with the text: Latin-1 where it has the characters, UTF-8 otherwise."""
     try:
-        return text.encode(ENCODING)
+        return text.encode(FILE_ENCODING)
     except UnicodeEncodeError:
         return text.encode("utf-8")
 
@@ -73,7 +73,7 @@ class FileStore(MutableMapping[str, str]):
     def __init__(self, files: Mapping[str, str] | Mapping[str, bytes], now: Callable[[], float] = lambda: 0.0) -> None:
         self._now = now
         self._files: dict[str, File] = {}
-        for device in DEVICES:
+        for device in DISK_DEVICES:
             self._put(f"{device}:", None)
         for path, given in files.items():
             self.write(path, given if isinstance(given, bytes) else _encoded(given))
@@ -182,11 +182,11 @@ class FileStore(MutableMapping[str, str]):
 
     def _check_space(self, more: int, files: int = 1) -> None:
         used = self.used
-        if used + more > CAPACITY or len(self._files) + files > MOST_FILES:
+        if used + more > DISK_CAPACITY or len(self._files) + files > MOST_FILES:
             raise Refused(
                 RefusalReason.NO_SPACE,
-                f"the disk is full: it has {CAPACITY} bytes and {MOST_FILES} files, {used} and {len(self._files)} are "
-                "in use; delete some.",
+                f"the disk is full: it has {DISK_CAPACITY} bytes and {MOST_FILES} files, {used} and {len(self._files)} "
+                "are in use; delete some.",
             )
 
     def _put(self, path: str, content: bytes | None) -> None:

@@ -1,4 +1,4 @@
-"""The installed system of the virtual controller: its robot, system parameters, files, and the modules of its tasks.
+"""The installed system of the virtual controller: RobotWare, options, parameters, files, modules; also of a backup.
 
 The robots are data, each with system parameters of its own (``stock``). The modules are ours (the state machine of
 `abb_protocols.controller_files`), a user's own RAPID files, or those of a backup as a controller or RobotStudio writes
@@ -20,7 +20,7 @@ from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.irb120 import irb120
 from abb_protocols.robot.joints import Side
 from abb_protocols.robot.yumi_arms import irb14050, yumi_arm
-from virtual_irc5.controller.file_store import DEVICES, decoded_file_text
+from virtual_irc5.controller.file_store import DISK_DEVICES, decoded_file_text
 from virtual_irc5.controller.task_settings import TaskSettings, task_settings
 from virtual_irc5.mechanics.units import YUMI_UNITS, MechanicalUnit, mechanical_unit, seven_axis_units
 from virtual_irc5.system_parameters import SystemConfiguration
@@ -152,11 +152,11 @@ Read in a backup of a RobotWare 6.14 controller: the line of SYS.cfg, and the mo
 DELIVERED_FILES: Mapping[str, bytes] = {USER_MODULE: (_STOCK / "user.sys").read_bytes()}
 """What HOME has on a new controller, by path."""
 
-DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
+PARAMETER_DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
 """Of system parameters; each has a cfg file in a backup."""
 
-HOME = "HOME:/"
-BACKUP_INFO = "BACKINFO/backinfo.txt"
+SYSTEM_HOME = "HOME:/"
+SYSTEM_BACKUP_INFO = "BACKINFO/backinfo.txt"
 _SUFFIXES = (".mod", ".sys", ".modx", ".sysx", ".prg")
 _TASK_OF_BACKUP = re.compile(r">>(TASK\d+):\s*\(\s*(\w+)", re.IGNORECASE)  # >>TASK1: (T_ROB1,,)
 _REPLACED = ("CAB_TASKS", "CAB_TASK_MODULES", "MECHANICAL_UNIT_GROUP")  # where a backup has them
@@ -203,7 +203,7 @@ def delivered_system(robot: InstalledRobot = _YUMI) -> System:
     folder = Path(next(iter(abb_protocols.controller_files.__path__)))
     modules = sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])
     cfg = [path.read_text(encoding="ascii") for path in sorted(folder.glob("*.cfg"))]
-    return System(tuple(cfg), {f"{HOME}yumi/{path.name}": path.read_bytes() for path in modules})
+    return System(tuple(cfg), {f"{SYSTEM_HOME}yumi/{path.name}": path.read_bytes() for path in modules})
 
 
 def factory_system(robot: InstalledRobot = _YUMI) -> System:
@@ -235,10 +235,10 @@ def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: S
             )
         found = []
         for path in (each for given in paths for each in _modules_of(given)):
-            place = f"{HOME}{path.name}"
+            place = f"{SYSTEM_HOME}{path.name}"
             content = _read(path)
             if files.setdefault(place, content) != content:  # two files of one name
-                place = f"{HOME}{task.lower()}/{path.name}"
+                place = f"{SYSTEM_HOME}{task.lower()}/{path.name}"
                 files[place] = content
             found.append(place)
         if not _bring_user(found, files):
@@ -275,7 +275,7 @@ def read_backup(folder: Path, robot: InstalledRobot = _YUMI) -> System:
     cfg = sorted(parameters.glob("*.[cC][fF][gG]")) if parameters else []
     home = _inside(folder, "HOME")
     inside = [path for path in sorted(home.rglob("*")) if path.is_file()] if home else []
-    files = {f"{HOME}{path.relative_to(home).as_posix()}": _read(path) for path in inside if home}
+    files = {f"{SYSTEM_HOME}{path.relative_to(home).as_posix()}": _read(path) for path in inside if home}
     system = System((), files, tuple(decoded_file_text(_read(path)) for path in cfg), robot=robot)
     # Which task TASK1 is stands in BACKINFO; without it the tasks are in the order of their declarations.
     information = _inside(folder, "BACKINFO")
@@ -300,8 +300,8 @@ def read_backup(folder: Path, robot: InstalledRobot = _YUMI) -> System:
             inner = _inside(place, kind)
             sources += [path for path in sorted(inner.iterdir()) if path.suffix.lower() in _SUFFIXES] if inner else []
         for path in sources:
-            files[f"{HOME}RAPID/{place.name}/{path.name}"] = _read(path)
-        found = [f"{HOME}RAPID/{place.name}/{path.name}" for path in sources]
+            files[f"{SYSTEM_HOME}RAPID/{place.name}/{path.name}"] = _read(path)
+        found = [f"{SYSTEM_HOME}RAPID/{place.name}/{path.name}" for path in sources]
         if name is None:
             shared += found
         else:
@@ -373,6 +373,6 @@ def modules_of(task: TaskSettings, system: System, configuration: SystemConfigur
         if of_all or of_motion or attributes.get("task", "").upper() == task.name.upper():
             path = attributes.get("file", "")
             # ABB's own modules (RELEASE:, INTERNAL:) are what the library provides.
-            if path.partition(":")[0].upper() in DEVICES:
+            if path.partition(":")[0].upper() in DISK_DEVICES:
                 paths.append(path)
     return tuple(paths)

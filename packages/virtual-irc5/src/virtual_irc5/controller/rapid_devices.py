@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from abb_protocols.rws.values import EventType
-from virtual_irc5.controller.file_store import CAPACITY, File, FileStore, clean_path
+from virtual_irc5.controller.file_store import DISK_CAPACITY, File, FileStore, clean_path
 from virtual_irc5.controller.identity import Identity
 from virtual_irc5.controller.installed_system import InstalledRobot
 from virtual_irc5.controller.signals import Signals
@@ -80,7 +80,7 @@ class RapidDisk:
 
     def space(self) -> tuple[int, int]:
         """Size of the disk, and what is free of it [bytes]."""
-        return CAPACITY, CAPACITY - self._files.used
+        return DISK_CAPACITY, DISK_CAPACITY - self._files.used
 
     def _find(self, path: str) -> File:
         try:

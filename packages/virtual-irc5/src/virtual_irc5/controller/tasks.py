@@ -28,7 +28,7 @@ from virtual_irc5.rapid.pauses import StepKind
 from virtual_irc5.rapid.states import EventKind, Execution, Severity, SystemEvent, TaskEvent
 from virtual_irc5.rapid.task import Task
 from virtual_irc5.rapid.types import (
-    UNSET,
+    UNSET_DATA,
     ModuleNameTaken,
     RapidReferenceError,
     RapidRuntimeError,
@@ -210,7 +210,7 @@ class RapidExecution:
                 isinstance(found, Variable)
                 and found.storage is Storage.PERS
                 and not found.is_task
-                and found.value is not UNSET
+                and found.value is not UNSET_DATA
             ):
                 return found
         return None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
+from abb_protocols.robot.kinematics import matrix_from_quaternion, quaternion_from_matrix
 from virtual_irc5.instructions.moves import FATAL, MOVES, MoveInstructions
 from virtual_irc5.instructions.robot_data import NOT_PRESENT, chain_from_jointtarget, unit_quaternion
 from virtual_irc5.rapid import Call, Library, RapidRuntimeError, Wait
@@ -66,7 +66,7 @@ class CalibrationInstructions:
         """The point of a stationary tool, from four robtargets with one point of the robot at it."""
         self._check_hold(call, is_held=False)
         targets = [call[f"Pos{number}"] for number in range(1, 5)]
-        places = [(np.array(target.trans), matrix(unit_quaternion(target.rot))) for target in targets]
+        places = [(np.array(target.trans), matrix_from_quaternion(unit_quaternion(target.rot))) for target in targets]
         _, point = _common_point(call, places)
         self._set_tool(call, trans=point)
 

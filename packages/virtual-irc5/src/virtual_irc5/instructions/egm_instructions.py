@@ -13,9 +13,9 @@ import numpy as np
 from abb_protocols.egm.codec import PartialJoints
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import JOINT_COUNT, Pose
-from abb_protocols.robot.kinematics import compose
+from abb_protocols.robot.kinematics import compose_poses
 from abb_protocols.rws.values import EventType
-from virtual_irc5.instructions.moves import MOVES, SPEED, MoveInstructions, check_may_move, standing
+from virtual_irc5.instructions.moves import MOVE_SPEED, MOVES, MoveInstructions, check_may_move, standing
 from virtual_irc5.instructions.path_corrections import PathCorrections
 from virtual_irc5.instructions.robot_data import FRAME_TYPES, pose_from_rapid, wobj_from_rapid
 from virtual_irc5.mechanics.egm_client import EgmOutcome
@@ -45,7 +45,7 @@ _PATH_SAMPLE_MS = 24  # sample rates of path corrections are multiples of it
 EGM = Library(MOVES)
 _IDENTITY = "VAR egmident EGMid"
 _CORRECTED_MOVE = (
-    rf"robtarget ToPoint, \identno ID, {SPEED}, tooldata Tool, \wobjdata WObj, \loaddata TLoad, \switch NoCorr"
+    rf"robtarget ToPoint, \identno ID, {MOVE_SPEED}, tooldata Tool, \wobjdata WObj, \loaddata TLoad, \switch NoCorr"
 )
 
 
@@ -237,9 +237,9 @@ class EgmInstructions:
         frame = pose_from_rapid(call["SensorFrame"])
         kind = FRAME_TYPES[int(call["SensorFrType"])]
         if kind == "WOBJ" and wobj is not None:
-            frame = compose(wobj, frame)
+            frame = compose_poses(wobj, frame)
         elif kind == "TOOL":
-            frame = compose(self._unit.arm.tool_pose(self._unit.arm.planned, tool), frame)
+            frame = compose_poses(self._unit.arm.tool_pose(self._unit.arm.planned, tool), frame)
         in_rapid = [call.get(each, (-0.5, 0.5)) for each in _DIRECTIONS]
         scales = [1e-3] * 3 + [radians(1.0)] * 3
         bands = tuple((low * s, high * s) for (low, high), s in zip(in_rapid, scales, strict=True))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import degrees, dist
 
 from abb_protocols.robot.joints import Joints, Pose, Side
-from abb_protocols.robot.kinematics import compose
+from abb_protocols.robot.kinematics import compose_poses
 from virtual_irc5.instructions.robot_data import ROBOT_DATA, axis_index, pose_from_rapid
 from virtual_irc5.mechanics.dynamics import ArmDynamics
 from virtual_irc5.mechanics.units import ArmUnit, unit_of
@@ -230,7 +230,7 @@ class MeasurementInstructions:
         unit, before = self._unit, self._tip
         tip = unit.arm.kinematics.tool0(unit.arm.planned)
         if unit.tool is not None:
-            tip = compose(tip, pose_from_rapid(unit.tool.tframe))
+            tip = compose_poses(tip, pose_from_rapid(unit.tool.tframe))
         self._tip = tip
         if before is not None:
             self._way += dist(before.position, tip.position)

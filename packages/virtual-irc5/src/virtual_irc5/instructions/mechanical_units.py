@@ -10,7 +10,7 @@ from virtual_irc5.instructions.robot_data import ROBOT_DATA
 from virtual_irc5.mechanics.units import ArmUnit, MechanicalUnit
 from virtual_irc5.rapid import Call, Library
 from virtual_irc5.rapid.task import task_of
-from virtual_irc5.rapid.types import UNSET, RapidRuntimeError
+from virtual_irc5.rapid.types import UNSET_DATA, RapidRuntimeError
 
 UNITS = Library(ROBOT_DATA)
 
@@ -92,7 +92,7 @@ class UnitInstructions:
         """The datum of the task that has the value."""
         for module in task_of(call).program.modules.values():
             for variable in module.data:
-                if variable.type is not UNSET and variable.type.name == type_name and variable.value == value:
+                if variable.type is not UNSET_DATA and variable.type.name == type_name and variable.value == value:
                     return variable.name
         return predefined
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Pose
-from abb_protocols.robot.kinematics import compose, inverse
+from abb_protocols.robot.kinematics import compose_poses, inverse_pose
 from virtual_irc5.instructions.moves import FATAL, MOVES, MoveInstructions, check_may_move, standing
 from virtual_irc5.instructions.robot_data import NOT_PRESENT, axis_index, jointtarget, rapid_from_pose, unit_quaternion
-from virtual_irc5.mechanics.arm import STOPPED, VirtualArm
+from virtual_irc5.mechanics.arm import ARM_STOPPED, VirtualArm
 from virtual_irc5.mechanics.path import PathAcceleration
 from virtual_irc5.mechanics.path_geometry import CircleMode, LegFrames
 from virtual_irc5.mechanics.units import ArmUnit
@@ -224,7 +224,7 @@ class MotionSettingInstructions:
         there, origin = (_pose_of_target(each) for each in (here, call["ProgPoint"]))
         if not call.present("Rot"):
             there = Pose(there.position, origin.orientation)
-        settings.displacement = rapid_from_pose(compose(there, inverse(origin)))
+        settings.displacement = rapid_from_pose(compose_poses(there, inverse_pose(origin)))
 
     @SETTINGS.instruction("PDispSet", "pose DispFrame")
     def set_displacement(self, call: Call) -> None:
@@ -362,7 +362,7 @@ class MotionSettingInstructions:
 
     def _regain(self, arm: VirtualArm) -> None:
         """Bring an arm back to its path, where it stays until the event routines of the start have ended."""
-        arm.path.holds.add(STOPPED)
+        arm.path.holds.add(ARM_STOPPED)
         with raised_as("ERR_PATH_STOP", RobotNotReady):
             arm.regain_path()
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.confdata import Confdata
-from abb_protocols.robot.joints import ORIGIN, Joints, Pose
-from abb_protocols.robot.kinematics import compose, matrix, quaternion_from_matrix
+from abb_protocols.robot.joints import ORIGIN_POSE, Joints, Pose
+from abb_protocols.robot.kinematics import compose_poses, matrix_from_quaternion, quaternion_from_matrix
 from abb_protocols.rws.values import EventType
 from virtual_irc5.controller_log import ControllerEventLog
 from virtual_irc5.instructions.robot_data import (
@@ -34,15 +34,15 @@ from virtual_irc5.instructions.robot_data import (
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.path import Offset, Passage
 from virtual_irc5.mechanics.path_geometry import (
-    STOP,
+    STOP_CORNER,
     CornerZone,
     Leg,
     LegFrames,
+    LegPlace,
     LegSpeed,
     MotionFault,
     MotionRefused,
     PathPiece,
-    Place,
     circle,
     corner,
     joint_leg,
@@ -68,8 +68,8 @@ FATAL = "ERR_MOTION"
 _MOST_CONCURRENT = 5
 """Moves with Conc that may follow one another."""
 
-SPEED = r"speeddata Speed, \num V | \num T, zonedata Zone, \num Z, \stoppointdata Inpos"
-FRAMES = r"tooldata Tool, \wobjdata WObj, \switch Corr, \loaddata TLoad"
+MOVE_SPEED = r"speeddata Speed, \num V | \num T, zonedata Zone, \num Z, \stoppointdata Inpos"
+MOVE_FRAMES = r"tooldata Tool, \wobjdata WObj, \switch Corr, \loaddata TLoad"
 _READ_FRAMES = r"\tooldata Tool, \wobjdata WObj"
 _ERRORS = {MotionFault.OUT_OF_RANGE: "ERR_ROBLIMIT", MotionFault.OUT_OF_REACH: "ERR_OUTSIDE_REACH"}
 _SLOWEST = 1e-4  # [m/s]: a speed of 0 is a very low one
@@ -99,7 +99,7 @@ for _time in (0.5, 1.0, 1.5):
     _name = f"{_time:.1f}".replace(".", "_")
     MOVES.data(f"stoptime{_name}", "stoppointdata", (2, False, (0, 0, 0, 0), _time, 0, "", 0, 0))
     MOVES.data(f"fllwtime{_name}", "stoppointdata", (3, True, (0, 0, 0, 0), 0, _time, "", 0, 0))
-_TARGETS = rf"\switch Conc, {{}}, \identno ID, \switch NoEOffs, {SPEED}, {FRAMES}"
+_TARGETS = rf"\switch Conc, {{}}, \identno ID, \switch NoEOffs, {MOVE_SPEED}, {MOVE_FRAMES}"
 _KIND = re.compile(r"(?:Move|Trigg|Search|Contact)(AbsJ|ExtJ|J|L|C)")
 
 
@@ -147,10 +147,10 @@ class MoveInstructions:
         if robot_holds_tool == (wobj is not None and bool(wobj.robhold)):
             sentence = "The robot has to hold either the tool or the work object: see robhold of both."
             raise RapidRuntimeError(FATAL, sentence)
-        wobj_pose = ORIGIN if wobj is None else wobj_from_rapid(wobj)
+        wobj_pose = ORIGIN_POSE if wobj is None else wobj_from_rapid(wobj)
         displacement = self.unit.settings.displacement
         if displacement is not None and is_displaced:
-            wobj_pose = compose(wobj_pose, pose_from_rapid(displacement))
+            wobj_pose = compose_poses(wobj_pose, pose_from_rapid(displacement))
         return LegFrames(_unit_pose(pose_from_rapid(tool.tframe)), _unit_pose(wobj_pose), robot_holds_tool)
 
     def target(self, robtarget: Any) -> MoveTarget:
@@ -160,7 +160,7 @@ class MoveInstructions:
         conf = robtarget.robconf
         return MoveTarget(
             np.array(robtarget.trans) * 1e-3,
-            matrix(unit_quaternion(robtarget.rot)),
+            matrix_from_quaternion(unit_quaternion(robtarget.rot)),
             radians(angle_deg + self.unit.settings.offsets[0]) if has_angle else None,
             Confdata(round(conf.cf1), round(conf.cf4), round(conf.cf6), round(conf.cfx)),
         )
@@ -180,7 +180,7 @@ class MoveInstructions:
         """How near the arm comes to the target; a search comes to a stop."""
         zone = call.get("Zone")
         if zone is None or zone.finep or call.get("Inpos") is not None:
-            return STOP
+            return STOP_CORNER
         return CornerZone(call.get("Z", zone.pzone_tcp) * 1e-3, radians(zone.zone_ori))
 
     # Moves --------------------------------------------------------------------------------------------------------
@@ -256,7 +256,7 @@ class MoveInstructions:
         via, mode = self.target(call["CirPoint"]), self.unit.settings.circles
         return self._along(call, lambda here, there: circle(here, (via.point, via.rotation), there, mode))
 
-    def _along(self, call: Call, between: Callable[[_TipPlace, _TipPlace], Place]) -> _Build:
+    def _along(self, call: Call, between: Callable[[_TipPlace, _TipPlace], LegPlace]) -> _Build:
         """The tool moves on a path from where it is to the target."""
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
@@ -443,7 +443,7 @@ class MoveInstructions:
         """A robtarget read under a program displacement or offset, as it is without them."""
         target, settings = call["OrgPoint"], self.unit.settings
         if settings.displacement is not None and not call.present("InPDisp"):
-            pose = compose(
+            pose = compose_poses(
                 pose_from_rapid(settings.displacement),
                 Pose(tuple(value * 1e-3 for value in target.trans), unit_quaternion(target.rot)),
             )
@@ -479,7 +479,7 @@ _BUILDS: Mapping[str, Callable[[MoveInstructions, Call], _Build]] = {
 
 def _planned(arm: KinematicArm, build: _Build, start: Joints, before: Leg | None) -> tuple[Leg, PathPiece | None]:
     """A leg, with the corner from the one before where there is room for one."""
-    leg = build(start, STOP if before is None else before.zone)
+    leg = build(start, STOP_CORNER if before is None else before.zone)
     has_corner = before is not None and before.out < len(before.shares) - 1 and leg.into > 0
     if before is None or not has_corner:
         return leg, None
@@ -560,14 +560,14 @@ def check_may_move(call: Call) -> None:
 
 
 _KINDS = [f"{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
-SYNCHRONIZED = (
+SYNCHRONIZED_MOVES = (
     *("MoveAbsJ", "MoveExtJ", *(f"Move{each}" for each in _KINDS)),
     *("TriggAbsJ", "TriggJ", "TriggL", "TriggC", "TriggJIOs", "TriggLIOs", "SearchL", "SearchC"),
 )
 """Moves that begin together with those of other tasks after SyncMoveOn."""
 
 MOVING = (
-    *SYNCHRONIZED,
+    *SYNCHRONIZED_MOVES,
     *("SearchExtJ", "WaitRob", "StepBwdPath", "LoadId", "ContactL"),
     *("PathRecStart", "PathRecStop", "PathRecMoveBwd", "PathRecMoveFwd"),
     *("CorrCon", "CorrDiscon", "CorrClear", "CorrWrite", "CorrRead"),

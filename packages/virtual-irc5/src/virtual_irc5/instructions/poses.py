@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from abb_protocols.robot.joints import ORIGIN, Pose, Quaternion, Vector, rotate
+from abb_protocols.robot.joints import ORIGIN_POSE, Pose, Quaternion, Vector, rotate
 from abb_protocols.robot.kinematics import (
-    compose,
+    compose_poses,
     euler_zyx,
-    inverse,
-    matrix,
-    multiply,
+    inverse_pose,
+    matrix_from_quaternion,
     quaternion_from_euler_zyx,
     quaternion_from_matrix,
-    upper_half,
+    quaternion_of_upper_half,
+    quaternion_product,
 )
 from virtual_irc5.instructions.robot_data import unit_quaternion
 from virtual_irc5.rapid import STANDARD, Call, Library, RapidRuntimeError
@@ -31,7 +31,7 @@ def _pose_in_mm(value: Any) -> Pose:
 
 
 def _rapid_in_mm(pose: Pose) -> Any:
-    return pose.position, upper_half(pose.orientation)
+    return pose.position, quaternion_of_upper_half(pose.orientation)
 
 
 def _moved_by(point: Any, x: float, y: float, z: float) -> Any:
@@ -51,12 +51,12 @@ def _moved_in_tool(
         half = radians(angle_deg or 0.0) / 2.0
         turn = [cos(half), 0.0, 0.0, 0.0]
         turn[axis + 1] = sin(half)
-        turned = multiply(turned, (turn[0], turn[1], turn[2], turn[3]))
+        turned = quaternion_product(turned, (turn[0], turn[1], turn[2], turn[3]))
     return ((px + dx, py + dy, pz + dz), turned, *point[2:])
 
 
 def _orientation_of_angles(z_deg: float, y_deg: float, x_deg: float) -> Quaternion:
-    return upper_half(quaternion_from_euler_zyx((radians(x_deg), radians(y_deg), radians(z_deg))))
+    return quaternion_of_upper_half(quaternion_from_euler_zyx((radians(x_deg), radians(y_deg), radians(z_deg))))
 
 
 def _frame_through(p1: Vector, p2: Vector, p3: Vector, origin: float = 1.0) -> Pose:
@@ -93,7 +93,7 @@ def _frame_of_points(call: Call) -> Any:
 def _displacement_of_points(call: Call) -> Any:
     """What moves three points from where they were to where they are."""
     old, new = (_frame_through(*(call[f"{name}P{number}"] for number in (1, 2, 3))) for name in ("Old", "New"))
-    return _rapid_in_mm(compose(new, inverse(old)))
+    return _rapid_in_mm(compose_poses(new, inverse_pose(old)))
 
 
 @POSES.function(
@@ -124,19 +124,19 @@ def _fitted_frame(call: Call) -> Any:
 def _mirrored_target(call: Call) -> Any:
     r"""In the xy plane of a frame; the tool's x axis is mirrored with it, with \MirY its y axis."""
     target, plane = call["Point"], call["MirPlane"]
-    plane_to_world = compose(_pose_in_mm(plane.uframe), _pose_in_mm(plane.oframe))
+    plane_to_world = compose_poses(_pose_in_mm(plane.uframe), _pose_in_mm(plane.oframe))
     wobj = call.get("WObj")
-    wobj_to_world = ORIGIN
+    wobj_to_world = ORIGIN_POSE
     if wobj is not None:
-        wobj_to_world = compose(_pose_in_mm(wobj.uframe), _pose_in_mm(wobj.oframe))
-    to_plane = compose(inverse(plane_to_world), wobj_to_world)
-    pose = compose(to_plane, Pose(tuple(target.trans), unit_quaternion(target.rot)))
+        wobj_to_world = compose_poses(_pose_in_mm(wobj.uframe), _pose_in_mm(wobj.oframe))
+    to_plane = compose_poses(inverse_pose(plane_to_world), wobj_to_world)
+    pose = compose_poses(to_plane, Pose(tuple(target.trans), unit_quaternion(target.rot)))
     mirror = np.diag([1.0, 1.0, -1.0])
     flipped = 1 if call.present("MirY") else 0
-    axes = mirror @ matrix(pose.orientation)
+    axes = mirror @ matrix_from_quaternion(pose.orientation)
     axes[:, flipped] *= -1.0  # the mirror image is left-handed; one of its axes has to turn round
     x, y, z = pose.position
-    there = compose(inverse(to_plane), Pose((x, y, -z), quaternion_from_matrix(axes)))
+    there = compose_poses(inverse_pose(to_plane), Pose((x, y, -z), quaternion_from_matrix(axes)))
     return there.position, there.orientation, *target[2:]
 
 
@@ -149,13 +149,18 @@ for _name, _signature, _returns, _compute in (
         _moved_in_tool,
     ),
     ("OrientZYX", "num ZAngle, num YAngle, num XAngle", "orient", _orientation_of_angles),
-    ("PoseMult", "pose Pose1, pose Pose2", "pose", lambda a, b: _rapid_in_mm(compose(_pose_in_mm(a), _pose_in_mm(b)))),
-    ("PoseInv", "pose Pose", "pose", lambda pose: _rapid_in_mm(inverse(_pose_in_mm(pose)))),
+    (
+        "PoseMult",
+        "pose Pose1, pose Pose2",
+        "pose",
+        lambda a, b: _rapid_in_mm(compose_poses(_pose_in_mm(a), _pose_in_mm(b))),
+    ),
+    ("PoseInv", "pose Pose", "pose", lambda pose: _rapid_in_mm(inverse_pose(_pose_in_mm(pose)))),
     (
         "PoseVect",
         "pose Pose, pos Pos",
         "pos",
-        lambda pose, pos: compose(_pose_in_mm(pose), Pose(pos, (1, 0, 0, 0))).position,
+        lambda pose, pos: compose_poses(_pose_in_mm(pose), Pose(pos, (1, 0, 0, 0))).position,
     ),
     ("DotProd", "pos Vector1, pos Vector2", "num", lambda a, b: sum(x * y for x, y in zip(a, b, strict=True))),
     ("Vectmagn", "pos Vector", "num", lambda vector: dist(vector, (0.0, 0.0, 0.0))),

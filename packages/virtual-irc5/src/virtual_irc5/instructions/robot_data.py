@@ -1,4 +1,4 @@
-"""The data of the robot's instructions: RAPID's types, and their conversion to the units of this package.
+"""The data of the robot's instructions: RAPID's robtarget, jointtarget and their like, in the units of this package.
 
 RAPID has degrees and millimetres in ABB's order, this package SI units in chain order.
 """
@@ -22,7 +22,7 @@ from abb_protocols.robot.joints import (
     chain_from_abb,
     joints,
 )
-from abb_protocols.robot.kinematics import compose, inverse, upper_half
+from abb_protocols.robot.kinematics import compose_poses, inverse_pose, quaternion_of_upper_half
 from virtual_irc5.mechanics.egm_client import EgmClientState
 from virtual_irc5.mechanics.egm_motion import EgmStopMode
 from virtual_irc5.rapid import STANDARD, Call, Library, RapidRuntimeError
@@ -142,15 +142,15 @@ def pose_from_rapid(pose: Any) -> Pose:
 
 def wobj_from_rapid(wobj: Any) -> Pose:
     """The work object's object frame in the world: user frame, then object frame."""
-    return compose(pose_from_rapid(wobj.uframe), pose_from_rapid(wobj.oframe))
+    return compose_poses(pose_from_rapid(wobj.uframe), pose_from_rapid(wobj.oframe))
 
 
 def robtarget(arm: KinematicArm, position: Joints, tool: Pose | None, wobj: Pose | None) -> tuple[Any, ...]:
     """RAPID's robtarget of the tool at joint positions [rad]; ``eax_a`` is the arm angle of seven axes."""
     pose = arm.tool0(position)
-    pose = pose if tool is None else compose(pose, tool)
-    pose = Pose(pose.position, upper_half(pose.orientation))
-    trans, rot = rapid_from_pose(pose if wobj is None else compose(inverse(wobj), pose))
+    pose = pose if tool is None else compose_poses(pose, tool)
+    pose = Pose(pose.position, quaternion_of_upper_half(pose.orientation))
+    trans, rot = rapid_from_pose(pose if wobj is None else compose_poses(inverse_pose(wobj), pose))
     turns = tuple(float(number) for number in arm.configuration(position))
     angle_deg = NOT_PRESENT if arm.reference is None else degrees(float(arm.angles(np.array([position]))[0]))
     return trans, rot, turns, (angle_deg, *(NOT_PRESENT,) * 5)

@@ -10,7 +10,14 @@ from virtual_irc5.instructions.egm_instructions import EGM, EgmInstructions
 from virtual_irc5.instructions.measurements import MEASUREMENTS, MeasurementInstructions
 from virtual_irc5.instructions.mechanical_units import UNITS, UnitInstructions
 from virtual_irc5.instructions.motion_settings import SETTINGS, MotionSettingInstructions
-from virtual_irc5.instructions.moves import MOVES, MOVING, SYNCHRONIZED, MoveInstructions, SpeedRatio, refuse_motion
+from virtual_irc5.instructions.moves import (
+    MOVES,
+    MOVING,
+    SYNCHRONIZED_MOVES,
+    MoveInstructions,
+    SpeedRatio,
+    refuse_motion,
+)
 from virtual_irc5.instructions.multimove import MULTIMOVE, MultiMoveInstructions, SyncPoints
 from virtual_irc5.instructions.path_corrections import CORRECTIONS, PathCorrections
 from virtual_irc5.instructions.path_recorder import RECORDER, PathRecorder
@@ -69,7 +76,7 @@ def robot_library(
     library.include(MULTIMOVE, multimove)
     if is_motion_task:
         library.include(EGM, EgmInstructions(moves, corrections, configuration))
-        library.wrap(SYNCHRONIZED, multimove.synchronized)
+        library.wrap(SYNCHRONIZED_MOVES, multimove.synchronized)
         if unit.arm.kinematics.is_of_yumi:
             library.include(GRIPPER, GripperInstructions(unit.gripper, events))
     else:

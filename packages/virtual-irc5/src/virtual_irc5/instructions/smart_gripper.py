@@ -7,10 +7,10 @@ from enum import Enum
 from typing import Any, TypeVar
 
 from abb_protocols.errors import CommandRefused, RobotNotReady
-from abb_protocols.robot.gripper_values import MAX_FORCE, TOP_SPEED, TRAVEL, ServoState
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, MAX_GRIP_FORCE, TOP_FINGER_SPEED, ServoState
 from abb_protocols.rws.values import EventType
 from virtual_irc5.controller_log import ControllerEventLog
-from virtual_irc5.mechanics.virtual_gripper import CHANNELS, SETTLING_TIME, VirtualGripper
+from virtual_irc5.mechanics.virtual_gripper import SETTLING_TIME, VACUUM_CHANNELS, VirtualGripper
 from virtual_irc5.rapid import STANDARD, Call, Library, RapidRuntimeError, Wait
 
 _FINGER_TIMEOUT = 5.0
@@ -45,7 +45,7 @@ def _of_channels(*names: str, signature: str = "", returns: str = "") -> Callabl
     """Register a method under each name with the number of each vacuum channel, which it finds in the call's name."""
 
     def registered(method: _Method) -> _Method:
-        for name in (f"{name}{channel}" for name in names for channel in CHANNELS):
+        for name in (f"{name}{channel}" for name in names for channel in VACUUM_CHANNELS):
             register = GRIPPER.function(name, signature, returns) if returns else GRIPPER.instruction(name, signature)
             register(method)
         return method
@@ -67,8 +67,8 @@ class GripperInstructions:
     @GRIPPER.instruction("g_Init", _SETTINGS)
     @GRIPPER.instruction("Hand_Initialize", _SETTINGS)
     def init(self, call: Call) -> Wait:
-        speed, force = call.get("maxSpd", TOP_SPEED * 1e3) * 1e-3, call.get("holdForce", MAX_FORCE)
-        limit = call.get("phyLimit", TRAVEL * 1e3) * 1e-3
+        speed, force = call.get("maxSpd", TOP_FINGER_SPEED * 1e3) * 1e-3, call.get("holdForce", MAX_GRIP_FORCE)
+        limit = call.get("phyLimit", FINGER_TRAVEL * 1e3) * 1e-3
         self._do(lambda: self._gripper.initialize(speed, force, limit))
         if call.present("Calibrate"):
             yield from self._calibrated(jog=True)
@@ -99,7 +99,7 @@ class GripperInstructions:
         if "Out" in call.name:
             close, failure = self._gripper.grip_out, _GripperFailure.FAILED_GRIP_OUT
         yield from self._readied(call)
-        self._do(lambda: close(call.get("holdForce", MAX_FORCE)))
+        self._do(lambda: close(call.get("holdForce", MAX_GRIP_FORCE)))
         yield from self._held(call, failure)
 
     @GRIPPER.instruction("g_JogIn")

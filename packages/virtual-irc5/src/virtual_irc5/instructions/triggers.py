@@ -12,12 +12,12 @@ from functools import partial
 
 import numpy as np
 
-from virtual_irc5.instructions.moves import FATAL, FRAMES, MOVES, MoveInstructions
+from virtual_irc5.instructions.moves import FATAL, MOVE_FRAMES, MOVES, MoveInstructions
 from virtual_irc5.mechanics.contacts import Contact
 from virtual_irc5.mechanics.path import Passage, PathTrigger
 from virtual_irc5.rapid import Call, Library, Wait
 from virtual_irc5.rapid.builtins.strings import RELATIONS
-from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, RapidSignalType, resolved
+from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, RapidSignalType, resolved_type
 
 _MOST_TRIGGERS = 8
 _ZERO_CYCLES = 100  # 0.4 s after a stop process signals are set to zero
@@ -87,17 +87,17 @@ _TO, _THROUGH = "robtarget ToPoint", "robtarget CirPoint, robtarget ToPoint"
 _WITH_TRIGGERS = (
     r"speeddata Speed, \num T, anytype Trigg_1"
     + "".join(rf", \triggdata T{number}" for number in range(2, _MOST_TRIGGERS + 1))
-    + rf", zonedata Zone, \stoppointdata Inpos, {FRAMES}"
+    + rf", zonedata Zone, \stoppointdata Inpos, {MOVE_FRAMES}"
 )
 _WITH_OUTPUTS = (
     r"\identno ID, speeddata Speed, \num T, \triggios TriggData1{*}, \triggstrgo TriggData2{*}, "
-    rf"\triggiosdnum TriggData3{{*}}, zonedata Zone, \stoppointdata Inpos, {FRAMES}"
+    rf"\triggiosdnum TriggData3{{*}}, zonedata Zone, \stoppointdata Inpos, {MOVE_FRAMES}"
 )
 _SEARCH = (
     r"\switch Stop | \switch PStop | \switch SStop | \switch Sup, PERS signaldi_or_bool Signal, "
     r"\switch Flanks | \switch PosFlank | \switch NegFlank | \switch HighLevel | \switch LowLevel"
 )
-_SEARCHING = rf"\identno ID, speeddata Speed, \num V | \num T, {FRAMES}"
+_SEARCHING = rf"\identno ID, speeddata Speed, \num V | \num T, {MOVE_FRAMES}"
 
 
 class TriggerInstructions:
@@ -328,7 +328,7 @@ class TriggerInstructions:
     )
     def move_with_triggers(self, call: Call) -> Wait:
         first = call.reference("Trigg_1")
-        is_array = isinstance(resolved(first.type), ArrayType)
+        is_array = isinstance(resolved_type(first.type), ArrayType)
         data = list(first.value) if is_array else [first.value]
         data += [call[f"T{number}"] for number in range(2, _MOST_TRIGGERS + 1) if call.present(f"T{number}")]
         if not all(isinstance(each, TriggData) and (is_array or each.events) for each in data):
@@ -369,7 +369,7 @@ class TriggerInstructions:
     @TRIGGERS.instruction(
         "ContactL",
         rf"\num DesiredTorque, {_TO}, \identno ID, speeddata Speed, \num V | \num T, \zonedata Zone, \num Z, "
-        rf"\stoppointdata Inpos, {FRAMES}",
+        rf"\stoppointdata Inpos, {MOVE_FRAMES}",
     )
     def seek_contact(self, call: Call) -> Wait:
         r"""A line on which contact is sought where \DesiredTorque is given; the arm stays where it touches.
@@ -454,7 +454,7 @@ class TriggerInstructions:
 def _watched(call: Call) -> tuple[str, str, Callable[[], float]]:
     """What a search watches: how it is called, the error of one that is set already, and its level."""
     watched = call.reference("Signal")
-    if isinstance(resolved(watched.type), RapidSignalType):
+    if isinstance(resolved_type(watched.type), RapidSignalType):
         name = watched.value.name
         return f"the signal {name}", "ERR_SIGSUPSEARCH", lambda: call.task.read_signal(name)
     return f"the persistent {watched.name}", "ERR_PERSSUPSEARCH", lambda: float(watched.value)

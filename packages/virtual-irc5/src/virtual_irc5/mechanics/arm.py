@@ -11,7 +11,7 @@ from math import acos, dist, pi, sin
 from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.joints import Joints, Pose, Side, joint_names
-from abb_protocols.robot.kinematics import compose, tool0_to_body
+from abb_protocols.robot.kinematics import compose_poses, tool0_to_body
 from abb_protocols.robot.yumi_arms import yumi_arm
 from virtual_irc5.mechanics.arm_motion import ArmModel, ArmMotion, MotionState, Standstill, braking, stopping, travel
 from virtual_irc5.mechanics.egm_motion import EgmMotion, EgmMotionParameters
@@ -22,7 +22,7 @@ from virtual_irc5.mechanics.servo import Servo, between
 _IN_POSITION = 1e-5
 """Difference of planned and measured position at which the arm counts as standing [rad]."""
 
-STOPPED = "stopped"
+ARM_STOPPED = "stopped"
 """Why an arm stands on its path: the program's execution was stopped."""
 
 _PUSH_TIME = 0.8
@@ -91,7 +91,7 @@ class VirtualArm:
         if self.kinematics.is_of_yumi:
             return _tool_pose(self.side, position, tool)
         tool0 = self.kinematics.tool0(position)
-        return tool0 if tool is None else compose(tool0, tool)
+        return tool0 if tool is None else compose_poses(tool0, tool)
 
     def joint_name(self, index: int) -> str:
         """What sentences call a joint, by its place in the chain: as in ROS on a YuMi, else ABB's number."""
@@ -215,7 +215,7 @@ class VirtualArm:
         Raises:
             RobotNotReady: the motors are off, or EGM moves the arm.
         """
-        self.path.holds.discard(STOPPED)
+        self.path.holds.discard(ARM_STOPPED)
         self.regain_path()
 
     def regain_path(self) -> None:
@@ -239,7 +239,7 @@ class VirtualArm:
     def stop(self) -> None:
         """Decelerate any motion to standstill as fast as the drives allow, and hold; a path is kept."""
         if self._motion is self.path:
-            self.path.hold(STOPPED)
+            self.path.hold(ARM_STOPPED)
         elif not self._motion.is_finished:
             self._motion, self._is_regaining = stopping(self._motion.state, self.model), False
 

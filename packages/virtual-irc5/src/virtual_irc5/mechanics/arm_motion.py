@@ -10,7 +10,7 @@ from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchroniza
 
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.description import HAND, Mass
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, JointLimits, Joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, JointLimits, Joints
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ _ROBOTSTUDIO = ArmModel(JointLimits.unlimited(6), reference_delay=0.002, delay=0
 The start is met within 0.002° rms, the end within 0.023°. Its cycle is 4 ms.
 """
 
-MODELS: Mapping[str, ArmModel] = {"YuMi": ArmModel(), "IRB 6640": _IRB_6640, "RobotStudio": _ROBOTSTUDIO}
+ARM_MODELS: Mapping[str, ArmModel] = {"YuMi": ArmModel(), "IRB 6640": _IRB_6640, "RobotStudio": _ROBOTSTUDIO}
 """The sets of parameters by the robot they stand for."""
 
 
@@ -80,8 +80,8 @@ class MotionState:
     """Planned positions [rad], speeds [rad/s] and accelerations [rad/s²] of the joints, each (7,)."""
 
     position: Joints
-    velocity: Joints = ZERO
-    acceleration: Joints = ZERO
+    velocity: Joints = ZERO_JOINTS
+    acceleration: Joints = ZERO_JOINTS
 
     @classmethod
     def standing(cls, position: Joints) -> MotionState:

@@ -18,8 +18,8 @@ from abb_protocols.robot.description import (
     link_mass,
     link_origins,
 )
-from abb_protocols.robot.joints import ZERO, Joints, Side, Vector, rotate
-from abb_protocols.robot.kinematics import foot_to_body, inverse, quaternion_from_euler_zyx
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, Vector, rotate
+from abb_protocols.robot.kinematics import foot_to_body, inverse_pose, quaternion_from_euler_zyx
 from abb_protocols.robot.load import principal_inertia
 
 GRAVITY = 9.81
@@ -58,11 +58,11 @@ class ArmDynamics:
         import mujoco  # noqa: PLC0415 - what runs no virtual robot need not wait for it
 
         self._friction, self._inverse = friction, mujoco.mj_inverse
-        pull = rotate(inverse(foot_to_body(side)).orientation, (0.0, 0.0, -gravity))
+        pull = rotate(inverse_pose(foot_to_body(side)).orientation, (0.0, 0.0, -gravity))
         self._model = _arm_model(payload, drive_inertia, pull)
         self._data: Any = mujoco.MjData(self._model)
 
-    def torque(self, position: Joints, velocity: Joints = ZERO, acceleration: Joints = ZERO) -> Joints:
+    def torque(self, position: Joints, velocity: Joints = ZERO_JOINTS, acceleration: Joints = ZERO_JOINTS) -> Joints:
         """What the drives have to give at the joints, chain order [N m], (7,).
 
         Args:

@@ -16,7 +16,7 @@ import numpy as np
 from abb_protocols.egm.codec import MciState, MotorState, PartialJoints, RapidState, RobotCodec, RobotMessage
 from abb_protocols.errors import ProtocolError, RobotNotReady
 from abb_protocols.robot.joints import CYCLE, Joints, Pose, Quaternion, Vector
-from abb_protocols.robot.kinematics import compose, inverse, matrix
+from abb_protocols.robot.kinematics import compose_poses, inverse_pose, matrix_from_quaternion
 from abb_protocols.robot.rotations import rotation_vectors
 from virtual_irc5.mechanics.arm import VirtualArm
 from virtual_irc5.mechanics.egm_motion import (
@@ -565,14 +565,14 @@ class EgmClient:
         if orientation is not None and hypot(*orientation) < _SHORTEST_QUATERNION:
             self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose whose quaternion has no direction.")
             return
-        own = compose(inverse(activation.frame), self._arm.tool_pose(egm.reference, activation.tool))
+        own = compose_poses(inverse_pose(activation.frame), self._arm.tool_pose(egm.reference, activation.tool))
         self._goal = goal = Pose(point, orientation or own.orientation)
-        tool0 = compose(activation.frame, goal)
+        tool0 = compose_poses(activation.frame, goal)
         if activation.tool is not None:
-            tool0 = compose(tool0, inverse(activation.tool))
+            tool0 = compose_poses(tool0, inverse_pose(activation.tool))
         kinematics = self._arm.kinematics
         angle = float(kinematics.angles(np.array([egm.reference]))[0])
-        at, turned = np.array([tool0.position]), matrix(tool0.orientation)[None]
+        at, turned = np.array([tool0.position]), matrix_from_quaternion(tool0.orientation)[None]
         reference = kinematics.reached(at, turned, angle, egm.reference)
         if reference is None:
             where = ", ".join(f"{value * 1e3:.0f}" for value in point)
@@ -586,9 +586,9 @@ class EgmClient:
         if self._activation.frame is None or self._goal is None:
             return tuple(measured - goal for goal, measured in zip(reference, self._arm.position, strict=True))
         tool = self._arm.tool_pose(self._arm.position, self._activation.tool)
-        own = compose(inverse(self._activation.frame), tool)
+        own = compose_poses(inverse_pose(self._activation.frame), tool)
         way = (a - b for a, b in zip(own.position, self._goal.position, strict=True))
-        turn = matrix(self._goal.orientation).T @ matrix(own.orientation)
+        turn = matrix_from_quaternion(self._goal.orientation).T @ matrix_from_quaternion(own.orientation)
         return (*way, *rotation_vectors(turn[None])[0].tolist())
 
     def _follow(self, session: _EgmSession, position: PartialJoints | None, velocity: PartialJoints | None) -> None:
@@ -651,7 +651,7 @@ class EgmClient:
     def _tool_pose(self, position: Joints) -> Pose:
         pose = self._arm.tool_pose(position, self._activation.tool)
         wobj = self._activation.wobj
-        return pose if wobj is None else compose(inverse(wobj), pose)
+        return pose if wobj is None else compose_poses(inverse_pose(wobj), pose)
 
 
 def _completed(values: PartialJoints, last: Joints) -> Joints:

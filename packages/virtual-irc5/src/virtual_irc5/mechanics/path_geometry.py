@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.arm_kinematics import KinematicArm, PathLost
-from abb_protocols.robot.joints import ORIGIN, Joints, Pose
-from abb_protocols.robot.kinematics import matrix, quaternion_from_matrix
+from abb_protocols.robot.joints import ORIGIN_POSE, Joints, Pose
+from abb_protocols.robot.kinematics import matrix_from_quaternion, quaternion_from_matrix
 from abb_protocols.robot.rotations import rotation_vectors, rotations_about
 
 _Array = NDArray[np.float64]
@@ -66,8 +66,8 @@ class LegFrames:
         robot_holds_tool: whether the tool moves and the work object stands.
     """
 
-    tool: Pose = ORIGIN
-    wobj: Pose = ORIGIN
+    tool: Pose = ORIGIN_POSE
+    wobj: Pose = ORIGIN_POSE
     robot_holds_tool: bool = True
 
     def tool0(self, points: _Array, rotations: _Array) -> tuple[_Array, _Array]:
@@ -89,7 +89,7 @@ class LegFrames:
 
 
 def _parts(pose: Pose) -> tuple[_Array, _Array]:
-    return np.array(pose.position), matrix(pose.orientation)
+    return np.array(pose.position), matrix_from_quaternion(pose.orientation)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class CornerZone:
         return self.radius <= 0.0
 
 
-STOP = CornerZone()
+STOP_CORNER = CornerZone()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -151,7 +151,7 @@ class PathPiece:
         )
 
 
-Place = Callable[[_Array], tuple[_Array, _Array, _Array]]
+LegPlace = Callable[[_Array], tuple[_Array, _Array, _Array]]
 """Points [m], rotations and arm angles [rad] of the tool in the object, at shares 0 to 1 of a leg, (n,)."""
 
 
@@ -173,7 +173,7 @@ class Leg:
     zone: CornerZone
     shares: _Array
     piece: PathPiece
-    place: Place | None
+    place: LegPlace | None
     into: int
     out: int
 
@@ -195,7 +195,7 @@ def joint_leg(
     frames: LegFrames,
     speed: LegSpeed,
     zone: CornerZone,
-    entry: CornerZone = STOP,
+    entry: CornerZone = STOP_CORNER,
 ) -> Leg:
     """All joints from start to end together: MoveAbsJ and MoveJ.
 
@@ -231,10 +231,10 @@ def retraced_leg(arm: KinematicArm, joints: _Array, frames: LegFrames, speed: Le
     """Through positions that the arm has been at [rad], (n, k), to a stop."""
     way, turned = _distances(arm, joints, frames)
     piece = PathPiece(joints, way, turned, speed)
-    return Leg(frames, STOP, np.linspace(0.0, 1.0, len(joints)), piece, None, 0, len(joints) - 1)
+    return Leg(frames, STOP_CORNER, np.linspace(0.0, 1.0, len(joints)), piece, None, 0, len(joints) - 1)
 
 
-def line(start: tuple[_Array, _Array, float], end: tuple[_Array, _Array, float]) -> Place:
+def line(start: tuple[_Array, _Array, float], end: tuple[_Array, _Array, float]) -> LegPlace:
     """A straight line of the tool's point, with its orientation and the arm angle turning evenly."""
     (point, rotation, angle), (to, to_rotation, to_angle) = start, end
     turn = rotation_vectors((rotation.T @ to_rotation)[None])[0]
@@ -251,7 +251,7 @@ def circle(
     via: tuple[_Array, _Array],
     end: tuple[_Array, _Array, float],
     mode: CircleMode,
-) -> Place:
+) -> LegPlace:
     """An arc of the tool's point from start through ``via`` to end.
 
     Raises:
@@ -326,11 +326,11 @@ class CircleMode(Enum):
 def tool_leg(
     arm: KinematicArm,
     start: Joints,
-    place: Place,
+    place: LegPlace,
     frames: LegFrames,
     speed: LegSpeed,
     zone: CornerZone,
-    entry: CornerZone = STOP,
+    entry: CornerZone = STOP_CORNER,
     *,
     passes_wrist: bool = False,
 ) -> Leg:

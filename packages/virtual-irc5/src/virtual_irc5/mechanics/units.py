@@ -12,7 +12,7 @@ from typing import Any
 
 from abb_protocols.errors import RapidError
 from abb_protocols.robot.joints import Pose, Side
-from abb_protocols.robot.kinematics import compose
+from abb_protocols.robot.kinematics import compose_poses
 from abb_protocols.rws.operations.motion import MechanicalUnitState
 from abb_protocols.rws.values import Coordinates, JogMode
 from virtual_irc5.mechanics.arm import VirtualArm
@@ -263,7 +263,7 @@ class ArmUnit:
         point = self.arm.tool_pose(planned, None)
         if self.tool is not None:
             (x, y, z), (w, i, j, k) = self.tool.tframe
-            point = compose(point, Pose((x * 1e-3, y * 1e-3, z * 1e-3), (w, i, j, k)))
+            point = compose_poses(point, Pose((x * 1e-3, y * 1e-3, z * 1e-3), (w, i, j, k)))
         for zone in self.zones:
             zone.watch(point.position, planned)
 

@@ -12,11 +12,11 @@ from math import exp, isfinite
 
 from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.gripper_values import (
-    ATMOSPHERE,
-    LOWEST_SPEED,
-    MAX_FORCE,
-    TOP_SPEED,
-    TRAVEL,
+    ATMOSPHERIC_PRESSURE,
+    FINGER_TRAVEL,
+    LOWEST_FINGER_SPEED,
+    MAX_GRIP_FORCE,
+    TOP_FINGER_SPEED,
     GripperModules,
     ServoCommand,
     ServoState,
@@ -51,8 +51,10 @@ class Workpiece:
     friction: float = 0.5
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.width <= 2.0 * TRAVEL:
-            raise ValueError(f"a workpiece of {self.width} m: widths above 0 and up to {2.0 * TRAVEL} m are allowed")
+        if not 0.0 < self.width <= 2.0 * FINGER_TRAVEL:
+            raise ValueError(
+                f"a workpiece of {self.width} m: widths above 0 and up to {2.0 * FINGER_TRAVEL} m are allowed"
+            )
         if self.mass < 0.0 or self.friction <= 0.0:
             raise ValueError(f"a workpiece of {self.mass} kg and friction {self.friction}: both are positive")
 
@@ -151,7 +153,7 @@ class _FreeMove(_Action):
         self._stalled = 0.0
 
     def advance(self, fingers: _Fingers, dt: float) -> float:
-        left = fingers.drive(self._target, self._speed, MAX_FORCE, dt)
+        left = fingers.drive(self._target, self._speed, MAX_GRIP_FORCE, dt)
         if fingers.opening == self._target:
             self.end(ServoState.ACTION_COMPLETED)
             return left
@@ -184,11 +186,11 @@ class _Jog(_Action):
 
     def __init__(self, *, opens: bool, ends_at_standstill: bool = False) -> None:
         super().__init__(ServoState.JOG_OPEN if opens else ServoState.JOG_CLOSE)
-        self._target = TRAVEL if opens else 0.0
+        self._target = FINGER_TRAVEL if opens else 0.0
         self._ends_at_standstill = ends_at_standstill
 
     def advance(self, fingers: _Fingers, dt: float) -> float:
-        left = fingers.drive(self._target, _JOG_SPEED, MAX_FORCE, dt)
+        left = fingers.drive(self._target, _JOG_SPEED, MAX_GRIP_FORCE, dt)
         if fingers.speed != 0.0 or not self._ends_at_standstill:
             return 0.0
         self.end(self.state)
@@ -219,10 +221,10 @@ class _GripperPause(_Action):
         return -self._left
 
 
-DEEPEST = 25_000.0
+DEEPEST_VACUUM = 25_000.0
 """Pressure under a cup that is tight [Pa]."""
 
-OPEN = 90_000.0
+OPEN_CUP_PRESSURE = 90_000.0
 """Pressure in a cup that sucks air [Pa]."""
 
 _EVACUATION = 0.12
@@ -263,7 +265,7 @@ class VacuumCup:
     def __init__(self, under: CupObject | None = None) -> None:
         self.sucks = False
         self.blows = False
-        self.pressure = ATMOSPHERE
+        self.pressure = ATMOSPHERIC_PRESSURE
         self.under = under
 
     def suck(self, *, is_on: bool) -> None:
@@ -280,15 +282,15 @@ class VacuumCup:
         """Let ``dt`` [s] pass."""
         if self.sucks:
             leak = 1.0 if self.under is None else self.under.leak
-            final, time_constant = DEEPEST + leak * (OPEN - DEEPEST), _EVACUATION
+            final, time_constant = DEEPEST_VACUUM + leak * (OPEN_CUP_PRESSURE - DEEPEST_VACUUM), _EVACUATION
         else:
-            final, time_constant = ATMOSPHERE, _BLOW_OFF if self.blows else _VENTING
+            final, time_constant = ATMOSPHERIC_PRESSURE, _BLOW_OFF if self.blows else _VENTING
         self.pressure = final + (self.pressure - final) * exp(-dt / time_constant)
 
 
 SETTLING_TIME = 0.5
 _CALIBRATION_TIME = 0.5
-CHANNELS = (1, 2)
+VACUUM_CHANNELS = (1, 2)
 """Vacuum modules."""
 
 _STALL_ERROR = 1
@@ -318,12 +320,12 @@ class VirtualGripper:
         self.modules = modules
         self.cups = {channel: VacuumCup(under_cups) for channel in modules.vacuum_channels}
         self.is_calibrated = is_calibrated
-        self.max_speed = TOP_SPEED
-        self.hold_force = MAX_FORCE
-        self.physical_limit = TRAVEL
+        self.max_speed = TOP_FINGER_SPEED
+        self.hold_force = MAX_GRIP_FORCE
+        self.physical_limit = FINGER_TRAVEL
         self._fingers = _Fingers(workpiece)
         self._zero = 0.0
-        self._min_position, self._max_position = 0.0, TRAVEL
+        self._min_position, self._max_position = 0.0, FINGER_TRAVEL
         self._state = ServoState.READY
         self._shown: tuple[object, ...] = ()  # what the signals were made from last
         self._signals: Mapping[str, int] = {}
@@ -405,14 +407,17 @@ class VirtualGripper:
     # What RAPID's g_ instructions do
 
     def initialize(
-        self, max_speed: float = TOP_SPEED, hold_force: float = MAX_FORCE, physical_limit: float = TRAVEL
+        self,
+        max_speed: float = TOP_FINGER_SPEED,
+        hold_force: float = MAX_GRIP_FORCE,
+        physical_limit: float = FINGER_TRAVEL,
     ) -> None:
         """g_Init: speed [m/s] and force [N] are brought into range, the limit of positions [m] is checked.
 
         Raises:
             CommandRefused: the limit is outside the fingers' travel.
         """
-        _check_position(physical_limit, TRAVEL)
+        _check_position(physical_limit, FINGER_TRAVEL)
         self.set_max_speed(max_speed)
         self.set_hold_force(hold_force)
         self.physical_limit = physical_limit
@@ -420,11 +425,11 @@ class VirtualGripper:
 
     def set_max_speed(self, max_speed: float) -> None:
         """g_SetMaxSpd [m/s], brought into the range of the drive."""
-        self.max_speed = max(LOWEST_SPEED, min(TOP_SPEED, max_speed))
+        self.max_speed = max(LOWEST_FINGER_SPEED, min(TOP_FINGER_SPEED, max_speed))
 
     def set_hold_force(self, hold_force: float) -> None:
         """g_SetForce [N], brought into the range of the drive."""
-        self.hold_force = max(0.0, min(MAX_FORCE, hold_force))
+        self.hold_force = max(0.0, min(MAX_GRIP_FORCE, hold_force))
 
     def calibrate(self, *, jog: bool = True) -> None:
         """g_Calibrate: with ``jog`` the fingers close first; where they are then becomes 0. It takes seconds."""
@@ -549,7 +554,7 @@ class VirtualGripper:
     def _execute(self, command: ServoCommand) -> None:
         self._command_shown = command
         narrow, wide = (
-            max(0.0, min(TRAVEL, position + self._zero)) for position in (self._min_position, self._max_position)
+            max(0.0, min(FINGER_TRAVEL, position + self._zero)) for position in (self._min_position, self._max_position)
         )
         speed, force = self.max_speed, self.hold_force
         actions: dict[ServoCommand, _Action] = {

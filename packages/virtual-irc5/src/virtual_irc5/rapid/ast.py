@@ -1,4 +1,4 @@
-"""The syntax tree of RAPID: its nodes, and how data are stored and arguments passed, from the parser to the compiler.
+"""The syntax tree of RAPID: statements, expressions, declarations (modules, routines, records), storage, parameters.
 
 Names keep the spelling of the source; RAPID compares them without case (`virtual_irc5.rapid.program`). Nodes are equal
 wherever they stand.

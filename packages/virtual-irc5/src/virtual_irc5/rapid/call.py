@@ -13,7 +13,7 @@ from virtual_irc5.rapid.devices import Host
 from virtual_irc5.rapid.interrupts import Interrupts
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind, SystemEvent
-from virtual_irc5.rapid.types import ABSENT, RapidRuntimeError, Reference
+from virtual_irc5.rapid.types import ABSENT_DATA, RapidRuntimeError, Reference
 
 Wait = Iterator["float | None"]
 
@@ -85,7 +85,7 @@ class Call:
         self._arguments = arguments
 
     def present(self, name: str) -> bool:
-        return self._arguments.get(name.lower(), ABSENT) is not ABSENT
+        return self._arguments.get(name.lower(), ABSENT_DATA) is not ABSENT_DATA
 
     def __getitem__(self, name: str) -> Any:
         return self._arguments[name.lower()].value
@@ -102,8 +102,8 @@ class Call:
 
     def get(self, name: str, default: Any = None) -> Any:
         """The value of an argument, the default where it is not passed or the instruction has no such parameter."""
-        reference = self._arguments.get(name.lower(), ABSENT)
-        return default if reference is ABSENT else reference.value
+        reference = self._arguments.get(name.lower(), ABSENT_DATA)
+        return default if reference is ABSENT_DATA else reference.value
 
     def reference(self, name: str) -> Reference:
         """The datum itself, with its name, type and value."""

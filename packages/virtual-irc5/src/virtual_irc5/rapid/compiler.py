@@ -23,7 +23,7 @@ from virtual_irc5.rapid.types import (
     MOST_OBJECTS,
     NUM,
     STRING,
-    UNSET,
+    UNSET_DATA,
     ArrayType,
     NotProvided,
     ProgramTooLarge,
@@ -35,11 +35,11 @@ from virtual_irc5.rapid.types import (
     UnresolvedProcedure,
     Variable,
     binary_operation,
-    described,
     holds_objects,
     is_assignable,
-    one,
-    resolved,
+    resolved_type,
+    type_text,
+    type_with_article,
     value_count,
 )
 
@@ -305,7 +305,7 @@ class Statements:
             datum = get_reference(frame)  # the caller's, which has a size
             datum.value = datum.type.convert(evaluate(frame))
 
-        if isinstance(resolved(type_), ArrayType):
+        if isinstance(resolved_type(type_), ArrayType):
             self.builder.add(assign_to_open_array)
             return
 
@@ -405,7 +405,7 @@ class Statements:
     def return_(self, node: s.Return) -> None:
         returns = self.signature.returns
         if (node.value is None) != (returns is None):
-            what = "takes no value" if returns is None else f"needs a value of type {described(returns)}"
+            what = "takes no value" if returns is None else f"needs a value of type {type_text(returns)}"
             self.scope.refuse(node, f"RETURN {what} in '{self.routine.name}'")
         if node.value is None or returns is None:
             self.builder.add(lambda stack, frame: stack.leave(None))
@@ -516,7 +516,9 @@ class Statements:
     def _is_case(self, slot: int, type_: Type, node: s.Expression) -> Evaluate:
         case = self.expressions.value(node, type_)
         if binary_operation("=", type_, case.type) is None:
-            self.scope.refuse(node, f"{one(type_)} cannot be compared with {one(case.type)}")
+            self.scope.refuse(
+                node, f"{type_with_article(type_)} cannot be compared with {type_with_article(case.type)}"
+            )
         evaluate = case.evaluate
         return lambda frame: frame.slots[slot] == evaluate(frame)
 
@@ -595,14 +597,14 @@ def link_module(program: Program, module: LoadedModule) -> None:
 def link(program: Program, module: LoadedModule, variable: Variable, users: tuple[Variable, ...] = ()) -> None:
     """Type and first value of a datum, and before that of the constants it is made from; `users` are made from it."""
     datum = module.data.get(variable)  # none of a module that another thread has unloaded
-    if variable.value is not UNSET or datum is None:
+    if variable.value is not UNSET_DATA or datum is None:
         return
     if variable in users:
         raise fault_in_module(module, datum, f"the value of '{datum.name}' depends on itself")
     try:
         for name in _names(datum):
             found = program.find(name, module)
-            if isinstance(found, Variable) and found.value is UNSET:
+            if isinstance(found, Variable) and found.value is UNSET_DATA:
                 owner = next((m for m in (module, *program.modules.values()) if found in m.data), module)
                 link(program, owner, found, (*users, variable))
         expressions = Expressions(Scope(program, module))
@@ -622,7 +624,7 @@ def link(program: Program, module: LoadedModule, variable: Variable, users: tupl
         variable.fault = error.sentence
         raise
     with _publishing:
-        if variable.value is UNSET:
+        if variable.value is UNSET_DATA:
             _publish(program, module, variable, type_, value)
 
 
@@ -639,13 +641,14 @@ def _publish(program: Program, module: LoadedModule, variable: Variable, type_: 
     variable.fault = ""
     if other is None:
         has_initial = not holds_objects(type_) and (datum.initial is not None or not is_shared)
-        variable.type, variable.initial = type_, value if has_initial else UNSET
+        variable.type, variable.initial = type_, value if has_initial else UNSET_DATA
         variable.value = value
         return
     if not is_assignable(other.type, type_):
-        sentence = f"'{datum.name}' is {one(type_)}, in another task {one(other.type)}: make one a TASK PERS"
+        here, there = type_with_article(type_), type_with_article(other.type)
+        sentence = f"'{datum.name}' is {here}, in another task {there}: make one a TASK PERS"
         raise fault_in_module(module, datum, sentence)
-    if other.initial is UNSET and datum.initial is not None:
+    if other.initial is UNSET_DATA and datum.initial is not None:
         other.value = other.initial = value
     module.data = {other if key is variable else key: each for key, each in module.data.items()}
     module.symbols[datum.name.lower()] = other
@@ -679,4 +682,4 @@ def initialise_variables(program: Program) -> None:
     for module in program.modules.values():
         for variable in module.data:
             if variable.storage is s.Storage.VAR and not variable.fault:
-                variable.value = variable.type.default() if variable.initial is UNSET else variable.initial
+                variable.value = variable.type.default() if variable.initial is UNSET_DATA else variable.initial

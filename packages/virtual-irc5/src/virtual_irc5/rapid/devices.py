@@ -1,4 +1,4 @@
-r"""The devices of a task's controller beside signals: disk, network, FlexPendant, message queues, event log, facts.
+r"""The devices of a task's host, its controller: disk, sockets, dialogs, message queues, event log, facts.
 
 All of them are values or protocols without waiting: an instruction asks once per advance of its task. Files and
 sockets report what is wrong as `OSError`, as Python's own do; the instructions make RAPID's errors of them.
@@ -120,7 +120,7 @@ class DialogKind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class DialogChoice:
     """A button or an item of a list.
 
     Attributes:
@@ -157,8 +157,8 @@ class DeviceDialog:
     kind: DialogKind
     header: str = ""
     lines: tuple[str, ...] = ()
-    choices: tuple[Choice, ...] = ()
-    buttons: tuple[Choice, ...] = ()
+    choices: tuple[DialogChoice, ...] = ()
+    buttons: tuple[DialogChoice, ...] = ()
     lowest: float | None = None
     highest: float | None = None
     is_integer: bool = False
@@ -205,7 +205,7 @@ class DeviceDialog:
 _LONGEST_TEXT = 80  # characters
 
 
-def _chosen(text: str, choices: tuple[Choice, ...]) -> float:
+def _chosen(text: str, choices: tuple[DialogChoice, ...]) -> float:
     """The value of a choice, found by its text or its value."""
     for choice in choices:
         if choice.text and text.strip().lower() in (choice.text.strip().lower(), f"{choice.value:g}"):

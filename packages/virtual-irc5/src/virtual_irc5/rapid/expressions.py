@@ -16,10 +16,10 @@ from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.code_builder import CodeBuilder
 from virtual_irc5.rapid.frame import Evaluate, RoutineFrame, Stack, Step, Target
 from virtual_irc5.rapid.loaded_modules import LoadedModule, UserRoutine, fault_in_module
-from virtual_irc5.rapid.program import Found, Local, Program, Signature
+from virtual_irc5.rapid.program import FoundName, Local, Program, Signature
 from virtual_irc5.rapid.rapid_library import FormalParameter, LibraryRoutine, is_robotware_name
 from virtual_irc5.rapid.types import (
-    ABSENT,
+    ABSENT_DATA,
     ANY_NUM,
     ANY_VALUE,
     BOOL,
@@ -28,7 +28,7 @@ from virtual_irc5.rapid.types import (
     NUM,
     STRING,
     SWITCH,
-    UNSET,
+    UNSET_DATA,
     ArrayType,
     DatumPart,
     NotProvided,
@@ -46,12 +46,12 @@ from virtual_irc5.rapid.types import (
     UnresolvedFunction,
     Variable,
     binary_operation,
-    described,
     is_assignable,
     is_numeric,
-    one,
-    resolved,
+    resolved_type,
     single_precision,
+    type_text,
+    type_with_article,
     unary_operation,
 )
 
@@ -91,7 +91,7 @@ class Scope:
         self.faults: dict[str, str] = {}
         self.is_declaration = builder is None
 
-    def find(self, name: str, node: s.Node, kind: type[Unresolved] = Unresolved) -> Found:
+    def find(self, name: str, node: s.Node, kind: type[Unresolved] = Unresolved) -> FoundName:
         """What a name means here; raises the kind of Unresolved where nothing declares it."""
         key = name.lower()
         local = self.locals.get(key)
@@ -108,7 +108,7 @@ class Scope:
             raise fault_in_module(self.module, node, f"'{name}' is {what}", NotProvided)
         if found is None:
             raise fault_in_module(self.module, node, f"'{name}' is not declared, and no signal has that name", kind)
-        if isinstance(found, Variable) and found.value is UNSET:
+        if isinstance(found, Variable) and found.value is UNSET_DATA:
             raise fault_in_module(self.module, node, f"'{name}' cannot be used: {found.fault.rstrip('.')}", Unresolved)
         return found
 
@@ -140,13 +140,13 @@ class Expressions:
     def fitted(self, given: CompiledExpression, wanted: Type, node: s.Node) -> CompiledExpression:
         if is_assignable(wanted, given.type):
             return given
-        if isinstance(resolved(given.type), RapidSignalType):
-            wanted_type = resolved(wanted)  # a signal stands for its level where a number is needed
+        if isinstance(resolved_type(given.type), RapidSignalType):
+            wanted_type = resolved_type(wanted)  # a signal stands for its level where a number is needed
             if isinstance(wanted_type, OpenType) or is_numeric(wanted_type):
                 return _level(given.evaluate, NUM if isinstance(wanted_type, OpenType) else wanted_type)
-        if given.is_literal and resolved(wanted) == DNUM:
+        if given.is_literal and resolved_type(wanted) == DNUM:
             return replace(given, type=DNUM)
-        self.scope.refuse(node, f"{one(given.type)} is found where {one(wanted)} is needed")
+        self.scope.refuse(node, f"{type_with_article(given.type)} is found where {type_with_article(wanted)} is needed")
 
     def condition(self, node: s.Expression) -> Evaluate:
         return self.value(node, BOOL).evaluate
@@ -208,10 +208,10 @@ class Expressions:
 
     def component(self, record: Type, node: s.Field) -> tuple[int, Type]:
         """The index of a component in its record, and its type."""
-        record = resolved(record)
+        record = resolved_type(record)
         index = record.index(node.name) if isinstance(record, RecordType) else None
         if index is None or not isinstance(record, RecordType):
-            self.scope.refuse(node, f"{one(record)} has no component '{node.name}'")
+            self.scope.refuse(node, f"{type_with_article(record)} has no component '{node.name}'")
         return index, record.components[index][1]
 
     def element(self, node: s.Element, wanted: Type | None) -> CompiledExpression:
@@ -229,9 +229,9 @@ class Expressions:
 
     def index(self, array: Type, node: s.Element) -> tuple[Callable[[RoutineFrame, Any], tuple[int, ...]], Type]:
         """How to compute the path to an element, counted from 0 and checked, and the element's type."""
-        array = resolved(array)
+        array = resolved_type(array)
         if not isinstance(array, ArrayType) or len(array.sizes) != len(node.indices):
-            self.scope.refuse(node, f"{one(array)} has no {len(node.indices)}-dimensional elements")
+            self.scope.refuse(node, f"{type_with_article(array)} has no {len(node.indices)}-dimensional elements")
         evaluates = [compiled.evaluate for compiled in self.in_order([(n, NUM) for n in node.indices])]
 
         def path(frame: RoutineFrame, value: Any) -> tuple[int, ...]:
@@ -253,7 +253,7 @@ class Expressions:
         operand = self._without_signal(self.any(node.operand, wanted))
         operation = unary_operation(node.operator, operand.type)
         if operation is None:
-            self.scope.refuse(node, f"'{node.operator}' cannot be applied to {one(operand.type)}")
+            self.scope.refuse(node, f"'{node.operator}' cannot be applied to {type_with_article(operand.type)}")
         evaluate = operand.evaluate
         return CompiledExpression(lambda frame: operation(evaluate(frame)), operand.type, operand.is_literal)
 
@@ -268,18 +268,18 @@ class Expressions:
             left = self._kept(left) if self.runs_routine(node.right) else left
             right = self._without_signal(self.any(node.right, left.type))
         # A literal is a dnum beside one.
-        if left.is_literal and resolved(right.type) == DNUM:
+        if left.is_literal and resolved_type(right.type) == DNUM:
             left = replace(left, type=DNUM)
-        elif right.is_literal and resolved(left.type) == DNUM:
+        elif right.is_literal and resolved_type(left.type) == DNUM:
             right = replace(right, type=DNUM)
         # Beside a num it is as exact as one.
-        elif left.is_literal and not right.is_literal and resolved(right.type) == NUM:
+        elif left.is_literal and not right.is_literal and resolved_type(right.type) == NUM:
             left = _rounded(left, node.left)
-        elif right.is_literal and not left.is_literal and resolved(left.type) == NUM:
+        elif right.is_literal and not left.is_literal and resolved_type(left.type) == NUM:
             right = _rounded(right, node.right)
         found = binary_operation(node.operator, left.type, right.type)
         if found is None:
-            types = f"{described(left.type)} and {described(right.type)}"
+            types = f"{type_text(left.type)} and {type_text(right.type)}"
             self.scope.refuse(node, f"'{node.operator}' cannot be applied to {types}")
         operation, type_ = found
         first, second = left.evaluate, right.evaluate
@@ -309,13 +309,13 @@ class Expressions:
 
     def parts(self, node: s.Aggregate, wanted: Type | None) -> tuple[RecordType | ArrayType, Sequence[Type]]:
         """The type of an aggregate where `wanted` is needed, and that of each of its items."""
-        record = resolved(wanted) if wanted is not None else None
+        record = resolved_type(wanted) if wanted is not None else None
         if isinstance(record, RecordType) and len(record.components) == len(node.items):
             return record, [type_ for _, type_ in record.components]
         if isinstance(record, ArrayType) and record.sizes[0] in (0, len(node.items)):
             return ArrayType(record.element, (len(node.items), *record.sizes[1:])), [record.row] * len(node.items)
         is_unknown = record is None or isinstance(record, OpenType)
-        what = "its type is unknown" if record is None or is_unknown else f"{one(record)} is needed"
+        what = "its type is unknown" if record is None or is_unknown else f"{type_with_article(record)} is needed"
         self.scope.refuse(node, f"an aggregate of {len(node.items)} is found where {what}")
 
     # Calls --------------------------------------------------------------------------------------------------------
@@ -329,7 +329,7 @@ class Expressions:
             if local is None or local.mode is None:
                 self.scope.refuse(node, "Present takes the name of a parameter of this routine")
             slot = local.slot
-            return CompiledExpression(lambda frame: frame.slots[slot] is not ABSENT, BOOL)
+            return CompiledExpression(lambda frame: frame.slots[slot] is not ABSENT_DATA, BOOL)
         found = self.scope.find(node.name, node, UnresolvedFunction)
         if not isinstance(found, (UserRoutine, LibraryRoutine)):
             self.scope.refuse(node, f"'{node.name}' is not a function")
@@ -407,7 +407,7 @@ class Expressions:
 
     def _without_signal(self, compiled: CompiledExpression) -> CompiledExpression:
         """A signal beside an operator stands for its level."""
-        if not isinstance(resolved(compiled.type), RapidSignalType):
+        if not isinstance(resolved_type(compiled.type), RapidSignalType):
             return compiled
         return _level(compiled.evaluate, NUM)
 
@@ -448,7 +448,7 @@ def _level(signal: Evaluate, type_: Type) -> CompiledExpression:
 
 def _absent(frame: RoutineFrame) -> Reference:
     """What is passed for an argument that is left out."""
-    return ABSENT
+    return ABSENT_DATA
 
 
 class Calls:
@@ -564,20 +564,22 @@ class Calls:
         if local is None or not local.is_optional:
             self.scope.refuse(argument, f"'{name}' is not an optional parameter of this routine")
         if not is_assignable(parameter.type, local.type):
-            self.scope.refuse(argument, f"'{name}' is not {one(parameter.type)}")
+            self.scope.refuse(argument, f"'{name}' is not {type_with_article(parameter.type)}")
         slot, is_copy = local.slot, parameter.mode is s.ParameterMode.VALUE
 
         def conditional(frame: RoutineFrame) -> Reference:
             passed: Reference = frame.slots[slot]
-            return Variable(passed.name, passed.type, passed.value) if is_copy and passed is not ABSENT else passed
+            return Variable(passed.name, passed.type, passed.value) if is_copy and passed is not ABSENT_DATA else passed
 
         return conditional
 
     def _by_reference(self, parameter: FormalParameter, value: s.Expression, node: s.Node) -> _GetReference:
         if not isinstance(value, (s.Name, s.Element, s.Field)):
             self.scope.refuse(node, f"'{parameter.name}' needs a datum, not an expression")
-        wanted = resolved(parameter.type)
-        is_signal = wanted is DI_OR_BOOL and isinstance(resolved(self.expressions.any(value).type), RapidSignalType)
+        wanted = resolved_type(parameter.type)
+        is_signal = wanted is DI_OR_BOOL and isinstance(
+            resolved_type(self.expressions.any(value).type), RapidSignalType
+        )
         if is_signal or isinstance(wanted, (RapidSignalType, ObjectType)):
             # A signal or an object such as a mechanical unit; predefined ones count as variables.
             compiled = self.expressions.value(value, parameter.type)
@@ -587,7 +589,9 @@ class Calls:
             return self.expressions.reference(value)[0]
         get_reference, type_ = self.expressions.writable(value, _WRITABLE[parameter.mode], is_argument=True)
         if not is_assignable(parameter.type, type_):
-            self.scope.refuse(node, f"'{parameter.name}' needs {one(parameter.type)}, not {one(type_)}")
+            self.scope.refuse(
+                node, f"'{parameter.name}' needs {type_with_article(parameter.type)}, not {type_with_article(type_)}"
+            )
         return get_reference
 
 

@@ -1,4 +1,4 @@
-"""A routine under way: its code, a list of small steps each under its statement, and how far it has come in them."""
+"""A routine under way: its code, small steps with spans and targets, local names, and how far it has come in them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from virtual_irc5.rapid.call import RunningTask
 from virtual_irc5.rapid.loaded_modules import UserRoutine
 from virtual_irc5.rapid.states import SystemEvent
 from virtual_irc5.rapid.types import (
-    ABSENT,
+    ABSENT_DATA,
     ALL_ERRORS,
     Propagated,
     RapidRuntimeError,
@@ -167,7 +167,7 @@ class RoutineFrame:
         for each in self.code.locals:  # an inner loop's variable hides one of the same name
             is_visible = each.begin <= self.place and (each.end is None or self.place < each.end)
             datum = self.slots[each.slot] if is_visible else None
-            if datum is not None and datum is not ABSENT:
+            if datum is not None and datum is not ABSENT_DATA:
                 found[each.name.lower()] = each, datum
         return found
 

@@ -19,8 +19,8 @@ from virtual_irc5.rapid.types import (
     RapidValueError,
     RecordType,
     Type,
-    described,
-    resolved,
+    resolved_type,
+    type_text,
 )
 
 _NUM_DIGITS = 6  # significant, of a num with decimals
@@ -31,7 +31,7 @@ _SPECIAL = re.compile(r'["\\\x00-\x1f]')
 
 def format_value(type_: Type, value: Any) -> str:
     """The value as a RAPID literal, without blanks: `[[600,0,225.3],[1,0,0,0]]`, `9E+09`, `TRUE`, `"text"`."""
-    type_ = resolved(type_)
+    type_ = resolved_type(type_)
     if isinstance(type_, RecordType):
         parts = (format_value(t, v) for (_, t), v in zip(type_.components, value, strict=True))
         return f"[{','.join(parts)}]"
@@ -62,9 +62,9 @@ def parse_value(type_: Type, text: str) -> Any:
     try:
         return _value(type_, parse_expression(text))
     except RapidSyntaxError as error:
-        raise RapidValueError(f"'{text}' is not a value of type {described(type_)}: {error}") from error
+        raise RapidValueError(f"'{text}' is not a value of type {type_text(type_)}: {error}") from error
     except (_WrongType, RapidRuntimeError) as error:
-        raise RapidValueError(f"'{text}' is not a value of type {described(type_)}. {error}".rstrip()) from error
+        raise RapidValueError(f"'{text}' is not a value of type {type_text(type_)}. {error}".rstrip()) from error
 
 
 class _WrongType(Exception):
@@ -72,7 +72,7 @@ class _WrongType(Exception):
 
 
 def _value(type_: Type, node: Expression) -> Any:
-    type_ = resolved(type_)
+    type_ = resolved_type(type_)
     if isinstance(type_, RecordType):
         items = _items(node, len(type_.components))
         return type_.value_class._make(_value(t, item) for (_, t), item in zip(type_.components, items, strict=True))

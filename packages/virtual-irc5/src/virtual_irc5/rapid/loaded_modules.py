@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from virtual_irc5.rapid import ast as s
-from virtual_irc5.rapid.types import UNSET, RapidReferenceError, Variable
+from virtual_irc5.rapid.types import UNSET_DATA, RapidReferenceError, Variable
 
 
 @dataclass(eq=False, slots=True, frozen=True)
@@ -56,7 +56,9 @@ class LoadedModule:
         for node in declared:
             symbol: Symbol
             if isinstance(node, s.Data):
-                symbol = Variable(node.name, UNSET, storage=node.storage, is_local=node.is_local, is_task=node.is_task)
+                symbol = Variable(
+                    node.name, UNSET_DATA, storage=node.storage, is_local=node.is_local, is_task=node.is_task
+                )
                 module.data[symbol] = node
             else:
                 symbol = UserRoutine(module, node) if isinstance(node, s.Routine) else UserType(module, node)

@@ -14,7 +14,7 @@ from virtual_irc5.rapid.frame import Code
 from virtual_irc5.rapid.literals import format_value
 from virtual_irc5.rapid.loaded_modules import LoadedModule
 from virtual_irc5.rapid.program import Program
-from virtual_irc5.rapid.types import UNSET, ProgramTooLarge, RapidReferenceError
+from virtual_irc5.rapid.types import UNSET_DATA, ProgramTooLarge, RapidReferenceError
 
 _LONGEST_PROGRAM = 4_000_000  # characters in all modules together
 MOST_DATA = 20_000  # declared in all modules together
@@ -93,7 +93,7 @@ def saved_text(module: LoadedModule) -> str:
     text = module.syntax.text
     lines = list(itertools.accumulate((len(line) for line in text.splitlines(keepends=True)), initial=0))
     for variable, datum in sorted(module.data.items(), key=lambda item: -item[1].position):
-        if datum.storage is not s.Storage.PERS or datum.initial is None or variable.value is UNSET:
+        if datum.storage is not s.Storage.PERS or datum.initial is None or variable.value is UNSET_DATA:
             continue
         found = _FIRST_VALUE.match(text, lines[datum.line - 1] + datum.column - 1)
         if found is not None:

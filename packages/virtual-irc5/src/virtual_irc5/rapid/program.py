@@ -34,7 +34,7 @@ class Local:
     is_optional: bool = False
 
 
-Found = Local | Variable | UserRoutine | LibraryRoutine | UserType | Signal
+FoundName = Local | Variable | UserRoutine | LibraryRoutine | UserType | Signal
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ class Program:
 
     # Names --------------------------------------------------------------------------------------------------------
 
-    def find(self, name: str, module: LoadedModule | None) -> Found | None:
+    def find(self, name: str, module: LoadedModule | None) -> FoundName | None:
         """What `name` means in `module`; None stands for outside of all modules."""
         key = name.lower()
         if module is not None and (own := module.symbols.get(key)) is not None:
@@ -137,7 +137,7 @@ class Program:
                 found.setdefault(name, []).append(module)
         return found
 
-    def find_late(self, name: str, module: LoadedModule) -> Found | None:
+    def find_late(self, name: str, module: LoadedModule) -> FoundName | None:
         """What a late-binding call names: `routine`, or `module:routine`, which may be LOCAL."""
         owner, colon, routine = name.rpartition(":")
         if not colon:

@@ -1,4 +1,4 @@
-r"""The library: instructions, functions, types and data that extend the language.
+r"""The library: instructions, functions with their parameters, types, data and error names that extend the language.
 
 A host registers the instructions of its robot here; RAPID itself only knows how to call them. A signature is the
 parameter list of a RAPID routine, exactly as it would stand between its parentheses::

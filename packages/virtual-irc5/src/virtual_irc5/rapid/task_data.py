@@ -18,7 +18,7 @@ from virtual_irc5.rapid.machine import Machine
 from virtual_irc5.rapid.parser import parse_reference
 from virtual_irc5.rapid.program import Local, Program
 from virtual_irc5.rapid.types import (
-    UNSET,
+    UNSET_DATA,
     RapidReferenceError,
     RapidRuntimeError,
     RapidSyntaxError,
@@ -27,7 +27,7 @@ from virtual_irc5.rapid.types import (
     UnknownSymbol,
     Unresolved,
     Variable,
-    resolved,
+    resolved_type,
     value_count,
 )
 
@@ -72,7 +72,7 @@ class TaskData:
 
     def dimensions_of(self, block: str, symbol: str) -> tuple[int, ...]:
         """The sizes of an array, empty for a single value."""
-        return getattr(resolved(self._reference(block, symbol).type), "sizes", ())
+        return getattr(resolved_type(self._reference(block, symbol).type), "sizes", ())
 
     def kind_of(self, block: str, symbol: str) -> str:
         """What the datum is: "var", "per" or "con", of a routine also "par" (parameter) or "for" (loop variable)."""
@@ -137,7 +137,7 @@ class TaskData:
         found = owner.symbols.get(symbol.partition("{")[0].lower())
         if not isinstance(found, Variable):
             raise UnknownSymbol(f"The module '{owner.name}' has no datum '{symbol}'.")
-        if found.value is UNSET:
+        if found.value is UNSET_DATA:
             try:
                 link(self.program, owner, found)
             except Unresolved as error:

@@ -1,4 +1,4 @@
-"""RAPID's data types, data in memory (variables and parts of them), operators, and the errors of the language.
+"""RAPID's data types (num, bool, string, signals), data in memory, operators, limits, and errors of the language.
 
 Values are immutable Python values: num and dnum are `float`, bool is `bool`, string is `str`, a record is a named
 tuple with its components as attributes (`target.robax.rax_1`), an array is a tuple. A type has a default and checks
@@ -263,8 +263,8 @@ class ArrayType:
             found.append(len(first))
             first = first[0]
         if any(size not in (0, length) for size, length in zip(self.sizes, found, strict=True)):
-            given = described(ArrayType(self.element, tuple(found)))
-            raise RapidRuntimeError("ERR_INVDIM", f"{given} is found where {described(self)} is needed.")
+            given = type_text(ArrayType(self.element, tuple(found)))
+            raise RapidRuntimeError("ERR_INVDIM", f"{given} is found where {type_text(self)} is needed.")
 
     @property
     def row(self) -> Type:
@@ -349,7 +349,7 @@ DI_OR_BOOL = OpenType("signaldi_or_bool")
 ANY_SIGNAL = RapidSignalType("signal")
 
 
-def resolved(type_: Type) -> Type:
+def resolved_type(type_: Type) -> Type:
     """The type itself behind any aliases."""
     while isinstance(type_, AliasType):
         type_ = type_.base
@@ -358,7 +358,7 @@ def resolved(type_: Type) -> Type:
 
 def value_count(type_: Type) -> int:
     """How many atomic values a datum of the type holds."""
-    type_ = resolved(type_)
+    type_ = resolved_type(type_)
     if isinstance(type_, ArrayType):
         return math.prod(type_.sizes) * value_count(type_.element)
     if isinstance(type_, RecordType):
@@ -368,7 +368,7 @@ def value_count(type_: Type) -> int:
 
 def holds_objects(type_: Type) -> bool:
     """Whether data of the type are or hold objects that instructions change."""
-    type_ = resolved(type_)
+    type_ = resolved_type(type_)
     if isinstance(type_, ArrayType):
         return holds_objects(type_.element)
     if isinstance(type_, RecordType):
@@ -377,12 +377,12 @@ def holds_objects(type_: Type) -> bool:
 
 
 def is_numeric(type_: Type) -> bool:
-    return resolved(type_) in (NUM, DNUM)
+    return resolved_type(type_) in (NUM, DNUM)
 
 
 def is_assignable(wanted: Type, given: Type) -> bool:
     """Whether a value of `given` may stand where `wanted` is declared, without any conversion."""
-    wanted, given = resolved(wanted), resolved(given)
+    wanted, given = resolved_type(wanted), resolved_type(given)
     if wanted is DI_OR_BOOL:
         return given is BOOL or is_assignable(RapidSignalType("signaldi"), given)
     if isinstance(wanted, OpenType):
@@ -397,21 +397,21 @@ def is_assignable(wanted: Type, given: Type) -> bool:
     return wanted is given or wanted == given
 
 
-def described(type_: Type) -> str:
+def type_text(type_: Type) -> str:
     """The type as a person would write it: `num`, `num{2,3}`, `errnum`."""
     if not isinstance(type_, ArrayType):
         return type_.name
     return f"{type_.name}{{{','.join(str(n) if n else '*' for n in type_.sizes)}}}"
 
 
-def one(type_: Type) -> str:
+def type_with_article(type_: Type) -> str:
     """The type with its article, for sentences."""
-    text = described(type_)
+    text = type_text(type_)
     return f"{'an' if text[0].lower() in 'aeiou' else 'a'} {text}"
 
 
 _Path = tuple[int, ...]
-UNSET: Any = object()  # the value of a declared datum before the program is linked
+UNSET_DATA: Any = object()  # the value of a declared datum before the program is linked
 
 
 class Reference(Protocol):
@@ -441,7 +441,7 @@ class Variable:
         self,
         name: str,
         type_: Type,
-        value: Any = UNSET,
+        value: Any = UNSET_DATA,
         storage: Storage = Storage.VAR,
         *,
         is_local: bool = True,
@@ -453,7 +453,7 @@ class Variable:
         self.storage = storage
         self.is_local = is_local
         self.is_task = is_task
-        self.initial: Any = UNSET
+        self.initial: Any = UNSET_DATA
         self.fault = ""
         self.watchers: list[Callable[[], None]] = []
 
@@ -515,7 +515,7 @@ class ProtectedVariable(Variable):
     __slots__ = ()
 
     def __init__(self, name: str, type_: Type, value: Any) -> None:
-        super().__init__(name, type_, UNSET, Storage.PERS, is_local=False)
+        super().__init__(name, type_, UNSET_DATA, Storage.PERS, is_local=False)
         _VALUE.__set__(self, value)
 
     @property
@@ -524,7 +524,7 @@ class ProtectedVariable(Variable):
 
     @value.setter
     def value(self, new: Any) -> None:
-        if new is not UNSET:  # as it is before its value is known
+        if new is not UNSET_DATA:  # as it is before its value is known
             # The manual says that no program changes it, and names no error for an assignment to a parameter; this one
             # is SetDataVal's of data that is read-only.
             raise RapidRuntimeError("ERR_SYM_ACCESS", f"'{self.name}' is RobotWare's own and cannot be changed.")
@@ -587,7 +587,7 @@ class Absent:
         raise RapidRuntimeError("ERR_NOTPRES", "An optional parameter is used that the caller did not pass.")
 
 
-ABSENT = Absent()
+ABSENT_DATA = Absent()
 _Operation = Callable[[Any, Any], Any]
 
 
@@ -660,7 +660,7 @@ def binary_operation(symbol: str, left: Type, right: Type) -> tuple[_Operation, 
     if symbol in {"=", "<>"}:
         operation = operator.eq if symbol == "=" else operator.ne
         return (operation, BOOL) if is_assignable(left, right) else None
-    left, right = resolved(left), resolved(right)
+    left, right = resolved_type(left), resolved_type(right)
     if is_numeric(left) and left == right and symbol in _NUMERIC:
         operation, is_comparison = _NUMERIC[symbol]
         return operation, BOOL if is_comparison else left
@@ -674,7 +674,7 @@ def binary_operation(symbol: str, left: Type, right: Type) -> tuple[_Operation, 
 
 def unary_operation(symbol: str, operand: Type) -> Callable[[Any], Any] | None:
     """The operation, which gives the operand's type; None when the type does not go with the operator."""
-    operand = resolved(operand)
+    operand = resolved_type(operand)
     if symbol == "NOT":
         return operator.not_ if operand == BOOL else None
     if operand in (NUM, DNUM):

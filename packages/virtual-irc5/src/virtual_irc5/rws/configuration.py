@@ -10,7 +10,7 @@ from abb_protocols.rws.cfg_files import read_cfg
 from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import configuration as table
 from abb_protocols.rws.values import RwsCode
-from virtual_irc5.controller.installed_system import DOMAINS
+from virtual_irc5.controller.installed_system import PARAMETER_DOMAINS
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.rws.files import path_of_file
 from virtual_irc5.rws.http import HttpReply
@@ -50,7 +50,7 @@ ROUTES = Routes()
 
 @ROUTES.answer(table.CFG_DOMAINS)
 def _get_domains(controller: Irc5, call: RwsCall) -> Page:
-    return page_at("cfg", _CFG_BASE, "", *(page_entry("cfg-domain-li", domain) for domain in DOMAINS))
+    return page_at("cfg", _CFG_BASE, "", *(page_entry("cfg-domain-li", domain) for domain in PARAMETER_DOMAINS))
 
 
 @ROUTES.answer(table.CFG_TYPES)
@@ -248,7 +248,7 @@ def _save_domain(controller: Irc5, call: RwsCall) -> None:
 
 def _domain(call: RwsCall) -> str:
     domain = call.names["domain"].upper()
-    if domain not in DOMAINS:
+    if domain not in PARAMETER_DOMAINS:
         raise CallFailure(400, RwsCode.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain[:50]}")
     return domain
 

@@ -16,7 +16,7 @@ from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import ctrl as table
 from abb_protocols.rws.values import RwsCode
 from virtual_irc5.controller.backup import check_backup, restore_backup, write_backup
-from virtual_irc5.controller.file_store import DEVICES
+from virtual_irc5.controller.file_store import DISK_DEVICES
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rws.files import path_of_file
@@ -75,7 +75,7 @@ def _set_identity(controller: Irc5, call: RwsCall) -> None:
 def _get_environment(controller: Irc5, call: RwsCall) -> Mapping[str, str]:
     """What an environment variable stands for: our devices stand for themselves."""
     name = call.names["variable"].upper()
-    if name not in DEVICES:
+    if name not in DISK_DEVICES:
         raise CallFailure(404, RwsCode.FAIL, f"there is no environment variable ${name}")
     return {f"${name}": f"{name}:"}
 

@@ -7,7 +7,7 @@ from datetime import datetime, timezone
 from abb_protocols.rws.documents import Page, RwsLink, RwsState
 from abb_protocols.rws.operations import files as table
 from abb_protocols.rws.values import RwsCode
-from virtual_irc5.controller.file_store import CAPACITY, DEVICES, File
+from virtual_irc5.controller.file_store import DISK_CAPACITY, DISK_DEVICES, File
 from virtual_irc5.controller.irc5 import Irc5
 from virtual_irc5.controller_log import RefusalReason, Refused
 from virtual_irc5.rws.http import HttpReply
@@ -30,12 +30,12 @@ def _get_disks(controller: Irc5, call: RwsCall) -> Page:
             "fs-device",
             f"${device.lower()}",
             fs_device_type="ramdisk" if device == "RAMDISK" else "fixed",
-            fs_total_space=str(CAPACITY),
-            fs_free_space=str(CAPACITY - controller.files.used),
+            fs_total_space=str(DISK_CAPACITY),
+            fs_free_space=str(DISK_CAPACITY - controller.files.used),
             fs_enabled="TRUE",
             fs_readonly="FALSE",
         )
-        for device in DEVICES
+        for device in DISK_DEVICES
     )
     return page_at("File Service", _FILES_BASE, "", *states)
 
@@ -115,7 +115,7 @@ def path_of_file(text: str) -> str:
     """``$home/a.mod`` or ``HOME:/a.mod``, with or without ``/fileservice/`` before it, as RAPID writes it."""
     device, _, rest = text.removeprefix("/fileservice/").partition("/")
     name = device.removeprefix("$").removesuffix(":").upper()
-    if name not in DEVICES:
+    if name not in DISK_DEVICES:
         raise CallFailure(404, RwsCode.FAIL, f"there is no device {device}")
     if ".." in rest.split("/"):
         raise bad_call("a path does not lead upwards")

@@ -1,4 +1,4 @@
-"""HTTP of the virtual controller: requests and replies, the digest login, and sessions kept by cookies.
+"""HTTP of the virtual controller: requests, replies, the digest login (credentials, nonces), sessions kept by cookies.
 
 The login is that of RFC 2617 with MD5 and qop=auth; sessions are forgotten after five idle minutes (reference/rws.md
 §2.1-2.2).
@@ -210,7 +210,7 @@ def read_cookies(headers: Iterable[str]) -> dict[str, str]:
 
 
 MAX_SESSIONS = 70
-IDLE_LIFE = 300.0  # [s]
+IDLE_SESSION_LIFE = 300.0  # [s]
 _MAX_CONNECTIONS = 16  # remembered per session; a client that reconnects for each request must not fill memory
 _FIRST_CONNECTION = 1507337
 
@@ -314,4 +314,4 @@ class SessionTable:
 
 
 def _is_idle(session: HttpSession, now: float) -> bool:
-    return now - session.last_used > IDLE_LIFE
+    return now - session.last_used > IDLE_SESSION_LIFE

@@ -12,7 +12,7 @@ import numpy as np
 from abb_protocols.errors import CommandRefused, ProtocolError, RobotNotReady
 from abb_protocols.robot.arm_kinematics import KinematicArm
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_from_abb
-from abb_protocols.robot.kinematics import compose, inverse, matrix
+from abb_protocols.robot.kinematics import compose_poses, inverse_pose, matrix_from_quaternion
 from abb_protocols.rws.documents import Page, RwsLink, RwsState, first_value
 from abb_protocols.rws.operations import motion as table
 from abb_protocols.rws.operations.motion import JointTarget, RobTarget
@@ -169,7 +169,9 @@ def _pose(position: list[float], orientation: list[float]) -> Pose:
 
 def _nearest(kinematics: KinematicArm, pose: Pose, angle: float, near: Joints) -> Joints:
     """The posture of a pose that is nearest to another one: of its branch, or any where that does not reach it."""
-    followed = kinematics.reached(np.array([pose.position]), matrix(pose.orientation)[None], angle, near)
+    followed = kinematics.reached(
+        np.array([pose.position]), matrix_from_quaternion(pose.orientation)[None], angle, near
+    )
     found = kinematics.postures(pose, angle) if followed is None else (followed,)
     if not found:
         raise CallFailure(400, RwsCode.POSE_OUTSIDE_REACH, f"the {kinematics.name} does not reach the pose")
@@ -568,7 +570,7 @@ def _given(kinematics: KinematicArm, call: RwsCall, prefix: str = "") -> Joints:
 def _pose_from_joints(controller: Irc5, call: RwsCall) -> Mapping[str, RobTarget]:
     kinematics = controller.arm_of(_find(controller, call)).kinematics
     position = _given(kinematics, call)
-    pose = compose(kinematics.tool0(position), _tool(call))
+    pose = compose_poses(kinematics.tool0(position), _tool(call))
     one, four, six, last = kinematics.configuration(position)
     return {"positionData": RobTarget(pose, (one, four, six, last), (_arm_angle(kinematics, position),))}
 
@@ -582,7 +584,7 @@ def _wanted(call: RwsCall) -> tuple[Pose, float, list[float]]:
     """Pose of tool0 in the body, arm angle, and configuration of a calculation."""
     pose = _pose(_numbers(call, "curr_position", 3), _numbers(call, "curr_orientation", 4))
     extra = _numbers(call, "curr_ext_joints", 6)
-    return compose(pose, inverse(_tool(call))), extra[0], _numbers(call, "robot_configuration", 4)
+    return compose_poses(pose, inverse_pose(_tool(call))), extra[0], _numbers(call, "robot_configuration", 4)
 
 
 @ROUTES.answer(table.JOINTS_FROM_POSE, table.JOINTS_FROM_CARTESIAN)

@@ -76,7 +76,7 @@ ROUTES = (
 
 _NO_CONTENT = 204
 
-_log = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 
 class RwsService:
@@ -264,7 +264,7 @@ class RwsService:
         except SettingsError as error:
             failure = bad_call(str(error))
         except Exception:  # whatever a client sends, the controller goes on
-            _log.exception("%s /%s met a fault of the virtual controller", request.method, "/".join(request.path))
+            log.exception("%s /%s met a fault of the virtual controller", request.method, "/".join(request.path))
             failure = CallFailure(400, RwsCode.FAIL, "a fault of the virtual controller")
         service = next((part for part in request.path if part != "rw"), "rw")
         title = "Error" if service == "fileservice" else "rw"

@@ -1,4 +1,4 @@
-"""Robot Web Services 2.0, of RobotWare 7, as a translation: each of its operations is one of the table of 1.0.
+"""Robot Web Services 2.0, of RobotWare 7, as a translation of 1.0: operations, and media types (XHTML, HAL, forms).
 
 A line below gives method and path of 2.0 and, where they differ, path, action and resource of the operation of 1.0 that
 answers. Behaviour, permitted values, status and bodies are those of that operation. What differs for all operations
@@ -42,9 +42,9 @@ from virtual_irc5.rws.rws_call import CallFailure, RwsCall, Shown
 from virtual_irc5.rws.rws_service import RwsService
 from virtual_irc5.rws.subscriptions import SubscriptionRules
 
-XHTML = "application/xhtml+xml;v=2.0"
-HAL = "application/hal+json;v=2.0"
-FORM = f"{FORM_TYPE};v=2.0"
+XHTML_2 = "application/xhtml+xml;v=2.0"
+HAL_2 = "application/hal+json;v=2.0"
+FORM_2 = f"{FORM_TYPE};v=2.0"
 _FILES = ("text/plain;v=2.0", "application/octet-stream;v=2.0")
 """What a body may be that is a file."""
 
@@ -494,13 +494,15 @@ class RwsService2(RwsService):
         if request.path[:1] == ("fileservice",) and request.method in ("GET", "HEAD"):
             return Form.XHTML  # the content of a file is what it is
         raise CallFailure(
-            406, RwsCode.FAIL, f"Server cannot generate response for given accept header; it makes {XHTML} and {HAL}"
+            406,
+            RwsCode.FAIL,
+            f"Server cannot generate response for given accept header; it makes {XHTML_2} and {HAL_2}",
         )
 
     def _pairs(self, request: HttpRequest) -> Pairs:
         kind = _media_type(request.header("Content-Type") or "")
         is_file = request.method == "PUT" and request.path[:1] == ("fileservice",)
-        allowed = _FILES if is_file else (FORM,)
+        allowed = _FILES if is_file else (FORM_2,)
         if (request.body or (kind and request.method in ("POST", "PUT"))) and kind not in allowed:
             raise CallFailure(415, RwsCode.INVALIDARG, f"a body is {' or '.join(allowed)}, not {kind or 'of no type'}")
         return () if is_file else request.form()
@@ -514,11 +516,11 @@ class RwsService2(RwsService):
 
     def _operate(self, request: HttpRequest, form: Form, session: HttpSession) -> HttpReply:
         reply = super()._operate(request, form, session)
-        headers = tuple((name, XHTML if text == Form.XHTML.value else text) for name, text in reply.headers)
+        headers = tuple((name, XHTML_2 if text == Form.XHTML.value else text) for name, text in reply.headers)
         return replace(reply, headers=headers)
 
     def _content_type(self, form: Form) -> str:
-        return HAL if form is Form.JSON else XHTML
+        return HAL_2 if form is Form.JSON else XHTML_2
 
     def _page(self, page: Page, form: Form, host: str) -> bytes:
         links = self._rws2_links([link for link in page.links if link.rel != "action"], page.base)
@@ -562,7 +564,7 @@ class RwsService2(RwsService):
         return tuple(found)
 
 
-_FORMS = {XHTML: Form.XHTML, HAL: Form.JSON}
+_FORMS = {XHTML_2: Form.XHTML, HAL_2: Form.JSON}
 """The representations by media type; the first is for a client that likes all of them alike."""
 
 

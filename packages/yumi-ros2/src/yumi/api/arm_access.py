@@ -17,7 +17,7 @@ from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
-from yumi.driver.control_process import FRESH, ControlProcess
+from yumi.driver.control_process import FRESH_FEEDBACK, ControlProcess
 from yumi.driver.controller_names import GOAL_CONTROLLER
 from yumi.driver.readiness import why_arm_does_not_follow
 from yumi.driver.stops import because
@@ -69,7 +69,7 @@ class ArmAccess:
         now = self.clock.now()
         return (
             self.motions.is_open(side)
-            or any(each.goal and now - each.time < FRESH for each in self.trajectories(side))
+            or any(each.goal and now - each.time < FRESH_FEEDBACK for each in self.trajectories(side))
             or max(map(abs, self.control.snapshot(side).velocity)) > STANDING
         )
 

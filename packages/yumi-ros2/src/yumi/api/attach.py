@@ -18,7 +18,7 @@ from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.joints import JOINT_COUNT, Pose, Side, by_side, joints
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_executor import RETREAT_SPEED_SCALE
-from yumi.control.goals import Tracking
+from yumi.control.goals import GoalTracking
 from yumi.driver.command import ArmName, Command, Lane, SentPosition
 from yumi.driver.commands import (
     AllowCollision,
@@ -35,7 +35,7 @@ from yumi.driver.commands import (
     StopEgm,
     SwitchControllers,
 )
-from yumi.driver.endpoint import ANSWER, EndpointClient, find_driver
+from yumi.driver.endpoint import ENDPOINT_ANSWER_TIME, EndpointClient, find_driver
 from yumi.driver.motion_commands import Follow, Jog, JogTool, Move, Stream
 from yumi.driver.reports import ControllerStatus, DriverState, GripReport, MotionReport
 from yumi.driver.robot_state import ModeName
@@ -107,7 +107,7 @@ class RunningDriver:
             command: with its arguments.
             on_motion: given how far motions are, ten times a second.
         """
-        timeout = ANSWER if command.lane is Lane.READ else None
+        timeout = ENDPOINT_ANSWER_TIME if command.lane is Lane.READ else None
         return self._client.call(command, self._on_step, on_motion, timeout)
 
     @property
@@ -331,7 +331,7 @@ class RunningDriver:
         velocities: Mapping[ArmName, Sequence[float]] | None = None,
         grippers: Mapping[ArmName, float] | None = None,
         time: float | None = None,
-        tracking: Tracking = "feed_forward",
+        tracking: GoalTracking = "feed_forward",
         delay: float | None = None,
         blend: float | None = None,
     ) -> None:

@@ -20,12 +20,12 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import RobotNotReady, SettingsError, YumiError
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import SystemClock
-from abb_runtime.process.supervision import Failures
+from abb_runtime.process.supervision import ThreadFailures
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import MotionRegistry
 from yumi.control.loop_events import Event
-from yumi.control.speed_scale import FULL
-from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.control.speed_scale import FULL_SPEED
+from yumi.driver.bringup import BRINGUP_ANNOUNCEMENT
 from yumi.driver.command import CommandedRobot
 from yumi.driver.controller_names import GOAL_CONTROLLER
 from yumi.driver.endpoint_server import EndpointServer
@@ -42,7 +42,7 @@ from yumi.driver.stops import StopLog
 from yumi.driver.surroundings import surroundings_of
 from yumi.driver.teleoperation import Elsewhere
 from yumi.driver.wiring import DriverParts, make_parts, only_at_robot
-from yumi.recording.message_types import STATE
+from yumi.recording.message_types import STATE_TOPIC
 from yumi.recording.recorder import FullRecorder, Source, Sources
 
 _log = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ _log = logging.getLogger(__name__)
 def recorded_sources(manager: RobotManager, signals: GripperSignals) -> Sources:
     """What a recording of a session has beside the cycles: state, grippers, tools, and the arms without EGM."""
     manager.monitor.read_joints()
-    values: dict[str, Source] = {STATE: manager.monitor.state}
+    values: dict[str, Source] = {STATE_TOPIC: manager.monitor.state}
     values |= {f"{side.value}/gripper": partial(signals.state, side) for side in Side}
     return Sources(values, manager.monitor.joints, manager.tcp)
 
@@ -130,7 +130,7 @@ class Connection:
         self._stops = StopLog(SystemClock())  # a stop that kept it from being opened is confirmed when it is opened
         self._speed: SpeedSetting | None = None
         self._note: Callable[[Event], None] = lambda event: None
-        self._failures = Failures()
+        self._failures = ThreadFailures()
 
     def open(self, confirm: str = "", *, is_named: bool = False) -> None:
         """Connect, bring the robot to ready where that is named, and start EGM on its arms, which hold where they are.
@@ -158,7 +158,7 @@ class Connection:
                     self.manager.make_ready()  # refused where there is anything to do
                 steps = [*self.manager.steps_to_ready(), *self._gripper_setup.steps(is_tested=is_tested)]
                 start = f"start EGM on {arms_in_words(self._arms)} (to hold where they are)"
-                _log.warning("%s%s.", ANNOUNCEMENT, ", ".join([*steps, start]))
+                _log.warning("%s%s.", BRINGUP_ANNOUNCEMENT, ", ".join([*steps, start]))
                 self.manager.make_ready(confirm)
                 if is_tested:  # not while EGM runs
                     self._were_tested = True
@@ -226,7 +226,7 @@ class Connection:
         if self._speed is not None:  # what was set before the connection was opened anew
             manager.speed.set(self._speed.value)
         self._speed = manager.speed
-        if self._speed.value < FULL:
+        if self._speed.value < FULL_SPEED:
             _log.warning("%s Raise it with robot.speed_scale or connect(speed_scale=...).", self._speed)
         self.client = parts.client
         stack.callback(parts.client.close)

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
-from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripOutcome, GripperGoal, go_to, grip
+from abb_protocols.robot.gripper_values import (
+    FINGER_TRAVEL,
+    GripDirection,
+    GripOutcome,
+    GripperGoal,
+    finger_position_goal,
+    grip,
+)
 from abb_protocols.robot.joints import Side
 
 if TYPE_CHECKING:  # yumi.pose takes no more than poses need
@@ -66,7 +73,7 @@ class Gripper:
         self._force = force
         self._picked_pressure = picked_pressure
         self._calibrate = calibrate or (lambda: gripper().calibrate())
-        self._direction = Direction.INWARDS  # of the last grip
+        self._direction = GripDirection.INWARDS  # of the last grip
 
     def __repr__(self) -> str:
         try:
@@ -90,7 +97,7 @@ class Gripper:
         """Whether the gripper holds something now, by its own signals; raises as :attr:`position`."""
         return self._gripper().is_holding()
 
-    def open(self, width: float = 2.0 * TRAVEL) -> Grip:
+    def open(self, width: float = 2.0 * FINGER_TRAVEL) -> Grip:
         """Open the fingers, and return when they stand.
 
         Args:
@@ -101,9 +108,9 @@ class Gripper:
             RobotNotReady: the gripper is not calibrated, or reports an error.
             GoalNotReached: something is in the way.
         """
-        if not 0.0 < width <= 2.0 * TRAVEL:  # NaN too
-            raise CommandRefused(message("gripper_width_out_of_range", width=width, most=2.0 * TRAVEL))
-        result = self._command(go_to(width / 2.0))
+        if not 0.0 < width <= 2.0 * FINGER_TRAVEL:  # NaN too
+            raise CommandRefused(message("gripper_width_out_of_range", width=width, most=2.0 * FINGER_TRAVEL))
+        result = self._command(finger_position_goal(width / 2.0))
         if result.outcome is GripOutcome.STALLED:
             raise GoalNotReached(
                 message("gripper_stopped_short", gripper=self.side.word, width=result.width, wanted=width)
@@ -112,7 +119,7 @@ class Gripper:
 
     def close(self) -> Grip:
         """Close the fingers with the usual force, on whatever is between them; returns and raises as :meth:`open`."""
-        return self._command(grip(Direction.INWARDS, self._force))
+        return self._command(grip(GripDirection.INWARDS, self._force))
 
     def grasp(self, force: float | None = None, width: float | None = None, *, outwards: bool = False) -> Grip:
         """Close the fingers on an object and hold it, or open them inside a hollow one.
@@ -127,9 +134,9 @@ class Gripper:
             RobotNotReady: as for :meth:`open`.
             GoalNotReached: nothing is held, or something wider or narrower by more than 3 mm; it is still held.
         """
-        if width is not None and not 0.0 < width <= 2.0 * TRAVEL:
-            raise CommandRefused(message("object_width_out_of_range", width=width, most=2.0 * TRAVEL))
-        self._direction = Direction.OUTWARDS if outwards else Direction.INWARDS
+        if width is not None and not 0.0 < width <= 2.0 * FINGER_TRAVEL:
+            raise CommandRefused(message("object_width_out_of_range", width=width, most=2.0 * FINGER_TRAVEL))
+        self._direction = GripDirection.OUTWARDS if outwards else GripDirection.INWARDS
         result = self._command(grip(self._direction, self._force if force is None else force))
         if result.outcome is not GripOutcome.HOLDING:
             raise GoalNotReached(message("gripper_holds_nothing", gripper=self.side.word, outcome=result.outcome.value))
@@ -146,9 +153,9 @@ class Gripper:
             RobotNotReady: as for :meth:`open`.
             GoalNotReached: something is in the way.
         """
-        if self._direction is Direction.INWARDS:
+        if self._direction is GripDirection.INWARDS:
             return self.open()
-        result = self._command(go_to(0.0))
+        result = self._command(finger_position_goal(0.0))
         if result.outcome is GripOutcome.STALLED:
             raise GoalNotReached(
                 message("gripper_stopped_short", gripper=self.side.word, width=result.width, wanted=0.0)

@@ -10,7 +10,7 @@ from math import dist
 from abb_protocols.catalogue import message, quoted
 from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
-from abb_protocols.robot.kinematics import compose, inverse, tool0_to_body
+from abb_protocols.robot.kinematics import compose_poses, inverse_pose, tool0_to_body
 from abb_runtime.clock import Clock
 from yumi.api.joint_positions import Position, TimedPosition, checked_goal, timed_points
 from yumi.api.motion_registry import Motion, MotionRegistry, MotionWay
@@ -23,13 +23,13 @@ from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.point_motion import PointMotion, point_travel
 from yumi.control.motion.robot_response import STANDING
 from yumi.control.motion.setpoint import Setpoint
-from yumi.control.speed_scale import FULL
+from yumi.control.speed_scale import FULL_SPEED
 from yumi.control.tool_limits import ToolLimits
 from yumi.control.trajectory_commands import ArmPlan, FollowTrajectory, Tolerances
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.planning.common_time import started_together
-from yumi.planning.tool_path import SPEED, TURNING, ToolMotion, Waypoint, plan_tool_motions
+from yumi.planning.tool_path import TOOL_SPEED, TOOL_TURNING, LineWaypoint, ToolMotion, plan_tool_motions
 from yumi.planning.trajectory_request import JointTrajectory, plan_trajectory
 
 _PLAN_TOLERANCE = 0.02
@@ -68,7 +68,7 @@ class MotionExecutor(ArmStreams):
         arms: tuple[Side, ...],
         limits: JointLimits,
         clock: Clock,
-        speed_scale: Callable[[], float] = lambda: FULL,
+        speed_scale: Callable[[], float] = lambda: FULL_SPEED,
         tool_limits: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
     ) -> None:
         super().__init__(control, motions, arms, clock)
@@ -143,7 +143,7 @@ class MotionExecutor(ArmStreams):
                 given = (*given, *tool0_to_body(side, starts[side], tools[side]).orientation)
             poses[side] = pose_from(given)  # type: ignore[arg-type]
         if not is_linear:
-            targets = {side: compose(pose, inverse(tools[side])) for side, pose in poses.items()}
+            targets = {side: compose_poses(pose, inverse_pose(tools[side])) for side, pose in poses.items()}
             positions: dict[Side, Position] = {
                 side: posture_for(side, tool0, None, None, starts[side], YUMI_LIMITS) for side, tool0 in targets.items()
             }
@@ -152,9 +152,9 @@ class MotionExecutor(ArmStreams):
         paths = {
             side: ToolMotion(
                 tools[side],
-                (Waypoint(pose),),
-                scale * (line_speed or SPEED),
-                scale * TURNING,
+                (LineWaypoint(pose),),
+                scale * (line_speed or TOOL_SPEED),
+                scale * TOOL_TURNING,
                 acceleration=acceleration or 1.0,
             )
             for side, pose in poses.items()

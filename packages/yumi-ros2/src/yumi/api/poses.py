@@ -10,14 +10,14 @@ from typing import Any, SupportsFloat
 from abb_protocols.catalogue import Message, message, quoted
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.joints import ORIGIN, Pose, Quaternion, Side
-from abb_protocols.robot.kinematics import IDENTITY, compose, euler_zyx, quaternion_from_euler_zyx
-from yumi.planning.tool_path import Waypoint, checked_pose
+from abb_protocols.robot.joints import ORIGIN_POSE, Pose, Quaternion, Side
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, compose_poses, euler_zyx, quaternion_from_euler_zyx
+from yumi.planning.tool_path import LineWaypoint, checked_pose
 
 PoseLike = Pose | Sequence[SupportsFloat]
 """A pose: a :class:`abb_protocols.robot.joints.Pose`, or seven numbers x, y, z [m] and the quaternion w, x, y, z."""
 
-TOOL0 = ORIGIN
+TOOL0 = ORIGIN_POSE
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -71,7 +71,7 @@ def pose(
     """
     if quaternion is not None and rpy is not None:
         raise CommandRefused(message("pose_orientation_twice"))
-    orientation: Quaternion = IDENTITY
+    orientation: Quaternion = IDENTITY_QUATERNION
     if rpy is not None:
         roll, pitch, yaw = numbers_from(rpy, 3, "rpy")
         orientation = quaternion_from_euler_zyx((roll, pitch, yaw))
@@ -155,10 +155,10 @@ def checked_angle(angle: SupportsFloat) -> float:
 
 def waypoints_from(
     frames: PoseFrames, poses: Sequence[PoseLike], work_object: PoseLike | str | None, angle: float | None
-) -> tuple[Waypoint, ...]:
+) -> tuple[LineWaypoint, ...]:
     """Poses given in a work object as waypoints in the body frame; the arm angle is that of the last."""
     base = frames.work_object(work_object)
-    points = [Waypoint(compose(base, pose_from(each))) for each in poses]
+    points = [LineWaypoint(compose_poses(base, pose_from(each))) for each in poses]
     if points and angle is not None:
         points[-1] = replace(points[-1], angle=checked_angle(angle))
     return tuple(points)

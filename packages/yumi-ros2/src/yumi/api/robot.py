@@ -23,14 +23,14 @@ from yumi.api.obstacles import boxes_from
 from yumi.api.poses import PoseFrames, PoseLike, poses_from, waypoints_from
 from yumi.api.robot_arm import Arm
 from yumi.control.chunk_commands import MOST_JUMP
-from yumi.control.goals import Tracking, stream_delay
+from yumi.control.goals import GoalTracking, stream_delay
 from yumi.control.hand_over import Commander
 from yumi.driver import gripper as driver
 from yumi.driver.gripper_follower import closed_of
 from yumi.driver.initial_controllers import Controllers
 from yumi.driver.robot_state import RobotState
 from yumi.driver.settings import Settings
-from yumi.planning.tool_path import SPEED, TURNING, ZONE, ToolMotion
+from yumi.planning.tool_path import TOOL_SPEED, TOOL_TURNING, TOOL_ZONE, ToolMotion
 
 if TYPE_CHECKING:
     from yumi.planning.planner import Plan, Planner
@@ -218,7 +218,7 @@ class Robot:
         velocities: Mapping[str, Sequence[SupportsFloat]] | None = None,
         grippers: Mapping[str, SupportsFloat] | None = None,
         time: SupportsFloat | None = None,
-        tracking: Tracking = "feed_forward",
+        tracking: GoalTracking = "feed_forward",
         delay: float | None = None,
         blend: SupportsFloat | None = None,
     ) -> None:
@@ -366,11 +366,11 @@ class Robot:
         right: PoseLike | Sequence[PoseLike] | None = None,
         left: PoseLike | Sequence[PoseLike] | None = None,
         work_object: PoseLike | str | None = None,
-        zone: float = ZONE,
+        zone: float = TOOL_ZONE,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float = SPEED,
-        turning: float = TURNING,
+        speed: float = TOOL_SPEED,
+        turning: float = TOOL_TURNING,
         acceleration: float = 1.0,
     ) -> tuple[Motion, ...]:
         """Move the tools of both arms on straight lines, as one motion: they begin and end together, or none moves.

@@ -23,18 +23,18 @@ from abb_protocols.robot.joints import (
     joint_names,
     joints,
 )
-from abb_protocols.robot.kinematics import compose, inverse, tool0_to_body
+from abb_protocols.robot.kinematics import compose_poses, inverse_pose, tool0_to_body
 from yumi.api.gripper import Gripper
 from yumi.api.joint_positions import Position, TimedPosition, in_degrees
 from yumi.api.motion_executor import MotionExecutor
 from yumi.api.motion_registry import Motion
 from yumi.api.poses import TOOL0, PoseFrames, PoseLike, ToolPose, checked_angle, numbers_from, pose_from, waypoints_from
 from yumi.api.postures import posture_for, postures_of
-from yumi.control.goals import Tracking, stream_delay
+from yumi.control.goals import GoalTracking, stream_delay
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_goal import check_twist, pose_goal, twist_goal
 from yumi.driver.reports import ArmMode, ArmReport, arm_report
-from yumi.planning.tool_path import SPEED, TURNING, ZONE, ToolMotion
+from yumi.planning.tool_path import TOOL_SPEED, TOOL_TURNING, TOOL_ZONE, ToolMotion
 
 
 class Arm:
@@ -140,7 +140,9 @@ class Arm:
 
     def _tool0(self, pose: PoseLike, tool: PoseLike | str | None, work_object: PoseLike | str | None) -> Pose:
         """Where tool0 is in the body frame when the tool is at a pose of a work object."""
-        return compose(compose(self._frames.work_object(work_object), pose_from(pose)), inverse(self._tool(tool)))
+        return compose_poses(
+            compose_poses(self._frames.work_object(work_object), pose_from(pose)), inverse_pose(self._tool(tool))
+        )
 
     def inverse_kinematics(
         self,
@@ -335,8 +337,8 @@ class Arm:
         work_object: PoseLike | str | None = None,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float = SPEED,
-        turning: float = TURNING,
+        speed: float = TOOL_SPEED,
+        turning: float = TOOL_TURNING,
         acceleration: float = 1.0,
     ) -> Motion:
         """Move the tool to a pose on a straight line, its orientation along the shortest turn: RAPID's MoveL.
@@ -380,14 +382,14 @@ class Arm:
         self,
         poses: Sequence[PoseLike],
         *,
-        zone: float = ZONE,
+        zone: float = TOOL_ZONE,
         arm_angle: float | None = None,
         tool: PoseLike | str | None = None,
         work_object: PoseLike | str | None = None,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float = SPEED,
-        turning: float = TURNING,
+        speed: float = TOOL_SPEED,
+        turning: float = TOOL_TURNING,
         acceleration: float = 1.0,
     ) -> Motion:
         """Move the tool on straight lines from pose to pose, without a stop: corners are rounded within a zone.
@@ -435,7 +437,7 @@ class Arm:
             CommandRefused: the pose is none; the arm keeps the one before.
             RobotNotReady: as for :meth:`move_to`.
         """
-        target = compose(self._frames.work_object(work_object), pose_from(pose))
+        target = compose_poses(self._frames.work_object(work_object), pose_from(pose))
         angle = nan if arm_angle is None else checked_angle(arm_angle)
         frame = self._tool(tool)
         self.executor.stream_tool(self.side, lambda session: pose_goal(session, target, frame, angle))
@@ -482,7 +484,7 @@ class Arm:
         *,
         velocity: Sequence[SupportsFloat] | None = None,
         time: SupportsFloat | None = None,
-        tracking: Tracking = "feed_forward",
+        tracking: GoalTracking = "feed_forward",
         delay: float | None = None,
         blend: SupportsFloat | None = None,
     ) -> None:

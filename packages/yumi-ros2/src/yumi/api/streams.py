@@ -11,17 +11,17 @@ from typing import Any, NamedTuple, SupportsFloat
 from abb_protocols.catalogue import message, quoted
 from abb_protocols.errors import CommandRefused, RobotNotReady
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, joints
+from abb_protocols.robot.joints import JOINT_COUNT, ZERO_JOINTS, Joints, Pose, Side, joints
 from abb_runtime.clock import Clock
 from yumi.api.arm_access import ArmAccess
 from yumi.api.joint_positions import Position, checked_goal
 from yumi.api.motion_registry import MotionRegistry
-from yumi.control.controller import IDLE
+from yumi.control.controller import CONTROLLER_IDLE_TIME
 from yumi.control.goals import (
     CONFIGURED_DELAY,
     NEWEST_POINT,
     OLDEST_POINT,
-    UNKNOWN,
+    UNKNOWN_JOINTS,
     Buffer,
     write_goal,
     write_speeds,
@@ -29,13 +29,13 @@ from yumi.control.goals import (
 from yumi.control.hand_over import Commander, is_person_requesting, requested_by
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.motion.setpoint import largest_difference
-from yumi.control.motion.stream_begin import NEAR, StreamBegin
+from yumi.control.motion.stream_begin import FARTHEST_STREAM_BEGIN, StreamBegin
 from yumi.control.shared_state import SharedDeadline
 from yumi.control.tool_goal import ToolGoal, check_tool_near, check_twist, pose_goal, twist_goal
 from yumi.control.trajectory_commands import CancelTrajectory
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER, JOG_CONTROLLER, STREAM_CONTROLLER
-from yumi.driver.teleoperated_arm import LINK_LOST, JointsGoal, MotionGoal, PoseGoal, TeleoperationFollower
+from yumi.driver.teleoperated_arm import DEVICE_LINK_LOST, JointsGoal, MotionGoal, PoseGoal, TeleoperationFollower
 
 _LONGEST_BLEND = 10.0
 """So long may it take until a stream that begins elsewhere is followed as it is [s]."""
@@ -124,7 +124,9 @@ class ArmStreams(ArmAccess):
         for side in velocities:
             if side not in goals:
                 raise CommandRefused(message("stream_velocity_without_position", arm=side.word))
-        speeds = {side: _checked_velocity(side, velocities[side]) if side in velocities else UNKNOWN for side in goals}
+        speeds = {
+            side: _checked_velocity(side, velocities[side]) if side in velocities else UNKNOWN_JOINTS for side in goals
+        }
         self._check_time(time)
         duration = _checked_blend(blend)
         begins = [side for side in goals if not self._is_streamed(side)]
@@ -132,8 +134,10 @@ class ArmStreams(ArmAccess):
             self.check_follows(side)
             self.control.hand_over.check(side, Commander.STREAM)
             distance = largest_difference(positions[side], self.snapshot(side).sent)
-            if duration is None and distance > NEAR:
-                raise CommandRefused(message("stream_begins_elsewhere", arm=side.word, distance=distance, most=NEAR))
+            if duration is None and distance > FARTHEST_STREAM_BEGIN:
+                raise CommandRefused(
+                    message("stream_begins_elsewhere", arm=side.word, distance=distance, most=FARTHEST_STREAM_BEGIN)
+                )
         begun = self._begin_streams(tuple(goals), STREAM_CONTROLLER)
         now = self.clock.now()  # not before: to take an arm over may last seconds
         stamp = now if time is None else float(time)
@@ -260,7 +264,7 @@ class ArmStreams(ArmAccess):
                 with self.control.hand_over.writing((side,), Commander.STREAM, _JOG_GAP):
                     self.check_jog_recent(values, time)  # until here it may have waited
                     now = self.clock.now()
-                    write(session, values, now if time is None or values == ZERO else min(time, now))
+                    write(session, values, now if time is None or values == ZERO_JOINTS else min(time, now))
             self._jogs[side] = _Jog(controller, self.clock.now(), _number(buffer), buffer, write, owner)
         return is_first
 
@@ -274,7 +278,7 @@ class ArmStreams(ArmAccess):
         Raises:
             CommandRefused: it is too old.
         """
-        age = 0.0 if time is None or tuple(values) == ZERO else self.clock.now() - time
+        age = 0.0 if time is None or tuple(values) == ZERO_JOINTS else self.clock.now() - time
         if not age <= OLDEST_JOG:  # NaN too
             raise CommandRefused(message("jog_too_old", age=age, oldest=OLDEST_JOG))
 
@@ -305,7 +309,7 @@ class ArmStreams(ArmAccess):
                     with suppress(RobotNotReady):  # then a velocity of zero ends the stream
                         self._end_tool_stream(side, snapshot.activation)
                         return
-                last.write(snapshot.session, ZERO, self.clock.now())
+                last.write(snapshot.session, ZERO_JOINTS, self.clock.now())
                 self._jogs[side] = last._replace(number=_number(last.buffer))
 
     def _end_tool_stream(self, side: Side, activation: int) -> None:
@@ -336,7 +340,7 @@ class ArmStreams(ArmAccess):
                     self.check_has(side, controller)
                 self.check_follows(side)
                 new.add(side)
-        lasts = _JOG_GAP if is_jog else IDLE if kind is Commander.STREAM else LINK_LOST
+        lasts = _JOG_GAP if is_jog else CONTROLLER_IDLE_TIME if kind is Commander.STREAM else DEVICE_LINK_LOST
         last = {side: self.streaming.get(side, ("", 0, 0)) for side in sides}
         handed_over = hand_over.take_all(sides, kind, lasts)
         for side in handed_over:
@@ -415,7 +419,9 @@ class ArmStreams(ArmAccess):
                 desired = twist_goal(session, goal.twist, FINGERTIPS, is_in_tool=goal.is_in_tool, time=time)
             buffer.write(desired._replace(speed=goal.speed, turning=goal.turning))
         self._followed[side] = _number(buffer)
-        self.control.buffers[side].deadline.write(SharedDeadline(until - LINK_LOST, LINK_LOST, activation))
+        self.control.buffers[side].deadline.write(
+            SharedDeadline(until - DEVICE_LINK_LOST, DEVICE_LINK_LOST, activation)
+        )
 
     def is_following(self, side: Side) -> bool:
         """Whether an arm follows the goals of its device, and nothing else has given it any."""

@@ -27,7 +27,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError, missing_extra
 from abb_protocols.robot.joints import YUMI_LIMITS, Joints, Side, joint_names
 from abb_runtime.options import (
-    STARTED,
+    STARTED_HELP,
     JsonOutput,
     egm_port_options,
     end_flag,
@@ -41,7 +41,7 @@ from abb_runtime.process.command_process import CommandProcess
 from abb_runtime.rws.login import PASSWORD_VARIABLE
 from abb_runtime.udp import free_port
 from yumi.cli.driver_options import demand_ros, limit_discovery, robot_options, settings_of
-from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.driver.bringup import BRINGUP_ANNOUNCEMENT
 from yumi.driver.settings import RobotSettings, read_settings
 
 if TYPE_CHECKING:
@@ -128,9 +128,9 @@ def run_demo(
 
     def show_announcement(line: str) -> None:
         """Of the driver's log, a person at the terminal must see what the driver will do to the robot."""
-        _, announces, steps = line.partition(ANNOUNCEMENT)
+        _, announces, steps = line.partition(BRINGUP_ANNOUNCEMENT)
         if announces:
-            progress.note(f"{ANNOUNCEMENT}{steps}")
+            progress.note(f"{BRINGUP_ANNOUNCEMENT}{steps}")
 
     plan.logs.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
@@ -165,13 +165,13 @@ def motions_ahead(start: Mapping[Side, Joints], top_speed: float, speed_scale: f
         top_speed: highest speed that a joint is given at a speed scale of 1 [rad/s].
         speed_scale: share of all speeds.
     """
-    from yumi.ros.move_and_grab import GOALS, LIFT, LIFTED  # noqa: PLC0415 - the command line works without ROS
+    from yumi.ros.move_and_grab import GRAB_GOALS, GRAB_LIFT, LIFTING_ARM  # noqa: PLC0415 - the command line works without ROS
 
     def in_degrees(position: Joints) -> str:
         return ", ".join(f"{degrees(value):.1f}" for value in position) + "° (axes 1, 2, 7, 3, 4, 5, 6)"
 
     lines = ["The motors are switched on, the program pointers are moved to main, and the grippers are calibrated."]
-    for side, goal in GOALS.items():
+    for side, goal in GRAB_GOALS.items():
         moves = [abs(end - begin) for begin, end in zip(start[side], goal, strict=True)]
         name = joint_names(side)[moves.index(max(moves))]
         lines += [
@@ -182,8 +182,8 @@ def motions_ahead(start: Mapping[Side, Joints], top_speed: float, speed_scale: f
     highest = speed_scale * min(top_speed, max(YUMI_LIMITS.velocity))
     lines.append(f"No joint is faster than {degrees(highest):.0f} °/s (speed_scale {speed_scale:g}).")
     lines.append(
-        f"Both grippers open before and close afterwards; then the {LIFTED.word} tool is lifted by "
-        f"{LIFT * 1e3:.0f} mm on a straight line and put back. Arms are not kept apart: look where they go."
+        f"Both grippers open before and close afterwards; then the {LIFTING_ARM.word} tool is lifted by "
+        f"{GRAB_LIFT * 1e3:.0f} mm on a straight line and put back. Arms are not kept apart: look where they go."
     )
     return "\n".join(lines)
 
@@ -299,7 +299,7 @@ class DemoScreen:
 
 
 @click.command()
-@robot_options(STARTED)
+@robot_options(STARTED_HELP)
 @egm_port_options()
 @speed_scale_option()
 @yes_option

@@ -18,7 +18,7 @@ from abb_protocols.robot.joints import Joints, Side
 from abb_runtime.clock import SystemClock
 from abb_runtime.faults import takes_faults
 from abb_runtime.options import (
-    NEW_FILE,
+    NEW_FILE_TYPE,
     JsonOutput,
     egm_port_options,
     json_option,
@@ -48,7 +48,7 @@ _TABLE_WIDTH = 110
 @stream_option(default=False)
 @yes_option
 @json_option
-@click.option("--html", type=NEW_FILE, help="Also write the page to this file.")
+@click.option("--html", type=NEW_FILE_TYPE, help="Also write the page to this file.")
 def doctor(
     config: Path | None, stream: bool, yes: bool, json_output: JsonOutput, html: Path | None, **options: Any
 ) -> None:

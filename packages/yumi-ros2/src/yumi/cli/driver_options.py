@@ -11,7 +11,7 @@ import click
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import MissingPrerequisite
-from abb_runtime.options import OF_SETTINGS, Command, Decorator, password_options, robot_option, user_option
+from abb_runtime.options import SETTINGS_HELP, Command, OptionDecorator, password_options, robot_option, user_option
 from yumi.driver.settings import Settings, address_values, override, read_settings
 
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
@@ -31,7 +31,7 @@ bringup_option = click.option(
 )
 
 
-def robot_options(without: str = OF_SETTINGS) -> Decorator:
+def robot_options(without: str = SETTINGS_HELP) -> OptionDecorator:
     """Options that say where the robot is and who logs in, see :func:`settings_of`."""
 
     def with_options(command: Command) -> Command:

@@ -12,7 +12,7 @@ import click
 import msgspec
 
 from abb_protocols.errors import CommandRefused, SettingsError
-from abb_runtime.options import ARM, ARMS, JsonOutput, OptionNumber, json_option, robot_option
+from abb_runtime.options import ARM_TYPE, ARMS_TYPE, JsonOutput, OptionNumber, json_option, robot_option
 from yumi.api.attach import RunningDriver, attach
 from yumi.driver.command import ArmName, ArmNames, Command
 
@@ -64,7 +64,7 @@ def arms_of(word: str | None) -> ArmNames:
 def _parameter(field: msgspec.structs.FieldInfo) -> click.Parameter:
     """An argument or option for an argument of a command."""
     if field.type == ArmNames:
-        return click.Argument(["arm"], type=ARMS, required=False, default="both" if field.default else None)
+        return click.Argument(["arm"], type=ARMS_TYPE, required=False, default="both" if field.default else None)
     kind, meta = field.type, msgspec.Meta()
     if get_origin(kind) in (Union, UnionType):
         (kind,) = (each for each in get_args(kind) if each is not NoneType)
@@ -72,7 +72,7 @@ def _parameter(field: msgspec.structs.FieldInfo) -> click.Parameter:
         kind, meta = get_args(kind)
     shown: Any = kind
     if kind == ArmName:
-        shown = ARM
+        shown = ARM_TYPE
     elif get_origin(kind) is Literal:
         shown = click.Choice(get_args(kind))
     elif meta.extra is not None:

@@ -18,7 +18,7 @@ import yaml
 
 from abb_protocols.catalogue import message, quoted, said_by
 from abb_protocols.errors import CommandRefused, RobotNotReady, SettingsError
-from abb_runtime.options import ONCE, JsonOutput, count_option, json_option, timeout_option
+from abb_runtime.options import ONCE_HELP, JsonOutput, count_option, json_option, timeout_option
 from yumi.cli.driver_options import demand_ros, limit_discovery
 
 _DISCOVERY = 5.0
@@ -61,7 +61,7 @@ def topics(json_output: JsonOutput) -> None:
 @click.command()
 @click.argument("topic")
 @count_option(1)
-@click.option("--once", is_flag=True, expose_value=False, help=ONCE)
+@click.option("--once", is_flag=True, expose_value=False, help=ONCE_HELP)
 @timeout_option(10.0)
 @json_option
 def echo(topic: str, count: int, timeout: float, json_output: JsonOutput) -> None:

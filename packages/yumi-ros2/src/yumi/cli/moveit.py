@@ -15,7 +15,7 @@ import yaml
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import SettingsError
-from abb_protocols.robot.gripper_values import TOP_SPEED, GripperModules
+from abb_protocols.robot.gripper_values import TOP_FINGER_SPEED, GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 from abb_protocols.robot.urdf import robot_description
 from abb_runtime.options import gripper_options
@@ -129,7 +129,7 @@ def moveit_files(grippers: Mapping[Side, GripperModules] | None = None) -> Mappi
                 "max_jerk": jerk,
             }
         for name in finger_names(side):
-            joint_limits[name] = {"has_velocity_limits": True, "max_velocity": TOP_SPEED}
+            joint_limits[name] = {"has_velocity_limits": True, "max_velocity": TOP_FINGER_SPEED}
     arms = {
         f"{side.value}/joint_trajectory_controller": {
             "type": "FollowJointTrajectory",

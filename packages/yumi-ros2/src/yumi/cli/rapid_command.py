@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from abb_runtime.options import ONCE, yes_option
+from abb_runtime.options import ONCE_HELP, yes_option
 from abb_runtime.rws.client import RwsClient
 from virtual_irc5.commands.check import check
 from virtual_irc5.commands.debugger import run_debugger
@@ -28,7 +28,7 @@ rapid.add_command(check)
 @rapid.command("debug")
 @click.argument("task")
 @yes_option
-@click.option("--once", is_flag=True, help=ONCE)
+@click.option("--once", is_flag=True, help=ONCE_HELP)
 @of_controller
 def debug(client: RwsClient, task: str, yes: bool, once: bool) -> None:
     """Step through the RAPID of a task on a controller.

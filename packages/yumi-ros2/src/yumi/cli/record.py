@@ -11,7 +11,7 @@ import click
 from abb_protocols.catalogue import message
 from abb_protocols.errors import ProtocolError
 from abb_protocols.robot.joints import Side
-from abb_runtime.options import FILE, FOLDER, JsonOutput, arm_option, json_option, picture_option
+from abb_runtime.options import FILE_TYPE, FOLDER_TYPE, JsonOutput, arm_option, json_option, picture_option
 from yumi.driver.settings import read_settings
 from yumi.recording.reader import read_recording
 
@@ -35,7 +35,7 @@ def record() -> None:
 
 
 @record.command("show")
-@click.argument("file", type=FILE)
+@click.argument("file", type=FILE_TYPE)
 @click.option("--cycles", type=click.IntRange(1), default=20, show_default=True, help="Number of cycles.")
 @arm_option("the one that stopped")
 @picture_option("none is drawn")
@@ -67,7 +67,7 @@ def show_record(file: Path, cycles: int, arm: str | None, picture: Path | None, 
 
 
 @record.command("export")
-@click.argument("file", type=FILE)
+@click.argument("file", type=FILE_TYPE)
 @click.argument("output", type=click.Path(dir_okay=False, path_type=Path))
 @click.option(
     "--table",
@@ -93,7 +93,7 @@ def export_record(file: Path, output: Path, table: TableName) -> None:
 
 
 @record.command("list")
-@click.option("--folder", type=FOLDER, show_default="as in the settings", help="Where they are.")
+@click.option("--folder", type=FOLDER_TYPE, show_default="as in the settings", help="Where they are.")
 @json_option
 def list_records(folder: Path | None, json_output: JsonOutput) -> None:
     """List flight records with what stopped the motion.

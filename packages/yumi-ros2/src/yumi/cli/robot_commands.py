@@ -20,9 +20,9 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import GoalNotReached, SettingsError, YumiError
 from abb_protocols.robot.joints import JOINT_COUNT, POSES, chain_from_abb, joints
 from abb_runtime.options import (
-    ARM,
-    ARMS,
-    SCALE,
+    ARM_TYPE,
+    ARMS_TYPE,
+    FACTOR_TYPE,
     JsonOutput,
     OptionNumber,
     json_option,
@@ -160,7 +160,7 @@ def _complete_goal(context: click.Context, parameter: click.Parameter, incomplet
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("arm", type=ARMS)
+@click.argument("arm", type=ARMS_TYPE)
 @click.argument("goal", nargs=-1, required=True, shell_complete=_complete_goal)
 @click.option("--degrees", "in_degrees", is_flag=True, help="Angles are degrees; without, radians.")
 @click.option("--abb", is_flag=True, help="Seven angles are in the FlexPendant's order J1 to J7, not in chain order.")
@@ -314,7 +314,7 @@ def _complete_controller(context: click.Context, parameter: click.Parameter, inc
 
 
 @click.command()
-@click.argument("arm", type=ARM)
+@click.argument("arm", type=ARM_TYPE)
 @click.argument("activate", nargs=-1, shell_complete=_complete_controller)
 @click.option("--deactivate", multiple=True, shell_complete=_complete_controller, help="Deactivate this one, too.")
 @of_driver
@@ -335,7 +335,7 @@ def switch(driver: RunningDriver, arm: ArmName, activate: tuple[str, ...], deact
 
 
 @click.command("speed-scale")
-@click.argument("value", type=SCALE, required=False)
+@click.argument("value", type=FACTOR_TYPE, required=False)
 @of_driver
 def speed_scale(driver: RunningDriver, value: float | None) -> object:
     """Show the factor on all speeds, or set it.

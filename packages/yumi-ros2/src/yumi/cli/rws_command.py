@@ -15,7 +15,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.rws.documents import Page, RwsState, decode_form
 from abb_protocols.rws.values import Resource
-from abb_runtime.options import FILE, NEW_FILE, JsonOutput, count_option, json_option
+from abb_runtime.options import FILE_TYPE, NEW_FILE_TYPE, JsonOutput, count_option, json_option
 from abb_runtime.rws.client import EXECUTION, Change, RwsClient, event_log, signal_state, variable_value
 from yumi.cli.driver_options import config_option, robot_options, settings_of
 
@@ -54,7 +54,7 @@ def rws() -> None:
 
 @rws.command("get")
 @click.argument("target")
-@click.argument("file", required=False, type=NEW_FILE)
+@click.argument("file", required=False, type=NEW_FILE_TYPE)
 @json_option
 @of_controller
 def rws_get(client: RwsClient, target: str, file: Path | None, json_output: JsonOutput) -> None:
@@ -144,7 +144,7 @@ def rws_ls(client: RwsClient, path: str, json_output: JsonOutput) -> None:
 
 
 @rws.command("put")
-@click.argument("file", type=FILE)
+@click.argument("file", type=FILE_TYPE)
 @click.argument("path")
 @of_controller
 def rws_put(client: RwsClient, file: Path, path: str) -> None:

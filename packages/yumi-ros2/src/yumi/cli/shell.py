@@ -14,7 +14,7 @@ from click.shell_completion import get_completion_class
 import yumi
 from abb_protocols.catalogue import message
 from abb_protocols.errors import RobotNotReady
-from abb_runtime.options import OF_DRIVER, egm_port_options, speed_scale_option
+from abb_runtime.options import DRIVER_HELP, egm_port_options, speed_scale_option
 from yumi.api.attach import attach
 from yumi.cli.driver_options import bringup_option, robot_options
 
@@ -22,7 +22,7 @@ _HISTORY = Path.home() / ".yumi_history"
 
 
 @click.command()
-@robot_options(OF_DRIVER)
+@robot_options(DRIVER_HELP)
 @egm_port_options()
 @speed_scale_option()
 @bringup_option

@@ -16,7 +16,7 @@ import msgspec
 
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import CommandRefused, SettingsError
-from abb_runtime.options import ARMS, JsonOutput, OptionNumber, json_option, robot_option
+from abb_runtime.options import ARMS_TYPE, JsonOutput, OptionNumber, json_option, robot_option
 from yumi.api.attach import attach
 from yumi.api.input_device import find_devices, open_device
 from yumi.api.teleoperation_devices import Device, Gamepad, Leader, LeaderArm, SpaceMouse, teleoperate
@@ -46,7 +46,7 @@ def _numbers(text: str) -> tuple[float, ...]:
 @click.option(
     "--path", default="", metavar="FILE", help="The device's file, such as /dev/input/event7; else the first."
 )
-@click.option("--arm", type=ARMS, help="Which arm.")
+@click.option("--arm", type=ARMS_TYPE, help="Which arm.")
 @_of_settings("scale", 0.2, 1.0, _DEFAULT.scale, "Factor on what the hand does.")
 @_of_settings("tool-speed", 0.01, 1.0, 0.1, "Of the tool, at most, in m/s.")
 @_of_settings("turning", 0.05, 6.0, 0.5, "Of the tool's orientation and of the elbow, at most, in rad/s.")

@@ -24,8 +24,8 @@ from abb_protocols.errors import NoConnection, YumiError
 from abb_protocols.robot.joints import Side
 from abb_runtime.clock import SystemClock
 from abb_runtime.options import (
-    NEW_FILE,
-    TIME,
+    NEW_FILE_TYPE,
+    TIME_TYPE,
     egm_port_options,
     end_flag,
     speed_scale_option,
@@ -34,7 +34,7 @@ from abb_runtime.options import (
 from abb_runtime.process.command_process import DRIVER_READY, DRIVER_RUNNING
 from abb_runtime.process.realtime import release_process, settle_memory, short_switch_interval
 from abb_runtime.process.single_instance import SingleInstance
-from abb_runtime.process.supervision import Failures, SupervisedThread, start_thread
+from abb_runtime.process.supervision import SupervisedThread, ThreadFailures, start_thread
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.udp import address_of_host
 from yumi.api.connection import commanded_robot, motion_executor, recorded_sources
@@ -50,7 +50,7 @@ from yumi.cli.driver_options import (
 from yumi.cli.main import ROS_ARGUMENTS
 from yumi.control.loop_commands import Commands
 from yumi.control.loop_events import Event, is_logged, is_warning
-from yumi.control.speed_scale import FULL
+from yumi.control.speed_scale import FULL_SPEED
 from yumi.driver.command import CommandedRobot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.endpoint_server import EndpointServer
@@ -71,7 +71,7 @@ _log = logging.getLogger("yumi")
 _END_REQUESTS = 3.0
 """A driver that must end abandons its requests to the controller after this time [s]: the network may be dead."""
 
-_END = 4.5
+END = 4.5
 """A driver that has not ended this long after it was asked to is ended by force [s]."""
 
 DEFAULT_WAIT = 60.0
@@ -89,7 +89,7 @@ _SIGNALS = 1.0  # [s] between two attempts to subscribe to the grippers' signals
     "--wait",
     is_flag=False,
     flag_value=DEFAULT_WAIT,
-    type=TIME,
+    type=TIME_TYPE,
     metavar="[SECONDS]",
     help=f"Wait until a controller answers at the address, {DEFAULT_WAIT:g} s at most unless SECONDS is given.",
 )
@@ -103,7 +103,7 @@ _SIGNALS = 1.0  # [s] between two attempts to subscribe to the grippers' signals
     metavar="NAME",
     help="Controller that commands the arms after EGM has started; else joint_position_controller.",
 )
-@click.option("--record", type=NEW_FILE, help="Record every cycle to this MCAP file.")
+@click.option("--record", type=NEW_FILE_TYPE, help="Record every cycle to this MCAP file.")
 @bringup_option
 @click.option(
     "--namespace", help="Of this robot among several in one ROS graph, such as cell1; all its nodes are under it."
@@ -224,7 +224,7 @@ def run_driver(
         front.log(level, said)
         endpoint.note(level, said)
 
-    failures = Failures()
+    failures = ThreadFailures()
 
     def on_event(event: Event) -> None:
         record_event = partial(records.on_event, now=clock.now(), time_of_day=time.time())
@@ -285,7 +285,7 @@ def run_driver(
 def _speed_line(manager: RobotManager, *, with_ros: bool) -> tuple[int, str]:
     """How fast the robot may move and how to change that, and the level of the line: who has all speeds needs none."""
     how = "yumi_robot_manager/set_speed_scale" if with_ros else "yumi speed-scale"
-    level = logging.INFO if manager.speed.in_force < FULL else logging.DEBUG
+    level = logging.INFO if manager.speed.in_force < FULL_SPEED else logging.DEBUG
     return level, f"{manager.speed} Change it with {how} or the setting robot.speed_scale."
 
 
@@ -413,17 +413,17 @@ def _end_motion(
 
 
 def end_by_force(is_over: Flag) -> None:
-    """End the process :data:`_END` after ``is_over`` is set, should it still be there; the arms' processes hold then.
+    """End the process :data:`END` after ``is_over`` is set, should it still be there; the arms' processes hold then.
 
     Something may wait for what never comes: a user who has asked the driver to end needs no other program for it.
     """
 
     def end() -> None:
         is_over.wait()
-        time.sleep(_END)
+        time.sleep(END)
         busy = [each.name for each in threading.enumerate() if not each.daemon and each is not threading.main_thread()]
         words = f"; these threads had not ended: {', '.join(sorted(busy))}" if busy else ""
-        sys.stderr.write(f"Error: the driver did not end within {_END:g} s and is ended by force{words}.\n")
+        sys.stderr.write(f"Error: the driver did not end within {END:g} s and is ended by force{words}.\n")
         sys.stderr.flush()
         os._exit(1)
 

@@ -15,7 +15,7 @@ import click
 from abb_protocols.catalogue import message
 from abb_protocols.errors import RobotNotReady, SettingsError
 from abb_runtime.options import (
-    FILE,
+    FILE_TYPE,
     end_flag,
     https_option,
     listen_option,
@@ -35,7 +35,7 @@ _READY_TIMEOUT = 60.0  # [s] for a driver or a virtual robot that `yumi view` st
 
 
 @click.command()
-@click.argument("recording", required=False, type=FILE)
+@click.argument("recording", required=False, type=FILE_TYPE)
 @robot_option()
 @click.option("--virtual", is_flag=True, help="Start a virtual robot with a driver, and show that one.")
 @click.option("--operate", is_flag=True, help="Let a page operate a real robot; a virtual one it may.")
@@ -80,7 +80,7 @@ def view(
     from abb_view.page_server import PageSettings, page_tls, serve_pages  # noqa: PLC0415
     from yumi.web.page_build import ROBOT_PAGE  # noqa: PLC0415
     from yumi.web.page_recording import page_recording  # noqa: PLC0415
-    from yumi.web.page_words import PROGRAM  # noqa: PLC0415
+    from yumi.web.page_words import PAGE_PROGRAM  # noqa: PLC0415
     from yumi.web.view_only import open_controller, reopen_controller  # noqa: PLC0415
     from yumi.web.view_server import ViewServer, ViewSettings  # noqa: PLC0415
 
@@ -113,7 +113,7 @@ def view(
                 token="" if is_loopback(listen) else secrets.token_urlsafe(18),
             )
             reopen = partial(reopen_controller, _robot_at(robot, config))
-            serve_pages(ControllerServer(shown, PROGRAM, controller, reopen), is_over, click.echo)
+            serve_pages(ControllerServer(shown, PAGE_PROGRAM, controller, reopen), is_over, click.echo)
             return
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))

@@ -14,7 +14,7 @@ from abb_protocols.errors import CommandRefused
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.loop import ArmLoop
 from yumi.control.loop_events import AllowedCollisionsChanged
-from yumi.control.speed_scale import FULL
+from yumi.control.speed_scale import FULL_SPEED
 
 CONTACT_SPEED_SCALE = 0.1
 """No arm is faster than this share of its speeds while a collision is allowed."""
@@ -103,7 +103,7 @@ class AllowedCollisions:
         """Have the arms slow as long as anything is allowed, and permit that once they are."""
         assert self._collisions is not None  # else nothing is allowed
         self._first_end = min(self._until.values(), default=inf)
-        highest = CONTACT_SPEED_SCALE if self._until else FULL
+        highest = CONTACT_SPEED_SCALE if self._until else FULL_SPEED
         for arm in self._arms:
             arm.cap_speed(highest)
         permitted = tuple(self._until) if all(arm.speed_scale <= highest for arm in self._arms) else ()

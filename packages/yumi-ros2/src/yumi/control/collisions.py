@@ -27,15 +27,15 @@ from yumi.control.motion.robot_response import plan_gain
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.shared_state import Limited
 from yumi.core.collision import TOOL_FRAME, CollisionModel
-from yumi.core.library import SETPOINT, LimitedParts, load, new_handle
+from yumi.core.library import SETPOINT_STRUCT, LimitedParts, load, new_handle
 
-MARGIN = 0.010
+COLLISION_MARGIN = 0.010
 """No two parts, padding included, come nearer to each other than this [m]."""
 
 BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
-DISTANCES = 20_000
+COLLISION_DISTANCES = 20_000
 """Calculated for an arm in a cycle at most; what needs more is left to slower commands."""
 
 _SEVEN = Struct("7d")
@@ -72,8 +72,8 @@ class CollisionLimiter:
         model: CollisionModel,
         limits: JointLimits,
         gain: float,
-        margin: float = MARGIN,
-        distances: int = DISTANCES,
+        margin: float = COLLISION_MARGIN,
+        distances: int = COLLISION_DISTANCES,
     ) -> None:
         if not (isfinite(margin) and isfinite(gain)):
             raise ValueError(f"margin {margin} m and gain {gain} 1/s: both must be finite")
@@ -184,7 +184,7 @@ class ArmCollisionLimiter:
 
 
 def _packed_motion(planned: Joints, sent: Setpoint, robot: Setpoint | None) -> tuple[bytes, bytes, bytes | None]:
-    values = (SETPOINT.pack(*chain(*each)) if each is not None else None for each in (sent, robot))
+    values = (SETPOINT_STRUCT.pack(*chain(*each)) if each is not None else None for each in (sent, robot))
     first, second = values
     assert first is not None
     return _SEVEN.pack(*planned), first, second

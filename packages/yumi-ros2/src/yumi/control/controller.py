@@ -20,7 +20,7 @@ from yumi.control.motion.standstill import SentPositions
 from yumi.control.place import Place
 from yumi.control.sampled import Sampled
 
-IDLE = 1.0
+CONTROLLER_IDLE_TIME = 1.0
 """A controller that follows what it is sent is idle when nothing has come for so long [s]."""
 
 

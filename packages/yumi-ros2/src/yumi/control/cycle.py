@@ -15,7 +15,7 @@ from yumi.control.counters import WireCounters
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.setpoint import largest_difference
 from yumi.control.sampled import Sampled
-from yumi.control.stage_times import UPDATE, StageClock
+from yumi.control.stage_times import UPDATE_STAGE, StageClock
 
 
 class ArmPort(Protocol):
@@ -89,6 +89,6 @@ def run_cycle(arm: ArmPort, manager: ControllerManager, now: float, timing: Stag
     if state is None:
         return None
     desired = manager.update(state)
-    timing.note(UPDATE)
+    timing.note(UPDATE_STAGE)
     sent = arm.reply(desired)
     return None if sent is None else Cycle(state, desired, sent)

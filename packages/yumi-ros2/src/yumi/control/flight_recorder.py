@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from abb_protocols.robot.joints import JOINT_COUNT, Joints
 from yumi.control.cycle import Cycle
-from yumi.control.goals import UNKNOWN
-from yumi.control.stage_times import MARK_COUNT, StageClock, StageTimes
+from yumi.control.goals import UNKNOWN_JOINTS
+from yumi.control.stage_times import STAGE_MARK_COUNT, StageClock, StageTimes
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
@@ -24,7 +24,7 @@ _SPARE = 80  # slots that are written while the oldest readable ones are read
 _SLOTS = RECORDED_CYCLES + _SPARE
 _SCALARS = 4
 _VECTORS = 7
-_SLOT_SIZE = 1 + _SCALARS + MARK_COUNT + _VECTORS * JOINT_COUNT + 1
+_SLOT_SIZE = 1 + _SCALARS + STAGE_MARK_COUNT + _VECTORS * JOINT_COUNT + 1
 
 FLIGHT_SIZE = 1 + _SLOTS * _SLOT_SIZE
 """Numbers of 8 bytes in the memory of one recorder."""
@@ -110,10 +110,10 @@ class FlightRecorder:
             *state.position,
             *state.velocity,
             *state.planned,
-            *(UNKNOWN if desired is None else desired.position),
+            *(UNKNOWN_JOINTS if desired is None else desired.position),
             *sent.position,
             *sent.velocity,
-            *(UNKNOWN if reference is None else reference),
+            *(UNKNOWN_JOINTS if reference is None else reference),
             number,
         )
         _NUMBER.pack_into(self._memory, 0, number)
@@ -146,8 +146,8 @@ def _offset(number: int) -> int:
 
 def _frame(values: Sequence[float]) -> RecordedCycle:
     number, time, dt, session, is_running = values[: 1 + _SCALARS]
-    marks = values[1 + _SCALARS : 1 + _SCALARS + MARK_COUNT]
-    begin = 1 + _SCALARS + MARK_COUNT
+    marks = values[1 + _SCALARS : 1 + _SCALARS + STAGE_MARK_COUNT]
+    begin = 1 + _SCALARS + STAGE_MARK_COUNT
     vectors = [tuple(values[start : start + JOINT_COUNT]) for start in range(begin, _SLOT_SIZE - 1, 7)]
     position, velocity, planned, desired, sent, sent_velocity, reference = vectors
     return RecordedCycle(

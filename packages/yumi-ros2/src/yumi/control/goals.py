@@ -1,4 +1,4 @@
-"""Goals for the joints, and the buffers through which they reach a controller.
+"""Goals for the joints: positions, speeds, delays of streams; the buffers and inboxes by which controllers get them.
 
 A buffer holds the latest value only: the one way state and goals cross between the control process and the driver.
 """
@@ -53,7 +53,7 @@ class MemoryBuffer(Generic[_V]):
         return self._newest
 
 
-UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
+UNKNOWN_JOINTS: Joints = (nan, nan, nan, nan, nan, nan, nan)
 """Positions or velocities that a goal does not have."""
 
 CONFIGURED_DELAY = -1.0
@@ -65,7 +65,7 @@ LONGEST_DELAY = 1.0
 OLDEST_POINT, NEWEST_POINT = 5.0, 1.0
 """A point of a stream is for a time that is past for no longer, and no further in the future [s]."""
 
-Tracking = Literal["feed_forward", "gains"]
+GoalTracking = Literal["feed_forward", "gains"]
 """How a stream is followed: by its stamps with speeds fed forward, or each point by the controller's gains alone."""
 
 
@@ -96,7 +96,7 @@ def write_goal(
     buffer: GoalBuffer,
     session: int,
     goal: Joints,
-    velocity: Joints = UNKNOWN,
+    velocity: Joints = UNKNOWN_JOINTS,
     time: float = nan,
     delay: float = nan,
 ) -> None:
@@ -109,17 +109,17 @@ def write_goal(
 
 def write_speeds(buffer: GoalBuffer, session: int, velocity: Joints, time: float = nan) -> None:
     """Ask for speeds [rad/s], (7,), in EGM session ``session``; ``time`` as in :class:`SessionGoal`."""
-    buffer.write(SessionGoal(session, time, UNKNOWN, velocity))
+    buffer.write(SessionGoal(session, time, UNKNOWN_JOINTS, velocity))
 
 
 def stream_delay(tracking: str = "feed_forward", delay: float | None = None) -> float:
     """The delay of a goal, for :func:`write_goal`, by what a person says; raises CommandRefused.
 
     Args:
-        tracking: as :data:`Tracking`.
+        tracking: as :data:`GoalTracking`.
         delay: how late the arm follows the stamps [s]; None as the controller's parameters say.
     """
-    known = get_args(Tracking)
+    known = get_args(GoalTracking)
     if tracking not in known:
         raise CommandRefused(message("stream_tracking_unknown", given=str(tracking), known=known))
     if delay is None:
@@ -141,7 +141,7 @@ class _SessionMessage(Protocol):
 _M = TypeVar("_M", bound=_SessionMessage)
 
 
-class Inbox(Generic[_M]):
+class MessageInbox(Generic[_M]):
     """A controller's view of its buffer: every message is taken once."""
 
     def __init__(self, buffer: Buffer[_M]) -> None:
@@ -167,7 +167,7 @@ class Inbox(Generic[_M]):
         return received if received.session == session else None
 
 
-class GoalInbox(Inbox[SessionGoal]):
+class GoalInbox(MessageInbox[SessionGoal]):
     """The view of goals for the joints."""
 
     def sampled(self, goal: Joints, gains: Joints | None = None) -> Sampled | None:

@@ -1,4 +1,4 @@
-"""The hand-over: who commands each arm, who may take it over, and what happens when the one who commands lets go.
+"""The hand-over: who commands each arm, who may request it, and what happens when the one who commands lets go.
 
 It decides in the driver's process, through which every command passes: those of controllers go through
 :meth:`HandOver.passing`, goals of streams are written inside :meth:`HandOver.writing`. A control process that starts
@@ -21,7 +21,7 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
 from yumi.control.chunk_commands import FollowChunk
-from yumi.control.controller import IDLE
+from yumi.control.controller import CONTROLLER_IDLE_TIME
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.loop_commands import Commands, ControllerCommand
 from yumi.control.loop_events import (
@@ -189,7 +189,7 @@ class HandOver:
 
     # ---- taking over
 
-    def take(self, side: Side, kind: Commander, lasts: float | None = IDLE) -> bool:
+    def take(self, side: Side, kind: Commander, lasts: float | None = CONTROLLER_IDLE_TIME) -> bool:
         """Have the requester command an arm, or go on to.
 
         Args:
@@ -207,7 +207,9 @@ class HandOver:
         with self._gates[side], self._reporting():  # what was granted to another client is over then
             return self._take(side, kind, lasts)
 
-    def take_all(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> frozenset[Side]:
+    def take_all(
+        self, sides: Collection[Side], kind: Commander, lasts: float | None = CONTROLLER_IDLE_TIME
+    ) -> frozenset[Side]:
         """Have the requester command arms, or go on to: all of them, or none.
 
         Args:
@@ -238,7 +240,9 @@ class HandOver:
             self.check(side, kind)
 
     @contextmanager
-    def writing(self, sides: Collection[Side], kind: Commander, lasts: float | None = IDLE) -> Iterator[None]:
+    def writing(
+        self, sides: Collection[Side], kind: Commander, lasts: float | None = CONTROLLER_IDLE_TIME
+    ) -> Iterator[None]:
         """Take arms, and keep them while goals are written: the client that takes one over next finds its goal written.
 
         Raises:

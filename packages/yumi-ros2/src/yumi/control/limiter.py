@@ -9,7 +9,7 @@ from __future__ import annotations
 from struct import Struct
 from typing import Any
 
-from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
+from abb_protocols.robot.joints import CYCLE, YUMI_LIMITS, ZERO_JOINTS, ArmCommand, ArmState, JointLimits, Joints
 from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.counters import LimiterCounters
 from yumi.control.limiter_state import (
@@ -20,12 +20,20 @@ from yumi.control.limiter_state import (
     LimiterState,
 )
 from yumi.control.motion.robot_response import EGM_GAIN
-from yumi.control.shared_state import Limited, Problem
-from yumi.core.library import COMMAND, SETTINGS, STATE, TABLE, LimiterExchange, load, new_handle
+from yumi.control.shared_state import ArmProblem, Limited
+from yumi.core.library import (
+    COMMAND_STRUCT,
+    SETTINGS_STRUCT,
+    STATE_STRUCT,
+    TABLE_STRUCT,
+    LimiterExchange,
+    load,
+    new_handle,
+)
 
 _COUNTERS, _NUMBER = Struct("7q"), Struct("q")
-_get_state = STATE.unpack_from
-_pack_command, _get_command = COMMAND.pack, COMMAND.unpack_from
+_get_state = STATE_STRUCT.unpack_from
+_pack_command, _get_command = COMMAND_STRUCT.pack, COMMAND_STRUCT.unpack_from
 _COMMAND_AT, _COUNTERS_AT = LimiterExchange.command.offset, LimiterExchange.counters.offset
 _UNANSWERED_AT = _COUNTERS_AT + LimiterCounters._fields.index("unanswered") * _NUMBER.size
 _TABLE = b"".join(
@@ -36,8 +44,8 @@ _TABLE = b"".join(
     + [bytes([state in SETTLING_STATES for state in LimiterState])]
 )
 
-if len(_TABLE) != TABLE.size:
-    raise RuntimeError(f"the core's table has {TABLE.size} entries, and that of limiter_state.py {len(_TABLE)}")
+if len(_TABLE) != TABLE_STRUCT.size:
+    raise RuntimeError(f"the core's table has {TABLE_STRUCT.size} entries, and that of limiter_state.py {len(_TABLE)}")
 
 
 def limiter_arm_state(values: tuple[Any, ...]) -> ArmState:
@@ -48,13 +56,13 @@ def limiter_arm_state(values: tuple[Any, ...]) -> ArmState:
 
 def limiter_arm_command(values: tuple[Any, ...]) -> ArmCommand:
     """Of what the core has packed."""
-    return ArmCommand(values[:7], values[7:14] if values[14] else ZERO)
+    return ArmCommand(values[:7], values[7:14] if values[14] else ZERO_JOINTS)
 
 
 def pack_command(command: ArmCommand) -> bytes:
     """As the core takes it."""
     position, velocity = command
-    return _pack_command(*position, *velocity, velocity is not ZERO)
+    return _pack_command(*position, *velocity, velocity is not ZERO_JOINTS)
 
 
 class Limiter:
@@ -86,7 +94,7 @@ class Limiter:
         self._library = load()
         self._collisions = collisions
         own = (*limits.lower, *limits.upper, *limits.velocity, *limits.acceleration, *limits.jerk)
-        settings = SETTINGS.pack(*own, *YUMI_LIMITS.velocity, period, gain, bandwidth)
+        settings = SETTINGS_STRUCT.pack(*own, *YUMI_LIMITS.velocity, period, gain, bandwidth)
         both, arm = (collisions.handle, collisions.number) if collisions is not None else (None, 0)
         self.handle = new_handle(self, "limiter", settings, _TABLE, both, arm)
         self._exchange = LimiterExchange.from_address(self.handle)
@@ -128,11 +136,11 @@ class Limiter:
         return bool(self._exchange.must_settle)
 
     @property
-    def problem(self) -> Problem:
+    def problem(self) -> ArmProblem:
         """Why the arm holds whatever is desired."""
         if self._exchange.is_implausible:
-            return Problem.IMPLAUSIBLE
-        return Problem.REFERENCES_IGNORED if self._exchange.are_references_ignored else Problem.NONE
+            return ArmProblem.IMPLAUSIBLE
+        return ArmProblem.REFERENCES_IGNORED if self._exchange.are_references_ignored else ArmProblem.NONE
 
     @property
     def implausible_position(self) -> Joints:

@@ -11,7 +11,7 @@ from enum import IntEnum
 
 
 class LimiterState(IntEnum):
-    """What the limiter does with an arm, see ``MEANINGS``."""
+    """What the limiter does with an arm, see ``LIMITER_STATE_MEANINGS``."""
 
     NO_SESSION = 0
     ENTERING = 1
@@ -29,7 +29,7 @@ class LimiterState(IntEnum):
 
 
 class LimiterEvent(IntEnum):
-    """What leads from one state to another, see ``SEEN``."""
+    """What leads from one state to another, see ``LIMITER_EVENT_MEANINGS``."""
 
     SESSION_ELSEWHERE = 0
     SESSION_LED = 1
@@ -52,7 +52,7 @@ class LimiterEvent(IntEnum):
 
 _S, _E = LimiterState, LimiterEvent
 
-MEANINGS: Mapping[LimiterState, str] = {
+LIMITER_STATE_MEANINGS: Mapping[LimiterState, str] = {
     _S.NO_SESSION: "The robot was not heard yet, or only where no arm can be. Nothing is sent.",
     _S.ENTERING: "A session has begun, but the last command may still move the robot, or the arm is where that cannot "
     "have led it. Nothing is sent: a robot without a reply keeps its last reference. Each datagram is judged anew.",
@@ -79,7 +79,7 @@ MEANINGS: Mapping[LimiterState, str] = {
 }
 """What is done with an arm in each state."""
 
-SEEN: Mapping[LimiterEvent, str] = {
+LIMITER_EVENT_MEANINGS: Mapping[LimiterEvent, str] = {
     _E.SESSION_ELSEWHERE: "a session begins where the arm cannot be, by its range, its plan or the last command",
     _E.SESSION_LED: "a session begins less than about 1 s after the last command, which still leads the robot on; or "
     "that datagram and the one before do not both show that it does not, or, later, that the robot stands there",

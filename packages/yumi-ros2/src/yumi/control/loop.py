@@ -7,7 +7,7 @@ from math import inf
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
+from abb_protocols.robot.joints import CYCLE, ZERO_JOINTS, ArmState, Joints, Side, joint_names
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.cycle import ArmPort, Cycle, run_cycle
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
@@ -31,9 +31,9 @@ from yumi.control.loop_events import (
 )
 from yumi.control.manager.controller_manager import ControllerManager
 from yumi.control.motion.setpoint import largest_difference
-from yumi.control.motion.standstill import AT_GOAL
-from yumi.control.shared_state import PROBLEMS, JointStates, Limited, Problem, SharedDeadline, Snapshot
-from yumi.control.speed_scale import FULL, SpeedScale
+from yumi.control.motion.standstill import STANDSTILL_TOLERANCE
+from yumi.control.shared_state import ARM_PROBLEM_CODES, ArmProblem, JointStates, Limited, SharedDeadline, Snapshot
+from yumi.control.speed_scale import FULL_SPEED, SpeedScale
 from yumi.control.stage_times import AFTER_REPLY, StageClock
 
 _INTERRUPTION = 5
@@ -99,7 +99,7 @@ class ArmLoop:
         self._recorder = recorder or FlightRecorder(flight_memory())
         self._stages = stages or StageClock()
         self._speed = speed or SpeedScale()
-        if self._speed.value != FULL:
+        if self._speed.value != FULL_SPEED:
             limiter.scale_speed(self._speed.value)
         self._read_joints, self._joints_read = read_joints, 0  # and how many were
         self._deadline, self._ended = deadline, 0  # and the activation whose streams were ended
@@ -110,7 +110,7 @@ class ArmLoop:
         self._due = (0.75 * period, 1.5 * period)
         self._most_unanswered = LONGEST_UNANSWERED / period
         self._session = 0
-        self._problem = Problem.NONE
+        self._problem = ArmProblem.NONE
         self._implausible = 0
         self._doubt_reported = -inf
         self._kept_apart = 0
@@ -124,7 +124,7 @@ class ArmLoop:
         self._interruptions = 0
         self._is_interrupted = False
         self._looked = -inf  # when the arm was looked at last [s]
-        self._position = ZERO
+        self._position = ZERO_JOINTS
         self._events: list[Event] = []
 
     @property
@@ -145,8 +145,8 @@ class ArmLoop:
     def check_follows(self) -> None:
         """Refuse what the arm could not do because it holds; raises CommandRefused."""
         problem = self._limiter.problem
-        if problem is not Problem.NONE:
-            reason = message(PROBLEMS[problem], arm=self._side.word)
+        if problem is not ArmProblem.NONE:
+            reason = message(ARM_PROBLEM_CODES[problem], arm=self._side.word)
             raise CommandRefused(message("goal_refused", reason=reason))
 
     @property
@@ -168,8 +168,12 @@ class ArmLoop:
         if last is None or not self.is_running:
             return
         beyond = last.beyond
-        moves = max(map(abs, last.state.velocity)) >= _AT_REST or last.sent.velocity is not ZERO or self._sent_moves
-        is_held = beyond > AT_GOAL and (self._limited is not None or not moves)  # it may still go by small steps
+        moves = (
+            max(map(abs, last.state.velocity)) >= _AT_REST or last.sent.velocity is not ZERO_JOINTS or self._sent_moves
+        )
+        is_held = beyond > STANDSTILL_TOLERANCE and (
+            self._limited is not None or not moves
+        )  # it may still go by small steps
         if moves and not is_held:
             raise CommandRefused(message("arm_moves", arm=self._side.word))
         if is_held:
@@ -233,7 +237,9 @@ class ArmLoop:
             self.manager.sent.note(cycle.desired and cycle.desired.position, cycle.sent.position)
             way = largest_difference(cycle.sent.position, before.sent.position) if before else 0.0
             moved, self._sent_moves = self._sent_moves, way > _AT_REST * cycle.state.dt
-            if cycle.beyond > AT_GOAL and not (moved or self._sent_moves):  # a command that turns round stands once
+            if cycle.beyond > STANDSTILL_TOLERANCE and not (
+                moved or self._sent_moves
+            ):  # a command that turns round stands once
                 self.manager.note_withheld(cycle.sent.position)
             if self._limiter.is_waiting:
                 self.manager.note_waiting(cycle.sent.position)
@@ -346,7 +352,7 @@ class ArmLoop:
         counters, last = self._limiter.counters, self._last
         count = counters.kept_apart + counters.feedforward_withheld
         # Without a new count the limiter's pair may be that of an earlier cycle. An arm at its goal misses nothing.
-        misses = self._sent_moves or (last is not None and last.beyond > AT_GOAL)
+        misses = self._sent_moves or (last is not None and last.beyond > STANDSTILL_TOLERANCE)
         limited = self._limiter.limited if count != self._kept_apart and misses else None
         self._kept_apart = count
         if limited is not None:
@@ -363,13 +369,13 @@ class ArmLoop:
         is_doubted = self._limiter.counters.implausible != self._implausible
         self._implausible = self._limiter.counters.implausible
         if self._problem is not before:
-            if self._problem is Problem.NONE:
+            if self._problem is ArmProblem.NONE:
                 self._events.append(ProblemOver(self._side, before))
-            elif self._problem is Problem.REFERENCES_IGNORED:
+            elif self._problem is ArmProblem.REFERENCES_IGNORED:
                 self._events.append(ReferencesIgnored(self._side, self.manager.deactivate_commanding()))
             else:
                 self._events.append(self._doubted(is_lost=True))
-        elif is_doubted and self._problem is Problem.NONE and now - self._doubt_reported >= _DOUBTS_REPORTED:
+        elif is_doubted and self._problem is ArmProblem.NONE and now - self._doubt_reported >= _DOUBTS_REPORTED:
             self._doubt_reported = now
             self._events.append(self._doubted(is_lost=False))
         self.publish(now)
@@ -412,7 +418,7 @@ class ArmLoop:
                 activation=self.activation,
                 goal_kind=self.manager.goal_kind,
                 position=self._position,
-                velocity=last.state.velocity if last else ZERO,
+                velocity=last.state.velocity if last else ZERO_JOINTS,
                 sent=last.sent.position if last else self._position,
                 reference=reference,
                 cycles=self._cycles + counters.unanswered,

@@ -1,4 +1,4 @@
-"""Events of the control loop in order: sessions, feedback, followed commands, failures, commanders of an arm.
+"""Events of the control loop in order: sessions, feedback, ignored references, failed cycles, faults, commanders.
 
 They come through the pipe of the control process.
 """
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.robot.joints import Joints, Side
-from yumi.control.shared_state import Limited, Problem
+from yumi.control.shared_state import ArmProblem, Limited
 from yumi.control.stream_monitor import StreamReport
 
 
@@ -200,11 +200,11 @@ class ControllersLate(Happened):
 class ProblemOver(Happened):
     """What made the arm hold is over; it goes on holding until it is commanded."""
 
-    problem: Problem
+    problem: ArmProblem
 
     @property
     def said(self) -> Message:
-        if self.problem is Problem.REFERENCES_IGNORED:
+        if self.problem is ArmProblem.REFERENCES_IGNORED:
             return message("references_followed_again", arm=self.side.word)
         return message("positions_plausible_again", arm=self.side.word)
 

@@ -25,7 +25,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import MissingPrerequisite
 from abb_protocols.robot.joints import JOINT_COUNT, Joints
 from abb_runtime.process.child import PROCESSES
-from yumi.control.goals import UNKNOWN, GoalKind
+from yumi.control.goals import UNKNOWN_JOINTS, GoalKind
 
 _V = TypeVar("_V")
 
@@ -76,7 +76,7 @@ class _Layout:
         self.size = self._struct.size
 
     def pack(self, memory: memoryview, value: Any) -> None:
-        vectors = [each or UNKNOWN for each in self._vectors(value)]
+        vectors = [each or UNKNOWN_JOINTS for each in self._vectors(value)]
         scalars = list(self._scalars(value))
         for index in self._texts:
             scalars[index] = scalars[index].encode()

@@ -7,14 +7,14 @@ from enum import IntEnum
 from typing import NamedTuple, Protocol
 
 from abb_protocols.catalogue import Message, clause, message
-from abb_protocols.robot.joints import ZERO, Joints, Side
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side
 from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.control.goals import Buffer, GoalKind
 from yumi.control.motion.setpoint import largest_difference
-from yumi.control.motion.standstill import AT_GOAL
+from yumi.control.motion.standstill import STANDSTILL_TOLERANCE
 
 
-class Problem(IntEnum):
+class ArmProblem(IntEnum):
     """Why an arm holds whatever it is asked to do.
 
     REFERENCES_IGNORED: the robot plans to stand although it is commanded to move.
@@ -26,7 +26,10 @@ class Problem(IntEnum):
     IMPLAUSIBLE = 2
 
 
-PROBLEMS = {Problem.REFERENCES_IGNORED: "references_ignored", Problem.IMPLAUSIBLE: "feedback_implausible"}
+ARM_PROBLEM_CODES = {
+    ArmProblem.REFERENCES_IGNORED: "references_ignored",
+    ArmProblem.IMPLAUSIBLE: "feedback_implausible",
+}
 """The code of each problem in the catalogue; its value is the arm."""
 
 _UNDECIDED = 0.05
@@ -90,9 +93,9 @@ class Snapshot(NamedTuple):
     activation: int = 0
     goal_kind: GoalKind = GoalKind.NONE
     activity: int = 0
-    position: Joints = ZERO
-    velocity: Joints = ZERO
-    sent: Joints = ZERO
+    position: Joints = ZERO_JOINTS
+    velocity: Joints = ZERO_JOINTS
+    sent: Joints = ZERO_JOINTS
     reference: Joints | None = None
     cycles: int = 0
     wire: WireCounters = WireCounters()
@@ -102,7 +105,7 @@ class Snapshot(NamedTuple):
     limited_distance: float = 0.0
     speed_cap: float = 1.0
     interruptions: int = 0
-    problem: Problem = Problem.NONE
+    problem: ArmProblem = ArmProblem.NONE
 
     @property
     def session(self) -> int:
@@ -123,7 +126,11 @@ class Snapshot(NamedTuple):
     def is_on_way(self) -> bool:
         """Whether a goal sends the arm elsewhere than it is, however slowly, or while it is held; not of a stream."""
         is_stream = self.goal_kind != GoalKind.NONE
-        return not is_stream and self.reference is not None and largest_difference(self.reference, self.sent) > AT_GOAL
+        return (
+            not is_stream
+            and self.reference is not None
+            and largest_difference(self.reference, self.sent) > STANDSTILL_TOLERANCE
+        )
 
     @property
     def limited(self) -> Limited | None:

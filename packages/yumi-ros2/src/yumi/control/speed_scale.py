@@ -7,7 +7,7 @@ from typing import NamedTuple
 from yumi.control.goals import Buffer
 from yumi.control.motion.joint_steps import ramp_speed
 
-FULL = 1.0
+FULL_SPEED = 1.0
 
 _FASTEST = 4.0  # [1/s] at full speed a change takes two thirds of a joint's acceleration
 _HARSHEST = 40.0  # [1/s²] and not half of its jerk
@@ -37,12 +37,12 @@ class SpeedScale:
     def __init__(self, goal: Buffer[SpeedFactor] | None = None) -> None:
         self._goal = goal
         self._rate = 0.0
-        self.highest = FULL
+        self.highest = FULL_SPEED
         self.value = self._set_value()
 
     def _set_value(self) -> float:
         newest = self._goal.read() if self._goal else None
-        return min(newest[1].value if newest else FULL, self.highest)
+        return min(newest[1].value if newest else FULL_SPEED, self.highest)
 
     def jump(self) -> None:
         """Go to what is set at once, of an arm that does not move."""
@@ -57,7 +57,7 @@ class SpeedScale:
         goal, before = self._set_value(), self.value
         if (goal == before and not self._rate) or dt <= 0.0:
             return False
-        self.value, self._rate = ramp_speed(goal, before, self._rate, FULL, _FASTEST, _HARSHEST, dt)
+        self.value, self._rate = ramp_speed(goal, before, self._rate, FULL_SPEED, _FASTEST, _HARSHEST, dt)
         if min(before, goal) > self.value or self.value > max(before, goal):  # by the last digits of a ramp
             self.value, self._rate = goal, 0.0
         return True

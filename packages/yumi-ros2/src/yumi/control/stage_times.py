@@ -16,10 +16,10 @@ from math import inf, sqrt
 
 from yumi.control.controller_info import Statistics
 
-BEGIN, RECEIVE, DECODE, UPDATE, LIMIT, ENCODE, SEND, AFTER_REPLY = range(8)
+CYCLE_BEGIN, RECEIVE_STAGE, DECODE_STAGE, UPDATE_STAGE, LIMIT_STAGE, ENCODE_STAGE, SEND_STAGE, AFTER_REPLY = range(8)
 """Indices of marks: the cycle began, or the stage of that name was done."""
 
-MARK_COUNT = 8
+STAGE_MARK_COUNT = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +47,8 @@ class StageTimes:
     @staticmethod
     def of(marks: Sequence[float]) -> StageTimes:
         """From the marks of one cycle [s]; a stage that was not noted took no time."""
-        durations, last = [], marks[BEGIN]
-        for mark in marks[RECEIVE:]:
+        durations, last = [], marks[CYCLE_BEGIN]
+        for mark in marks[RECEIVE_STAGE:]:
             durations.append(max(0.0, mark - last))
             last = max(last, mark)
         return StageTimes(*durations)
@@ -69,13 +69,13 @@ class StageClock:
     __slots__ = ("_is_timed", "_now", "marks")
 
     def __init__(self, now: Callable[[], float] | None = None) -> None:
-        self.marks = [0.0] * MARK_COUNT
+        self.marks = [0.0] * STAGE_MARK_COUNT
         self._now = now or float  # 0.0
         self._is_timed = now is not None
 
     def begin(self, now: float) -> None:
         """A cycle begins; ``now`` by the same clock."""
-        self.marks = [now if self._is_timed else 0.0] * MARK_COUNT
+        self.marks = [now if self._is_timed else 0.0] * STAGE_MARK_COUNT
 
     def note(self, stage: int) -> None:
         """``stage`` is done."""

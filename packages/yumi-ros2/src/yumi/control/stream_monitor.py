@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.robot.joints import JointLimits, Joints
-from yumi.control.motion.target_predictor import CONNECTED
+from yumi.control.motion.target_predictor import LONGEST_STREAM_INTERVAL
 
 _LOWEST_RATE, _HIGHEST_RATE = 10.0, 500.0
 """Points a second in a stream that is followed as documented."""
@@ -90,7 +90,7 @@ class StreamMonitor:
         else:
             self._points, self._seen = self._points + points, self._seen + 1
         self.newest, self._position = time, position
-        if interval < CONNECTED:
+        if interval < LONGEST_STREAM_INTERVAL:
             self._intervals.append(interval)
             self.period = median(self._intervals)
             rows = zip(position, before, self._fastest, names, strict=True)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, Joints, Pose, Side
-from abb_protocols.robot.kinematics import compose, distance_between, tool0_to_body
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Pose, Side
+from abb_protocols.robot.kinematics import compose_poses, pose_distance, tool0_to_body
 
 _TOOL0: Joints = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """The tool that is none, as numbers: position x, y, z [m], quaternion w, x, y, z."""
@@ -57,7 +57,14 @@ def pose_of(numbers: Joints) -> Pose:
 def pose_goal(session: int, pose: Pose, tool: Pose | None = None, angle: float = nan, time: float = nan) -> ToolGoal:
     """A pose of the tool in the body frame, for :class:`ToolGoal`."""
     return ToolGoal(
-        session, time, False, False, angle, _numbers_of(pose), ZERO, _TOOL0 if tool is None else _numbers_of(tool)
+        session,
+        time,
+        False,
+        False,
+        angle,
+        _numbers_of(pose),
+        ZERO_JOINTS,
+        _TOOL0 if tool is None else _numbers_of(tool),
     )
 
 
@@ -76,7 +83,7 @@ def check_tool_near(side: Side, sent: Joints, goal: ToolGoal) -> None:
     """Refuse a pose at which no stream goes on, of an arm ``sent`` to a position [rad]; raises CommandRefused."""
     if goal.is_twist:
         return
-    distance, turn = distance_between(compose(tool0_to_body(side, sent), pose_of(goal.tool)), pose_of(goal.pose))
+    distance, turn = pose_distance(compose_poses(tool0_to_body(side, sent), pose_of(goal.tool)), pose_of(goal.pose))
     if not (distance <= _NEAR[0] and turn <= _NEAR[1]):  # NaN too
         raise CommandRefused(
             message(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from abb_protocols.catalogue import Message, message
 from abb_protocols.robot.joints import Vector
 
-FASTEST = 1.5
+TOP_TOOL_SPEED = 1.5
 """The tool's highest speed [m/s], ABB's for this robot."""
 
 
@@ -52,7 +52,7 @@ class ToolLimits:
         turning: of its orientation on streams, at most [rad/s].
     """
 
-    speed: float = FASTEST
+    speed: float = TOP_TOOL_SPEED
     walls: tuple[Wall, ...] = ()
     turning: float = inf
 

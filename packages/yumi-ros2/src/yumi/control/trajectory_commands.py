@@ -8,7 +8,7 @@ from math import inf
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import TrajectoryRefused
-from abb_protocols.robot.joints import ZERO, Joints, Side, joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, joints
 from yumi.control.motion.spline import Spline, TrajectoryPoint
 from yumi.control.shared_state import Skew
 
@@ -51,16 +51,18 @@ def trajectory_refused(said: Message, code: ResultCode = ResultCode.INVALID_GOAL
     return TrajectoryRefused(said, code)
 
 
-DEFAULT = 0.0
+DEFAULT_TOLERANCE = 0.0
 """A tolerance that takes the controller's own value."""
 
-UNLIMITED = -1.0
+UNLIMITED_TOLERANCE = -1.0
 """A tolerance that tolerates everything."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """How far an arm may be from its trajectory; :data:`DEFAULT` and :data:`UNLIMITED` in place of any value.
+    """How far an arm may be from its trajectory.
+
+    Any value may be :data:`DEFAULT_TOLERANCE` or :data:`UNLIMITED_TOLERANCE`.
 
     As a controller applies them there is neither of both: infinity where there is no tolerance.
 
@@ -72,11 +74,11 @@ class Tolerances:
         goal_time: how much later than planned the goal may be reached [s].
     """
 
-    path: Joints = ZERO
-    path_velocity: Joints = ZERO
-    goal: Joints = ZERO
-    goal_velocity: Joints = ZERO
-    goal_time: float = DEFAULT
+    path: Joints = ZERO_JOINTS
+    path_velocity: Joints = ZERO_JOINTS
+    goal: Joints = ZERO_JOINTS
+    goal_velocity: Joints = ZERO_JOINTS
+    goal_time: float = DEFAULT_TOLERANCE
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -87,7 +89,7 @@ class Tolerances:
         """As a controller applies them that has its ``own``."""
 
         def choose(given: float, default: float) -> float:
-            return default if given == DEFAULT else inf if given == UNLIMITED else given
+            return default if given == DEFAULT_TOLERANCE else inf if given == UNLIMITED_TOLERANCE else given
 
         def choose_each(given: Joints, default: Joints) -> Joints:
             return joints(list(map(choose, given, default)))

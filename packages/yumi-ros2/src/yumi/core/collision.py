@@ -1,9 +1,9 @@
-"""Distances between the arms, their grippers, the body and what stands around the robot.
+"""Distances between parts: links of the arms, their grippers, the body, and obstacles that stand around the robot.
 
 Each moving part is covered by capsules (segments with a radius), the body and everything that stands still by boxes.
 The shapes contain those of the robot's description (:mod:`abb_protocols.robot.description`), which are fitted to public
-meshes of the robot's covers; `PADDING` leaves room for cables and the tolerances of castings. This is no safety
-function: a person in the way, or a part that was not declared, is not seen.
+meshes of the robot's covers; `COLLISION_PADDING` leaves room for cables and the tolerances of castings. This is no
+safety function: a person in the way, or a part that was not declared, is not seen.
 
 Positions are in the body frame [m], joints in chain order [rad].
 """
@@ -30,14 +30,14 @@ from abb_protocols.robot.description import (
     TOOL0_ORIGIN,
     joint_1_origin,
 )
-from abb_protocols.robot.gripper_values import TRAVEL, GripperModules
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, GripperModules
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Quaternion, Side, Vector
-from abb_protocols.robot.kinematics import IDENTITY, matrix, quaternion_from_euler_zyx
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION, matrix_from_quaternion, quaternion_from_euler_zyx
 from yumi.core.library import load, new_handle
 
 Array = NDArray[np.float64]
 
-PADDING = 0.004
+COLLISION_PADDING = 0.004
 """Added to every radius: cables, labels, and castings that differ from the meshes [m]."""
 
 _ROUND_END = 0.002  # [m]
@@ -122,7 +122,7 @@ def gripper_parts(modules: GripperModules) -> tuple[CollisionPart, ...]:
     (low_x, low_y, low_z), (_, high_y, high_z) = _metres(finger.low_mm), _metres(finger.high_mm)
     # Both fingers, wherever they are: side by side along x, one above the other along z.
     origin, slices = FINGER_ORIGINS[0].xyz, 3
-    reach, step = TRAVEL - low_x, (high_z - low_z) / slices
+    reach, step = FINGER_TRAVEL - low_x, (high_z - low_z) / slices
     half_y = max(abs(low_y + origin[1]), abs(high_y + origin[1]))
     for index in range(slices):
         z = origin[2] + low_z + (index + 0.5) * step
@@ -252,7 +252,7 @@ class CollisionModel:
         self.names += [box.name for box in fixed]
         self.frames = np.array(frames + [-1] * len(fixed))
         capsules = [
-            (part.frame, *part.start, *part.end, part.radius + PADDING, *_reach(part, side))
+            (part.frame, *part.start, *part.end, part.radius + COLLISION_PADDING, *_reach(part, side))
             for side in Side
             for part in parts[side]
         ]
@@ -316,14 +316,14 @@ class CollisionModel:
 def _frames(side: Side) -> list[list[float]]:
     """The links of an arm and its tool0, each in the frame before, as :func:`_axes`, (8, 12)."""
     links = [_axes(each.xyz, quaternion_from_euler_zyx(each.rpy)) for each in (joint_1_origin(side), *JOINT_ORIGINS)]
-    flange = matrix(quaternion_from_euler_zyx(FLANGE_ORIGIN.rpy))
-    tool = flange @ matrix(quaternion_from_euler_zyx(TOOL0_ORIGIN.rpy))
+    flange = matrix_from_quaternion(quaternion_from_euler_zyx(FLANGE_ORIGIN.rpy))
+    tool = flange @ matrix_from_quaternion(quaternion_from_euler_zyx(TOOL0_ORIGIN.rpy))
     return [*links, [*tool.T.ravel().tolist(), *(FLANGE_ORIGIN.xyz + flange @ TOOL0_ORIGIN.xyz).tolist()]]
 
 
 def _axes(position: Vector, orientation: Quaternion) -> list[float]:
     """The x, y and z axis of a frame and its origin, (12,)."""
-    return [*matrix(orientation).T.ravel().tolist(), *position]
+    return [*matrix_from_quaternion(orientation).T.ravel().tolist(), *position]
 
 
 def _reach(part: CollisionPart, side: Side) -> list[float]:
@@ -359,5 +359,5 @@ def body_boxes() -> tuple[Obstacle, ...]:
         low, high = np.array(_metres(shape.low_mm)), np.array(_metres(shape.high_mm))
         x, y, z = ((low + high) / 2.0).tolist()
         width, depth, height = (high - low).tolist()
-        boxes.append(Obstacle(BODY, Pose((x, y, z), IDENTITY), (width, depth, height)))
+        boxes.append(Obstacle(BODY, Pose((x, y, z), IDENTITY_QUATERNION), (width, depth, height)))
     return tuple(boxes)

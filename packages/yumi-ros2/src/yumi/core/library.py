@@ -27,15 +27,15 @@ from weakref import finalize
 from abb_protocols.catalogue import message, said_by
 from abb_protocols.errors import MissingPrerequisite
 
-FOLDER = Path(__file__).parent
+CORE_FOLDER = Path(__file__).parent
 _UNITS = ("collision", "egm", "limiter")
 """The sources that are compiled each for itself, with all headers of this folder; the last one includes Ruckig's."""
 
-PACKAGED = FOLDER / "libcore.so"
+PACKAGED_LIBRARY = CORE_FOLDER / "libcore.so"
 """Where a wheel has the library."""
 
 _COMPILERS = ("c++", "g++", "clang++")
-FLAGS = (
+COMPILER_FLAGS = (
     "-std=c++17",
     "-O3",
     "-fPIC",
@@ -44,28 +44,33 @@ FLAGS = (
     "-fno-semantic-interposition",
     "-fvisibility-inlines-hidden",
 )  # for any processor of its kind, and the same on each
-STANDARD = ("-lstdc++",)
+STANDARD_LIBRARY = ("-lstdc++",)
 """Before Ruckig's library, which contains newer copies of the C++ library's functions than some machines have."""
 
-PORTABLE = ("-static-libgcc", "-static-libstdc++", "-l:libstdc++.a")
+PORTABLE_LIBRARY = ("-static-libgcc", "-static-libstdc++", "-l:libstdc++.a")
 """In place of that, for a library that is copied to machines with another C++ library, as in a wheel."""
 
 
-STATE, COMMAND = Struct("2dq21dq"), Struct("14dq")
+STATE_STRUCT, COMMAND_STRUCT = Struct("2dq21dq"), Struct("14dq")
 """An arm's state: time, dt, session, 21 values, whether it follows; a command: 14 values, whether a speed is fed."""
 
-BRAKED = Struct("2dq21dq14dq")
+BRAKED_STRUCT = Struct("2dq21dq14dq")
 """A cycle that the fallback thread has answered: the state, and the command."""
 
-SAMPLED = Struct("4q14d")
+SAMPLED_STRUCT = Struct("4q14d")
 """A controller's formula: its session, address and number of its goals, whether it goes to the goal itself; goal and
 gains."""
 
 MOST_BRAKED = 250
 """Of these are kept: a second."""
 
-SETTINGS, TABLE, MOTION, SETPOINT = Struct("45d"), Struct("234s"), Struct("58d"), Struct("21d")
-LIMITS, REPORT, UNREADABLE_DATAGRAM = Struct("35d"), Struct("q15d3q"), Struct("4q7d")
+SETTINGS_STRUCT, TABLE_STRUCT, MOTION_STRUCT, SETPOINT_STRUCT = (
+    Struct("45d"),
+    Struct("234s"),
+    Struct("58d"),
+    Struct("21d"),
+)
+LIMITS_STRUCT, REPORT_STRUCT, UNREADABLE_DATAGRAM_STRUCT = Struct("35d"), Struct("q15d3q"), Struct("4q7d")
 """What else crosses, as the headers declare it."""
 
 
@@ -73,8 +78,8 @@ class LimiterExchange(ctypes.Structure):
     """What crosses between the limiter of an arm and Python; as ``LimiterExchange`` in ``limiter_handle.hpp``.
 
     Attributes:
-        state: as it was checked, :data:`STATE`.
-        command: sent, :data:`COMMAND`.
+        state: as it was checked, :data:`STATE_STRUCT`.
+        command: sent, :data:`COMMAND_STRUCT`.
         limiter_state: what is done with the arm.
         forbidden: the event that the table forbids in that state.
         is_implausible: whether the arm holds since no position can be believed.
@@ -87,8 +92,8 @@ class LimiterExchange(ctypes.Structure):
     """
 
     _fields_ = (
-        ("state", ctypes.c_char * STATE.size),
-        ("command", ctypes.c_char * COMMAND.size),
+        ("state", ctypes.c_char * STATE_STRUCT.size),
+        ("command", ctypes.c_char * COMMAND_STRUCT.size),
         ("limiter_state", ctypes.c_int64),
         ("forbidden", ctypes.c_int64),
         ("is_implausible", ctypes.c_int64),
@@ -174,21 +179,21 @@ SHARED_GOAL = Struct("qqqdd14d")
 """A goal in shared memory, of a ``SharedBuffer[SessionGoal]``: its write begun and finished, then its fields."""
 
 _SIZES = (
-    STATE.size,
-    COMMAND.size,
-    SETTINGS.size,
-    TABLE.size,
+    STATE_STRUCT.size,
+    COMMAND_STRUCT.size,
+    SETTINGS_STRUCT.size,
+    TABLE_STRUCT.size,
     ctypes.sizeof(LimiterExchange),
     ctypes.sizeof(LimitedParts),
-    MOTION.size,
-    SETPOINT.size,
-    LIMITS.size,
-    REPORT.size,
-    UNREADABLE_DATAGRAM.size,
+    MOTION_STRUCT.size,
+    SETPOINT_STRUCT.size,
+    LIMITS_STRUCT.size,
+    REPORT_STRUCT.size,
+    UNREADABLE_DATAGRAM_STRUCT.size,
     ctypes.sizeof(SessionValues),
     ctypes.sizeof(ArmExchange),
-    BRAKED.size * MOST_BRAKED,
-    SAMPLED.size,
+    BRAKED_STRUCT.size * MOST_BRAKED,
+    SAMPLED_STRUCT.size,
     SHARED_GOAL.size,
 )
 """Of what crosses, in the order of ``core_sizes`` in ``limiter.cpp``."""
@@ -201,7 +206,7 @@ def load() -> ctypes.PyDLL:
     Raises:
         MissingPrerequisite: it has to be compiled, and cannot be.
     """
-    path = PACKAGED if PACKAGED.exists() else _compiled()
+    path = PACKAGED_LIBRARY if PACKAGED_LIBRARY.exists() else _compiled()
     try:
         # Calls take microseconds: giving up the interpreter for them would let other threads in between.
         library, released = ctypes.PyDLL(str(path)), ctypes.CDLL(str(path))
@@ -297,12 +302,12 @@ def _compiled() -> Path:
     return library
 
 
-def compile_to(library: Path, standard: Sequence[str] = STANDARD) -> None:
+def compile_to(library: Path, standard: Sequence[str] = STANDARD_LIBRARY) -> None:
     """Compile and link the sources. Several processes may do so at once: each replaces a file by the same one, at once.
 
     Args:
         library: where the library goes.
-        standard: how the C++ library is linked, :data:`STANDARD` or :data:`PORTABLE`.
+        standard: how the C++ library is linked, :data:`STANDARD_LIBRARY` or :data:`PORTABLE_LIBRARY`.
     """
     objects = map(str, _compile_units(_UNITS))
     _run([[*_compiler(), "-shared", "-pthread", *objects, *standard, str(_ruckig().archive)]], [library])
@@ -315,13 +320,13 @@ def _compile_units(names: Sequence[str]) -> list[Path]:
     commands = []
     for name, _ in missing:
         include = [] if name != _UNITS[-1] else ["-isystem", str(_ruckig().headers)]
-        commands.append([*_compiler(), *FLAGS, *include, "-c", str(FOLDER / f"{name}.cpp")])
+        commands.append([*_compiler(), *COMPILER_FLAGS, *include, "-c", str(CORE_FOLDER / f"{name}.cpp")])
     _run(commands, [file for _, file in missing])
     return objects
 
 
 def _folder() -> Path:
-    root = FOLDER.parents[min(4, len(FOLDER.parents) - 1)]  # of a clone
+    root = CORE_FOLDER.parents[min(4, len(CORE_FOLDER.parents) - 1)]  # of a clone
     if (root / "pyproject.toml").exists() and os.access(root, os.W_OK):
         return root / "build" / "core"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yumi-ros2"
@@ -329,8 +334,8 @@ def _folder() -> Path:
 
 def _edition(unit: str) -> str:
     """Of the sources and of what they are compiled with; Ruckig is a part of the last unit, and of the library."""
-    made_of = [file.read_bytes() for file in sorted(FOLDER.glob("*.[ch]pp"))]
-    made_of.append(" ".join((*FLAGS, os.environ.get("CXX", ""), sysconfig.get_platform())).encode())
+    made_of = [file.read_bytes() for file in sorted(CORE_FOLDER.glob("*.[ch]pp"))]
+    made_of.append(" ".join((*COMPILER_FLAGS, os.environ.get("CXX", ""), sysconfig.get_platform())).encode())
     if unit == _UNITS[-1]:
         made_of.append(_ruckig().version.encode())
     return hashlib.sha256(b"".join(made_of)).hexdigest()[:16]

@@ -25,7 +25,7 @@ from yumi.driver.robot_state import Report, RobotState, arms_in_words
 from yumi.driver.speed_setting import SpeedSetting
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines
 
-ANNOUNCEMENT = "Bring-up will: "
+BRINGUP_ANNOUNCEMENT = "Bring-up will: "
 """How the line begins that says what will be done to the robot, before the first of it is done."""
 
 STOP_PROGRAM = "stop the RAPID program"

@@ -1,4 +1,4 @@
-"""A command to a driver: its arguments, its result, who may give it and what it waits for; and the robot it acts on.
+"""A command to a driver: its arguments (arms, sides), result and caller, the lane it waits in, the robot it acts on.
 
 The commands are in :mod:`yumi.driver.commands` and :mod:`yumi.driver.motion_commands`. A front end makes one of what it
 was sent, and :func:`yumi.driver.commands.carry_out` runs it: the same checks and the same result for each front end.
@@ -30,7 +30,7 @@ from yumi.control.goals import CONFIGURED_DELAY
 from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import CommandPort, Commands
 from yumi.control.shared_state import JointStates, Snapshots
-from yumi.driver.gripper import Check, RwsGripper
+from yumi.driver.gripper import GripperCheck, RwsGripper
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.reports import (
     ArmReport,
@@ -58,7 +58,7 @@ SentPosition = tuple[float, ...] | dict[str, float] | str
 TimedPoint = tuple[float, Joints, Joints, Joints]
 Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 
-EVERYWHERE = frozenset({FrontEnd.SCRIPT, FrontEnd.SHELL, FrontEnd.ROS, FrontEnd.PAGE})
+EVERY_FRONT_END = frozenset({FrontEnd.SCRIPT, FrontEnd.SHELL, FrontEnd.ROS, FrontEnd.PAGE})
 
 
 class Lane(Enum):
@@ -117,7 +117,7 @@ class Command(EndpointRequest, Generic[R], frozen=True):
     """
 
     lane: ClassVar[Lane] = Lane.CHANGE
-    front_ends: ClassVar[frozenset[FrontEnd]] = EVERYWHERE
+    front_ends: ClassVar[frozenset[FrontEnd]] = EVERY_FRONT_END
     shell_name: ClassVar[str] = ""
     examples: ClassVar[tuple[str, ...]] = ()
     service: ClassVar[str] = ""
@@ -335,8 +335,8 @@ class CommandedRobot:
     gripper_state: Callable[[Side], GripperState | None]
     force: float
     mover: Mover
-    recover: Callable[[Report, Check, str], str]
-    calibrate: Callable[[Sequence[Side], Check], None]
+    recover: Callable[[Report, GripperCheck, str], str]
+    calibrate: Callable[[Sequence[Side], GripperCheck], None]
     check_arms: Callable[[Sequence[Side]], None] = lambda sides: None
     on_change: Callable[[], None] = lambda: None
     namespace: str = ""

@@ -1,4 +1,4 @@
-"""The table of commands to a driver (start, stop, recover, grip, RAPID, signals, tools) for all front ends.
+"""The table of commands to a driver: get, start, stop, recover, grip, motors, RAPID, modules, signals, variables.
 
 A new command is a class with its arguments and ``run``, and its line in :data:`COMMANDS`: each front end that it is for
 then has it. Those that move arms are in :mod:`yumi.driver.motion_commands`.
@@ -17,12 +17,12 @@ from abb_protocols.catalogue import headline, message
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached
 from abb_protocols.robot.description import Mass
-from abb_protocols.robot.gripper_values import MAX_FORCE, TRAVEL, Direction, go_to, grip
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, MAX_GRIP_FORCE, GripDirection, finger_position_goal, grip
 from abb_protocols.robot.joints import Pose, Side
 from yumi.control.hand_over import Commander, requested_by
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
-    EVERYWHERE,
+    EVERY_FRONT_END,
     ArmName,
     ArmNames,
     Caller,
@@ -41,10 +41,12 @@ from yumi.driver.surroundings import Surroundings
 _SCRIPT = frozenset({FrontEnd.SCRIPT})
 _SCRIPT_AND_SHELL = _SCRIPT | {FrontEnd.SHELL}
 _ROS = frozenset({FrontEnd.ROS})
-_NOT_ROS = EVERYWHERE - _ROS
+_NOT_ROS = EVERY_FRONT_END - _ROS
 
-_Width = Annotated[float, msgspec.Meta(description="Open so far [m]; else all the way.", extra={"to": 2.0 * TRAVEL})]
-_Force = Annotated[float, msgspec.Meta(description="Hold with this force [N].", extra={"to": MAX_FORCE})]
+_Width = Annotated[
+    float, msgspec.Meta(description="Open so far [m]; else all the way.", extra={"to": 2.0 * FINGER_TRAVEL})
+]
+_Force = Annotated[float, msgspec.Meta(description="Hold with this force [N].", extra={"to": MAX_GRIP_FORCE})]
 
 
 # ---- what only looks
@@ -266,9 +268,9 @@ class Grip(Command[GripReport], frozen=True):
 
     def run(self, robot: CommandedRobot, caller: Caller) -> GripReport:
         if self.action == "open":
-            goal = go_to(TRAVEL if self.width is None else self.width / 2.0)
+            goal = finger_position_goal(FINGER_TRAVEL if self.width is None else self.width / 2.0)
         else:
-            goal = grip(Direction.INWARDS, robot.force if self.force is None else self.force)
+            goal = grip(GripDirection.INWARDS, robot.force if self.force is None else self.force)
         side = side_of(self.arm)
         gripper = robot.grippers[side]
         with gripper.alone():

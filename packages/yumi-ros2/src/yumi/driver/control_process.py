@@ -24,7 +24,7 @@ from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady, Yu
 from abb_protocols.robot.joints import Side
 from abb_runtime.process.child import ChildProcess, PipeClosed, PipeEnd
 from abb_runtime.process.realtime import AwakeProcessors, prepare_process
-from abb_runtime.process.supervision import Failures, SupervisedThread
+from abb_runtime.process.supervision import SupervisedThread, ThreadFailures
 from abb_runtime.udp import HasFileno, Poller
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.hand_over import HandOver
@@ -51,13 +51,13 @@ _POLL_PERIOD = 0.010
 _LAST_HOLD = 2.0
 """How long an arm without a driver is held while it still moves [s]."""
 
-STALE = 0.5
+STALE_SNAPSHOT = 0.5
 """A snapshot of an arm whose datagrams come is renewed every 4 ms; an older one is of a process that hangs [s]."""
 
-HUNG = 2.0
+HUNG_PROCESS = 2.0
 """A process that stands still for so long is not waited for, less than the robot's watchdog waits by default [s]."""
 
-FRESH = 1.5
+FRESH_FEEDBACK = 1.5
 """A controller says at least once a second how it follows a trajectory [s]."""
 
 _REPORT_PERIOD = 10.0  # [s]
@@ -65,10 +65,10 @@ _LONGEST_DATAGRAM = 4096  # bytes; a robot's has some hundred
 _ANSWER_TIMEOUT = 5.0
 _STOOD_STILL = message("control_process_stood_still_too_long", duration=_ANSWER_TIMEOUT)
 
-ENDED = message("control_process_is_gone")
+PROCESS_ENDED = message("control_process_is_gone")
 """Why nothing can be asked of it, nor is the end of a motion known."""
 
-STARTING = message("control_process_starts")
+PROCESS_STARTING = message("control_process_starts")
 """Why nothing can be asked of it yet."""
 
 _P = ParamSpec("_P")
@@ -415,7 +415,7 @@ class ControlProcess:
         self._answers: list[object] = []
         self._answered = Flag()
         self._is_expected_to_run = True
-        self._failures = Failures()
+        self._failures = ThreadFailures()
         self._is_ready = False
         self._child, self._reader = self._new_child()
 
@@ -467,10 +467,10 @@ class ControlProcess:
         The robot's watchdog gets no heartbeat then: nothing controls the arms.
         """
         if not self._is_alive:
-            raise RobotNotReady(ENDED)
+            raise RobotNotReady(PROCESS_ENDED)
         newest = [read_snapshot(each.snapshots) for each in self.buffers.values()]
         age = time.monotonic() - min((each.time for each in newest if each.is_streaming), default=inf)
-        if age > HUNG:
+        if age > HUNG_PROCESS:
             raise RobotNotReady(message("control_process_stands_still", duration=age))
 
     def revive(self) -> bool:
@@ -499,7 +499,7 @@ class ControlProcess:
         if not self._is_alive:
             return Snapshot()
         snapshot = read_snapshot(self.buffers[side].snapshots)
-        if snapshot.is_streaming and time.monotonic() - snapshot.time > STALE:
+        if snapshot.is_streaming and time.monotonic() - snapshot.time > STALE_SNAPSHOT:
             return snapshot._replace(is_streaming=False, is_running=False, activation=0)
         return snapshot
 
@@ -513,19 +513,19 @@ class ControlProcess:
         with self.hand_over.passing(command, args, kwargs), self._lock:
             # It would find the command when it has started, long after its caller got an error.
             if self._is_alive and not self._is_ready:
-                raise RobotNotReady(STARTING)
+                raise RobotNotReady(PROCESS_STARTING)
             self._answered.clear()
             self._answers.clear()
             self._number += 1  # an answer that comes too late is not taken for that of the next command
             try:
                 self._child.pipe.send(ControlProcessCall(self._number, command.__name__, args, kwargs))
             except PipeClosed as error:
-                raise RobotNotReady(ENDED) from error
+                raise RobotNotReady(PROCESS_ENDED) from error
             if not self._answered.wait(_ANSWER_TIMEOUT):
                 self._given_up[0] = self._number
                 raise RobotNotReady(message("control_process_does_not_answer", timeout=_ANSWER_TIMEOUT))
             if not self._answers:
-                raise RobotNotReady(ENDED)
+                raise RobotNotReady(PROCESS_ENDED)
             value = self._answers.pop()
             if isinstance(value, ControlProcessRefusal):
                 raise CommandRefused(value.said)
@@ -576,7 +576,9 @@ class ControlProcess:
         if not snapshot.is_running:
             return False
         newest = (each.read() for each in (buffers.trajectory, buffers.dual_trajectory, buffers.tool_path))
-        is_followed = any(it is not None and it[1].goal and snapshot.time - it[1].time < FRESH for it in newest)
+        is_followed = any(
+            it is not None and it[1].goal and snapshot.time - it[1].time < FRESH_FEEDBACK for it in newest
+        )
         return is_followed or snapshot.is_on_way or max(map(abs, snapshot.velocity)) > STANDING
 
     def _handle(self, event: Event) -> None:

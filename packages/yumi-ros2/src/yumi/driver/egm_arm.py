@@ -21,8 +21,8 @@ from yumi.control.counters import WireCounters
 from yumi.control.cycle import Cycle
 from yumi.control.limiter import Limiter, limiter_arm_command, limiter_arm_state, pack_command
 from yumi.control.sampled import Sampled
-from yumi.control.stage_times import DECODE, LIMIT, RECEIVE, SEND, UPDATE, StageClock
-from yumi.core.library import BRAKED, MOST_BRAKED, SAMPLED, ArmExchange, load, new_handle
+from yumi.control.stage_times import DECODE_STAGE, LIMIT_STAGE, RECEIVE_STAGE, SEND_STAGE, UPDATE_STAGE, StageClock
+from yumi.core.library import BRAKED_STRUCT, MOST_BRAKED, SAMPLED_STRUCT, ArmExchange, load, new_handle
 from yumi.driver.egm_server import DatagramLink, wire_counters
 from yumi.egm.egm_session import Session
 from yumi.egm.joint_codec import not_finite
@@ -61,7 +61,7 @@ class EgmArm:
         self._stages, self._keep = stages, keep
         self._is_socket = link.fileno() >= 0
         self.handle = new_handle(self, "arm", limiter.handle, session.handle, link.fileno())
-        self._braked = create_string_buffer(BRAKED.size * MOST_BRAKED)
+        self._braked = create_string_buffer(BRAKED_STRUCT.size * MOST_BRAKED)
         self._exchange = ArmExchange.from_address(self.handle)
 
     def receive(self, now: float) -> ArmState | None:
@@ -100,10 +100,13 @@ class EgmArm:
             raise OSError(exchange.send_error, os.strerror(exchange.send_error))
         if self._stages is not None:
             marks, noted = self._stages.marks, _STAGES.unpack_from(exchange)
-            if noted[UPDATE]:  # the core has sampled it
-                marks[: SEND + 1] = noted
+            if noted[UPDATE_STAGE]:  # the core has sampled it
+                marks[: SEND_STAGE + 1] = noted
             else:
-                marks[RECEIVE : DECODE + 1], marks[LIMIT : SEND + 1] = noted[RECEIVE : DECODE + 1], noted[LIMIT:]
+                marks[RECEIVE_STAGE : DECODE_STAGE + 1], marks[LIMIT_STAGE : SEND_STAGE + 1] = (
+                    noted[RECEIVE_STAGE : DECODE_STAGE + 1],
+                    noted[LIMIT_STAGE:],
+                )
         return sent
 
     def settle(self, state: ArmState) -> None:
@@ -114,12 +117,14 @@ class EgmArm:
         packed = None
         if sampled is not None:
             goal, gains = sampled.goal, sampled.gains
-            packed = SAMPLED.pack(session, sampled.address, sampled.taken, gains is None, *goal, *(gains or goal))
+            packed = SAMPLED_STRUCT.pack(
+                session, sampled.address, sampled.taken, gains is None, *goal, *(gains or goal)
+            )
         self._library.arm_prepare(self.handle, packed)
 
     def take_braked(self) -> Sequence[Cycle]:
         count = self._limiter.done(self._library.arm_take_braked(self.handle, self._braked))
-        cycles = islice(BRAKED.iter_unpack(self._braked), count)
+        cycles = islice(BRAKED_STRUCT.iter_unpack(self._braked), count)
         return [
             Cycle(limiter_arm_state(values[:_STATE]), None, limiter_arm_command(values[_STATE:])) for values in cycles
         ]

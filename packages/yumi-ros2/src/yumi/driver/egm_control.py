@@ -20,7 +20,7 @@ from yumi.control.loop_events import (
     SessionLost,
     SessionStarted,
 )
-from yumi.control.shared_state import PROBLEMS, Problem, Snapshots
+from yumi.control.shared_state import ARM_PROBLEM_CODES, ArmProblem, Snapshots
 from yumi.driver.bringup import Bringup
 from yumi.driver.robot_state import arms_in_words
 from yumi.driver.state_machine import MachineState
@@ -196,10 +196,12 @@ class EgmControl:
         words = tuple(side.word for side in arms if not self._control.snapshot(side).is_running)
         return message("robot_does_not_follow", arms=words)
 
-    def _problems(self, arms: Sequence[Side]) -> dict[Side, Problem]:
+    def _problems(self, arms: Sequence[Side]) -> dict[Side, ArmProblem]:
         snapshots = {side: self._control.snapshot(side) for side in arms}
-        return {side: it.problem for side, it in snapshots.items() if it.problem is not Problem.NONE and it.is_running}
+        return {
+            side: it.problem for side, it in snapshots.items() if it.problem is not ArmProblem.NONE and it.is_running
+        }
 
 
-def _problem(side: Side, problem: Problem) -> Message:
-    return message(PROBLEMS[problem], arm=side.word)
+def _problem(side: Side, problem: ArmProblem) -> Message:
+    return message(ARM_PROBLEM_CODES[problem], arm=side.word)

@@ -26,7 +26,7 @@ from abb_runtime.clock import Clock, SystemClock
 from abb_runtime.udp import Poller, UdpServer, address_towards
 from yumi.control.counters import WireCounters
 from yumi.core.library import load
-from yumi.egm.egm_session import SILENCE, SensorSession, Session
+from yumi.egm.egm_session import ROBOT_SILENCE, SensorSession, Session
 
 _POLL_PERIOD = 0.050
 """How often a wait checks whether it is to end [s]."""
@@ -117,7 +117,7 @@ class EgmServer:
         robot: str | None = None,
         axes: int | None = None,
         timeout: float | None = None,
-        silence: float = SILENCE,
+        silence: float = ROBOT_SILENCE,
         clock: Clock | None = None,
     ) -> None:
         self._codec = SensorCodec(axes=axes)

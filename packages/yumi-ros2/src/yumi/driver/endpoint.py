@@ -1,4 +1,4 @@
-"""The local endpoint of a running driver: what is said over it, where its socket is, and the client's end of it.
+"""The local endpoint of a running driver: requests (attach, subscribe), failures, its socket, the client's end of it.
 
 A driver listens on a Unix socket that only its own user may open. A client writes one JSON document a line: a request
 with an ``id`` of its choice and a ``method``, see :mod:`yumi.driver.commands`. It gets documents of the same ``id``
@@ -33,7 +33,7 @@ MAX_REQUEST = 1 << 20
 FIRST_REQUEST = 5.0
 """A client sends its first request within this time [s], ``attach`` where it wants nothing yet, or is disconnected."""
 
-ANSWER = 10.0
+ENDPOINT_ANSWER_TIME = 10.0
 """What needs no motion is answered within this time [s]."""
 
 
@@ -144,7 +144,7 @@ def _connect(path: Path) -> socket.socket:
     """Raises OSError where no driver listens any more; what a driver that was killed has left is removed."""
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        connection.settimeout(ANSWER)
+        connection.settimeout(ENDPOINT_ANSWER_TIME)
         connection.connect(os.fspath(path))
     except BaseException as error:
         connection.close()
@@ -188,7 +188,7 @@ class EndpointClient:
         self._socket = connect_driver(path)
         self._received = b""
         self._number = 0
-        self._send(Attach(), ANSWER)
+        self._send(Attach(), ENDPOINT_ANSWER_TIME)
 
     def __enter__(self) -> EndpointClient:
         return self
@@ -205,7 +205,7 @@ class EndpointClient:
         command: Command[_R],
         on_step: Callable[[str], None] = lambda step: None,
         on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
-        timeout: float | None = ANSWER,
+        timeout: float | None = ENDPOINT_ANSWER_TIME,
     ) -> _R:
         """Send a command and wait for its result.
 
@@ -236,7 +236,7 @@ class EndpointClient:
     def watch(self, rate: float) -> Iterator[DriverState]:
         """The state ``rate`` times a second, with the events since the one before; raises as :meth:`call`."""
         self._number += 1
-        self._send(Subscribe(id=self._number, rate=rate), ANSWER + 1.0 / rate)
+        self._send(Subscribe(id=self._number, rate=rate), ENDPOINT_ANSWER_TIME + 1.0 / rate)
         while True:
             answer = self._receive()
             if answer.error is not None:

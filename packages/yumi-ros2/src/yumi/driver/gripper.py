@@ -14,11 +14,11 @@ from threading import Lock
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, ControllerRefused, GoalNotReached, RobotNotReady
 from abb_protocols.robot.gripper_values import (
-    ALLOWANCE,
-    ATMOSPHERE,
-    THINNEST,
-    TOP_SPEED,
-    Direction,
+    ATMOSPHERIC_PRESSURE,
+    FINGER_ALLOWANCE,
+    THINNEST_GRIPPED,
+    TOP_FINGER_SPEED,
+    GripDirection,
     GripOutcome,
     GripperGoal,
     GripperModules,
@@ -39,9 +39,9 @@ from abb_runtime.rws.client import RwsClient
 from yumi.driver.gripper_signals import GripperSignals, full_signal_name
 from yumi.driver.readiness import ConditionalRequest, check_request
 from yumi.driver.robot_state import RobotState
-from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, SgCommand, read_machine_state
+from yumi.driver.state_machine import RUN_SG_SIGNAL, SG_MODULE, SgCommand, read_machine_state
 
-CHANNELS = (1, 2)
+VACUUM_CHANNELS = (1, 2)
 """Numbers of the vacuum modules."""
 
 _STALL_TIME = 1.0
@@ -51,7 +51,7 @@ _JAMMED = 0.15  # [s]; fingers seen standing for so long before the gripper gave
 _REQUEST_POLL = 0.2  # [s] between two polls that cost requests
 _ROUTINE_POLL = 0.1  # [s] between two polls whether a command was taken
 _MOMENT = 1.0  # [s] for the gripper to switch
-_VENTED = 0.95 * ATMOSPHERE
+_VENTED = 0.95 * ATMOSPHERIC_PRESSURE
 _UNKNOWN = 404
 
 # Not READY: the robot's routine brings the gripper to READY before it sends each command.
@@ -59,7 +59,7 @@ _AT_REST = {ServoState.ACTION_COMPLETED, ServoState.KEEP_OBJECT}
 _STANDING = _AT_REST | {ServoState.READY, ServoState.ERROR}
 _JOGGING = {ServoState.JOG_OPEN, ServoState.JOG_CLOSE, ServoState.CALIBRATION}
 
-Check = Callable[[], None]
+GripperCheck = Callable[[], None]
 """Raises when a gripper may not move."""
 
 
@@ -99,7 +99,7 @@ class RwsGripper:
         routines: GripperRoutines,
         clock: Clock,
         timeout: float,
-        usual_speed: float = TOP_SPEED,
+        usual_speed: float = TOP_FINGER_SPEED,
         modules: GripperModules = GripperModules.SERVO,
         signals: GripperSignals | None = None,
     ) -> None:
@@ -150,7 +150,7 @@ class RwsGripper:
 
     def is_holding(self) -> bool:
         """Whether it holds something now; raises as :meth:`state`."""
-        return self._servo_state() is ServoState.KEEP_OBJECT and self.position() > THINNEST
+        return self._servo_state() is ServoState.KEEP_OBJECT and self.position() > THINNEST_GRIPPED
 
     def is_calibrated(self) -> bool:
         """Whether its positions mean anything; raises as :meth:`state`."""
@@ -168,7 +168,7 @@ class RwsGripper:
 
     # Fingers
 
-    def calibrate(self, *others: RwsGripper, check: Check = forbid_nothing) -> None:
+    def calibrate(self, *others: RwsGripper, check: GripperCheck = forbid_nothing) -> None:
         """Close the fingers and call that zero; see also :meth:`RobotManager.calibrate`, which sees that they may.
 
         Args:
@@ -188,7 +188,7 @@ class RwsGripper:
                 message("gripper_calibration_failed", gripper=gripper.side.word),
             )
 
-    def begin(self, goal: GripperGoal, check: Check = forbid_nothing) -> None:
+    def begin(self, goal: GripperGoal, check: GripperCheck = forbid_nothing) -> None:
         """Start to move the fingers.
 
         Args:
@@ -219,7 +219,7 @@ class RwsGripper:
                 move = SgCommand.MOVE_TO
                 self._routines.run(self.side, move, self._timeout, target=goal.position, check_may_move=check_may_move)
             else:
-                command = SgCommand.GRIP_IN if goal.direction is Direction.INWARDS else SgCommand.GRIP_OUT
+                command = SgCommand.GRIP_IN if goal.direction is GripDirection.INWARDS else SgCommand.GRIP_OUT
                 self._routines.run(self.side, command, self._timeout, force=goal.force, check_may_move=check_may_move)
         finally:
             if self._is_stopped:  # while the command was under way
@@ -280,7 +280,7 @@ class RwsGripper:
         if state in _AT_REST:
             position = self._ask_position()
             is_held = goal.is_held(state, position)
-            is_there = abs(position - goal.position) <= ALLOWANCE and not is_held
+            is_there = abs(position - goal.position) <= FINGER_ALLOWANCE and not is_held
             return outcome_of(position, goal.force if is_held else 0.0, stalled=not is_there, reached_goal=is_there)
         if state is not ServoState.ERROR:
             before, now = self._polled, self._clock.now()
@@ -301,13 +301,13 @@ class RwsGripper:
     def _is_stalled(self, goal: GripperGoal, state: ServoState) -> bool:
         """A gripper gives up by itself, too; an error of fingers that moved has another cause."""
         if state is ServoState.ERROR:
-            return self._stood >= _JAMMED and abs(self.last_position - goal.position) > ALLOWANCE
+            return self._stood >= _JAMMED and abs(self.last_position - goal.position) > FINGER_ALLOWANCE
         if self._stood < _STALL_TIME:
             return False
         before = self.last_position  # what was reported may have been held up on its way: ask
         return self._ask_position() == before and self._ask("hand_ActualSpeed") == 0
 
-    def jog(self, *, opens: bool, check: Check = forbid_nothing) -> None:
+    def jog(self, *, opens: bool, check: GripperCheck = forbid_nothing) -> None:
         """Open or close slowly until :meth:`stop`, calibrated or not.
 
         Args:
@@ -384,7 +384,7 @@ class RwsGripper:
 
     def check_vacuum(self, channel: int) -> None:
         """Refuse a vacuum module that the gripper does not have, as all methods below do; raises CommandRefused."""
-        if channel not in CHANNELS:
+        if channel not in VACUUM_CHANNELS:
             raise CommandRefused(message("vacuum_channel_unknown", channel=channel))
         channels = self.modules.vacuum_channels
         if channel not in channels:
@@ -510,7 +510,7 @@ class GripperRoutines:
         *,
         target: float | None = None,
         force: float | None = None,
-        check_may_move: Check = forbid_nothing,
+        check_may_move: GripperCheck = forbid_nothing,
     ) -> None:
         """Have one arm's task run ``command``; returns when the task has taken it.
 
@@ -537,11 +537,11 @@ class GripperRoutines:
                 self._write_force(side, force)
             check_may_move()
             self._write(side, "command_input", float(command))
-            self._client.pulse_signal(RUN_GRIPPER)
+            self._client.pulse_signal(RUN_SG_SIGNAL)
             self._wait_until_taken(side, timeout)
             self._are_empty = True
 
-    def calibrate(self, sides: Sequence[Side], timeout: float, check_may_move: Check = forbid_nothing) -> None:
+    def calibrate(self, sides: Sequence[Side], timeout: float, check_may_move: GripperCheck = forbid_nothing) -> None:
         """Have the tasks of these arms calibrate their grippers at the same time: one edge reaches both.
 
         Args:
@@ -563,26 +563,26 @@ class GripperRoutines:
                 self._write(each, "command_input", float(command))
             self._are_empty = False
             check_may_move()
-            self._client.pulse_signal(RUN_GRIPPER)
+            self._client.pulse_signal(RUN_SG_SIGNAL)
             for side in sides:
                 self._wait_until_taken(side, timeout, check_may_move)
             self._are_empty = True
 
-    def _wait_until_taken(self, side: Side, timeout: float, check_may_move: Check = forbid_nothing) -> None:
+    def _wait_until_taken(self, side: Side, timeout: float, check_may_move: GripperCheck = forbid_nothing) -> None:
         def is_taken() -> bool:
-            return self._client.value(side.task, GRIPPER, "command_input") == SgCommand.NONE
+            return self._client.value(side.task, SG_MODULE, "command_input") == SgCommand.NONE
 
         refusal = message("gripper_command_not_taken", arm=side.word, timeout=timeout)
         wait_until(self._clock, is_taken, timeout, refusal, check=check_may_move, period=_ROUTINE_POLL)
 
     def _write(self, side: Side, symbol: str, value: float) -> None:
-        self._client.set_value(side.task, GRIPPER, symbol, value)
+        self._client.set_value(side.task, SG_MODULE, symbol, value)
 
     def _write_force(self, side: Side, force: float) -> None:
-        current = self._client.value(side.task, GRIPPER, "settings")
+        current = self._client.value(side.task, SG_MODULE, "settings")
         if not isinstance(current, tuple) or len(current) != 3:
-            symbol = f"{side.task}/{GRIPPER}/settings"
+            symbol = f"{side.task}/{SG_MODULE}/settings"
             raise RobotNotReady(message("rapid_record_of_unknown_layout", symbol=symbol, value=str(current)))
         max_speed, set_force, limit = current
         if set_force != force:
-            self._client.set_value(side.task, GRIPPER, "settings", (max_speed, force, limit))
+            self._client.set_value(side.task, SG_MODULE, "settings", (max_speed, force, limit))

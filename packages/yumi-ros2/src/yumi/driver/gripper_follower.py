@@ -8,13 +8,13 @@ from typing import SupportsFloat
 
 from abb_protocols.catalogue import Message, message, quoted
 from abb_protocols.errors import CommandRefused, YumiError
-from abb_protocols.robot.gripper_values import TRAVEL, Direction, GripperGoal, go_to, grip
-from yumi.driver.gripper import Check, RwsGripper, forbid_nothing
+from abb_protocols.robot.gripper_values import FINGER_TRAVEL, GripDirection, GripperGoal, finger_position_goal, grip
+from yumi.driver.gripper import GripperCheck, RwsGripper, forbid_nothing
 
 
 def goal_of(closed: float, force: float) -> GripperGoal:
     """The goal of a value from 0, open, to 1, which grips with ``force`` [N]."""
-    return grip(Direction.INWARDS, force) if closed >= 1.0 else go_to(TRAVEL * (1.0 - closed))
+    return grip(GripDirection.INWARDS, force) if closed >= 1.0 else finger_position_goal(FINGER_TRAVEL * (1.0 - closed))
 
 
 _RESOLUTION = 0.01  # goals of a stream that differ by less are the same one: half a millimetre
@@ -22,7 +22,7 @@ _RESOLUTION = 0.01  # goals of a stream that differ by less are the same one: ha
 
 def closed_of(arm: str, width: object) -> float:
     """How far a gripper is closed, 0 to 1, whose fingers are ``width`` [m] apart; raises CommandRefused."""
-    most = 2.0 * TRAVEL
+    most = 2.0 * FINGER_TRAVEL
     if not isinstance(width, SupportsFloat) or not 0.0 <= float(width) <= most:
         raise CommandRefused(message("stream_grippers_malformed", arm=arm, given=quoted(width), most=most))
     return 1.0 - float(width) / most
@@ -40,7 +40,7 @@ class GripperFollower:
         refusal: why the last goal was not taken; None where it was.
     """
 
-    def __init__(self, gripper: RwsGripper, force: float, check: Check = forbid_nothing) -> None:
+    def __init__(self, gripper: RwsGripper, force: float, check: GripperCheck = forbid_nothing) -> None:
         self.refusal: Message | None = None
         self._gripper, self._force, self._check = gripper, force, check
         self._lock = Lock()

@@ -7,13 +7,13 @@ from contextlib import suppress
 
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import ControllerRefused, GoalNotReached, ProtocolError, RobotNotReady
-from abb_protocols.robot.gripper_values import GripOutcome, go_to
+from abb_protocols.robot.gripper_values import GripOutcome, finger_position_goal
 from abb_protocols.robot.joints import Side
 from yumi.driver.gripper import RwsGripper
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, GripperSettings
 
-_CLOSED = go_to(0.0)
+_CLOSED = finger_position_goal(0.0)
 _FAILURES = (RobotNotReady, ControllerRefused, ProtocolError, GoalNotReached)
 
 _MessageReport = Callable[[Message], None]

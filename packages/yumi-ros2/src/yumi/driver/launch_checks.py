@@ -1,4 +1,7 @@
-"""What a controller must have before it is brought up: checks of what no request can repair."""
+"""What a controller must have before it is brought up: RobotWare, options, program version, EGM address.
+
+No request can repair what these checks miss.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from abb_protocols.errors import ControllerRefused, RobotNotReady
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.operations.system import SystemInfo
 from abb_runtime.rws.client import RwsClient
-from yumi.driver.state_machine import MAIN
+from yumi.driver.state_machine import MAIN_MODULE
 
 OLDEST_ROBOTWARE = (6, 9)
 """EGM for seven axes came with RobotWare 6.09 (reference/statemachine.md §3.5)."""
@@ -123,13 +126,13 @@ class LaunchChecks:
         """See that an arm's task has the robot-side program, in its version; raises RobotNotReady."""
         task = side.task
         try:
-            kind = self._client.symbol_type(task, MAIN, "current_state")
+            kind = self._client.symbol_type(task, MAIN_MODULE, "current_state")
         except ControllerRefused:
-            raise RobotNotReady(message("state_machine_missing", task=task, module=MAIN)) from None
+            raise RobotNotReady(message("state_machine_missing", task=task, module=MAIN_MODULE)) from None
         if kind != "num":
-            raise RobotNotReady(message("state_has_wrong_type", task=task, module=MAIN, kind=kind))
+            raise RobotNotReady(message("state_has_wrong_type", task=task, module=MAIN_MODULE, kind=kind))
         try:
-            version = self._client.value(task, MAIN, "VERSION")
+            version = self._client.value(task, MAIN_MODULE, "VERSION")
         except ControllerRefused:
             version = "unknown"
         if version != PROGRAM_VERSION:

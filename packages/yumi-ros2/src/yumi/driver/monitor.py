@@ -22,11 +22,11 @@ from typing import Any
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import ControllerRefused, ProtocolError, YumiError
-from abb_protocols.robot.joints import ZERO, Side, joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Side, joints
 from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.values import ControllerState, EventType, ExecutionState, OperatingMode
 from abb_runtime.clock import Clock
-from abb_runtime.process.supervision import Failures, SupervisedThread
+from abb_runtime.process.supervision import SupervisedThread, ThreadFailures
 from abb_runtime.rws.client import (
     CONTROLLER_STATE,
     EXECUTION,
@@ -44,7 +44,13 @@ from yumi.control.shared_state import JointStates, Snapshots
 from yumi.driver.readiness import why_not_ready
 from yumi.driver.robot_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState
 from yumi.driver.speed_setting import SpeedSetting
-from yumi.driver.state_machine import RUN_RAPID, START_JOINT, STOP, MachineState, read_machine_state
+from yumi.driver.state_machine import (
+    RUN_RAPID_SIGNAL,
+    START_JOINT_SIGNAL,
+    STOP_EGM_SIGNAL,
+    MachineState,
+    read_machine_state,
+)
 from yumi.driver.stops import Cause, Stop, StopLog, explain, explained, has_ended_egm
 
 _GROUP = 0.25
@@ -56,7 +62,7 @@ _UNEXPLAINED = 0.75
 _NOTICED = 0.5
 """A change that a request has made is seen so long after it at the latest [s]."""
 
-MOTORS_OFF, PROGRAM_STOPPED = "motors off", "RAPID program stopped"
+MOTORS_OFF_CHANGE, PROGRAM_STOPPED_CHANGE = "motors off", "RAPID program stopped"
 """Changes that a request may make."""
 
 
@@ -183,7 +189,7 @@ def _changes(before: RobotState, after: RobotState) -> tuple[list[str], list[str
 
 _WORKING = RobotState(True, OperatingMode.AUTO, ControllerState.MOTORS_ON, ExecutionState.RUNNING)
 _MOTORS = {
-    ControllerState.MOTORS_OFF: MOTORS_OFF,
+    ControllerState.MOTORS_OFF: MOTORS_OFF_CHANGE,
     ControllerState.GUARD_STOP: "motors off by a guard stop",
     ControllerState.EMERGENCY_STOP: "motors off by an emergency stop",
     ControllerState.EMERGENCY_STOP_RESET: "emergency stop released, motors off",
@@ -193,7 +199,7 @@ _MOTORS = {
 
 
 _EVENT_LOG = event_log()
-_SIGNALS = tuple(map(signal_state, (START_JOINT, STOP, RUN_RAPID)))
+_SIGNALS = tuple(map(signal_state, (START_JOINT_SIGNAL, STOP_EGM_SIGNAL, RUN_RAPID_SIGNAL)))
 _RESOURCES = (OPERATING_MODE, CONTROLLER_STATE, EXECUTION, SPEED_RATIO, _EVENT_LOG, *_SIGNALS)
 """What is subscribed to."""
 
@@ -212,7 +218,7 @@ Together they would have less of the 20 requests a second that ABB permits, and 
 WHOLE_POLL = 5.0
 """Everything is read again after this time, should the controller have lost a report [s]."""
 
-STALE = 2.0 * WHOLE_POLL
+STALE_STATE = 2.0 * WHOLE_POLL
 """What was read longer ago than this is unknown [s]."""
 
 _RECONNECT = 1.0
@@ -269,7 +275,7 @@ class RobotMonitor:
         self._stops = stops
         self._speed = speed
         self._seen_stop: Stop | None = None
-        self._failures = Failures()
+        self._failures = ThreadFailures()
         self._unexplained: list[tuple[float, Callable[[Cause], None]]] = []  # and when they are answered at the latest
         self._client = client
         self._loop = loop
@@ -297,7 +303,7 @@ class RobotMonitor:
         """What was known last, with EGM as it is now; what was read too long ago is unknown."""
         with self._lock:
             age = self._clock.now() - self._read_at
-            if self._state.is_connected and age > STALE:
+            if self._state.is_connected and age > STALE_STATE:
                 unknown = self._completed(RobotState())
                 return replace(unknown, reasons=(message("state_is_old", age=age),))
             return self._completed(self._state)
@@ -552,7 +558,7 @@ class RobotMonitor:
                 self._joints_refused.discard(side)
                 time, last = 0.5 * (asked + self._clock.now()), self._joints.get(side)
                 dt = time - last.time if last is not None else inf
-                velocity = ZERO
+                velocity = ZERO_JOINTS
                 if last is not None and 0.0 < dt <= _JOINTS_SPEED:
                     velocity = joints([(b - a) / dt for a, b in zip(last.position, position, strict=True)])
                 self._joints[side] = JointStates(time, position, velocity)

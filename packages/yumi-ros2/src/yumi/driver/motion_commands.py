@@ -1,4 +1,4 @@
-"""The commands that move arms: to positions and poses, along plans, and a moment at a time."""
+"""The commands that move arms: to positions and poses, to follow plans, to stream, to jog and to teleoperate."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from abb_protocols.catalogue import headline, message
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, GoalNotReached, YumiError
 from abb_protocols.robot.description import FINGERTIPS
-from abb_protocols.robot.joints import ZERO, Joints, Side, by_side
-from yumi.control.goals import Tracking, stream_delay
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, by_side
+from yumi.control.goals import GoalTracking, stream_delay
 from yumi.control.hand_over import MOTION_BEGINS, Commander
 from yumi.control.loop_commands import Commands
 from yumi.driver.command import (
@@ -209,7 +209,7 @@ class Stream(Command[str], frozen=True):
     velocities: dict[ArmName, Joints] | None = None
     grippers: dict[ArmName, float] | None = None
     time: float | None = None
-    tracking: Tracking = "feed_forward"
+    tracking: GoalTracking = "feed_forward"
     delay: float | None = None
     blend: float | None = None
 
@@ -294,7 +294,7 @@ def _jog(
         if not robot.moving.acquire(timeout=MOTION_BEGINS if is_own else 0.0):
             if not _acquire_from_program(robot, caller, side):
                 raise CommandRefused(message("another_move_under_way"))
-            values = ZERO  # which is never too old: to wait for the arm may have taken seconds
+            values = ZERO_JOINTS  # which is never too old: to wait for the arm may have taken seconds
         try:
             caller.check()
             if jog(values):  # a controller was switched

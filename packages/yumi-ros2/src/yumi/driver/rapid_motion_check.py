@@ -21,7 +21,7 @@ from abb_runtime.rws.client import RwsClient
 from yumi.control.collisions import declared_margins
 from yumi.core.collision import CollisionModel
 from yumi.driver.controller_panel import ControllerPanel
-from yumi.driver.state_machine import MAIN, RAPID, MachineState, StateMachines
+from yumi.driver.state_machine import MAIN_MODULE, RAPID_MODULE, MachineState, StateMachines
 
 FIRST_RATIO = 10
 """Speed ratio of the first run of a routine on a real robot [%]."""
@@ -30,7 +30,7 @@ _UTILITY = "TRobUtility"
 _MOVE_NOTHING = frozenset({"runmoduleload", "runmoduleunload"})
 _NEVER_KNOWN = frozenset({"runmovej", "runcallbyvar"})  # each run has another goal, or runs another procedure
 _STEP = 0.005  # [rad] that all joints together turn between two samples: no part moves by half a margin
-_UNUSED = 1e8  # RAPID's 9E9, an axis without a value
+_UNUSED = 1e8  # RAPID_MODULE's 9E9, an axis without a value
 _WITHIN = 0.1  # [m] parts that are further apart are not compared
 
 
@@ -95,7 +95,7 @@ class RapidMotionCheck:
         """
         for side in Side if self._is_real() else ():
             pointer, _ = self._client.pointers(side.task)
-            if pointer.module.lower() != MAIN.lower():
+            if pointer.module.lower() != MAIN_MODULE.lower():
                 place = f"{pointer.module}/{pointer.routine}"
                 raise RobotNotReady(message("rapid_start_in_routine", task=side.task, place=place))
 
@@ -140,7 +140,9 @@ class RapidMotionCheck:
     def _goal(self, side: Side, routine: str) -> Joints | None:
         """Where a routine goes on a straight way in joints [rad]; None where its way is not known."""
         if routine == "runmoveabsj":
-            robax, external = cast("tuple[Any, Any]", self._client.value(side.task, RAPID, "move_jointtarget_input"))
+            robax, external = cast(
+                "tuple[Any, Any]", self._client.value(side.task, RAPID_MODULE, "move_jointtarget_input")
+            )
             return None if external[0] >= _UNUSED else _in_chain((*robax, external[0]))
         if routine == "runmovetocalibrationposition":
             values = cast("tuple[Any, ...]", self._client.value(side.task, _UTILITY, "calibration_values"))

@@ -14,7 +14,7 @@ from yumi.driver.controller_panel import RAPID_NAME, ControllerPanel
 from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.readiness import ConditionalRequest, check_request
 from yumi.driver.robot_state import RobotState
-from yumi.driver.state_machine import RAPID, ROUTINE_NAME, RUN_RAPID, MachineState, StateMachines
+from yumi.driver.state_machine import RAPID_MODULE, ROUTINE_NAME_SYMBOL, RUN_RAPID_SIGNAL, MachineState, StateMachines
 
 LONGEST_ROUTINE = 300.0
 """Longest wait for the end of a routine [s]; it goes on, only the wait ends."""
@@ -87,9 +87,9 @@ class RapidRoutines:
         try:
             step(f"run {name}")
             self._has_begun = True
-            self._client.set_value(side.task, RAPID, ROUTINE_NAME, name)
-            self._client.set_value(side.other.task, RAPID, ROUTINE_NAME, "")
-            self._client.pulse_signal(RUN_RAPID)
+            self._client.set_value(side.task, RAPID_MODULE, ROUTINE_NAME_SYMBOL, name)
+            self._client.set_value(side.other.task, RAPID_MODULE, ROUTINE_NAME_SYMBOL, "")
+            self._client.pulse_signal(RUN_RAPID_SIGNAL)
             wait_until(
                 self._clock,
                 lambda: self._is_over(side),
@@ -99,7 +99,7 @@ class RapidRoutines:
         finally:
             self.is_running = False
         try:
-            is_unknown = self._client.symbol(side.task, RAPID, "is_routine_unknown") == "TRUE"
+            is_unknown = self._client.symbol(side.task, RAPID_MODULE, "is_routine_unknown") == "TRUE"
         except ControllerRefused:  # ABB's own state machine does not report it
             is_unknown = False
         if is_unknown:
@@ -133,7 +133,7 @@ class RapidRoutines:
             raise CommandRefused(message("module_not_loaded", task=side.task, path=path))
 
     def _run_with_file(self, side: Side, routine: str, path: str) -> None:
-        self._client.set_value(side.task, RAPID, "module_file_path_input", path)
+        self._client.set_value(side.task, RAPID_MODULE, "module_file_path_input", path)
         self.run(side, routine)
 
     def _has_module(self, side: Side, name: str) -> bool:
@@ -149,7 +149,7 @@ class RapidRoutines:
         """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""
         if not self._panel.is_running:
             raise RobotNotReady(message("program_stopped_in_routine", task=side.task))
-        if self._client.symbol(side.task, RAPID, ROUTINE_NAME) != '""':
+        if self._client.symbol(side.task, RAPID_MODULE, ROUTINE_NAME_SYMBOL) != '""':
             return False
         return self._machines.state(side) is MachineState.IDLE
 

@@ -1,4 +1,4 @@
-"""Readiness: whether the robot may move, and if not, why not; the one table of conditions.
+"""Readiness: whether the robot may move, and if not, which needed condition is unmet; the one table of conditions.
 
 Everybody who refuses motion takes the reason from here, as a message that the front end words: robot manager,
 controller panel, Python API, ROS and log. What stopped the robot is in :mod:`yumi.driver.stops`.
@@ -17,7 +17,7 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Side
 from abb_protocols.rws.values import ControllerState, ExecutionState, OperatingMode
-from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
+from yumi.control.shared_state import ARM_PROBLEM_CODES, ArmProblem, Snapshot
 from yumi.driver.robot_state import EGM_RUNNING, RobotState, machine_name
 from yumi.driver.state_machine import MachineState
 
@@ -229,8 +229,8 @@ def why_not_ready(state: RobotState) -> tuple[Message, ...]:
 
 def why_arm_does_not_follow(side: Side, snapshot: Snapshot) -> Message | None:
     """Why an arm takes no goals; None when it does."""
-    if snapshot.problem is not Problem.NONE:
-        return message(PROBLEMS[snapshot.problem], arm=side.word)
+    if snapshot.problem is not ArmProblem.NONE:
+        return message(ARM_PROBLEM_CODES[snapshot.problem], arm=side.word)
     return None if snapshot.is_running else message("arm_without_egm", arm=side.word)
 
 
@@ -276,7 +276,7 @@ def reference_page() -> str:
         lines.append(f"| {request.value} | {marks} |")
     lines += ["", "An arm takes goals when EGM runs on it and nothing makes it hold:", ""]
     lines += ["| code | reason | what to do |", "|---|---|---|"]
-    for code in ("arm_without_egm", *PROBLEMS.values()):
+    for code in ("arm_without_egm", *ARM_PROBLEM_CODES.values()):
         said = Message(code, {"arm": "right"})
         lines.append(f"| `{code}` | {clause(said, FrontEnd.ROS)} | {remedy_of(said, FrontEnd.ROS)} |")
     lines += [

@@ -23,7 +23,7 @@ from abb_protocols.robot.joints import Joints, Pose, Side, abb_from_chain
 from abb_protocols.robot.kinematics import tool0_to_body
 from yumi.control.hand_over import Commander, Commanding
 from yumi.control.motion.robot_response import STANDING
-from yumi.control.shared_state import PROBLEMS, Limited, Problem, Snapshot
+from yumi.control.shared_state import ARM_PROBLEM_CODES, ArmProblem, Limited, Snapshot
 from yumi.driver.robot_state import robot_lines
 
 _KEPT_EVENTS = 100
@@ -459,7 +459,7 @@ def arm_report(
     if not it.is_streaming:
         mode = ArmMode.FAULT if is_fault else ArmMode.NO_EGM
         return ArmReport(mode=mode, session=it.session, cycles=counts, command=command)
-    if is_fault or it.problem is not Problem.NONE:
+    if is_fault or it.problem is not ArmProblem.NONE:
         mode = ArmMode.FAULT
     elif not it.is_running:
         mode = ArmMode.IDLE
@@ -492,7 +492,9 @@ def arm_report(
         goal=it.reference,
         pose=tool0_to_body(side, it.position),
         egm=egm,
-        problem=Said.of(message(PROBLEMS[it.problem], arm=side.word)) if it.problem is not Problem.NONE else None,
+        problem=Said.of(message(ARM_PROBLEM_CODES[it.problem], arm=side.word))
+        if it.problem is not ArmProblem.NONE
+        else None,
         limited=it.limited,
         cycles=counts,
         command=command,

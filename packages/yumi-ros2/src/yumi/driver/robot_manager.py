@@ -29,18 +29,18 @@ from yumi.driver.bringup import STOP_PROGRAM, Bringup
 from yumi.driver.controller_names import STREAM_CONTROLLER
 from yumi.driver.egm_control import ArmControl, EgmControl
 from yumi.driver.gripper import RwsGripper
-from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
+from yumi.driver.monitor import MOTORS_OFF_CHANGE, PROGRAM_STOPPED_CHANGE, RobotMonitor
 from yumi.driver.rapid_motion_check import RapidMotionCheck
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.robot_state import Report, RobotMode, RobotState
 from yumi.driver.speed_setting import FIRST_SPEED_SCALE
-from yumi.driver.state_machine import MAIN, RAPID, ROUTINE_NAME, RUN_RAPID
+from yumi.driver.state_machine import MAIN_MODULE, RAPID_MODULE, ROUTINE_NAME_SYMBOL, RUN_RAPID_SIGNAL
 from yumi.driver.stops import StopLog
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 
 _NO_CHANGES: frozenset[str] = frozenset()
-_MOTORS_OFF = frozenset({MOTORS_OFF, PROGRAM_STOPPED})
+_MOTORS_OFF = frozenset({MOTORS_OFF_CHANGE, PROGRAM_STOPPED_CHANGE})
 _ROUTINE_POLL = 0.1  # [s] a stop that waits for its turn ends a routine that runs meanwhile
 
 
@@ -415,7 +415,7 @@ class RobotManager:
 
     def stop_rapid(self) -> str:
         """Stop the program; EGM is ended before, so that the arms come to rest gently if they can. Raises YumiError."""
-        with self._stopping(frozenset({PROGRAM_STOPPED})):
+        with self._stopping(frozenset({PROGRAM_STOPPED_CHANGE})):
             self._come_to_rest()
             self.panel.stop_rapid()
         return headline(message("rapid_is_stopped"))
@@ -529,11 +529,13 @@ class RobotManager:
         confirmation. Stopping fingers is not. The signal that runs a RAPID routine is not written at a real robot: what
         :meth:`run_routine` checks would be left out.
         """
-        signal = name.rpartition("/")[2].upper()  # also written as network/device/signal; RAPID's names know no case
+        signal = name.rpartition("/")[
+            2
+        ].upper()  # also written as network/device/signal; RAPID_MODULE's names know no case
         is_finger_stop = signal.startswith("HAND_CMDGRIPPER") and str(value) == str(int(ServoCommand.GO_TO_READY))
         if signal.startswith(("EGM_START", "RUN_", "HAND_CMD")) and not is_finger_stop:
             self._stops.check_confirmed(self._client, "")
-        if signal == RUN_RAPID and self.is_real():
+        if signal == RUN_RAPID_SIGNAL and self.is_real():
             raise CommandRefused(message("rapid_signal_not_written", signal=signal))
         self.panel.write_signal(name, value)
 
@@ -544,10 +546,10 @@ class RobotManager:
         without the checks of :meth:`run_routine`. Inputs of a routine wait for one that is checked or runs.
         """
         within, variable = module.upper(), name.upper()
-        if within not in {MAIN.upper(), RAPID.upper()}:
+        if within not in {MAIN_MODULE.upper(), RAPID_MODULE.upper()}:
             self.panel.write_variable(task, module, name, value)
             return
-        if (within == MAIN.upper() or variable == ROUTINE_NAME.upper()) and self.is_real():
+        if (within == MAIN_MODULE.upper() or variable == ROUTINE_NAME_SYMBOL.upper()) and self.is_real():
             raise CommandRefused(message("rapid_variable_not_written", module=module, variable=name))
         with self._moving():
             self.panel.write_variable(task, module, name, value)
@@ -598,7 +600,7 @@ class RobotManager:
 
         def check(step: str) -> None:
             if step == STOP_PROGRAM:
-                self.monitor.log.request(frozenset({PROGRAM_STOPPED}))
+                self.monitor.log.request(frozenset({PROGRAM_STOPPED_CHANGE}))
             self._stops.check_unchanged(self._client, confirmed)
 
         with self._changing(check=check, requests=requests):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from abb_protocols.catalogue import Message
 from abb_protocols.errors import YumiError
-from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.driver.bringup import BRINGUP_ANNOUNCEMENT
 from yumi.driver.gripper_setup import GripperSetup, close_as_test
 from yumi.driver.robot_manager import RobotManager
 
@@ -40,7 +40,7 @@ def start_robot(
         with manager.starting(brings_up=True):
             steps = [*manager.steps_to_ready(), *setup.steps(is_tested=is_tested)]
             if steps:
-                log(logging.WARNING, f"{ANNOUNCEMENT}{', '.join(steps)}.")
+                log(logging.WARNING, f"{BRINGUP_ANNOUNCEMENT}{', '.join(steps)}.")
             manager.make_ready()
         if is_tested:
             close_as_test(

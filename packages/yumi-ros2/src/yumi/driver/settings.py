@@ -34,9 +34,9 @@ from abb_runtime.parameters import (
 from abb_runtime.rws.client import RwsClient
 from abb_runtime.rws.login import MAX_PORT, VIRTUAL_RWS_PORT
 from abb_runtime.udp import address_of_host, address_towards, is_loopback
-from yumi.control.collisions import MARGIN
-from yumi.control.speed_scale import FULL
-from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
+from yumi.control.collisions import COLLISION_MARGIN
+from yumi.control.speed_scale import FULL_SPEED
+from yumi.control.tool_limits import TOP_TOOL_SPEED, ToolLimits, Wall
 from yumi.core.collision import TOOL_FRAME, CollisionModel, CollisionPart, Obstacle, check_declared
 from yumi.driver.control_process import WakeMode
 from yumi.driver.controller_names import STREAM_CONTROLLER
@@ -74,7 +74,7 @@ class RobotSettings:
     user: str = "Default User"
     password: str = field(default="robotics", repr=False)
     timeout: float = bounded(2.0, 0.1, 4.0, "s")
-    speed_scale: float | None = bounded(None, LOWEST_SPEED_SCALE, FULL)
+    speed_scale: float | None = bounded(None, LOWEST_SPEED_SCALE, FULL_SPEED)
 
     @property
     def host_and_port(self) -> str:
@@ -91,7 +91,7 @@ class RobotSettings:
         """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
         if self.speed_scale is not None:
             return self.speed_scale
-        return FULL if self.is_on_this_machine else FIRST_SPEED_SCALE
+        return FULL_SPEED if self.is_on_this_machine else FIRST_SPEED_SCALE
 
     def client(self) -> RwsClient:
         """A client of the controller, not connected yet."""
@@ -233,7 +233,7 @@ class CollisionSettings:
     """
 
     enabled: bool = True
-    margin: float = bounded(MARGIN, 0.0, 0.2, "m")
+    margin: float = bounded(COLLISION_MARGIN, 0.0, 0.2, "m")
     boxes: Mapping[str, BoxSettings] = field(default_factory=dict)
     right_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
     left_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
@@ -304,7 +304,7 @@ class ToolLimitSettings:
         walls: behind which it stays, by name.
     """
 
-    speed: float = bounded(FASTEST, 0.01, FASTEST, "m/s")
+    speed: float = bounded(TOP_TOOL_SPEED, 0.01, TOP_TOOL_SPEED, "m/s")
     walls: Mapping[str, WallSettings] = field(default_factory=dict)
 
     @property

@@ -12,7 +12,7 @@ from abb_protocols.catalogue import Message, message, quoted
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Side
 from yumi.control.goals import Buffer
-from yumi.control.speed_scale import FULL, SpeedFactor
+from yumi.control.speed_scale import FULL_SPEED, SpeedFactor
 
 LOWEST_SPEED_SCALE = 0.01
 """Slower than this, joints creep: a full turn would take hours."""
@@ -38,14 +38,14 @@ class SpeedSetting:
 
     def __init__(
         self,
-        value: float = FULL,
+        value: float = FULL_SPEED,
         buffers: Mapping[Side, Buffer[SpeedFactor]] | None = None,
         is_in_egm: Callable[[Side], bool] = lambda side: False,
     ) -> None:
         self._lock = Lock()
         self._buffers = buffers or {}
         self.is_in_egm = is_in_egm
-        self._started_with = dict.fromkeys(Side, FULL)
+        self._started_with = dict.fromkeys(Side, FULL_SPEED)
         self._value = _checked_speed_scale(value)
         self._write()
 
@@ -99,8 +99,10 @@ def _checked_speed_scale(value: float) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError) as error:
-        no_number = message("speed_scale_no_number", value=quoted(value), lowest=LOWEST_SPEED_SCALE, highest=FULL)
+        no_number = message("speed_scale_no_number", value=quoted(value), lowest=LOWEST_SPEED_SCALE, highest=FULL_SPEED)
         raise CommandRefused(no_number) from error
-    if not LOWEST_SPEED_SCALE <= number <= FULL:
-        raise CommandRefused(message("speed_scale_out_of_range", value=number, lowest=LOWEST_SPEED_SCALE, highest=FULL))
+    if not LOWEST_SPEED_SCALE <= number <= FULL_SPEED:
+        raise CommandRefused(
+            message("speed_scale_out_of_range", value=number, lowest=LOWEST_SPEED_SCALE, highest=FULL_SPEED)
+        )
     return number

@@ -1,4 +1,4 @@
-"""The state machine on the robot as a client sees it: symbols, signals, states, EGM settings, EGM's start and stop.
+"""The state machine on the robot as a client sees it: modules, signals, symbols, EGM settings, EGM's start and stop.
 
 The interface is that of ABB's StateMachine Add-In 1.1 (reference/statemachine.md); the RAPID modules in
 ``controller_files`` have the same.
@@ -35,18 +35,18 @@ from yumi.driver.speed_setting import SpeedSetting
 
 _NO_SYMBOL = {(400, RwsCode.FAIL), (404, RwsCode.FAIL)}  # of a symbol, and of a module, that is not there
 
-MAIN = "TRobMain"
-EGM = "TRobEGM"
-GRIPPER = "TRobSG"
-RAPID = "TRobRAPID"
-WATCHDOG = "TRobWatchdog"
+MAIN_MODULE = "TRobMain"
+EGM_MODULE = "TRobEGM"
+SG_MODULE = "TRobSG"
+RAPID_MODULE = "TRobRAPID"
+WATCHDOG_MODULE = "TRobWatchdog"
 
-START_JOINT = "EGM_START_JOINT"
-STOP = "EGM_STOP"
-RUN_RAPID = "RUN_RAPID_ROUTINE"
-ROUTINE_NAME = "routine_name_input"
-EXTERNAL_STATUS = "WD_EXTERNAL_STATUS"
-RUN_GRIPPER = "RUN_SG_ROUTINE"
+START_JOINT_SIGNAL = "EGM_START_JOINT"
+STOP_EGM_SIGNAL = "EGM_STOP"
+RUN_RAPID_SIGNAL = "RUN_RAPID_ROUTINE"
+ROUTINE_NAME_SYMBOL = "routine_name_input"
+EXTERNAL_STATUS_SIGNAL = "WD_EXTERNAL_STATUS"
+RUN_SG_SIGNAL = "RUN_SG_ROUTINE"
 
 
 class MachineState(IntEnum):
@@ -205,7 +205,7 @@ def _merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_all
         (_,) = cast("tuple[RapidValue, ...]", stop)
     except (TypeError, ValueError) as error:
         raise ProtocolError(
-            message("rapid_record_of_unknown_layout", symbol=f"{EGM}/settings", value=str(record))
+            message("rapid_record_of_unknown_layout", symbol=f"{EGM_MODULE}/settings", value=str(record))
         ) from error
     return (
         is_allowed,
@@ -261,7 +261,7 @@ class StateMachines:
         except ControllerRefused as error:
             if (error.status, error.code) not in _NO_SYMBOL:
                 raise
-            raise RobotNotReady(message("state_machine_missing", task=side.task, module=MAIN)) from error
+            raise RobotNotReady(message("state_machine_missing", task=side.task, module=MAIN_MODULE)) from error
         except ProtocolError as error:
             raise RobotNotReady(error.said) from error
 
@@ -287,7 +287,7 @@ class StateMachines:
         """
         for side in Side:
             with suppress(ControllerRefused, ProtocolError):
-                record = self._client.value(side.task, EGM, "settings")
+                record = self._client.value(side.task, EGM_MODULE, "settings")
                 self._note_tcp(side, _merge_egm_settings(record, self._motion, is_allowed=False))
 
     def _note_tcp(self, side: Side, record: RapidValue) -> None:
@@ -334,7 +334,7 @@ class StateMachines:
         starting = [side for side in arms if not self._speed.is_in_egm(side)]
         for side in Side:
             self._write_settings(side, scale, is_allowed=side in arms)
-        self._client.pulse_signal(START_JOINT)
+        self._client.pulse_signal(START_JOINT_SIGNAL)
         try:
             wait_until(
                 self._clock,
@@ -353,7 +353,7 @@ class StateMachines:
         Raises:
             RobotNotReady: an arm did not become idle.
         """
-        self._client.pulse_signal(STOP)
+        self._client.pulse_signal(STOP_EGM_SIGNAL)
         self.wait_for_idle(_STOP_DEADLINE + self._motion.ramp_out_time)
 
     def wait_for_idle(self, timeout: float) -> None:
@@ -376,13 +376,13 @@ class StateMachines:
         motion = replace(self._motion, max_speed_deviation=scale * self._motion.max_speed_deviation)
         if side in self._tools:
             motion = replace(motion, tool=tooldata(self._tools[side]))
-        current = self._client.value(side.task, EGM, "settings")
+        current = self._client.value(side.task, EGM_MODULE, "settings")
         desired = _merge_egm_settings(current, motion, is_allowed=is_allowed)
         self._note_tcp(side, desired)
         if _equal(current, desired):
             return
-        self._client.set_value(side.task, EGM, "settings", desired)
-        written = self._client.value(side.task, EGM, "settings")
+        self._client.set_value(side.task, EGM_MODULE, "settings", desired)
+        written = self._client.value(side.task, EGM_MODULE, "settings")
         if not _equal(written, desired):
             raise RobotNotReady(
                 message("egm_settings_not_taken", task=side.task, written=str(desired), read=str(written))
@@ -399,9 +399,9 @@ def tooldata(tool: Tool) -> str:
 
 def read_machine_state(client: RwsClient, side: Side) -> MachineState:
     """The state of an arm's machine, read once; raises ProtocolError when there is no such state."""
-    value = client.value(side.task, MAIN, "current_state")
+    value = client.value(side.task, MAIN_MODULE, "current_state")
     if not isinstance(value, float) or value not in set(MachineState):
-        symbol = f"{side.task}/{MAIN}/current_state"
+        symbol = f"{side.task}/{MAIN_MODULE}/current_state"
         raise ProtocolError(message("machine_state_unknown", symbol=symbol, value=rapid_values.encode(value)))
     return MachineState(int(value))
 

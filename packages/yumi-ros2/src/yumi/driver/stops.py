@@ -1,4 +1,4 @@
-"""Stops of the robot: what caused one, and which one waits for a person.
+"""Stops of the robot: what caused one, explained in words, and which one waits for a person.
 
 Computed from the event log and the controller's state together. After an emergency stop, a guard stop or a collision a
 reset must not itself start motion (IEC 60204-1 section 9.2, ISO 10218-1 section 5.5): such a stop stays open until a
@@ -60,7 +60,7 @@ _STOP_STATES: Mapping[ControllerState, int] = {
 }
 _STOP_TITLES = {_EMERGENCY_STOP: "Emergency stop state", _GUARD_STOP: "Guard stop state"}
 
-HISTORY = 2.0
+STOP_HISTORY = 2.0
 """An event that came so long before the robot was last seen to work has not stopped it [s]."""
 
 
@@ -274,7 +274,7 @@ class StopLog:
             self._take(events)
             if state in _STOP_STATES and self._known.stop is None:
                 self._known = replace(self._known, stop=Stop.of((), _STOP_STATES[state]))
-                self._awaits_event_until = self._clock.now() + HISTORY
+                self._awaits_event_until = self._clock.now() + STOP_HISTORY
             return state, events[0] if events else None
 
     def check_confirmed(self, client: _EventSource, confirmed: str) -> None:
@@ -330,7 +330,7 @@ class StopLog:
     def settle(self) -> None:
         """The robot works: what came a while ago has not stopped it."""
         with self._lock:
-            limit = self._clock.now() - HISTORY
+            limit = self._clock.now() - STOP_HISTORY
             while self._recent and self._recent[-1][1] <= limit:
                 self._recent.pop()
             self.is_complete = True

@@ -13,20 +13,20 @@ from typing import NamedTuple
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.robot.inverse_kinematics import arm_angle
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, Joints, Pose, Quaternion, Side, Vector, joints, rotate
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, Joints, Pose, Quaternion, Side, Vector, joints, rotate
 from abb_protocols.robot.kinematics import (
-    compose,
-    distance_between,
-    multiply,
+    compose_poses,
+    pose_distance,
     quaternion_of,
+    quaternion_product,
     tool0_to_body,
     turn_between,
-    unit,
+    unit_quaternion,
 )
 from yumi.control.motion.one_euro import OneEuroFilter, PoseFilter
 from yumi.driver.device_frame import DeviceHand, DeviceSettings
 
-LINK_LOST = 0.2
+DEVICE_LINK_LOST = 0.2
 """Without a frame for so long the link is lost [s]: the arm brakes, and the clutch must be pressed again."""
 
 _CLOSE_ENOUGH = 0.2
@@ -142,7 +142,7 @@ class TeleoperatedArm:
         self.clutch = Clutch.RELEASED
         self.why: Message | None = None
         self._side, self._tool = side, tool
-        self._sent: Joints = ZERO
+        self._sent: Joints = ZERO_JOINTS
         self._stands_since = 0.0
         self._follower = TeleoperationFollower.TOOL
         self._motion: _PoseFollowing | _JointFollowing | None = None  # of this hold; a twist needs none
@@ -205,7 +205,7 @@ class TeleoperatedArm:
             self._motion = _JointFollowing(hand.joints, settings, time, sent)
             goal = JointsGoal(sent)
         else:
-            goal = TwistGoal(ZERO, hand.is_in_tool, settings.speed, settings.turning)
+            goal = TwistGoal(ZERO_JOINTS, hand.is_in_tool, settings.speed, settings.turning)
         self.clutch, self._gripper = Clutch.ENGAGED, None if hand.gripper is None else _to_end(hand.gripper)
         return ClutchStep(goal=goal)
 
@@ -218,7 +218,7 @@ class TeleoperatedArm:
         else:
             values = hand.pose if isinstance(motion, _PoseFollowing) else hand.joints
             if values is not None:
-                dt, motion.time = min(time - motion.time, LINK_LOST), time  # whatever a device's clock does
+                dt, motion.time = min(time - motion.time, DEVICE_LINK_LOST), time  # whatever a device's clock does
                 if motion.has_jumped(values, hand.elbow, dt):
                     return self._inert("device_hand_jumped")
                 goal = motion.step(values, hand.elbow, settings, dt)
@@ -257,9 +257,12 @@ class _PoseFollowing:
         time: float,
         sent: Joints,
     ) -> None:
-        here = compose(tool0_to_body(side, sent), tool)
+        here = compose_poses(tool0_to_body(side, sent), tool)
         self.reference = PoseGoal(
-            Pose(here.position, unit(here.orientation)), arm_angle(side, sent), settings.speed, settings.turning
+            Pose(here.position, unit_quaternion(here.orientation)),
+            arm_angle(side, sent),
+            settings.speed,
+            settings.turning,
         )
         self.time = time
         self._hand = self._last = _pose_of_hand(hand)
@@ -270,7 +273,7 @@ class _PoseFollowing:
 
     def has_jumped(self, values: Joints, elbow: float | None, dt: float) -> bool:
         """Whether no hand, or elbow, can have moved so far since the last frame."""
-        distance, turn = distance_between(self._last, _pose_of_hand(values))
+        distance, turn = pose_distance(self._last, _pose_of_hand(values))
         if elbow is not None and self._elbow is not None:
             turn = max(turn, abs(elbow - self._elbow))
         return distance > _JITTER + _FASTEST_HAND * dt or turn > _JITTER + _FASTEST_TURN * dt
@@ -282,12 +285,15 @@ class _PoseFollowing:
         translation = rotate(self._turned, _difference(hand.position, self._hand.position))
         turn = rotate(self._turned, turn_between(self._hand.orientation, hand.orientation))
         x, y, z = (at + self._scale * by for at, by in zip(self.reference.pose.position, translation, strict=True))
-        orientation = multiply(quaternion_of(turn), self.reference.pose.orientation)
+        orientation = quaternion_product(quaternion_of(turn), self.reference.pose.orientation)
         if elbow is not None and self._elbow is not None:
             self._bend += elbow - self._elbow
         self._elbow = elbow  # where it is not reported the arm angle stays, and counts from the next report on
         return PoseGoal(
-            Pose((x, y, z), unit(orientation)), self.reference.angle + self._bend, settings.speed, settings.turning
+            Pose((x, y, z), unit_quaternion(orientation)),
+            self.reference.angle + self._bend,
+            settings.speed,
+            settings.turning,
         )
 
 
@@ -334,7 +340,7 @@ def _to_end(value: float) -> float:
 def _pose_of_hand(values: Joints) -> Pose:
     x, y, z, *orientation = values
     w, i, j, k = orientation
-    return Pose((x, y, z), unit((w, i, j, k)))
+    return Pose((x, y, z), unit_quaternion((w, i, j, k)))
 
 
 def _yaw_of(settings: DeviceSettings) -> Quaternion:

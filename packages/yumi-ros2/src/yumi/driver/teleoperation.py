@@ -24,7 +24,7 @@ from yumi.driver.device_frame import ClutchWord, DeviceFrame, TeleoperatedArmRep
 from yumi.driver.gripper_follower import GripperFollower
 from yumi.driver.reports import Said
 from yumi.driver.teleoperated_arm import (
-    LINK_LOST,
+    DEVICE_LINK_LOST,
     ArmNow,
     Clutch,
     ClutchStep,
@@ -178,16 +178,16 @@ class Teleoperation:
             if is_new:
                 self._operator, self._dropped, self._clock = operator, 0, DeviceClock()
             made = self._clock.here(frame.time, now, frame.seen)
-            is_in_time = now - made.earliest <= LINK_LOST and (frame.seen is None or frame.seen <= now)
+            is_in_time = now - made.earliest <= DEVICE_LINK_LOST and (frame.seen is None or frame.seen <= now)
             if is_new or now > self._until:
                 # Nothing moves by connecting: who begins with a held clutch has to press it again, too.
                 why = "teleoperation_begins" if is_new else "teleoperation_link_lost"
-                slow = message("teleoperation_link_slow", age=now - made.earliest, most=LINK_LOST)
+                slow = message("teleoperation_link_slow", age=now - made.earliest, most=DEVICE_LINK_LOST)
                 steps |= self._end_all(message(why) if is_in_time else slow)
             if frame.time <= self._clock.newest or not is_in_time:
                 self._dropped += 1
             else:
-                self._clock.newest, self._came_at, self._until = frame.time, now, made.earliest + LINK_LOST
+                self._clock.newest, self._came_at, self._until = frame.time, now, made.earliest + DEVICE_LINK_LOST
                 steps |= self._move(frame, now, made.at)
             presses = {side: self._arms[side].press for side in steps}
         for side, step in steps.items():

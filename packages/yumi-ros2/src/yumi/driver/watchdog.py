@@ -17,7 +17,7 @@ from abb_protocols.rws.rapid_values import RapidValue
 from abb_runtime.parameters import bounded
 from abb_runtime.process.supervision import SupervisedThread
 from abb_runtime.rws.client import RwsClient
-from yumi.driver.state_machine import EXTERNAL_STATUS, WATCHDOG
+from yumi.driver.state_machine import EXTERNAL_STATUS_SIGNAL, WATCHDOG_MODULE
 
 _BEATS_PER_TIMEOUT = 5
 """So many heartbeats come within the time after which the robot stops."""
@@ -83,7 +83,7 @@ class Watchdog:
     def arm_robot(self) -> None:
         """Arm it, whatever sends the heartbeats; raises ControllerRefused when the robot has no watchdog."""
         for level in (0, 1):  # a beat that met a stopped program was not taken back, and no other would be an edge
-            self._client.set_signal(EXTERNAL_STATUS, level)
+            self._client.set_signal(EXTERNAL_STATUS_SIGNAL, level)
         for side in Side:
             self._write(side, "external_timeout", self._settings.timeout)
             self._write(side, "check_external_status", True)
@@ -108,7 +108,7 @@ class Watchdog:
         """Send one heartbeat, if the control loop runs, too; where one is lost, the next one follows."""
         try:
             self._check()
-            self._client.set_signal(EXTERNAL_STATUS, 1)
+            self._client.set_signal(EXTERNAL_STATUS_SIGNAL, 1)
         except YumiError:
             return
 
@@ -118,4 +118,4 @@ class Watchdog:
                 self.beat()
 
     def _write(self, side: Side, name: str, value: RapidValue) -> None:
-        self._client.set_value(side.task, WATCHDOG, name, value)
+        self._client.set_value(side.task, WATCHDOG_MODULE, name, value)

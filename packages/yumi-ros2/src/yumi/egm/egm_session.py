@@ -12,7 +12,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from abb_protocols.errors import ProtocolError
 from yumi.core.library import SessionValues, load, new_handle
 
-SILENCE = 0.020
+ROBOT_SILENCE = 0.020
 """A robot that says nothing for five cycles is lost [s]."""
 
 _NONE, _BEGUN, _RESUMED, _OPEN, _SILENT = range(5)  # states of a session, as in the core
@@ -93,7 +93,7 @@ class Session:
         handle: what the core calls it.
     """
 
-    def __init__(self, silence: float = SILENCE) -> None:
+    def __init__(self, silence: float = ROBOT_SILENCE) -> None:
         self._library = load()
         self.handle = new_handle(self, "session", silence)
         self._values = SessionValues.from_address(self.handle)
@@ -157,7 +157,7 @@ class SensorSession(Session, Generic[_Message]):
         last_error: what was wrong with the malformed datagram that came last.
     """
 
-    def __init__(self, codec: Codec[_Message], *, silence: float = SILENCE) -> None:
+    def __init__(self, codec: Codec[_Message], *, silence: float = ROBOT_SILENCE) -> None:
         super().__init__(silence)
         self.last_error = ""
         self._codec = codec

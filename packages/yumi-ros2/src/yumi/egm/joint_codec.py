@@ -12,8 +12,8 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.egm import egm_pb2 as pb
 from abb_protocols.egm.codec import LARGEST_DATAGRAM, MciState, MotorState, RapidState, wrong_axes
 from abb_protocols.errors import ProtocolError
-from abb_protocols.robot.joints import ZERO, Joints
-from yumi.core.library import COMMAND, REPORT, UNREADABLE_DATAGRAM, load
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints
+from yumi.core.library import COMMAND_STRUCT, REPORT_STRUCT, UNREADABLE_DATAGRAM_STRUCT, load
 
 _LARGEST_REFERENCE = 160
 """Our own datagrams are shorter [bytes]."""
@@ -51,8 +51,8 @@ class JointCodec:
     def __init__(self) -> None:
         self._library = load()
         self._report, self._unreadable = (
-            create_string_buffer(REPORT.size),
-            create_string_buffer(UNREADABLE_DATAGRAM.size),
+            create_string_buffer(REPORT_STRUCT.size),
+            create_string_buffer(UNREADABLE_DATAGRAM_STRUCT.size),
         )
         self._datagram = create_string_buffer(_LARGEST_REFERENCE)
 
@@ -63,8 +63,8 @@ class JointCodec:
             ProtocolError: the datagram is not a complete message of a seven-axis robot.
         """
         if not self._library.codec_decode(datagram, len(datagram), self._report, self._unreadable):
-            raise ProtocolError(_unreadable(len(datagram), *UNREADABLE_DATAGRAM.unpack(self._unreadable.raw)))
-        seqno, *values, time, motors, mci, rapid = REPORT.unpack(self._report.raw)
+            raise ProtocolError(_unreadable(len(datagram), *UNREADABLE_DATAGRAM_STRUCT.unpack(self._unreadable.raw)))
+        seqno, *values, time, motors, mci, rapid = REPORT_STRUCT.unpack(self._report.raw)
         measured, planned = (tuple(each) for each in (values[:7], values[7:]))
         states = MotorState(motors), MciState(mci), RapidState(rapid)
         return JointReport(seqno, measured, planned, time, *states)
@@ -75,10 +75,10 @@ class JointCodec:
         Raises:
             ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).
         """
-        command = COMMAND.pack(*position, *(velocity or ZERO), velocity is not None)
+        command = COMMAND_STRUCT.pack(*position, *(velocity or ZERO_JOINTS), velocity is not None)
         size = self._library.codec_encode(seqno % _UINT32, command, self._datagram)
         if not size:
-            raise not_finite(position, velocity or ZERO)
+            raise not_finite(position, velocity or ZERO_JOINTS)
         return self._datagram.raw[:size]
 
 

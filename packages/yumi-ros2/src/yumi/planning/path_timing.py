@@ -130,10 +130,10 @@ _SPREAD = 12  # cycles around a place that is passed too fast, over which more t
 _EAGERNESS = 0.7  # of the time that is missing there, how much is added in a round
 _ROUNDS = 6
 
-UNLIMITED = 1e6
+NO_PATH_CEILING = 1e6
 """A ceiling that no path comes to [1/s]."""
 
-_UNLIMITED = np.array([UNLIMITED])
+_UNLIMITED = np.array([NO_PATH_CEILING])
 
 
 def fastest_along(path: RoundedPath, limits: MotionLimits, ceiling: Array = _UNLIMITED) -> tuple[Array, Array]:

@@ -45,12 +45,12 @@ from abb_protocols.robot.joints import (
     joints,
 )
 from abb_runtime.clock import Clock, SystemClock
-from yumi.control.collisions import BODY_MARGIN, DISTANCES, CollisionLimiter
+from yumi.control.collisions import BODY_MARGIN, COLLISION_DISTANCES, CollisionLimiter
 from yumi.control.motion.robot_response import EGM_GAIN
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import SplineSampler, TrajectoryPoint, spline_through
 from yumi.core.collision import CollisionModel, CollisionPart, Obstacle
-from yumi.planning.path_timing import UNLIMITED, MotionLimits, fastest_along
+from yumi.planning.path_timing import NO_PATH_CEILING, MotionLimits, fastest_along
 from yumi.planning.rounded_path import RoundedPath
 from yumi.planning.scene_description import GROUPS, planning_description, semantic_description
 from yumi.planning.smoothing import smooth_spline_through
@@ -385,7 +385,7 @@ class Planner:
         It is made slower in places until ``deadline``. Nothing, where no motion along it keeps the joints' limits.
         """
         places = np.linspace(0.0, path.length, int(path.length / _PLACE) + 2)
-        ceiling = np.full(len(places), UNLIMITED)
+        ceiling = np.full(len(places), NO_PATH_CEILING)
         found: dict[int, _Motion] = {}
         in_vain = 0
         for slower in (*_SLOWER, 0.0):
@@ -402,7 +402,7 @@ class Planner:
             # A little around, too: the time law averages, and would fill a gap.
             last = len(law) - 1
             cycles = np.minimum(np.array(refused) / _duration(motion) * last, last).astype(int)
-            speeds = np.full(len(law), UNLIMITED)
+            speeds = np.full(len(law), NO_PATH_CEILING)
             speeds[cycles] = slower * np.maximum(np.gradient(law)[cycles] / CYCLE, _CREEPING)
             edge = np.pad(speeds, _AROUND, mode="edge")
             speeds = np.min(np.lib.stride_tricks.sliding_window_view(edge, 2 * _AROUND + 1), axis=1)
@@ -414,7 +414,7 @@ class Planner:
 
     def _refused(self, start: Mapping[Side, Joints], motion: _Motion) -> list[float]:
         """When the limiter would not accept what the trajectory controllers send of a motion [s]."""
-        both = CollisionLimiter(self._collisions, self.limits, EGM_GAIN, distances=int(_SHARE * DISTANCES))
+        both = CollisionLimiter(self._collisions, self.limits, EGM_GAIN, distances=int(_SHARE * COLLISION_DISTANCES))
         ways = {side: SplineSampler(spline_through(points)) for side, points in motion.items()}
         planned, refused = dict(start), []
         for at in np.arange(0.0, _duration(motion) + CYCLE, CYCLE).tolist():

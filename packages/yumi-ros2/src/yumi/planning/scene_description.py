@@ -21,7 +21,15 @@ from abb_protocols.robot.gripper_values import GripperModules
 from abb_protocols.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names, prefixed
 from abb_protocols.robot.kinematics import euler_zyx
 from abb_protocols.robot.urdf import box_xml, cylinder_xml, joint_xml, limit_xml, link_xml
-from yumi.core.collision import PADDING, TOOL_FRAME, CollisionPart, Obstacle, body_boxes, gripper_parts, link_parts
+from yumi.core.collision import (
+    COLLISION_PADDING,
+    TOOL_FRAME,
+    CollisionPart,
+    Obstacle,
+    body_boxes,
+    gripper_parts,
+    link_parts,
+)
 
 GROUPS: Mapping[str, tuple[Side, ...]] = {
     **{f"{side.word}_arm": (side,) for side in Side},
@@ -147,7 +155,7 @@ def _capsules(parts: Iterable[CollisionPart], frame: int, grown: float) -> Itera
     """The parts of one frame."""
     for part in parts:
         if part.frame == frame:
-            yield from cylinder_xml(part.start, part.end, part.radius + PADDING + grown, is_round=True)
+            yield from cylinder_xml(part.start, part.end, part.radius + COLLISION_PADDING + grown, is_round=True)
 
 
 def _box(centre: Pose, size: Vector, grown: float) -> str:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from operator import sub
 
 from abb_protocols.errors import TrajectoryRefused
-from abb_protocols.robot.joints import ZERO, JointLimits, Joints, joints
+from abb_protocols.robot.joints import ZERO_JOINTS, JointLimits, Joints, joints
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import Segments, Spline, SplineSampler, TrajectoryPoint, spline_through
 from yumi.control.motion.spline_limits import check_lead
@@ -92,7 +92,7 @@ def smooth_way(
 def _starts(points: Sequence[TrajectoryPoint], now: Setpoint) -> Iterator[tuple[Sequence[TrajectoryPoint], Joints]]:
     """Knots and their first velocity: from where the arm is; or, where the points lie elsewhere, as their first two."""
     if points[0].time == 0.0 or len(points) < 2:
-        yield points, now.velocity if points[0].time == 0.0 else ZERO
+        yield points, now.velocity if points[0].time == 0.0 else ZERO_JOINTS
         return
     yield [TrajectoryPoint(0.0, now.position), *points], now.velocity
     gap = points[1].time - points[0].time

@@ -29,32 +29,32 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.differential_kinematics import rotated_to_foot, target_error, wrist_of, wrist_target
 from abb_protocols.robot.inverse_kinematics import Unreachable
-from abb_protocols.robot.joints import ORIGIN, JointLimits, Joints, Pose, Side, Vector, joint_names, joints, rotate
+from abb_protocols.robot.joints import ORIGIN_POSE, JointLimits, Joints, Pose, Side, Vector, joint_names, joints, rotate
 from abb_protocols.robot.kinematics import (
-    FLANGE,
-    compose,
-    inverse,
-    multiply,
+    FLANGE_OFFSET,
+    compose_poses,
+    inverse_pose,
     quaternion_of,
+    quaternion_product,
     rotation_vector,
     tool0_to_body,
 )
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.motion.spline_limits import check_motion
-from yumi.control.tool_limits import FASTEST, ToolLimits
+from yumi.control.tool_limits import TOP_TOOL_SPEED, ToolLimits
 from yumi.control.trajectory_commands import ArmPlan
 from yumi.planning.common_time import ended_together
 from yumi.planning.path_timing import JointPath, timed_along
 from yumi.planning.rounded_path import Array, rounding
 from yumi.planning.smoothing import smooth_spline_through
 
-SPEED = 0.25
+TOOL_SPEED = 0.25
 """Of the tool where nothing else is asked for [m/s]: what a robot may have beside people in manual mode."""
 
-TURNING = 1.5
+TOOL_TURNING = 1.5
 """Speed of the tool's orientation where nothing else is asked for [rad/s]."""
 
-ZONE = 0.01
+TOOL_ZONE = 0.01
 """Corners of a path are rounded from so far before them [m], as RAPID's z10."""
 
 _AT_WALL = 1e-6  # [m] a tool so little beyond a wall is at it
@@ -66,7 +66,7 @@ _KNOTS = 3  # cycles between two points of the plan: between them a spline is wi
 
 
 @dataclass(frozen=True, slots=True)
-class Waypoint:
+class LineWaypoint:
     """Where a path goes.
 
     Attributes:
@@ -92,10 +92,10 @@ class ToolMotion:
     """
 
     tool: Pose
-    waypoints: tuple[Waypoint, ...]
-    speed: float = SPEED
-    turning: float = TURNING
-    zone: float = ZONE
+    waypoints: tuple[LineWaypoint, ...]
+    speed: float = TOOL_SPEED
+    turning: float = TOOL_TURNING
+    zone: float = TOOL_ZONE
     acceleration: float = 1.0
 
 
@@ -132,13 +132,13 @@ def plan_tool_motions(
 def plan_path(
     side: Side,
     start: Joints,
-    waypoints: Sequence[Waypoint],
+    waypoints: Sequence[LineWaypoint],
     limits: JointLimits,
     *,
-    tool: Pose = ORIGIN,
-    speed: float = SPEED,
-    turning: float = TURNING,
-    zone: float = ZONE,
+    tool: Pose = ORIGIN_POSE,
+    speed: float = TOOL_SPEED,
+    turning: float = TOOL_TURNING,
+    zone: float = TOOL_ZONE,
     acceleration: float = 1.0,
     within: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
 ) -> ArmPlan:
@@ -163,7 +163,7 @@ def plan_path(
     _check_request(waypoints, speed, turning, zone, acceleration)
     speed = min(speed, within.speed)
     now = wrist_of(side, start)
-    here = Waypoint(tool0_to_body(side, start, tool), now.angle)
+    here = LineWaypoint(tool0_to_body(side, start, tool), now.angle)
     _check_walls([here, *waypoints], within)
     path = ToolPath([here, *waypoints], speed, turning, zone)
     if path.length == 0.0:
@@ -177,7 +177,7 @@ def plan_path(
         # Where no arm angle is asked for, the elbow is free: it turns along the way, as little as helps.
         for elbow in _ELBOW_TURNS:
             turned = [
-                Waypoint(each.tool, now.angle + elbow * number / len(waypoints))
+                LineWaypoint(each.tool, now.angle + elbow * number / len(waypoints))
                 for number, each in enumerate(waypoints, 1)
             ]
             path = ToolPath([here, *turned], speed, turning, zone)
@@ -200,7 +200,7 @@ def plan_path(
 
 
 def _check_request(
-    waypoints: Sequence[Waypoint], speed: float, turning: float, zone: float, acceleration: float
+    waypoints: Sequence[LineWaypoint], speed: float, turning: float, zone: float, acceleration: float
 ) -> None:
     if not waypoints:
         raise CommandRefused(message("path_without_poses"))
@@ -209,7 +209,7 @@ def _check_request(
         if waypoint.angle is not None and not isfinite(waypoint.angle):
             raise CommandRefused(message("path_angle_not_finite", pose=number, angle=str(waypoint.angle)))
     for name, value, lowest, highest, unit in (
-        ("speed", speed, 1e-4, FASTEST, "m/s"),
+        ("speed", speed, 1e-4, TOP_TOOL_SPEED, "m/s"),
         ("turning speed", turning, 1e-3, 2.0 * pi, "rad/s"),
         ("zone", zone, 0.0, 1.0, "m"),
         ("acceleration", acceleration, 0.01, 1.0, "of the highest"),
@@ -220,7 +220,7 @@ def _check_request(
             )
 
 
-def _check_walls(waypoints: Sequence[Waypoint], within: ToolLimits) -> None:
+def _check_walls(waypoints: Sequence[LineWaypoint], within: ToolLimits) -> None:
     """Refuse lines through walls. A wall is a plane: between two places on its free side no line and no corner is not.
 
     A tool that is beyond a wall already may not get further.
@@ -289,7 +289,7 @@ class ToolPath:
         length: the time the tool takes without any limits of the joints [s]; 0 where nothing moves.
     """
 
-    def __init__(self, waypoints: Sequence[Waypoint], speed: float, turning: float, zone: float) -> None:
+    def __init__(self, waypoints: Sequence[LineWaypoint], speed: float, turning: float, zone: float) -> None:
         self._first = waypoints[0]
         self._points: list[Pose] = [waypoints[0].tool]
         self._angles = [waypoints[0].angle or 0.0]
@@ -298,7 +298,7 @@ class ToolPath:
             here, angle = self._points[-1], self._angles[-1]
             way = tuple(b - a for a, b in zip(here.position, waypoint.tool.position, strict=True))
             w, x, y, z = here.orientation
-            turn = rotation_vector(multiply((w, -x, -y, -z), waypoint.tool.orientation))
+            turn = rotation_vector(quaternion_product((w, -x, -y, -z), waypoint.tool.orientation))
             elbow = 0.0 if waypoint.angle is None else (waypoint.angle - angle + pi) % tau - pi
             length = max(hypot(*way) / speed, hypot(*turn) / turning, abs(elbow) / turning)
             if length < 1e-6:
@@ -342,12 +342,12 @@ class ToolPath:
         """From a waypoint by ``past`` along one line and by ``gone`` along another."""
         point, angle = self._points[index], self._angles[index]
         (px, py, pz), (ax, ay, az), (bx, by, bz) = point.position, before.velocity, after.velocity
-        first = multiply(point.orientation, quaternion_of(before.rotation, past))
+        first = quaternion_product(point.orientation, quaternion_of(before.rotation, past))
         (ux, uy, uz), (vx, vy, vz) = before.rotation, after.rotation
         return _At(
             Pose(
                 (px + past * ax + gone * bx, py + past * ay + gone * by, pz + past * az + gone * bz),
-                multiply(first, quaternion_of(after.rotation, gone)),
+                quaternion_product(first, quaternion_of(after.rotation, gone)),
             ),
             angle + past * before.turning + gone * after.turning,
             (rate * ax + weight * bx, rate * ay + weight * by, rate * az + weight * bz),
@@ -377,16 +377,16 @@ class _Equations:
 
     def __init__(self, side: Side, path: ToolPath, tool: Pose, unit: Array) -> None:
         self._side, self._path, self._unit = side, path, unit
-        self._to_tool0 = inverse(tool)
+        self._to_tool0 = inverse_pose(tool)
 
     def at(self, values: Array) -> tuple[Array, Array]:
         """What is missing, (7,), and how that grows with each of the eight, (7, 8)."""
         side, at = self._side, self._path.at(float(values[7]))
-        tool0 = compose(at.tool, self._to_tool0)
+        tool0 = compose_poses(at.tool, self._to_tool0)
         now = wrist_of(side, joints(values[:7].tolist()))
         # The tool's velocity, at the wrist: from the tool to tool0, and back by the flange.
         arm = rotate(at.tool.orientation, self._to_tool0.position)
-        back = rotate(tool0.orientation, (0.0, 0.0, -FLANGE))
+        back = rotate(tool0.orientation, (0.0, 0.0, -FLANGE_OFFSET))
         (rx, ry, rz), (vx, vy, vz) = at.rotation, at.velocity
         ux, uy, uz = (a + b for a, b in zip(arm, back, strict=True))
         velocity = rotated_to_foot(side, (vx + ry * uz - rz * uy, vy + rz * ux - rx * uz, vz + rx * uy - ry * ux))

@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import isfinite
 
 from abb_protocols.catalogue import Message, message
-from abb_protocols.robot.joints import ZERO, JointLimits, Joints, Side, joint_names
+from abb_protocols.robot.joints import ZERO_JOINTS, JointLimits, Joints, Side, joint_names
 from yumi.control.goals import looks_like_degrees
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import TrajectoryPoint, spline_through
@@ -79,7 +79,7 @@ def plan_trajectory(
     for side in sides:
         names = joint_names(side)
         columns = [column_of.get(name) for name in names]
-        resting = (held[side] if held else ZERO, ZERO, ZERO)
+        resting = (held[side] if held else ZERO_JOINTS, ZERO_JOINTS, ZERO_JOINTS)
         points = []
         for point in trajectory.points:
             rows = [

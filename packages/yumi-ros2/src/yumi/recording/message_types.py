@@ -1,4 +1,4 @@
-"""Messages of a recording: what each topic contains, their schemas, and their text in JSON.
+"""Messages of a recording: what each topic contains (cycles, events), levels and schemas, and their text in JSON.
 
 ================================ ======================================================================================
 topic                            messages
@@ -68,7 +68,7 @@ def _vector(description: str) -> dict[str, object]:
     }
 
 
-STAGES = tuple(item.name for item in fields(StageTimes))
+CYCLE_STAGES = tuple(item.name for item in fields(StageTimes))
 """The stages of a cycle in their order."""
 
 CYCLE_SCHEMA: Mapping[str, Any] = {
@@ -90,7 +90,7 @@ CYCLE_SCHEMA: Mapping[str, Any] = {
         "stages": {
             "type": "object",
             "description": "how long each stage of the cycle took [s]",
-            "properties": {name: {"type": "number"} for name in STAGES},
+            "properties": {name: {"type": "number"} for name in CYCLE_STAGES},
         },
     },
 }
@@ -136,7 +136,7 @@ ERROR_SCHEMA: Mapping[str, object] = {
 _FIELDS = get_type_hints(RecordedCycle)
 _Vector = tuple[float | None, float | None, float | None, float | None, float | None, float | None, float | None]
 _VECTORS: Mapping[Any, Any] = {Joints: _Vector, Joints | None: _Vector | None}
-VECTORS = tuple(name for name, kind in _FIELDS.items() if kind in _VECTORS)
+CYCLE_VECTORS = tuple(name for name, kind in _FIELDS.items() if kind in _VECTORS)
 """Fields of a cycle with a value for each joint."""
 
 _CycleMessage = msgspec.defstruct("_CycleMessage", [(name, _VECTORS.get(kind, kind)) for name, kind in _FIELDS.items()])
@@ -145,10 +145,10 @@ _CycleMessage = msgspec.defstruct("_CycleMessage", [(name, _VECTORS.get(kind, ki
 def frame_message(frame: RecordedCycle) -> dict[str, object]:
     """The object of a cycle; what is not a finite number becomes null, which JSON has."""
     message: dict[str, object] = {name: getattr(frame, name) for name in _FIELDS}
-    for name in VECTORS:
+    for name in CYCLE_VECTORS:
         values = getattr(frame, name)
         message[name] = None if values is None else [value if isfinite(value) else None for value in values]
-    message["stages"] = {name: getattr(frame.stages, name) for name in STAGES}
+    message["stages"] = {name: getattr(frame.stages, name) for name in CYCLE_STAGES}
     return message
 
 
@@ -174,7 +174,7 @@ def decode_cycle(data: bytes) -> RecordedCycle:
     """
     message = _cycle_decoder.decode(data)
     values = {name: getattr(message, name) for name in _FIELDS}
-    for name in VECTORS:
+    for name in CYCLE_VECTORS:
         if values[name] is not None:
             values[name] = joints([nan if value is None else value for value in values[name]])
     return RecordedCycle(**values)
@@ -188,18 +188,18 @@ def decode_object(data: bytes) -> Mapping[str, Any]:
     return {**_object_decoder.decode(data), "time": _time_decoder.decode(data).time}
 
 
-def plain(value: object) -> Any:
+def plain_json(value: object) -> Any:
     """``value`` as JSON has it: a message becomes its sentence, a value class an object, an enum its name or text."""
     if isinstance(value, Message):
         return str(value)
     if is_dataclass(value):
         value = {each.name: getattr(value, each.name) for each in fields(value)}
     if isinstance(value, Mapping):
-        return {str(plain(key)): plain(item) for key, item in value.items()}
+        return {str(plain_json(key)): plain_json(item) for key, item in value.items()}
     if isinstance(value, Enum):
         return value.name if isinstance(value, IntEnum) else value.value
     if isinstance(value, tuple | list):
-        return [plain(item) for item in value]
+        return [plain_json(item) for item in value]
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
@@ -213,16 +213,21 @@ def schema_of(value: object) -> dict[str, object]:
     return {"type": kinds[type(value)]} if type(value) in kinds else {}
 
 
-EVENTS = "events"
+EVENTS_TOPIC = "events"
 """The topic of events."""
 
-JOINT_STATES, FRAMES, FIXED_FRAMES, ERRORS = "joint_states", "/tf", "/tf_static", "tracking_error"
+JOINT_STATES_TOPIC, FRAMES_TOPIC, FIXED_FRAMES_TOPIC, TRACKING_ERROR_TOPIC = (
+    "joint_states",
+    "/tf",
+    "/tf_static",
+    "tracking_error",
+)
 """The topics of the whole robot; frames have the names of the description, without a prefix of ``/tf``."""
 
-DESCRIPTION = "robot_description"
+DESCRIPTION_TOPIC = "robot_description"
 """The topic of the URDF."""
 
-STATE = "state"
+STATE_TOPIC = "state"
 """The topic of the robot's state."""
 
 

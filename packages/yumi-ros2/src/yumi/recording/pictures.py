@@ -12,9 +12,9 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, missing_extra
 from abb_protocols.robot.joints import CHAIN_AXES, Joints, Side
 from yumi.control.flight_recorder import RecordedCycle
-from yumi.recording.message_types import STAGES
-from yumi.recording.reader import AFTER, Recording
-from yumi.recording.tables import GAP, gaps_of
+from yumi.recording.message_types import CYCLE_STAGES
+from yumi.recording.reader import FLIGHT_RECORD_AFTER, Recording
+from yumi.recording.tables import RECORDING_GAP, recording_gaps
 
 _MOVED = radians(0.1)
 """An axis is drawn when it, its command or its reference changed by more than this [rad]."""
@@ -46,10 +46,10 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     stop = recording.stop
     zero = stop.time if stop else frames[-1].time
     # An event long after the last cycle: the last cycles are what there is to see.
-    window = max(AFTER, 2.0 * (zero - frames[-1].time))
+    window = max(FLIGHT_RECORD_AFTER, 2.0 * (zero - frames[-1].time))
     shown = [frame for frame in frames if abs(frame.time - zero) <= window]
-    gaps = [(begin - zero, end - zero) for begin, end in gaps_of(shown)]
-    if stop and shown[-1].time < zero + window - GAP:
+    gaps = [(begin - zero, end - zero) for begin, end in recording_gaps(shown)]
+    if stop and shown[-1].time < zero + window - RECORDING_GAP:
         gaps.append((shown[-1].time - zero, window))
     # None stands where lines break: in every gap.
     points: list[tuple[float, RecordedCycle | None]] = [(frame.time - zero, frame) for frame in shown]
@@ -89,8 +89,10 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
 
     # Stacked, so that the upper edge is the whole cycle.
     stages = figure.add_subplot(grid[lines - 1, columns:])
-    layers = [[0.0 if frame is None else getattr(frame.stages, name) * 1e6 for _, frame in points] for name in STAGES]
-    stages.stackplot(times, *layers, labels=STAGES, linewidth=0.0, step="post")
+    layers = [
+        [0.0 if frame is None else getattr(frame.stages, name) * 1e6 for _, frame in points] for name in CYCLE_STAGES
+    ]
+    stages.stackplot(times, *layers, labels=CYCLE_STAGES, linewidth=0.0, step="post")
     stages.set(title="stages of a cycle [µs]")
     stages.legend(loc="upper right", fontsize="x-small", ncols=4)
     panels[0].legend(loc="best", fontsize="small")

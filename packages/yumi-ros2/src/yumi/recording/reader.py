@@ -14,20 +14,20 @@ from abb_protocols.errors import ProtocolError, missing_extra
 from abb_protocols.robot.joints import Side
 from yumi.control.flight_recorder import RecordedCycle
 from yumi.recording.message_types import (
-    EVENTS,
-    STATE,
+    EVENTS_TOPIC,
+    STATE_TOPIC,
     RecordedEvent,
     cycle_topic,
     decode_cycle,
     decode_event,
     decode_object,
 )
-from yumi.recording.ros_messages import JOINT_STATE
+from yumi.recording.ros_messages import JOINT_STATE_MESSAGE
 
-BEFORE = 11.0
+FLIGHT_RECORD_BEFORE = 11.0
 """A flight record as a whole: its ten seconds end a little before the event [s]."""
 
-AFTER = 2.0
+FLIGHT_RECORD_AFTER = 2.0
 """A flight record goes on for so long after its event: what the robot did once it was to hold [s]."""
 
 _LARGEST_RECORD = 64 * 2**20  # [bytes]; ours are chunks of less than one million
@@ -60,7 +60,9 @@ class Recording:
         return stopped or next(iter(self.frames), Side.RIGHT)
 
 
-def read_recording(file: Path, *, before: float = BEFORE, after: float = AFTER) -> Recording:
+def read_recording(
+    file: Path, *, before: float = FLIGHT_RECORD_BEFORE, after: float = FLIGHT_RECORD_AFTER
+) -> Recording:
     """Events of a whole recording, and the cycles around the one that stopped a motion, by default its end.
 
     Args:
@@ -77,7 +79,7 @@ def read_recording(file: Path, *, before: float = BEFORE, after: float = AFTER) 
     for topic, _, value in recorded_messages(file):
         if topic is None:
             is_complete = True
-        elif topic == EVENTS:
+        elif topic == EVENTS_TOPIC:
             events.append(value)
         elif topic in sides:
             last = max(last, value.time)
@@ -103,7 +105,7 @@ def recorded_messages(file: Path) -> Iterator[tuple[str | None, int, Any]]:
         ProtocolError: the file is not such a recording, or nothing is recorded in it.
         MissingPrerequisite: the library is not installed.
     """
-    decoders: dict[str, Callable[[bytes], Any]] = {EVENTS: decode_event, STATE: decode_object}
+    decoders: dict[str, Callable[[bytes], Any]] = {EVENTS_TOPIC: decode_event, STATE_TOPIC: decode_object}
     decoders |= {f"{side.value}/gripper": decode_object for side in Side}
     decoders |= {cycle_topic(side): decode_cycle for side in Side}
     foreign: dict[str, None] = {}  # topics, in their order
@@ -193,11 +195,11 @@ def joint_messages(file: Path) -> Iterator[JointMessage]:
         if record is None:
             continue
         topic, encoding, schema, nanoseconds, data = record
-        if encoding != "cdr" or schema not in (JOINT_STATE, _ARRAY):
+        if encoding != "cdr" or schema not in (JOINT_STATE_MESSAGE, _ARRAY):
             continue
         try:
             reader = _CdrReader(data)
-            if schema == JOINT_STATE:
+            if schema == JOINT_STATE_MESSAGE:
                 reader.numbers("iI")  # its stamp may be of another clock than those of commands
                 reader.text()
                 names = tuple(reader.text() for _ in range(reader.count(4)))

@@ -24,12 +24,12 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import SettingsError, YumiError
 from abb_protocols.robot.joints import Pose, Side
 from abb_runtime.clock import Clock
-from abb_runtime.process.supervision import Failures
+from abb_runtime.process.supervision import ThreadFailures
 from yumi.control.flight_recorder import FlightRecorder, RecordedCycle
 from yumi.control.loop_events import Event, is_fault
 from yumi.control.shared_state import JointStates
 from yumi.recording.message_types import RecordedEvent, recorded_event
-from yumi.recording.reader import AFTER, BEFORE
+from yumi.recording.reader import FLIGHT_RECORD_AFTER, FLIGHT_RECORD_BEFORE
 from yumi.recording.writer import RecordingWriter
 
 
@@ -101,7 +101,7 @@ class Recorder:
         self._recorders = recorders
         self._report = report
         self._clock = clock
-        self._failures = Failures()
+        self._failures = ThreadFailures()
         self._is_over = Flag()
         # What led to a stop is on the disk at once, whatever the records before are still waiting for.
         self._begins = ThreadPoolExecutor(1, thread_name_prefix="flight-records")
@@ -127,7 +127,7 @@ class Recorder:
         self._full.start()
 
     def on_event(self, event: Event, now: float, time_of_day: float) -> None:
-        """Write down what happened, and what follows for :data:`AFTER`; does not wait for a disk.
+        """Write down what happened, and what follows for :data:`FLIGHT_RECORD_AFTER`; does not wait for a disk.
 
         Args:
             event: of the control loop.
@@ -169,7 +169,7 @@ class Recorder:
 
         try:
             # The cycles that led to the event; not those of an earlier session.
-            frames = [frame for frame in memory.frames() if frame.time >= event.time - BEFORE]
+            frames = [frame for frame in memory.frames() if frame.time >= event.time - FLIGHT_RECORD_BEFORE]
             write(file, frames, event)
             self._make_room()
         except (YumiError, OSError) as error:
@@ -197,8 +197,10 @@ class Recorder:
         whole = file.with_suffix(".part")
         after: list[RecordedCycle] = []
         try:
-            self._is_over.wait(event.time + AFTER - self._clock.now())
-            after += (each for each in self._recorders[side].since(newest) if each.time <= event.time + AFTER)
+            self._is_over.wait(event.time + FLIGHT_RECORD_AFTER - self._clock.now())
+            after += (
+                each for each in self._recorders[side].since(newest) if each.time <= event.time + FLIGHT_RECORD_AFTER
+            )
             known = _described(event, sentence)
             if after or known != event:
                 write(whole, [*frames, *after], known)
@@ -264,7 +266,7 @@ class FullRecorder:
         self._last = {side: recorder.newest for side, recorder in recorders.items()}
         self._written = self._lost = 0
         self._events: deque[tuple[RecordedEvent, Future[Message]]] = deque()
-        self._failures = Failures()
+        self._failures = ThreadFailures()
         self._is_over = Flag()
         self._thread = Thread(target=self._run, name="full-recorder", daemon=True)
 

@@ -18,13 +18,17 @@ _HEADER = (
     f"{_SEPARATOR}builtin_interfaces/Time\nint32 sec\nuint32 nanosec"
 )
 
-JOINT_STATE, TF, STRING = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"
+JOINT_STATE_MESSAGE, TF_MESSAGE, STRING_MESSAGE = (
+    "sensor_msgs/msg/JointState",
+    "tf2_msgs/msg/TFMessage",
+    "std_msgs/msg/String",
+)
 
-DEFINITIONS = {
-    JOINT_STATE: (
+MESSAGE_DEFINITIONS = {
+    JOINT_STATE_MESSAGE: (
         "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort" + _HEADER
     ),
-    TF: (
+    TF_MESSAGE: (
         "geometry_msgs/TransformStamped[] transforms"
         f"{_SEPARATOR}geometry_msgs/TransformStamped\n"
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
@@ -32,14 +36,14 @@ DEFINITIONS = {
         f"{_SEPARATOR}geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z"
         f"{_SEPARATOR}geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w" + _HEADER
     ),
-    STRING: "string data",
+    STRING_MESSAGE: "string data",
 }
 """Schemas of the messages by their type."""
 
 _CDR = b"\x00\x01\x00\x00"  # little-endian XCDR1; offsets of what follows count from its end
 
 
-class Transform(NamedTuple):
+class RecordedTransform(NamedTuple):
     """A frame in its parent, at a time of day [ns since 1970]."""
 
     nanoseconds: int
@@ -81,7 +85,7 @@ def joint_state_message(names: bytes, nanoseconds: int, position: Sequence[float
     return _CDR + content
 
 
-def frames_message(transforms: Sequence[Transform]) -> bytes:
+def frames_message(transforms: Sequence[RecordedTransform]) -> bytes:
     """A tf2_msgs/msg/TFMessage."""
     content = bytearray(struct.pack("<I", len(transforms)))
     for time, parent, name, pose in transforms:

@@ -13,7 +13,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, missing_extra
 from abb_protocols.robot.joints import CHAIN_AXES, Joints, Side
 from yumi.control.flight_recorder import RecordedCycle
-from yumi.recording.message_types import EVENTS, STAGES, STATE, VECTORS
+from yumi.recording.message_types import CYCLE_STAGES, CYCLE_VECTORS, EVENTS_TOPIC, STATE_TOPIC
 from yumi.recording.reader import Recording, recorded_messages
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def rows(file: Path, what: TableName = "cycles") -> Iterator[Mapping[str, Any]]:
     """
     if what not in _TABLES:
         raise CommandRefused(message("recording_without_table", table=what, known=_TABLES))
-    topics = {EVENTS, STATE} & {what} or {f"{side.value}/{what.removesuffix('s')}" for side in Side}
+    topics = {EVENTS_TOPIC, STATE_TOPIC} & {what} or {f"{side.value}/{what.removesuffix('s')}" for side in Side}
     begin: int | None = None
     for topic, nanoseconds, value in recorded_messages(file):
         if topic is None:
@@ -69,10 +69,10 @@ def rows(file: Path, what: TableName = "cycles") -> Iterator[Mapping[str, Any]]:
             row["arm"] = side.word if side else ""
         if what == "cycles":
             row |= {"number": value.number, "dt": value.dt, "session": value.session, "is_running": value.is_running}
-            for name in VECTORS:
+            for name in CYCLE_VECTORS:
                 vector = getattr(value, name) or (nan,) * len(CHAIN_AXES)
                 row |= {f"{name}_{axis}": each for axis, each in zip(CHAIN_AXES, vector, strict=True)}
-            row |= {f"stage_{name}": getattr(value.stages, name) for name in STAGES}
+            row |= {f"stage_{name}": getattr(value.stages, name) for name in CYCLE_STAGES}
         elif what == "events":
             row |= {"kind": value.kind, "message": value.sentence, "is_fault": value.is_fault}
         else:
@@ -169,7 +169,7 @@ def _flat(message: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 _ALL_AXES = 110
 """So many characters wide is a line of the table with the positions of all axes."""
 
-GAP = 0.02
+RECORDING_GAP = 0.02
 """Where no cycle was recorded for so long, no line is drawn and the gap is marked [s]."""
 
 
@@ -192,7 +192,7 @@ def recording_table(recording: Recording, side: Side, cycles: int, width: int = 
     summary = (
         f"{side.word.capitalize()} arm: {len(frames)} cycles in {frames[-1].time - frames[0].time:.2f} s, sessions "
         f"{frames[0].session} to {frames[-1].session}, longest gap between two datagrams {gap * 1e3:.1f} ms, "
-        f"{len(gaps_of(frames))} longer than {GAP * 1e3:g} ms."
+        f"{len(recording_gaps(frames))} longer than {RECORDING_GAP * 1e3:g} ms."
         + ("" if recording.is_complete else " The file was cut off.")
     )
     shown = [frame for frame in frames if frame.time <= zero][-cycles:]
@@ -204,7 +204,7 @@ def recording_document(recording: Recording, side: Side, cycles: int) -> dict[st
     """What :func:`recording_table` shows, for programs: SI units, times from the event, joints in chain order."""
     frames, stop = recording.frames.get(side, ()), recording.stop
     zero = stop.time if stop else frames[-1].time if frames else 0.0
-    names = ("number", "dt", "session", "is_running", *VECTORS)
+    names = ("number", "dt", "session", "is_running", *CYCLE_VECTORS)
     return {
         "arm": side.word,
         "stop": {"kind": stop.kind, "sentence": stop.sentence} if stop else None,
@@ -246,7 +246,7 @@ def _stages_table(frames: Sequence[RecordedCycle]) -> Table:
     table = Table(title="Stages of a cycle in µs", title_justify="left")
     for name in ("stage", "p50", "p99", "max"):
         table.add_column(name, justify="left" if name == "stage" else "right")
-    for name in (*STAGES, "reply"):
+    for name in (*CYCLE_STAGES, "reply"):
         times = sorted(getattr(frame.stages, name) * 1e6 for frame in frames)
         values = (quantile(times, 0.5), quantile(times, 0.99), times[-1])
         table.add_row(name.replace("_", " "), *(f"{value:.1f}" for value in values))
@@ -258,9 +258,9 @@ def quantile(ascending: Sequence[float], share: float) -> float:
     return ascending[max(0, ceil(share * len(ascending)) - 1)]
 
 
-def gaps_of(frames: Sequence[RecordedCycle]) -> list[tuple[float, float]]:
-    """Begin and end of every gap between two cycles that is longer than :data:`GAP` [s]."""
-    return [(old.time, new.time) for old, new in pairwise(frames) if new.time - old.time > GAP]
+def recording_gaps(frames: Sequence[RecordedCycle]) -> list[tuple[float, float]]:
+    """Begin and end of every gap between two cycles that is longer than :data:`RECORDING_GAP` [s]."""
+    return [(old.time, new.time) for old, new in pairwise(frames) if new.time - old.time > RECORDING_GAP]
 
 
 def _ahead(command: Joints, position: Joints) -> str:

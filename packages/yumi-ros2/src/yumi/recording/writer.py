@@ -20,28 +20,28 @@ from yumi.control.flight_recorder import RecordedCycle
 from yumi.control.shared_state import JointStates
 from yumi.recording.message_types import (
     CYCLE_SCHEMA,
-    DESCRIPTION,
+    DESCRIPTION_TOPIC,
     ERROR_LEVEL,
     ERROR_SCHEMA,
-    ERRORS,
     EVENT_SCHEMA,
-    EVENTS,
-    FIXED_FRAMES,
-    FRAMES,
+    EVENTS_TOPIC,
+    FIXED_FRAMES_TOPIC,
+    FRAMES_TOPIC,
     INFO_LEVEL,
-    JOINT_STATES,
+    JOINT_STATES_TOPIC,
+    TRACKING_ERROR_TOPIC,
     RecordedEvent,
     cycle_topic,
     frame_message,
-    plain,
+    plain_json,
     schema_of,
 )
 from yumi.recording.ros_messages import (
-    DEFINITIONS,
-    JOINT_STATE,
-    STRING,
-    TF,
-    Transform,
+    JOINT_STATE_MESSAGE,
+    MESSAGE_DEFINITIONS,
+    STRING_MESSAGE,
+    TF_MESSAGE,
+    RecordedTransform,
     frames_message,
     joint_names_part,
     joint_state_message,
@@ -85,17 +85,17 @@ class RecordingWriter:
             for schema in (CYCLE_SCHEMA, EVENT_SCHEMA, ERROR_SCHEMA)
         )
         joint_state, frames, text = (
-            self._writer.register_schema(name, "ros2msg", DEFINITIONS[name].encode())
-            for name in (JOINT_STATE, TF, STRING)
+            self._writer.register_schema(name, "ros2msg", MESSAGE_DEFINITIONS[name].encode())
+            for name in (JOINT_STATE_MESSAGE, TF_MESSAGE, STRING_MESSAGE)
         )
         self._names = {side: joint_names_part(joint_names(side)) for side in Side}
         self._channels = {
-            EVENTS: self._writer.register_channel(EVENTS, "json", event),
-            JOINT_STATES: self._writer.register_channel(JOINT_STATES, "cdr", joint_state),
-            FRAMES: self._writer.register_channel(FRAMES, "cdr", frames),
-            FIXED_FRAMES: self._writer.register_channel(FIXED_FRAMES, "cdr", frames),
-            ERRORS: self._writer.register_channel(ERRORS, "json", errors),
-            DESCRIPTION: self._writer.register_channel(DESCRIPTION, "cdr", text),
+            EVENTS_TOPIC: self._writer.register_channel(EVENTS_TOPIC, "json", event),
+            JOINT_STATES_TOPIC: self._writer.register_channel(JOINT_STATES_TOPIC, "cdr", joint_state),
+            FRAMES_TOPIC: self._writer.register_channel(FRAMES_TOPIC, "cdr", frames),
+            FIXED_FRAMES_TOPIC: self._writer.register_channel(FIXED_FRAMES_TOPIC, "cdr", frames),
+            TRACKING_ERROR_TOPIC: self._writer.register_channel(TRACKING_ERROR_TOPIC, "json", errors),
+            DESCRIPTION_TOPIC: self._writer.register_channel(DESCRIPTION_TOPIC, "cdr", text),
         }
         for side in Side:
             names = {"joints": " ".join(joint_names(side))}
@@ -133,7 +133,7 @@ class RecordingWriter:
     def add_tools(self, time: float, tools: Mapping[Side, Pose]) -> None:
         """Append the fixed frames, now with the tools that are in use from ``time`` on, monotonic clock [s]."""
         nanoseconds = self._nanoseconds(time)
-        self._write(FIXED_FRAMES, nanoseconds, self._fixed_frames(nanoseconds, tools))
+        self._write(FIXED_FRAMES_TOPIC, nanoseconds, self._fixed_frames(nanoseconds, tools))
 
     def add_event(self, event: RecordedEvent) -> None:
         """Append an event."""
@@ -148,11 +148,11 @@ class RecordingWriter:
         }
         side = event.side.value if event.side else None
         own = {"time": event.time, "side": side, "kind": event.kind, "is_fault": event.is_fault}
-        self._add(EVENTS, event.time, 0, {**log, **own})
+        self._add(EVENTS_TOPIC, event.time, 0, {**log, **own})
 
     def add_value(self, topic: str, time: float, value: object) -> None:
         """Append what was seen of a gripper or the robot at ``time`` on the monotonic clock [s], as an object."""
-        message = {"time": time, **plain(value)}
+        message = {"time": time, **plain_json(value)}
         if topic not in self._channels:
             schema = {"title": f"yumi.{type(value).__name__}", **schema_of(message)}
             number = self._writer.register_schema(str(schema["title"]), "jsonschema", json.dumps(schema).encode())
@@ -192,27 +192,33 @@ class RecordingWriter:
         nanoseconds = self._nanoseconds(time)
         names = joint_names_part(tuple(position))
         data = joint_state_message(names, nanoseconds, tuple(position.values()), velocity)
-        self._write(JOINT_STATES, nanoseconds, data)
+        self._write(JOINT_STATES_TOPIC, nanoseconds, data)
         moved = [
-            Transform(nanoseconds, each.parent, each.name, each.to_parent(position[each.joint]))
+            RecordedTransform(nanoseconds, each.parent, each.name, each.to_parent(position[each.joint]))
             for each in self._frames
             if each.joint in position
         ]
-        self._write(FRAMES, nanoseconds, frames_message(moved))
+        self._write(FRAMES_TOPIC, nanoseconds, frames_message(moved))
         errors = {
             side.word: [round(each, 6) for each in error]  # what is not a number becomes null
             for side, (since, error) in self._errors.items()
             if time - since < _STALE
         }
         if errors:
-            self._add(ERRORS, time, 0, {"time": time, **dict.fromkeys(side.word for side in Side), **errors})
+            self._add(
+                TRACKING_ERROR_TOPIC, time, 0, {"time": time, **dict.fromkeys(side.word for side in Side), **errors}
+            )
 
     def _fixed_frames(self, nanoseconds: int, tools: Mapping[Side, Pose]) -> bytes:
         """The frames that no joint moves; ``tools`` are in tool0."""
-        fixed = [Transform(nanoseconds, each.parent, each.name, each.origin) for each in self._frames if not each.joint]
+        fixed = [
+            RecordedTransform(nanoseconds, each.parent, each.name, each.origin)
+            for each in self._frames
+            if not each.joint
+        ]
         for side, tool in tools.items():
             names = prefixed(f"yumi_tool0_{side.value}"), prefixed(f"yumi_tcp_{side.value}")
-            fixed.append(Transform(nanoseconds, *names, tool))
+            fixed.append(RecordedTransform(nanoseconds, *names, tool))
         return frames_message(fixed)
 
     def _add(self, topic: str, time: float, sequence: int, message: Mapping[str, object]) -> None:
@@ -221,8 +227,8 @@ class RecordingWriter:
     def _write(self, topic: str, nanoseconds: int, data: bytes, sequence: int = 0) -> None:
         if not self._is_begun:  # at the time of the first message, or the recording would begin in 1970
             self._is_begun = True
-            self._write(DESCRIPTION, nanoseconds, text_message(self._description))
-            self._write(FIXED_FRAMES, nanoseconds, self._fixed_frames(nanoseconds, {}))
+            self._write(DESCRIPTION_TOPIC, nanoseconds, text_message(self._description))
+            self._write(FIXED_FRAMES_TOPIC, nanoseconds, self._fixed_frames(nanoseconds, {}))
         self._writer.add_message(self._channels[topic], nanoseconds, data, nanoseconds, sequence)
 
     def _nanoseconds(self, time: float) -> int:

@@ -27,13 +27,13 @@ from abb_protocols.catalogue.actions import FrontEnd
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
 from abb_protocols.robot.joints import Pose
-from yumi.control.speed_scale import FULL
+from yumi.control.speed_scale import FULL_SPEED
 from yumi.driver.command import ArmName, Caller, Command, CommandedRobot, Lane
 from yumi.driver.commands import Recover, SetMode, SetSpeedScale, carry_out, offered_to
 from yumi.driver.speed_setting import LOWEST_SPEED_SCALE, SpeedSetting
 from yumi.ros.messages import (
-    LATCHED,
-    SERVICES,
+    LATCHED_QOS,
+    SERVICES_QOS,
     mass_of,
     mode_of,
     pose_of_ros_message,
@@ -98,7 +98,7 @@ class CommandServices:
             getattr(srv, kind.__name__, Trigger),
             f"~/{name}",
             answer,
-            qos_profile=SERVICES,
+            qos_profile=SERVICES_QOS,
             callback_group=self._callback_groups[kind.lane],
         )
 
@@ -206,18 +206,18 @@ class SpeedScaleInterface:
         self._log = node.get_logger()
         described = ParameterDescriptor(
             description="The factor on the speed of every controller.",
-            floating_point_range=[FloatingPointRange(from_value=LOWEST_SPEED_SCALE, to_value=FULL)],
+            floating_point_range=[FloatingPointRange(from_value=LOWEST_SPEED_SCALE, to_value=FULL_SPEED)],
         )
         node.add_on_set_parameters_callback(self._on_set_parameters)
         node.declare_parameter(_NAME, speed.value, described)  # the callback takes a value of the command line
-        self._publisher = node.create_publisher(SpeedScalingFactor, "~/speed_scale", LATCHED)
+        self._publisher = node.create_publisher(SpeedScalingFactor, "~/speed_scale", LATCHED_QOS)
         self._published = 0.0
         timers.every(_POLL_PERIOD, "speed_scale", self._publish)
         node.create_service(
             srv.SetSpeedScale,
             "~/set_speed_scale",
             self._set,
-            qos_profile=SERVICES,
+            qos_profile=SERVICES_QOS,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )
 

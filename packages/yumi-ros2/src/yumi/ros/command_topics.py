@@ -27,14 +27,14 @@ from std_msgs.msg import Float64MultiArray
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ZERO, Joints, Side, finger_names, joint_names
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, Side, finger_names, joint_names
 from yumi.control.controllers.forward_command import FORWARDERS
 from yumi.control.goals import CONFIGURED_DELAY, GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.hand_over import Commander, HandOver
 from yumi.control.loop_commands import Commands
 from yumi.control.motion.setpoint import largest_difference
-from yumi.control.motion.stream_begin import NEAR
-from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
+from yumi.control.motion.stream_begin import FARTHEST_STREAM_BEGIN
+from yumi.control.shared_state import ARM_PROBLEM_CODES, ArmProblem, Snapshot
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.controller_names import STREAM_CONTROLLER
 from yumi.driver.gripper_follower import closed_of
@@ -153,8 +153,8 @@ class CommandTopic(ABC):
         if not snapshot.is_running:
             refusal = command_refused(self.noun, message("arm_without_egm", arm=self._side.word))
             raise CommandRefused(because(refusal.said, self.why_stopped()))
-        if snapshot.problem is not Problem.NONE:
-            raise command_refused(self.noun, message(PROBLEMS[snapshot.problem], arm=self._side.word))
+        if snapshot.problem is not ArmProblem.NONE:
+            raise command_refused(self.noun, message(ARM_PROBLEM_CODES[snapshot.problem], arm=self._side.word))
         if not self.is_for(snapshot.goal_kind):
             how = how_to_activate(self._node.get_namespace(), self._side, self.controller)
             reason = message("no_controller_for_topic", taker=self.taker, arm=self._side.word, how=how)
@@ -167,8 +167,10 @@ class CommandTopic(ABC):
     def check_near(self, goal: Joints, snapshot: Snapshot) -> None:
         """Refuse a position at which no stream begins now."""
         distance = largest_difference(goal, snapshot.sent)
-        if distance > NEAR:
-            said = message("stream_begins_elsewhere", arm=self._side.word, distance=distance, most=NEAR)
+        if distance > FARTHEST_STREAM_BEGIN:
+            said = message(
+                "stream_begins_elsewhere", arm=self._side.word, distance=distance, most=FARTHEST_STREAM_BEGIN
+            )
             raise command_refused(self.noun, said)
 
     def _is_interrupted(self) -> bool:
@@ -191,7 +193,7 @@ class JointCommandTopic(CommandTopic):
     name, type, noun = "joint_commands", JointState, "Goal"
     kind, taker, controller = GoalKind.POSITION, "position controller", STREAM_CONTROLLER
 
-    _goal: Joints = ZERO
+    _goal: Joints = ZERO_JOINTS
     _given_in = (0, 0)  # the session and activation of the goal
 
     def _age(self, received: Any) -> float:

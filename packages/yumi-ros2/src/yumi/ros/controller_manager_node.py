@@ -43,7 +43,7 @@ from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.joints import Side, joint_names
 from abb_runtime.clock import Clock
 from abb_runtime.parameters import Values
-from abb_runtime.process.supervision import Failures
+from abb_runtime.process.supervision import ThreadFailures
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.loop_commands import CommandPort, Commands
@@ -59,11 +59,18 @@ from yumi.control.loop_events import (
 from yumi.control.manager.controller_switch import Strictness
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Explain, explained
-from yumi.ros.manager_diagnostics import ERROR, WARN, Status, controllers_status, hardware_status, manager_status
+from yumi.ros.manager_diagnostics import (
+    DIAGNOSTIC_ERROR,
+    DIAGNOSTIC_WARN,
+    ManagerStatus,
+    controllers_status,
+    hardware_status,
+    manager_status,
+)
 from yumi.ros.messages import (
     ACTIVITY,
-    LATCHED,
-    SERVICES,
+    LATCHED_QOS,
+    SERVICES_QOS,
     activity,
     controller_state,
     filled_message,
@@ -224,13 +231,13 @@ class ControllerManagerNode:
         ]
         self._diagnostics.publish(array)
 
-    def _statuses(self) -> Iterable[tuple[str, Status]]:
+    def _statuses(self) -> Iterable[tuple[str, ManagerStatus]]:
         if not self._wait.is_over:
-            return [("Controller Manager Activity", (WARN, "Waiting for robot description....", []))]
+            return [("Controller Manager Activity", (DIAGNOSTIC_WARN, "Waiting for robot description....", []))]
         try:
             controllers, hardware = self._controllers.list(), self._hardware.info()
         except YumiError as error:
-            return [("Controller Manager Activity", (ERROR, str(error), []))]
+            return [("Controller Manager Activity", (DIAGNOSTIC_ERROR, str(error), []))]
         threshold = self._parameters.threshold
         return [
             ("Controllers Activity", controllers_status(controllers, threshold)),
@@ -399,7 +406,7 @@ class ControllerNodes:
         self._executor = executor
         self._make_interface = interfaces
         self._nodes: dict[str, tuple[Any, ControllerInterface | None]] = {}
-        self._failures = Failures()
+        self._failures = ThreadFailures()
 
     def add(self, info: ControllerInfo, arguments: Sequence[str] = (), presets: Presets | None = None) -> None:
         """Make the node of a loaded controller.
@@ -515,7 +522,7 @@ class DescriptionWait:
         self._urdf = ""
         self._is_due = False  # the timer runs before anything is spun, and is overdue then though all is well
         self._reminder = node.create_timer(_REMINDER, self._remind)
-        node.create_subscription(String, "robot_description", self._take, LATCHED)
+        node.create_subscription(String, "robot_description", self._take, LATCHED_QOS)
 
     @property
     def is_over(self) -> bool:
@@ -605,7 +612,7 @@ class ControllerManagerServices:
         list_group = MutuallyExclusiveCallbackGroup()  # of their own: a list never waits for a slow change
 
         def serve(kind: Any, name: str, answer: Callable[[Any, Any], Any], group: Any) -> None:
-            node.create_service(kind, f"~/{name}", answer, qos_profile=SERVICES, callback_group=group)
+            node.create_service(kind, f"~/{name}", answer, qos_profile=SERVICES_QOS, callback_group=group)
 
         for name, (kind, call) in changes.items():
             if kind is not None:
@@ -675,7 +682,7 @@ class ActivityTopic:
         self._hardware = hardware
         self._lock = Lock()
         self._last: tuple[tuple[str, State], ...] | None = None
-        self._publisher = node.create_publisher(ACTIVITY, "~/activity", LATCHED) if ACTIVITY is not None else None
+        self._publisher = node.create_publisher(ACTIVITY, "~/activity", LATCHED_QOS) if ACTIVITY is not None else None
 
     def update(self) -> None:
         """Publish if something has changed; nothing is known without the control process."""

@@ -20,15 +20,15 @@ from tf2_msgs.msg import TFMessage
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
-from abb_protocols.robot.joints import ORIGIN, Pose, Side, finger_names, joint_names, prefixed
-from abb_protocols.robot.kinematics import compose, inverse, tool0_to_body
+from abb_protocols.robot.joints import ORIGIN_POSE, Pose, Side, finger_names, joint_names, prefixed
+from abb_protocols.robot.kinematics import compose_poses, inverse_pose, tool0_to_body
 from abb_protocols.robot.urdf import UrdfFrame, read_frames
 from abb_runtime.clock import Clock
 from yumi.driver.settings import RosSettings
 from yumi.planning.tool_path import checked_pose
-from yumi.ros.messages import LATCHED, Stamps, fill_pose, stamp
+from yumi.ros.messages import LATCHED_QOS, Stamps, fill_pose, stamp
 from yumi.ros.nodes import TimerThread
-from yumi.ros.state_topics import STALE, MeasuredState
+from yumi.ros.state_topics import STALE_STATE, MeasuredState
 
 ROBOT_STATE_PUBLISHER = "robot_state_publisher"
 """Of the node that has the frames and the description."""
@@ -43,7 +43,7 @@ class FramePublisher:
     """Publishes the frames of ``urdf``, the tool in use as ``yumi_tcp_r`` and ``yumi_tcp_l``, and the description.
 
     Frames that a joint moves are published when that joint was measured anew, with the time of that. Frames of an arm
-    that has not been measured for :data:`STALE` end.
+    that has not been measured for :data:`STALE_STATE` end.
 
     Args:
         node: the node ``robot_state_publisher``.
@@ -87,7 +87,7 @@ class FramePublisher:
         for name, (value, text) in parameters.items():
             node.declare_parameter(name, value, ParameterDescriptor(description=text, read_only=True))
         topics = ("robot_description", *(f"{side.value}/robot_description" for side in Side))
-        self._descriptions = [node.create_publisher(String, topic, LATCHED) for topic in topics]
+        self._descriptions = [node.create_publisher(String, topic, LATCHED_QOS) for topic in topics]
         for publisher in self._descriptions:
             publisher.publish(String(data=urdf))
 
@@ -103,7 +103,7 @@ class FramePublisher:
             self._sliding[side] = [(each, self._transform(each)) for each in frames if each.joint in finger_joints]
         self._fixed = [each for each in frames if not each.joint]
         self._tf: Any = node.create_publisher(TFMessage, "/tf", _TF_QOS)
-        self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED_QOS)
         self._publish_fixed()
 
     def _publish(self) -> None:
@@ -116,7 +116,7 @@ class FramePublisher:
                 self._publish_fixed()
         for side in Side:
             state = self._measured(side)
-            if state is None or now - state.time >= STALE or state.time <= self._published[side]:
+            if state is None or now - state.time >= STALE_STATE or state.time <= self._published[side]:
                 continue
             self._published[side] = state.time
             time = stamp(self._stamps.at(state.time))
@@ -245,25 +245,25 @@ class RobotFrames:
         positions: dict[str, float] = {}
         for side in Side:
             state = self.measured(side)
-            if state is not None and self._now() - state.time < STALE:
+            if state is not None and self._now() - state.time < STALE_STATE:
                 positions.update(zip(joint_names(side), state.position, strict=True))
         for side, (place, _) in self._fingers().items():
             positions.update(dict.fromkeys(finger_names(side), place))
 
         def seen_from_above(name: str) -> dict[str, Pose]:
-            pose, found = ORIGIN, {self._name(name) or prefixed("yumi_base"): ORIGIN}
+            pose, found = ORIGIN_POSE, {self._name(name) or prefixed("yumi_base"): ORIGIN_POSE}
             for frame in self._way_up(name):
                 if frame.joint and frame.joint not in positions:
                     what = "gripper" if frame.slides else "arm"
                     raise CommandRefused(message("frame_not_located", frame=frame_id, what=what))
-                pose = compose(frame.to_parent(positions.get(frame.joint, 0.0)), pose)
+                pose = compose_poses(frame.to_parent(positions.get(frame.joint, 0.0)), pose)
                 found[frame.parent] = pose
             return found
 
         base = seen_from_above(self._root)
         for name, pose in seen_from_above(frame_id).items():
             if name in base:
-                return compose(inverse(base[name]), pose)
+                return compose_poses(inverse_pose(base[name]), pose)
         raise CommandRefused(message("frame_not_connected", frame=frame_id))
 
     def in_tool(self, side: Side, frame_id: str) -> Pose | None:
@@ -274,16 +274,16 @@ class RobotFrames:
         """
 
         def on_link(name: str) -> tuple[str, Pose]:
-            pose = ORIGIN
+            pose = ORIGIN_POSE
             for frame in self._way_up(name):
                 if frame.joint:
                     return frame.name, pose
-                pose = compose(frame.to_parent(), pose)
+                pose = compose_poses(frame.to_parent(), pose)
             return "", pose
 
         tool_link, tool = on_link(prefixed(f"yumi_tcp_{side.value}"))
         link, pose = on_link(frame_id)
-        return compose(inverse(tool), pose) if link == tool_link else None
+        return compose_poses(inverse_pose(tool), pose) if link == tool_link else None
 
     def tool(self, side: Side, frame_id: str) -> Pose:
         """A frame on an arm's flange in tool0; empty is the tool in use.
@@ -297,4 +297,4 @@ class RobotFrames:
         if found is None:
             example = prefixed(f"gripper_{side.value}_fingertips")
             raise CommandRefused(message("frame_not_on_flange", frame=frame_id, arm=side.word, example=example))
-        return compose(self.tcp(side), found)
+        return compose_poses(self.tcp(side), found)

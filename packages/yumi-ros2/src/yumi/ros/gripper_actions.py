@@ -25,10 +25,10 @@ from abb_protocols.errors import CommandRefused, NoConnection, RobotNotReady, Yu
 from abb_protocols.robot.gripper_values import GripOutcome, GripperGoal, GripperState, ServoState, gripper_goal
 from abb_protocols.robot.joints import Side, finger_names, prefixed
 from abb_runtime.process.supervision import SupervisedThread
-from yumi.driver.gripper import CHANNELS, Check, RwsGripper
+from yumi.driver.gripper import VACUUM_CHANNELS, GripperCheck, RwsGripper
 from yumi.driver.gripper_signals import GripperSignals
 from yumi.driver.settings import GripperSettings
-from yumi.ros.messages import LATCHED, SERVICES, say_why, stamp
+from yumi.ros.messages import LATCHED_QOS, SERVICES_QOS, say_why, stamp
 from yumi.ros.nodes import TimerThread
 
 
@@ -65,7 +65,7 @@ class GripperActionServer(ABC):
     name: str
 
     def __init__(
-        self, node: Any, gripper: RwsGripper, force: float, group: Any, check: Check, failures: GoalFailures
+        self, node: Any, gripper: RwsGripper, force: float, group: Any, check: GripperCheck, failures: GoalFailures
     ) -> None:
         self._log = node.get_logger()
         self._gripper = gripper
@@ -217,7 +217,7 @@ class GripperServices:
         node: Any,
         gripper: RwsGripper,
         group: Any,
-        check: Check,
+        check: GripperCheck,
         calibrate: Callable[[RwsGripper], None],
     ) -> None:
         self._node = node
@@ -238,7 +238,7 @@ class GripperServices:
             check()
             call(channel, is_on=bool(request.data))
 
-        for channel in CHANNELS:
+        for channel in VACUUM_CHANNELS:
             switches = (("vacuum", "Vacuum", gripper.switch_vacuum), ("blow", "Blow-off", gripper.switch_blow_off))
             for name, word, call in switches:
                 is_now = f"{word} {channel} is {{}}."
@@ -258,7 +258,7 @@ class GripperServices:
                 say_why(response, error)
             return response
 
-        self._node.create_service(kind, f"~/{name}", answer, qos_profile=SERVICES, callback_group=self._group)
+        self._node.create_service(kind, f"~/{name}", answer, qos_profile=SERVICES_QOS, callback_group=self._group)
 
     def _serve_motion(self, name: str, action: Callable[[], None], sentence: str) -> None:
         """Serve what moves the fingers; refused while something else moves them."""
@@ -274,7 +274,7 @@ class GripperServices:
 _STATE_PERIOD = 0.04
 """Time between two messages [s]: the controller reports changes every 50 ms, and none may be missed."""
 
-FAILURES, FAILURE = "goals_failed", "last_failure"
+GRIPPER_FAILURES, GRIPPER_FAILURE = "goals_failed", "last_failure"
 """Keys in ``gripper/state``: how many goals were refused or failed, and why the last one was."""
 
 _DEPTH = 10
@@ -316,12 +316,12 @@ class GripperTopics:
         self._reading = reading
         self._threshold = picked_pressure
         self._states = node.create_publisher(JointState, "gripper/joint_states", _DEPTH)
-        self._status = node.create_publisher(DiagnosticStatus, "gripper/state", LATCHED)
+        self._status = node.create_publisher(DiagnosticStatus, "gripper/state", LATCHED_QOS)
         self._pressures, self._picked = {}, {}
         for each in channels:
             topic = f"gripper/vacuum_{each}"
             self._pressures[each] = node.create_publisher(FluidPressure, f"{topic}/pressure", _DEPTH)
-            self._picked[each] = node.create_publisher(Bool, f"{topic}/object_picked", LATCHED)
+            self._picked[each] = node.create_publisher(Bool, f"{topic}/object_picked", LATCHED_QOS)
         self._last_picked: dict[int, bool] = {}
         self._failures = failures
         self._published_failures = failures.newest
@@ -338,7 +338,7 @@ class GripperTopics:
             self._count += 1
         if has_failed or (reading is not None and (has_changed or self._count % _STATE_EVERY == 0)):
             status, (count, reason) = gripper_status(self._side, reading), failures
-            added = (KeyValue(key=FAILURES, value=str(count)), KeyValue(key=FAILURE, value=reason))
+            added = (KeyValue(key=GRIPPER_FAILURES, value=str(count)), KeyValue(key=GRIPPER_FAILURE, value=reason))
             status.values = [*status.values, *added]
             self._status.publish(status)
 

@@ -14,11 +14,11 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.inverse_kinematics import arm_angle, jacobian, postures, unreachable
 from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, Joints, Side, joint_names, joints
-from abb_protocols.robot.kinematics import compose, inverse
+from abb_protocols.robot.kinematics import compose_poses, inverse_pose
 from yumi.control.motion.setpoint import largest_difference
 from yumi.planning.tool_path import checked_pose
 from yumi.ros.frames import RobotFrames
-from yumi.ros.messages import SERVICES, pose_of_ros_message, say_why
+from yumi.ros.messages import SERVICES_QOS, pose_of_ros_message, say_why
 
 
 class KinematicsServices:
@@ -34,7 +34,7 @@ class KinematicsServices:
     def __init__(self, node: Any, side: Side, controller: str, frames: RobotFrames) -> None:
         self._node, self._side, self._frames = node, side, frames
         self._services = [
-            node.create_service(kind, f"{controller}/{name}", partial(_answered, answer), qos_profile=SERVICES)
+            node.create_service(kind, f"{controller}/{name}", partial(_answered, answer), qos_profile=SERVICES_QOS)
             for kind, name, answer in (
                 (InverseKinematics, "inverse_kinematics", self._postures),
                 (Jacobian, "jacobian", self._jacobian),
@@ -54,8 +54,8 @@ class KinematicsServices:
 
     def _postures(self, request: Any, response: Any) -> None:
         side, pose = self._side, request.target_pose
-        target = compose(self._frames.to_base(pose.header.frame_id), checked_pose(pose_of_ros_message(pose.pose)))
-        tool0 = compose(target, inverse(self._frames.tool(side, request.tool_frame)))
+        target = compose_poses(self._frames.to_base(pose.header.frame_id), checked_pose(pose_of_ros_message(pose.pose)))
+        tool0 = compose_poses(target, inverse_pose(self._frames.tool(side, request.tool_frame)))
         now = self._now()
         angle = request.arm_angle if request.turn_elbow else arm_angle(side, now)
         if not isfinite(angle):

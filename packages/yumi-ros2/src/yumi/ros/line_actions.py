@@ -37,7 +37,7 @@ from yumi.control.trajectory_commands import (
     TrajectoryEnded,
     TrajectoryOutcome,
 )
-from yumi.driver.control_process import ENDED, ControlProcess
+from yumi.driver.control_process import PROCESS_ENDED, ControlProcess
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER
 from yumi.planning.common_time import ended_together, started_together
 from yumi.ros.frames import RobotFrames
@@ -143,7 +143,7 @@ class LineAction(ABC):
             if isinstance(event, ControlProcessEnded | ReportsDropped):
                 for line in self._open.values():
                     if line.sides:  # else what it asks for is refused, with the reason
-                        line.reason = ENDED if isinstance(event, ControlProcessEnded) else event.said
+                        line.reason = PROCESS_ENDED if isinstance(event, ControlProcessEnded) else event.said
                         line.is_over.set()
             if not isinstance(event, TrajectoryEnded):
                 return False

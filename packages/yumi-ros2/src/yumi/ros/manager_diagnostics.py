@@ -10,22 +10,22 @@ from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, Statistics
 from yumi.ros.messages import RATE
 
-_OK: bytes = DiagnosticStatus.OK
-WARN: bytes = DiagnosticStatus.WARN
-ERROR: bytes = DiagnosticStatus.ERROR
+DIAGNOSTIC_OK: bytes = DiagnosticStatus.OK
+DIAGNOSTIC_WARN: bytes = DiagnosticStatus.WARN
+DIAGNOSTIC_ERROR: bytes = DiagnosticStatus.ERROR
 
 _Threshold = Callable[[str, str], tuple[float, float]]
 """From a subject and a quantity to where a warning and an error begin, [Hz] or [µs]."""
 
-Status = tuple[bytes, str, list[KeyValue]]
+ManagerStatus = tuple[bytes, str, list[KeyValue]]
 """Level, sentence and values."""
 
 
-def controllers_status(controllers: Iterable[ControllerInfo], threshold: _Threshold) -> Status:
+def controllers_status(controllers: Iterable[ControllerInfo], threshold: _Threshold) -> ManagerStatus:
     """The controllers' states, and how long the updates of the active ones take."""
     infos = tuple(controllers)
     if not infos:
-        return WARN, "No controllers are currently loaded", []
+        return DIAGNOSTIC_WARN, "No controllers are currently loaded", []
     pairs, faults = [], []
     for info in infos:
         pairs.append(KeyValue(key=f"{info.name}.state", value=info.state.value))
@@ -37,11 +37,11 @@ def controllers_status(controllers: Iterable[ControllerInfo], threshold: _Thresh
     return level, sentence, pairs
 
 
-def hardware_status(hardware: HardwareInfo, threshold: _Threshold) -> Status:
+def hardware_status(hardware: HardwareInfo, threshold: _Threshold) -> ManagerStatus:
     """The component's state, how long reading and writing take, and how often."""
     pairs = [KeyValue(key=f"{hardware.name}.state", value=hardware.state.value)]
     if hardware.state is not State.ACTIVE:
-        return ERROR, "No hardware components are active", pairs
+        return DIAGNOSTIC_ERROR, "No hardware components are active", pairs
     faults = _rate_faults(hardware.period, "hardware_components", threshold)
     mean, deviation, slowest, fastest = _in_hertz(hardware.period)
     rates = f"Avg: {mean:.1f} [{slowest:.1f} - {fastest:.1f}] Hz, StdDev: {deviation:.1f}"
@@ -55,7 +55,7 @@ def hardware_status(hardware: HardwareInfo, threshold: _Threshold) -> Status:
     return level, sentence, pairs
 
 
-def manager_status(hardware: HardwareInfo, threshold: _Threshold) -> Status:
+def manager_status(hardware: HardwareInfo, threshold: _Threshold) -> ManagerStatus:
     """How often the controllers are updated; the robot's datagrams are what makes it."""
     pairs, period = [KeyValue(key="update_rate", value=str(RATE))], hardware.period
     if period.count:
@@ -124,11 +124,11 @@ def _fault(sentence: str, value: float, limits: tuple[float, float], unit: str) 
     warn, error = limits
     if value <= min(warn, error):
         return []
-    level, limit = (ERROR, error) if value > error else (WARN, warn)
+    level, limit = (DIAGNOSTIC_ERROR, error) if value > error else (DIAGNOSTIC_WARN, warn)
     return [(level, f"{sentence} (limit {limit:g} {unit})")]
 
 
 def _judged(sentence: str, faults: Iterable[_Fault]) -> _Fault:
     """The worst level, and all reasons after ``sentence``."""
     known = list(faults)
-    return max([_OK, *(level for level, _ in known)]), "; ".join([sentence, *(reason for _, reason in known)])
+    return max([DIAGNOSTIC_OK, *(level for level, _ in known)]), "; ".join([sentence, *(reason for _, reason in known)])

@@ -1,4 +1,4 @@
-"""ROS messages to values and back: commands for an arm, controllers and hardware, times, the robot's state.
+"""ROS messages to values and back: positions, speeds, controllers, activity, time stamps, the robot's state; their QoS.
 
 Messages of ``controller_manager_msgs`` and ``control_msgs`` differ between installations of one ROS distribution; only
 the fields that the installed type has are filled.
@@ -27,25 +27,35 @@ from abb_protocols.catalogue import clause, remedy_of
 from abb_protocols.catalogue import message as said  # a message here is one of ROS
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.description import Mass
-from abb_protocols.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
+from abb_protocols.robot.joints import (
+    CYCLE,
+    JOINT_COUNT,
+    YUMI_LIMITS,
+    ZERO_JOINTS,
+    Joints,
+    Pose,
+    Side,
+    joint_names,
+    joints,
+)
 from abb_protocols.rws.operations.event_log import RwsEvent
 from abb_protocols.rws.values import EventType
 from abb_runtime.clock import Clock
 from yumi.control.controller import State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, InterfaceInfo
-from yumi.control.goals import UNKNOWN, check_position
+from yumi.control.goals import UNKNOWN_JOINTS, check_position
 from yumi.control.hand_over import Commanding
-from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
+from yumi.control.shared_state import ARM_PROBLEM_CODES, ArmProblem, Snapshot
 from yumi.driver.robot_state import RobotMode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import explain
 from yumi.ros.topic_refusals import command_refused
 from yumi.texts.events import KNOWN_NUMBERS
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LATCHED_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """A late subscriber gets the newest message."""
 
-SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+SERVICES_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """So many calls may wait for their answer; of more than 10, ROS 2's default, it would lose some without a word."""
 
 RATE = round(1.0 / CYCLE)
@@ -129,8 +139,8 @@ def egm_status(
     That EGM is off is OK unless it ``is_desired``.
     """
     level, sentence = DiagnosticStatus.OK, "off, no datagrams from the robot; start_egm starts EGM"
-    if snapshot.problem is not Problem.NONE:
-        level, sentence = DiagnosticStatus.ERROR, str(said(PROBLEMS[snapshot.problem], arm=side.word))
+    if snapshot.problem is not ArmProblem.NONE:
+        level, sentence = DiagnosticStatus.ERROR, str(said(ARM_PROBLEM_CODES[snapshot.problem], arm=side.word))
     elif snapshot.is_running and not snapshot.is_streaming:
         level, sentence = DiagnosticStatus.WARN, "running, feedback is interrupted"
     elif snapshot.is_running:
@@ -191,8 +201,8 @@ def goal_speeds_of(message: Any, side: Side) -> Joints:
         CommandRefused: velocities that do not go with the names, or are impossible.
     """
     if not len(message.velocity):
-        return UNKNOWN
-    return joints(_by_name(message.name, message.velocity, side, "Goal", UNKNOWN))
+        return UNKNOWN_JOINTS
+    return joints(_by_name(message.name, message.velocity, side, "Goal", UNKNOWN_JOINTS))
 
 
 def velocities_of(message: Any, side: Side) -> Joints:
@@ -201,7 +211,7 @@ def velocities_of(message: Any, side: Side) -> Joints:
     Raises:
         CommandRefused: an unknown or repeated joint, a missing or impossible velocity.
     """
-    return joints(_by_name(message.name, message.velocity, side, "Speed", ZERO))
+    return joints(_by_name(message.name, message.velocity, side, "Speed", ZERO_JOINTS))
 
 
 def positions_of(message: Any, side: Side) -> Joints:

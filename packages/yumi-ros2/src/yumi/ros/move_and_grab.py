@@ -29,33 +29,33 @@ from abb_protocols.errors import CommandRefused, GoalNotReached, RobotNotReady, 
 from abb_protocols.robot.gripper_values import GripOutcome, outcome_of
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER, STREAM_CONTROLLER
-from yumi.ros.gripper_actions import FAILURE, FAILURES
-from yumi.ros.messages import LATCHED
+from yumi.ros.gripper_actions import GRIPPER_FAILURE, GRIPPER_FAILURES
+from yumi.ros.messages import LATCHED_QOS
 
 _T = TypeVar("_T")
 
-GOALS: dict[Side, Joints] = {
+GRAB_GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (42.1, -118.4, -92.1, 46.5, -143.6, 42.5, 36.1)]),
     Side.LEFT: joints([radians(value) for value in (-39.0, -104.1, 80.0, 8.0, 31.0, 93.0, 57.0)]),
 }
 """Where the arms go, chain order [rad]."""
 
-MEETING: dict[Side, Joints] = {
+MEETING_OF_ARMS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (107, -111, -76, 39, -166, 113, -128)]),
     Side.LEFT: joints([radians(value) for value in (-106, -105, 78, 38, 161, 111, 124)]),
 }
 """Both tools at the same place in front of the robot, chain order [rad]: no arm gets there beside the other one."""
 
-CLOSE_ENOUGH = radians(0.1)
+MOVE_TOLERANCE = radians(0.1)
 """An arm has arrived when every joint is this near to its goal [rad]."""
 
 _OPEN, _CLOSED = 0.025, 0.0
 """Finger positions [m]."""
 
-LIFT = 0.05
+GRAB_LIFT = 0.05
 """How far what was grabbed is lifted, on a straight line of the tool [m]."""
 
-LIFTED = Side.LEFT
+LIFTING_ARM = Side.LEFT
 """The arm that does; in the virtual robot something lies between its fingers."""
 
 _MOVE_TIMEOUT = 30.0
@@ -162,7 +162,7 @@ class _Arm:
         node.create_subscription(PoseStamped, f"{name}/tcp_pose", self._take_pose, 10)
         node.create_subscription(JointState, f"{name}/joint_states", self._take_state, 100)
         node.create_subscription(DiagnosticStatus, f"{name}/egm_state", self._take_egm_state, 1)
-        node.create_subscription(DiagnosticStatus, f"{name}/gripper/state", self._take_gripper_state, LATCHED)
+        node.create_subscription(DiagnosticStatus, f"{name}/gripper/state", self._take_gripper_state, LATCHED_QOS)
 
     def has_states(self) -> bool:
         """Whether position and EGM state are known."""
@@ -171,7 +171,7 @@ class _Arm:
     def error(self) -> float:
         """Largest distance of a joint from its goal [rad]."""
         assert self.position is not None
-        return max(abs(now - goal) for now, goal in zip(self.position, GOALS[self.side], strict=True))
+        return max(abs(now - goal) for now, goal in zip(self.position, GRAB_GOALS[self.side], strict=True))
 
     def _take_pose(self, message: Any) -> None:
         self.pose, place = message, message.pose.position
@@ -189,7 +189,7 @@ class _Arm:
 
     def _take_gripper_state(self, message: Any) -> None:
         values = {pair.key: pair.value for pair in message.values}
-        self.failures = (int(values.get(FAILURES, 0)), values.get(FAILURE, ""))
+        self.failures = (int(values.get(GRIPPER_FAILURES, 0)), values.get(GRIPPER_FAILURE, ""))
 
 
 class MoveAndGrab:
@@ -225,7 +225,7 @@ class MoveAndGrab:
         }
         self._recover_client = ActionClient(self._node, Recover, "yumi_robot_manager/recover")
         self._state: Any = None
-        self._node.create_subscription(RobotState, "yumi_robot_manager/state", self._take_state, LATCHED)
+        self._node.create_subscription(RobotState, "yumi_robot_manager/state", self._take_state, LATCHED_QOS)
         self._arms = {side: _Arm(self._node, side, self.reports[side].path) for side in Side}
         self._started_egm = False
 
@@ -249,8 +249,10 @@ class MoveAndGrab:
         for side in (Side.RIGHT, Side.LEFT):
             self._despite_stops(partial(self._move, side))
         grips = self._despite_stops(lambda: self._grip("close both grippers", _CLOSED))
-        arm = self._arms[LIFTED]
-        self._wait(lambda: arm.stands and arm.pose is not None, _STATE, f"A pose of the {LIFTED.word} tool at rest")
+        arm = self._arms[LIFTING_ARM]
+        self._wait(
+            lambda: arm.stands and arm.pose is not None, _STATE, f"A pose of the {LIFTING_ARM.word} tool at rest"
+        )
         low = arm.pose
         self._despite_stops(lambda: self._lift(low))
         if self._approaches:
@@ -306,15 +308,15 @@ class MoveAndGrab:
         self._progress.step(f"move the {side.word} arm")
         self._activate(arm, STREAM_CONTROLLER, CARTESIAN_CONTROLLER)
         self._wait(lambda: arm.goals.get_subscription_count() > 0, _DISCOVERY, f"A subscriber to {arm.goals.topic}")
-        whole, begin = max(arm.error(), CLOSE_ENOUGH), monotonic()
-        arm.goals.publish(JointState(name=list(joint_names(side)), position=list(GOALS[side])))
+        whole, begin = max(arm.error(), MOVE_TOLERANCE), monotonic()
+        arm.goals.publish(JointState(name=list(joint_names(side)), position=list(GRAB_GOALS[side])))
 
         def has_arrived() -> bool:
             error = arm.error()
-            self._progress.error(side, degrees(error), 1.0 if error < CLOSE_ENOUGH else 1.0 - error / whole)
-            if error >= CLOSE_ENOUGH and not arm.is_commanded:
+            self._progress.error(side, degrees(error), 1.0 if error < MOVE_TOLERANCE else 1.0 - error / whole)
+            if error >= MOVE_TOLERANCE and not arm.is_commanded:
                 raise GoalNotReached(message("arm_stopped_before_goal", arm=side.word, distance=error))
-            return error < CLOSE_ENOUGH
+            return error < MOVE_TOLERANCE
 
         self._wait_for_motion(has_arrived, f"Arrival of the {side.word} arm within 0.1°")
         self.reports[side].duration = monotonic() - begin
@@ -353,11 +355,13 @@ class MoveAndGrab:
 
     def _lift(self, low: Any) -> None:
         """Lift the tool from a pose and put it back, each on a straight line."""
-        arm = self._arms[LIFTED]
-        self._progress.step(f"lift the {LIFTED.word} tool by {LIFT * 1e3:.0f} mm on a straight line, and put it back")
+        arm = self._arms[LIFTING_ARM]
+        self._progress.step(
+            f"lift the {LIFTING_ARM.word} tool by {GRAB_LIFT * 1e3:.0f} mm on a straight line, and put it back"
+        )
         self._activate(arm, CARTESIAN_CONTROLLER, STREAM_CONTROLLER)
         begin = len(arm.places)
-        for height in (LIFT, 0.0):
+        for height in (GRAB_LIFT, 0.0):
             target = PoseStamped(pose=low.pose)
             target.header.frame_id, target.header.stamp = low.header.frame_id, Time()
             place = low.pose.position
@@ -367,7 +371,7 @@ class MoveAndGrab:
             def has_arrived(target: Any = target, goal: tuple[float, float, float] = goal) -> bool:
                 nonlocal sent_at
                 if not arm.is_commanded:
-                    raise GoalNotReached(message("arm_stopped_on_line", arm=LIFTED.word))
+                    raise GoalNotReached(message("arm_stopped_on_line", arm=LIFTING_ARM.word))
                 if arm.stands and dist(arm.places[-1], goal) < _THERE:
                     return True
                 if arm.stands and monotonic() - sent_at > _AGAIN:
@@ -377,7 +381,7 @@ class MoveAndGrab:
                     sent_at = monotonic()
                 return False
 
-            self._wait_for_motion(has_arrived, f"Arrival of the {LIFTED.word} tool at the end of its line")
+            self._wait_for_motion(has_arrived, f"Arrival of the {LIFTING_ARM.word} tool at the end of its line")
         x, y, _ = arm.places[begin]
         off = max(dist(place[:2], (x, y)) for place in arm.places[begin:])
         self._progress.note(f"the tool was at most {off * 1e3:.2f} mm off the line")
@@ -407,13 +411,13 @@ class MoveAndGrab:
 
         def are_back() -> bool:
             check_commanded()
-            return all(arm.error() < CLOSE_ENOUGH for arm in self._arms.values())
+            return all(arm.error() < MOVE_TOLERANCE for arm in self._arms.values())
 
-        go_to(MEETING)
+        go_to(MEETING_OF_ARMS)
         self._wait_for_motion(are_held, "The driver's holding of the arms")
         for pair in pairs():
             self._progress.note(f"held: {pair}; the driver lets them no nearer (collision.margin)")
-        go_to(GOALS)
+        go_to(GRAB_GOALS)
         self._wait_for_motion(are_back, "The arms' way back")
 
     def _activate(self, arm: _Arm, controller: str, other: str) -> None:

@@ -31,7 +31,7 @@ from abb_protocols.catalogue import message, quoted, said_by
 from abb_protocols.errors import CommandRefused, MissingPrerequisite, YumiError
 from abb_runtime.clock import Clock
 from abb_runtime.parameters import Parameter, ParameterFileEntry, ParameterType, Value, Values, read_parameter_file
-from abb_runtime.process.supervision import Failures, SupervisedThread, no_thread
+from abb_runtime.process.supervision import SupervisedThread, ThreadFailures, no_thread
 from yumi.control.controller import find_controller_parameter
 from yumi.control.controller_info import ParameterInfo
 from yumi.control.manager.controller_switch import Strictness
@@ -139,7 +139,7 @@ class Executors:
         self._is_over = threading.Event()
         self._executors: list[Executor] = []
         self._threads: list[SupervisedThread] = []
-        self._failures = Failures()
+        self._failures = ThreadFailures()
 
     def add_multi_threaded(self, name: str, *nodes: Any) -> Executor:
         """Add one for services and actions, which may take their time."""
@@ -218,7 +218,7 @@ class TimerThread:
         self._timers: list[_Timer] = []
         self._lock = threading.RLock()
         self._has_changed, self._is_over = threading.Event(), threading.Event()
-        self._failures = Failures()
+        self._failures = ThreadFailures()
         self._thread = SupervisedThread(name, self._run, self._is_over)
 
     def every(self, period: float, what: str, action: Callable[[], None]) -> Callable[[], None]:

@@ -19,14 +19,14 @@ from yumi_interfaces.msg import RobotState as RobotStateMessage
 from abb_protocols.errors import YumiError
 from abb_protocols.robot.joints import Side, finger_names, joint_names
 from abb_runtime.clock import Clock
-from abb_runtime.process.supervision import Failures, SupervisedThread
+from abb_runtime.process.supervision import SupervisedThread, ThreadFailures
 from yumi.control.hand_over import HandOver
 from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.robot_state import RobotState
 from yumi.ros.messages import (
     GPIO_STATES,
-    LATCHED,
+    LATCHED_QOS,
     Stamps,
     egm_status,
     gpio_states,
@@ -37,7 +37,7 @@ from yumi.ros.messages import (
 )
 from yumi.ros.nodes import TimerThread
 
-STALE = 1.0
+STALE_STATE = 1.0
 """The position of an arm whose last state is older is not known [s]; without EGM one comes every 0.4 s."""
 
 _STATE_POLL = 0.05
@@ -96,7 +96,7 @@ class JointStatePublisher:
         self._names = joint_names(side)
         self._buffers = buffers
         self._is_over = Event()
-        self._failures = Failures()
+        self._failures = ThreadFailures()
         self._topic = f"{side.value}/joint_states"
         self._thread = SupervisedThread(f"joint-states-{side.value}", self._run, self._is_over)
 
@@ -130,8 +130,8 @@ class JointStatePublisher:
 class MergedJointStates:
     """Publishes ``joint_states`` of the whole robot: 7 right, 7 left, then the fingers as far as they are known.
 
-    An arm without a state for :data:`STALE` is left out: its old position is no start for planning. The stamp is that
-    of the oldest state that EGM reports; where EGM is silent, of the oldest one that was read from the controller.
+    An arm without a state for :data:`STALE_STATE` is left out: its old position is no start for planning. The stamp is
+    that of the oldest state that EGM reports; where EGM is silent, of the oldest one that was read from the controller.
 
     Args:
         node: the robot's node for topics.
@@ -174,7 +174,7 @@ class MergedJointStates:
         for side, buffers in self._buffers.items():
             polled = self._polled(side)
             state = newest_state(buffers, polled)
-            if state is not None and now - state.time < STALE:
+            if state is not None and now - state.time < STALE_STATE:
                 (read if state is polled else reported).append(state.time)
                 names += joint_names(side)
                 position += state.position
@@ -245,7 +245,7 @@ class RobotStateTopic:
         self, node: Any, state: Callable[[], RobotState], clock: Clock, timers: TimerThread, frame: str = ""
     ) -> None:
         self._frame = frame
-        self._publisher = node.create_publisher(RobotStateMessage, "~/state", LATCHED)
+        self._publisher = node.create_publisher(RobotStateMessage, "~/state", LATCHED_QOS)
         self._ros_clock = node.get_clock()
         self._state = state
         self._clock = clock

@@ -29,7 +29,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, YumiError
 from abb_protocols.robot.joints import JointLimits, Joints, Pose, Side, Vector, joints, rotate
-from abb_protocols.robot.kinematics import compose
+from abb_protocols.robot.kinematics import compose_poses
 from abb_runtime.parameters import number
 from yumi.control.goals import GoalKind
 from yumi.control.loop_commands import Commands, ControllerCommand
@@ -40,7 +40,7 @@ from yumi.control.tool_goal import check_tool_near, check_twist, pose_goal, twis
 from yumi.control.tool_limits import ToolLimits
 from yumi.control.trajectory_commands import ArmPlan, CancelTrajectory, FollowTrajectory
 from yumi.driver.control_process import ControlProcess
-from yumi.planning.tool_path import ZONE, Waypoint, checked_pose, plan_path
+from yumi.planning.tool_path import TOOL_ZONE, LineWaypoint, checked_pose, plan_path
 from yumi.ros.command_topics import CommandTopic
 from yumi.ros.frames import RobotFrames
 from yumi.ros.messages import nanoseconds, pose_of_ros_message
@@ -90,7 +90,7 @@ class ToolTopic(CommandTopic):
         """The pose of a PoseStamped in the robot's base."""
         try:
             # In its own frame the pose is what was sent: an orientation of another length must not move its place.
-            return compose(
+            return compose_poses(
                 self._frames.to_base(received.header.frame_id), checked_pose(pose_of_ros_message(received.pose))
             )
         except CommandRefused as error:
@@ -187,12 +187,12 @@ class TargetPoseTopic(ToolTopic):
         return plan_path(
             side,
             self.commanded(),
-            [*map(Waypoint, targets[:-1]), Waypoint(targets[-1], goal.arm_angle)],
+            [*map(LineWaypoint, targets[:-1]), LineWaypoint(targets[-1], goal.arm_angle)],
             self.limits,
             tool=goal.tool or self._frames.tcp(side),
             speed=goal.speed or number(values, "line.speed"),
             turning=number(values, "line.turning"),
-            zone=goal.zone or ZONE,
+            zone=goal.zone or TOOL_ZONE,
             acceleration=number(values, "line.acceleration"),
             within=self.within,
         )

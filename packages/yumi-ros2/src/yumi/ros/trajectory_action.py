@@ -25,7 +25,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from abb_protocols.errors import YumiError
-from abb_protocols.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
+from abb_protocols.robot.joints import CYCLE, ZERO_JOINTS, JointLimits, Side, joint_names
 from abb_runtime.clock import Clock
 from abb_runtime.parameters import number
 from yumi.control.chunk_commands import ChunksExhausted
@@ -46,7 +46,7 @@ from yumi.control.trajectory_commands import (
     TrajectoryEnded,
     TrajectoryOutcome,
 )
-from yumi.driver.control_process import ENDED
+from yumi.driver.control_process import PROCESS_ENDED
 from yumi.driver.controller_names import DUAL_ARM_CONTROLLER
 from yumi.driver.monitor import RobotMonitor
 from yumi.driver.stops import because
@@ -54,11 +54,11 @@ from yumi.planning.trajectory_request import JointTrajectory as Trajectory
 from yumi.planning.trajectory_request import plan_trajectory, timed_trajectory
 from yumi.ros.chunk_topic import ChunkTopic
 from yumi.ros.controller_manager_node import MakeInterface
-from yumi.ros.messages import LATCHED, Stamps, how_to_activate
+from yumi.ros.messages import LATCHED_QOS, Stamps, how_to_activate
 from yumi.ros.nodes import TimerThread, is_cancelled
 from yumi.ros.topic_refusals import check_wait, waited_for
 from yumi.ros.trajectory_messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
-from yumi.ros.trajectory_query import FRESH, TrajectoryQuery
+from yumi.ros.trajectory_query import FRESH_TRAJECTORY_FEEDBACK, TrajectoryQuery
 
 _FIRST_NUMBER = 2**40  # of these goals, beside the motions of scripts and commands, which count from 1
 
@@ -82,7 +82,7 @@ class _OpenGoal:
         self.handle: Any = None
         self.ends: dict[Side, TrajectoryEnded] = {}
         self.is_over = Flag()
-        self.reason = str(ENDED)
+        self.reason = str(PROCESS_ENDED)
         self.feedback_due = 0.0
 
     @property
@@ -156,7 +156,7 @@ class TrajectoryAction:
         commands = MutuallyExclusiveCallbackGroup()
         node.create_subscription(JointTrajectory, "~/joint_trajectory", self._take, 1, callback_group=commands)
         node.create_subscription(
-            SpeedScalingFactor, "~/speed_scaling_input", self._scale, LATCHED, callback_group=commands
+            SpeedScalingFactor, "~/speed_scaling_input", self._scale, LATCHED_QOS, callback_group=commands
         )
         self._chunks = ChunkTopic(node, commands, name, self._sides, control, clock, limits)
         self._query = TrajectoryQuery(node, feedback, clock)
@@ -194,7 +194,7 @@ class TrajectoryAction:
         self._end_feedback()
         self._server.destroy()
 
-    def _end_open_goals(self, reason: str = str(ENDED)) -> None:
+    def _end_open_goals(self, reason: str = str(PROCESS_ENDED)) -> None:
         """No controller will report their end any more."""
         with self._lock:
             for goal in self._open.values():
@@ -297,8 +297,8 @@ class TrajectoryAction:
         positions = self._control.call(Commands.commanded_positions, *self._sides)
         for side, buffer in self._feedback.items():
             newest = buffer.read()
-            is_known = newest is not None and newest[1].goal and now - newest[1].time < FRESH
-            starts[side] = Setpoint(positions[side], newest[1].output_velocity if newest and is_known else ZERO)
+            is_known = newest is not None and newest[1].goal and now - newest[1].time < FRESH_TRAJECTORY_FEEDBACK
+            starts[side] = Setpoint(positions[side], newest[1].output_velocity if newest and is_known else ZERO_JOINTS)
         return timed_trajectory(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
 
     def _command(

@@ -17,7 +17,7 @@ from abb_protocols.catalogue import quoted
 from abb_protocols.robot.joints import Joints, Side, joint_names, joints
 from yumi.control.motion.spline import TrajectoryPoint
 from yumi.control.shared_state import TrajectoryFeedback
-from yumi.control.trajectory_commands import DEFAULT, UNLIMITED, Tolerances, trajectory_refused
+from yumi.control.trajectory_commands import DEFAULT_TOLERANCE, UNLIMITED_TOLERANCE, Tolerances, trajectory_refused
 from yumi.planning.trajectory_request import JointTrajectory, check_trajectory_length
 from yumi.ros.messages import nanoseconds, seconds, stamp
 
@@ -62,15 +62,15 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
         values = (each.position, each.velocity, each.acceleration)
         if any(map(isnan, values)):
             raise trajectory_refused(said("joint_tolerance_not_a_number", joint=each.name))
-        if any(value < 0.0 and value != UNLIMITED for value in values):
+        if any(value < 0.0 and value != UNLIMITED_TOLERANCE for value in values):
             return own, f"a tolerance of {each.name} is negative; -1 is unlimited"
     time = seconds(goal.goal_time_tolerance, "Trajectory refused: goal_time_tolerance")
-    if time < 0.0 and time != UNLIMITED:
+    if time < 0.0 and time != UNLIMITED_TOLERANCE:
         return own, f"goal_time_tolerance is {time:g} s; -1 is unlimited"
 
     def chosen(tolerances: Iterable[Any], side: Side, field: str) -> Joints:
         named = {each.name: float(getattr(each, field)) for each in tolerances}
-        return joints([named.get(name, DEFAULT) for name in joint_names(side)])
+        return joints([named.get(name, DEFAULT_TOLERANCE) for name in joint_names(side)])
 
     return {
         side: Tolerances(

@@ -15,9 +15,9 @@ from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.spline import SplineSampler
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory_commands import ArmPlan
-from yumi.ros.messages import SERVICES, nanoseconds
+from yumi.ros.messages import SERVICES_QOS, nanoseconds
 
-FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
+FRESH_TRAJECTORY_FEEDBACK = 0.5  # [s] an active controller writes its feedback many times within this time
 
 _Plans = Mapping[Side, ArmPlan]
 _Feedbacks = Mapping[Side, TrajectoryFeedback]
@@ -35,7 +35,7 @@ class TrajectoryQuery:
         self._feedback = feedback
         self._clock = clock
         self._followed: tuple[int, _Plans] = (0, {})
-        node.create_service(QueryTrajectoryState, "~/query_state", self.answer, qos_profile=SERVICES)
+        node.create_service(QueryTrajectoryState, "~/query_state", self.answer, qos_profile=SERVICES_QOS)
 
     def note(self, number: int, plans: _Plans) -> None:
         """The controllers have accepted ``plans`` as goal ``number``."""
@@ -51,7 +51,9 @@ class TrajectoryQuery:
         newest = {side: buffer.read() for side, buffer in self._feedback.items()}
         feedbacks = {side: each[1] for side, each in newest.items() if each is not None}
         now = self._clock.now()
-        if len(feedbacks) < len(newest) or any(now - each.time > FRESH for each in feedbacks.values()):
+        if len(feedbacks) < len(newest) or any(
+            now - each.time > FRESH_TRAJECTORY_FEEDBACK for each in feedbacks.values()
+        ):
             response.message = "The controller is not active; activate it first."
             return response
         try:

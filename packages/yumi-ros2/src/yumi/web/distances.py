@@ -12,7 +12,7 @@ from yumi.driver.surroundings import Surroundings, shapes_of
 
 _SHOWN_FOR = 0.5  # [s] what limited an arm is shown for so long: several parts may do so in turn
 
-NEAR = 0.05
+NEAR_DISTANCE = 0.05
 """Parts further from each other than this are not shown [m]."""
 
 
@@ -30,14 +30,14 @@ class Distances:
         self._model = CollisionModel(grippers, tools=tools, obstacles=obstacles)
 
     def nearest(self, positions: Mapping[Side, Joints], only: Collection[tuple[str, str]] = ()) -> Distance | None:
-        """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`NEAR`.
+        """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`NEAR_DISTANCE`.
 
         ``only``: look among these pairs of parts alone, also with the body; by names, such as what limits the arms.
         """
         if not only:
-            return next(iter(self._model.nearest(positions, within=NEAR, ignore=BODY)), None)
+            return next(iter(self._model.nearest(positions, within=NEAR_DISTANCE, ignore=BODY)), None)
         wanted = {frozenset(pair) for pair in only}
-        near = self._model.nearest(positions, len(self._model.names) ** 2, within=NEAR)
+        near = self._model.nearest(positions, len(self._model.names) ** 2, within=NEAR_DISTANCE)
         return next((each for each in near if frozenset((each.part, each.other)) in wanted), None)
 
 

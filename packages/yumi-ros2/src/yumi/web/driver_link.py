@@ -13,7 +13,15 @@ import msgspec
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import RobotNotReady
 from yumi.driver.command import Command, EndpointRequest
-from yumi.driver.endpoint import ANSWER, Attach, EndpointAnswer, Subscribe, connect_driver, error_of, find_driver
+from yumi.driver.endpoint import (
+    ENDPOINT_ANSWER_TIME,
+    Attach,
+    EndpointAnswer,
+    Subscribe,
+    connect_driver,
+    error_of,
+    find_driver,
+)
 from yumi.driver.reports import EventReport, MotionReport
 
 _LONGEST_LINE = 1 << 22  # of a driver [bytes]; a state has some kilobytes
@@ -90,9 +98,9 @@ class DriverLink:
         try:
             while True:
                 try:
-                    answer = await asyncio.wait_for(self._next(answers), ANSWER)
+                    answer = await asyncio.wait_for(self._next(answers), ENDPOINT_ANSWER_TIME)
                 except asyncio.TimeoutError as error:
-                    raise RobotNotReady(message("driver_sent_no_state", duration=ANSWER)) from error
+                    raise RobotNotReady(message("driver_sent_no_state", duration=ENDPOINT_ANSWER_TIME)) from error
                 if answer.state:
                     yield answer.state, answer.events
         finally:

@@ -28,9 +28,9 @@ from yumi.driver.reports import CommandingReport, DriverState, EventReport, Said
 from yumi.driver.surroundings import Surroundings
 from yumi.web.distances import Distances, ShownLimits
 from yumi.web.driver_link import DriverLink
-from yumi.web.page_words import said_of, words_for_page
+from yumi.web.page_words import words_for_page, words_of_error
 
-RATE = 30.0
+PAGE_STATE_RATE = 30.0
 """A page gets the state so often [1/s]."""
 
 _LOOKED_FOR = message("driver_looked_for")
@@ -150,7 +150,7 @@ class LiveRobot:
                 finally:
                     await link.close()
             except Exception as error:
-                why_not, self.is_virtual = said_of(error), False
+                why_not, self.is_virtual = words_of_error(error), False
                 if why_not != self.why_not:
                     self.why_not, self._state = why_not, None
                     self.jogged.clear()  # the next driver begins anew
@@ -186,7 +186,7 @@ class LiveRobot:
             finally:
                 await link.close()
         except Exception as error:  # the driver has ended, or EGM has: no controller commands there; what is our fault
-            said_of(error)  # is logged
+            words_of_error(error)  # is logged
 
     def _words(self, said: Said) -> Mapping[str, object]:
         return words_for_page(said.message, is_virtual=self.is_virtual)
@@ -202,7 +202,7 @@ class LiveRobot:
         self.surroundings = msgspec.json.decode(await link.ask(GetSurroundings()), type=Surroundings)
         distances, nearest, count = Distances(self.surroundings), None, 0
         shown, held, sessions = ShownLimits(), list[tuple[str, str]](), None
-        async for raw, events in link.states(RATE):
+        async for raw, events in link.states(PAGE_STATE_RATE):
             is_new = self._state is None
             now = time.monotonic()
             self._state = now, raw

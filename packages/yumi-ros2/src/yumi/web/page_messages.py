@@ -1,4 +1,7 @@
-"""Messages of a page of ``yumi view``, with the limits of its jogs; anything else is refused."""
+"""Messages of a page of ``yumi view``: to ask, pair, take control, plan, inject faults, and jog within limits.
+
+Anything else is refused.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import msgspec
 
 from abb_protocols.catalogue.actions import FrontEnd
-from abb_protocols.robot.joints import ZERO
+from abb_protocols.robot.joints import ZERO_JOINTS
 from yumi.driver.command import ArmName, Command, SentPosition
 from yumi.driver.commands import offered_to
 from yumi.driver.device_frame import DeviceFrame
@@ -21,15 +24,15 @@ else:
     AskedOfDriver = reduce(or_, offered_to(FrontEnd.PAGE))
 """The commands that a page may give."""
 
-MAX_JOINT_SPEED = 0.5
+MAX_JOG_JOINT_SPEED = 0.5
 """No joint or elbow is jogged faster than this [rad/s], before speed_scale: it stops within 0.2 s of a lost link."""
 
-MAX_LINEAR, MAX_ANGULAR = 0.15, 0.5
+MAX_JOG_LINEAR, MAX_JOG_ANGULAR = 0.15, 0.5
 """The tool is not jogged faster than this [m/s], [rad/s], before speed_scale; for the same reason."""
 
-_Speed = Annotated[float, msgspec.Meta(ge=-MAX_JOINT_SPEED, le=MAX_JOINT_SPEED)]
-_Linear = Annotated[float, msgspec.Meta(ge=-MAX_LINEAR, le=MAX_LINEAR)]
-_Angular = Annotated[float, msgspec.Meta(ge=-MAX_ANGULAR, le=MAX_ANGULAR)]
+_Speed = Annotated[float, msgspec.Meta(ge=-MAX_JOG_JOINT_SPEED, le=MAX_JOG_JOINT_SPEED)]
+_Linear = Annotated[float, msgspec.Meta(ge=-MAX_JOG_LINEAR, le=MAX_JOG_LINEAR)]
+_Angular = Annotated[float, msgspec.Meta(ge=-MAX_JOG_ANGULAR, le=MAX_JOG_ANGULAR)]
 
 
 class PageMessage(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="type"):
@@ -101,7 +104,7 @@ class JointsJog(PageMessage, frozen=True, tag="jog_joints"):
     @property
     def at_rest(self) -> Jog:
         """The same without motion."""
-        return Jog(arm=self.arm, speeds=ZERO)
+        return Jog(arm=self.arm, speeds=ZERO_JOINTS)
 
 
 class ToolJog(PageMessage, frozen=True, tag="jog_tool"):

@@ -18,7 +18,7 @@ from abb_protocols.errors import CommandRefused, RobotNotReady, YumiError
 from abb_protocols.robot.description import FINGERTIPS
 from abb_protocols.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
 from abb_protocols.robot.joints import JOINT_COUNT, Joints, Pose, Side, by_side, rotate
-from abb_protocols.robot.kinematics import compose, inverse, multiply, quaternion_of, tool0_to_body
+from abb_protocols.robot.kinematics import compose_poses, inverse_pose, quaternion_of, quaternion_product, tool0_to_body
 from abb_runtime.faults import inject_fault, takes_faults
 from yumi.api.joint_positions import checked_goal
 from yumi.driver.command import Command, SentPosition
@@ -31,7 +31,7 @@ from yumi.web.driver_link import DriverLink
 from yumi.web.live import JoggedArm, LiveRobot
 from yumi.web.page_device import PageDevice
 from yumi.web.page_messages import (
-    MAX_JOINT_SPEED,
+    MAX_JOG_JOINT_SPEED,
     AnyJog,
     Ask,
     DeviceMessage,
@@ -53,7 +53,7 @@ _PLANNED_SPEED_SCALE = 0.5
 
 _PLANNING_TIMEOUT = 20.0  # [s] for one plan
 
-OLDEST_SEEN = 0.8
+OLDEST_SEEN_STATE = 0.8
 """A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once.
 
 More than for frames of a device: the age of these is read from two clocks, which takes messages before. The first jog
@@ -61,7 +61,7 @@ of a page has none before it, only the newest state, which a page that draws in 
 clock is that of the driver, which takes no jog of a joint or of a tool that came here longer than
 :data:`yumi.api.streams.OLDEST_JOG` ago: as long as their controllers take a velocity for new."""
 
-STALE = 0.05
+STALE_JOG = 0.05
 """A jog that has waited here for longer is not carried out, but its end is [s]."""
 
 _PLAN_POINTS = 120  # points of a plan that the page gets, about
@@ -147,7 +147,7 @@ class Operator:
     def _take_jog(self, jog: AnyJog) -> None:
         """Take a jog message: the newest one counts, unless the page sent it so long ago that it stands no more."""
         now = time.monotonic()
-        if not now - jog.seen <= OLDEST_SEEN and jog.request != jog.at_rest:
+        if not now - jog.seen <= OLDEST_SEEN_STATE and jog.request != jog.at_rest:
             self._refuse_jog(jog.hold, CommandRefused(message("page_too_slow_to_jog")))
             return
         self._newest_jog = _ReceivedJog(jog, now)
@@ -215,7 +215,7 @@ class Operator:
                 continue
             if not isinstance(goal, tuple) or len(goal) != JOINT_COUNT:
                 raise CommandRefused(message("no_pose_of_fingertips"))
-            goals[side] = compose(Pose(goal[:3], goal[3:]), inverse(FINGERTIPS))  # type: ignore[arg-type]
+            goals[side] = compose_poses(Pose(goal[:3], goal[3:]), inverse_pose(FINGERTIPS))  # type: ignore[arg-type]
         surroundings = self._live.surroundings
         grippers, tools, obstacles = shapes_of(surroundings)
         plan = await self._planning.plan(
@@ -262,7 +262,7 @@ class Operator:
             if received is None or self._link is None or received.jog.hold == self._refused:
                 continue
             jog = received.jog
-            if time.monotonic() - received.time > STALE and jog.request != jog.at_rest:
+            if time.monotonic() - received.time > STALE_JOG and jog.request != jog.at_rest:
                 continue  # the end of a jog is never too late
             try:
                 state = self._live.state()
@@ -290,10 +290,10 @@ def within_joint_speed(jog: ToolJog, position: Joints) -> ToolJog:
     if jog.frame == "tool":
         linear, angular = rotate(tip.orientation, linear), rotate(tip.orientation, angular)
     x, y, z = (place + step * speed for place, speed in zip(tip.position, linear, strict=True))
-    after = Pose((x, y, z), multiply(quaternion_of(angular, step), tip.orientation))
-    target = wrist_target(side, compose(after, inverse(FINGERTIPS)), now.angle + step * jog.elbow)
+    after = Pose((x, y, z), quaternion_product(quaternion_of(angular, step), tip.orientation))
+    target = wrist_target(side, compose_poses(after, inverse_pose(FINGERTIPS)), now.angle + step * jog.elbow)
     fastest = max(map(abs, DifferentialSolver(now).change(target_error(now, target)))) / step
-    share = min(1.0, MAX_JOINT_SPEED / max(fastest, 1e-9))
+    share = min(1.0, MAX_JOG_JOINT_SPEED / max(fastest, 1e-9))
     (a, b, c), (d, e, f) = jog.linear, jog.angular
     return msgspec.structs.replace(
         jog,

@@ -9,7 +9,7 @@ from typing import Any
 
 from abb_protocols.robot.joints import Joints, Side
 from yumi.control.flight_recorder import RecordedCycle
-from yumi.recording.message_types import EVENTS, STATE, RecordedEvent
+from yumi.recording.message_types import EVENTS_TOPIC, STATE_TOPIC, RecordedEvent
 from yumi.recording.reader import recorded_messages
 
 MAX_SAMPLES = 6000
@@ -39,7 +39,7 @@ def page_recording(file: Path) -> dict[str, Any]:
             continue
         time = value["time"] if isinstance(value, Mapping) else value.time
         epoch = epoch or log_time * 1e-9 - time
-        if topic == STATE:
+        if topic == STATE_TOPIC:
             states.append(value)
             continue
         times = [min(times[0], time), max(times[1], time)] if times else [time, time]
@@ -47,7 +47,7 @@ def page_recording(file: Path) -> dict[str, Any]:
             cycles[topic][1].add(value)
         elif topic in grippers:
             grippers[topic].append(value)
-        elif topic == EVENTS:
+        elif topic == EVENTS_TOPIC:
             events.append(value)
     end = max([*times, *(each["time"] for each in states)])
     connected = (index for index, each in enumerate(states) if each.get("is_connected", True))

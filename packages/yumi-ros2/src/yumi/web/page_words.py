@@ -8,13 +8,13 @@ from abb_protocols.catalogue import Message, sentence
 from abb_protocols.catalogue.actions import FrontEnd
 from abb_view import page_server
 
-PROGRAM = "yumi view"
+PAGE_PROGRAM = "yumi view"
 """The command that serves the page."""
 
 
-def said_of(error: Exception) -> Message:
-    """As :func:`abb_view.page_server.said_of`."""
-    return page_server.said_of(error, PROGRAM)
+def words_of_error(error: Exception) -> Message:
+    """As :func:`abb_view.page_server.error_on_page`."""
+    return page_server.error_on_page(error, PAGE_PROGRAM)
 
 
 def words_for_page(said: Message, *, is_virtual: bool) -> Mapping[str, object]:
@@ -29,4 +29,4 @@ def words_for_page(said: Message, *, is_virtual: bool) -> Mapping[str, object]:
 def failure_for_page(error: Exception, *, is_virtual: bool) -> Mapping[str, object]:
     """What a page gets of an exception."""
     stop = getattr(error, "stop", "")
-    return {"kind": type(error).__name__, "stop": stop, **words_for_page(said_of(error), is_virtual=is_virtual)}
+    return {"kind": type(error).__name__, "stop": stop, **words_for_page(words_of_error(error), is_virtual=is_virtual)}

@@ -14,13 +14,13 @@ from math import ceil
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 
-DIGITS = 6
+PAIRING_DIGITS = 6
 """Of a code."""
 
-WRONG_CODES = 3
+WRONG_PAIRING_CODES = 3
 """After so many wrong codes there is another code, and a pause in which none is taken."""
 
-FIRST_PAUSE, LONGEST_PAUSE = 30.0, 3600.0
+FIRST_PAIRING_PAUSE, LONGEST_PAIRING_PAUSE = 30.0, 3600.0
 """The first pause, and the longest [s]: each is twice as long as the one before."""
 
 
@@ -35,12 +35,12 @@ class Pairing:
     def __init__(self, show: Callable[[str], None], now: Callable[[], float] = time.monotonic) -> None:
         self._show, self._now = show, now
         self._keys: list[bytes] = []
-        self._wrong, self._pause, self._paused_until = 0, FIRST_PAUSE, 0.0
+        self._wrong, self._pause, self._paused_until = 0, FIRST_PAIRING_PAUSE, 0.0
         self._code = ""
 
     def begin(self) -> None:
         """Show a new code."""
-        self._code = f"{secrets.randbelow(10**DIGITS):0{DIGITS}d}"
+        self._code = f"{secrets.randbelow(10**PAIRING_DIGITS):0{PAIRING_DIGITS}d}"
         self._show(self._code)
 
     def pair(self, code: str) -> str:
@@ -55,7 +55,7 @@ class Pairing:
         typed = "".join(code.split()).encode(errors="surrogatepass")
         if not (self._code and secrets.compare_digest(typed, self._code.encode())):
             self._refuse()
-        self._wrong, self._pause = 0, FIRST_PAUSE
+        self._wrong, self._pause = 0, FIRST_PAIRING_PAUSE
         key = secrets.token_urlsafe(24)
         self._keys.append(key.encode())
         self.begin()  # a code that was used is known to more than one person
@@ -63,10 +63,10 @@ class Pairing:
 
     def _refuse(self) -> None:
         self._wrong += 1
-        if self._wrong < WRONG_CODES:
+        if self._wrong < WRONG_PAIRING_CODES:
             raise CommandRefused(message("pairing_code_wrong"))
         pause, self._wrong = self._pause, 0
-        self._paused_until, self._pause = self._now() + pause, min(LONGEST_PAUSE, 2.0 * pause)
+        self._paused_until, self._pause = self._now() + pause, min(LONGEST_PAIRING_PAUSE, 2.0 * pause)
         self.begin()
         raise CommandRefused(message("pairing_paused", duration=pause))
 

@@ -47,7 +47,7 @@ from yumi.web.page_messages import (
     ToolJog,
 )
 from yumi.web.page_operator import Operator
-from yumi.web.page_words import PROGRAM, failure_for_page
+from yumi.web.page_words import PAGE_PROGRAM, failure_for_page
 from yumi.web.pairing import Pairing
 from yumi.web.robot_model import robot_model
 
@@ -88,7 +88,7 @@ class ViewServer(PageServer["RobotPage"]):
     """
 
     def __init__(self, settings: ViewSettings) -> None:
-        super().__init__(settings, PROGRAM, page_folder(ROBOT_PAGE), robot_model())
+        super().__init__(settings, PAGE_PROGRAM, page_folder(ROBOT_PAGE), robot_model())
         self._application.router.add_get("/recording.json", self._send_recording)
         self._settings = settings
         self._live = LiveRobot(settings.robot, self._publish, self._publish_events, self._note_driver)

@@ -1,4 +1,7 @@
-"""Operations on the controller (``/ctrl``, ``/progress``) and their calls: clock, network, backup, jobs, systems."""
+"""Operations on the controller (``/ctrl``, ``/progress``): clock, network, backup, compression, jobs, systems.
+
+With the client's calls of them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Operations on mechanical units (``/rw/motionsystem``; rws.md §8) and their calls: positions, jogging, calibration."""
+"""Operations on mechanical units (``/rw/motionsystem``): positions, solutions, jogging, supervision, calibration.
+
+With the client's calls of them (reference/rws.md §8).
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from typing import Annotated
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused, ProtocolError
-from abb_protocols.robot.joints import ORIGIN, Joints, Pose, abb_from_chain, chain_from_abb, joints
+from abb_protocols.robot.joints import ORIGIN_POSE, Joints, Pose, abb_from_chain, chain_from_abb, joints
 from abb_protocols.rws.documents import RwsState
 from abb_protocols.rws.operations.operation import UPPER_TRUTH_VALUES, get, post
 from abb_protocols.rws.operations.operation_answer import (
@@ -506,23 +509,27 @@ class MotionService(Service):
 
     # Kinematics of the controller
 
-    def pose_of_joints(self, unit: str, position: Joints, tool_to_flange: Pose = ORIGIN) -> RobTarget:
+    def pose_of_joints(self, unit: str, position: Joints, tool_to_flange: Pose = ORIGIN_POSE) -> RobTarget:
         """Where the tool is with the joints at ``position``, chain order [rad]."""
         form = {**_joint_fields(position, "rob_joints", "ext_joints"), **_tool_fields(tool_to_flange)}
         what = f"computing the position of {unit}"
         return self._first(what, POSE_FROM_JOINTS, unit, **form, elog_at_error="FALSE")
 
-    def joints_of_pose(self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = ORIGIN) -> Joints:
+    def joints_of_pose(self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = ORIGIN_POSE) -> Joints:
         """Joints with which the tool is at ``target``, near the joints ``near``; chain order [rad]."""
         form = _search_fields(target, near, tool_to_flange)
         return _joints(self._first(f"computing the joints of {unit}", JOINTS_FROM_POSE, unit, **form))
 
-    def joints_of_cartesian(self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = ORIGIN) -> Joints:
+    def joints_of_cartesian(
+        self, unit: str, target: RobTarget, near: Joints, tool_to_flange: Pose = ORIGIN_POSE
+    ) -> Joints:
         """As ``joints_of_pose``, whatever the configuration of ``target`` is."""
         form = _search_fields(target, near, tool_to_flange)
         return _joints(self._first(f"computing the joints of {unit}", JOINTS_FROM_CARTESIAN, unit, **form))
 
-    def all_joints_of_pose(self, unit: str, target: RobTarget, tool_to_flange: Pose = ORIGIN) -> tuple[Joints, ...]:
+    def all_joints_of_pose(
+        self, unit: str, target: RobTarget, tool_to_flange: Pose = ORIGIN_POSE
+    ) -> tuple[Joints, ...]:
         """All joints with which the tool is at ``target``, in each configuration; chain order [rad]."""
         form = {**_target_fields(target), **_tool_fields(tool_to_flange)}
         page = self._shown(f"computing the joints of {unit}", ALL_SOLUTIONS, unit, **form)

@@ -1,4 +1,4 @@
-"""The answer of an operation: a value, a pair or a record, and how the fields of a state spell it (rws.md §3).
+"""The answer of an operation: texts, whole numbers, flags, choices in the fields of a state; one, a pair or a record.
 
 The virtual controller writes a value into the fields of a state, and the client reads it out of them. A class of values
 is a dataclass; each of its fields is ``Annotated`` with the name of the state's field where that is another one, and

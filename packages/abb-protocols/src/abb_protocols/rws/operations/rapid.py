@@ -1,4 +1,7 @@
-"""Operations on RAPID (``/rw/rapid``) and their calls: execution, tasks, programs, pointers, breakpoints, dialogs."""
+"""Operations on RAPID (``/rw/rapid``): execution, tasks, modules, pointers (PP), stack, breakpoints, dialogs.
+
+With the client's calls of them.
+"""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from abb_protocols.errors import ControllerRefused
 from abb_protocols.rws import documents
 from abb_protocols.rws.documents import Page, Pairs, RwsState, read_page
 from abb_protocols.rws.operations.operation import Operation
-from abb_protocols.rws.request import BUSY, RwsReply, RwsRequest
+from abb_protocols.rws.request import BUSY_STATUS, RwsReply, RwsRequest
 
 _T = TypeVar("_T")
 
@@ -103,7 +103,7 @@ class Service(ABC):
     def _accepted(self, reply: RwsReply, what: str) -> None:
         """Raise unless the controller carried the request out."""
         status = reply.status_code
-        if status == BUSY:
+        if status == BUSY_STATUS:
             raise ControllerRefused(message("sessions_taken", address=self.address, most=_MOST_SESSIONS), status=status)
         if not 200 <= status < 300:
             kind = reply.headers.get("Content-Type", "")

@@ -1,4 +1,7 @@
-"""Operations on the system (``/rw/system``, ``/rw/retcode``, ``/rw/devices``) and their calls: RobotWare, products."""
+"""Operations on the system (``/rw/system``, ``/rw/retcode``, ``/rw/devices``): products, energy, return codes.
+
+With the client's calls of them.
+"""
 
 from __future__ import annotations
 

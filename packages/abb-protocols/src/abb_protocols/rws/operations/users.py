@@ -1,4 +1,4 @@
-"""Operations on users, their grants, and the remote manual mode privilege (``/users``), and the client's calls."""
+"""Operations on users, their grants, logout, and the remote manual mode privilege, RMMP (``/users``); their calls."""
 
 from __future__ import annotations
 

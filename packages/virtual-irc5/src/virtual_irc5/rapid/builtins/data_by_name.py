@@ -21,7 +21,7 @@ from virtual_irc5.rapid.parser import parse_reference
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.task import task_of, task_of_argument
 from virtual_irc5.rapid.types import (
-    UNSET,
+    UNSET_DATA,
     ArrayType,
     RapidRuntimeError,
     Reference,
@@ -29,7 +29,7 @@ from virtual_irc5.rapid.types import (
     Variable,
     is_assignable,
     raised_as,
-    resolved,
+    resolved_type,
 )
 
 SYMBOLS = Library(DATA)
@@ -166,7 +166,7 @@ def _data_of_type(call: Call, type_name: str) -> Iterator[tuple[LoadedModule, Va
     """All data of a type in the task's modules."""
     for module in tuple(task_of(call).program.modules.values()):
         for variable in tuple(module.data):
-            if variable.value is not UNSET and type_name.lower() in ("", variable.type.name.lower()):
+            if variable.value is not UNSET_DATA and type_name.lower() in ("", variable.type.name.lower()):
                 yield module, variable
 
 
@@ -184,7 +184,7 @@ def _named_datum(call: Call) -> Reference:
         owner = task_of(call).frame.routine.module
     root = name.partition("{")[0].partition(".")[0]
     found = program.find(root, owner)
-    if not isinstance(found, Variable) or found.value is UNSET:
+    if not isinstance(found, Variable) or found.value is UNSET_DATA:
         raise call.error("ERR_SYM_ACCESS", f"there is no datum '{name}'.")
     if task is not call.task and found.storage is Storage.VAR:
         raise call.error("ERR_SYM_ACCESS", f"'{name}' of {task.name} is a variable, which is its own.")
@@ -204,7 +204,7 @@ def _check_type(call: Call, wanted: Type, given: Type) -> None:
 
 
 def _element(type_: Type) -> Type:
-    array = resolved(type_)
+    array = resolved_type(type_)
     return array.element if isinstance(array, ArrayType) else array
 
 

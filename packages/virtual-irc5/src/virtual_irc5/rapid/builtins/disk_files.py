@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary, WeakSet
 
-from virtual_irc5.rapid.builtins.rawbytes import ENCODING, MOST_BYTES, RAWBYTES, RawBytes
+from virtual_irc5.rapid.builtins.rawbytes import BYTES_ENCODING, MOST_BYTES, RAWBYTES, RawBytes
 from virtual_irc5.rapid.builtins.strings import PRINTED, printed_text
 from virtual_irc5.rapid.call import Call, RunningTask, whole_argument
 from virtual_irc5.rapid.devices import Disk, DiskEntry
@@ -203,7 +203,7 @@ def _clear_buffer(call: Call) -> None:
 @FILES.instruction("Write", rf"VAR iodev IODevice, {PRINTED}, \switch NoNewLine")
 def _write_line(call: Call) -> None:
     text = printed_text(call) + ("" if call.present("NoNewLine") else "\n")
-    _put(call, text.encode(ENCODING, "replace"))
+    _put(call, text.encode(BYTES_ENCODING, "replace"))
 
 
 @FILES.instruction("WriteBin", "VAR iodev IODevice, num Buffer{*}, num NChar")
@@ -215,7 +215,7 @@ def _write_bytes(call: Call) -> None:
 
 @FILES.instruction("WriteStrBin", "VAR iodev IODevice, string Str")
 def _write_text_bytes(call: Call) -> None:
-    _put(call, call["Str"].encode(ENCODING, "replace"))
+    _put(call, call["Str"].encode(BYTES_ENCODING, "replace"))
 
 
 @FILES.instruction("WriteRawBytes", r"VAR iodev IODevice, VAR rawbytes RawData, \num NoOfBytes")
@@ -229,7 +229,7 @@ def _write_raw_bytes(call: Call) -> None:
 def _write_any_to_file(call: Call) -> None:
     """The value as ReadAnyBin reads it back: its length, its type, then its literal."""
     type_ = call.reference("Data").type
-    literal = format_value(type_, call["Data"]).encode(ENCODING, "replace")
+    literal = format_value(type_, call["Data"]).encode(BYTES_ENCODING, "replace")
     name = type_.name.encode("ascii")
     _put(call, struct.pack(">HB", len(literal), len(name)) + name + literal)
 
@@ -255,7 +255,7 @@ def _read_line(call: Call) -> str:
     manual, ReadStr). A line of more than 80 characters comes in pieces.
     """
     file = _file(call, to_read=True)
-    delimiters = {10, *call.get("Delim", "").encode(ENCODING, "replace")}
+    delimiters = {10, *call.get("Delim", "").encode(BYTES_ENCODING, "replace")}
     if call.present("DiscardHeaders"):
         while not file.is_at_end and file.content[file.position] in delimiters:
             file.position += 1
@@ -267,7 +267,7 @@ def _read_line(call: Call) -> str:
     line = file.take(end - file.position)
     if not file.is_at_end and file.content[file.position] in delimiters:
         file.position += 1
-    text = line.decode(ENCODING)
+    text = line.decode(BYTES_ENCODING)
     return text.removesuffix("\r") if call.present("RemoveCR") else text
 
 
@@ -293,7 +293,7 @@ def _read_byte(call: Call) -> float:
 def _read_text_bytes(call: Call) -> str:
     file = _file(call, to_read=True)
     count = whole_argument(call, "NoOfChars", 1, LONGEST_STRING)
-    return _EOF_TEXT if file.is_at_end else file.take(count).decode(ENCODING)
+    return _EOF_TEXT if file.is_at_end else file.take(count).decode(BYTES_ENCODING)
 
 
 @FILES.instruction("ReadRawBytes", r"VAR iodev IODevice, VAR rawbytes RawData, \num NoOfBytes, \num Time")
@@ -315,7 +315,7 @@ def _read_any_from_file(call: Call) -> None:
     if len(header) < 3:
         raise call.error("ERR_RANYBIN_EOF", f"{file.path} has nothing more.")
     length, name_length = struct.unpack(">HB", header)
-    name, literal = file.take(name_length), file.take(length).decode(ENCODING)
+    name, literal = file.take(name_length), file.take(length).decode(BYTES_ENCODING)
     try:
         if name.decode("ascii", "replace") != type_.name:
             raise RapidValueError(f"it is a {name.decode('ascii', 'replace')}.")

@@ -11,7 +11,7 @@ from virtual_irc5.rapid.pauses import StackEntry
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import EventKind
 from virtual_irc5.rapid.task import CyclicBool, Task, task_of, tasks_of
-from virtual_irc5.rapid.types import ABSENT, Propagated, RapidRuntimeError, Reference, Variable, raised_as
+from virtual_irc5.rapid.types import ABSENT_DATA, Propagated, RapidRuntimeError, Reference, Variable, raised_as
 
 EXECUTION = Library(DATA)
 
@@ -142,7 +142,7 @@ def _event_type(call: Call) -> Any:
 def _argument_name(call: Call) -> str:
     """The name of the datum that the caller has passed for a parameter, at whatever depth."""
     reference = call.reference("Parameter")
-    if reference is ABSENT:
+    if reference is ABSENT_DATA:
         raise RapidRuntimeError("ERR_ARGNAME", "ArgName is given a parameter that is not present.")
     return reference.name
 

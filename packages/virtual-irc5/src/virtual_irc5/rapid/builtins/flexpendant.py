@@ -14,7 +14,7 @@ from typing import Any
 from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.builtins.strings import PRINTED, printed_text
 from virtual_irc5.rapid.call import Call, Wait
-from virtual_irc5.rapid.devices import Choice, DeviceDialog, DialogKind
+from virtual_irc5.rapid.devices import DeviceDialog, DialogChoice, DialogKind
 from virtual_irc5.rapid.rapid_library import Library
 from virtual_irc5.rapid.states import Severity
 from virtual_irc5.rapid.types import RapidRuntimeError, Signal
@@ -132,7 +132,7 @@ def _dialog(call: Call, kind: DialogKind, lines: Sequence[str], **more: Any) -> 
     return DeviceDialog(call.task.name, call.name, kind, call.get("Header", ""), tuple(lines), **more)
 
 
-def _button_set(call: Call) -> tuple[Choice, ...]:
+def _button_set(call: Call) -> tuple[DialogChoice, ...]:
     r"""Those of \BtnArray, whose values count from 1, or of \Buttons; raises ERR_UI_BUTTONS where there is none."""
     array = call.get("BtnArray")
     if array is not None and any(array):
@@ -140,12 +140,12 @@ def _button_set(call: Call) -> tuple[Choice, ...]:
     chosen: float = call.get("Buttons", 0.0)
     for value, names in _BUTTON_SETS.values():
         if value == chosen and array is None:
-            return tuple(Choice(name, float(_BUTTON_RESULTS[name])) for name in names)
+            return tuple(DialogChoice(name, float(_BUTTON_RESULTS[name])) for name in names)
     raise call.error("ERR_UI_BUTTONS", f"{chosen:g} is not a set of buttons, as btnOK is.")
 
 
-def _numbered(texts: Sequence[str]) -> tuple[Choice, ...]:
-    return tuple(Choice(text, float(number)) for number, text in enumerate(texts, 1))
+def _numbered(texts: Sequence[str]) -> tuple[DialogChoice, ...]:
+    return tuple(DialogChoice(text, float(number)) for number, text in enumerate(texts, 1))
 
 
 # The TP instructions ----------------------------------------------------------------------------------------------

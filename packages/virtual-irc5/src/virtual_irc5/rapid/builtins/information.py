@@ -23,7 +23,7 @@ from virtual_irc5.rapid.types import (
     Variable,
     is_numeric,
     raised_as,
-    resolved,
+    resolved_type,
 )
 
 INFORMATION = Library(DATA)
@@ -189,7 +189,7 @@ def _is_stored_so(call: Call) -> bool:
 @INFORMATION.function("Type", r"anytype Data, \switch BaseName", "string")
 def _type_name(call: Call) -> str:
     type_ = call.reference("Data").type
-    return resolved(type_).name if call.present("BaseName") else type_.name
+    return resolved_type(type_).name if call.present("BaseName") else type_.name
 
 
 @INFORMATION.instruction("TryInt", "anynum DataObj, \\dnum DataObj2")
@@ -320,7 +320,7 @@ def _read_configuration(call: Call) -> None:
     """One attribute of one instance, as number, text or truth value."""
     with _attribute(call) as (configuration, path, attribute):
         text = configuration.read(path, attribute)
-    type_ = resolved(call.reference("CfgData").type)
+    type_ = resolved_type(call.reference("CfgData").type)
     try:
         call["CfgData"] = float(text) if is_numeric(type_) else text.upper() == "TRUE" if type_ == BOOL else text
     except ValueError as error:
@@ -329,7 +329,7 @@ def _read_configuration(call: Call) -> None:
 
 @INFORMATION.instruction("WriteCfgData", r"string InstancePath, string Attribute, anytype CfgData, \num ListNo")
 def _write_configuration(call: Call) -> None:
-    type_, value = resolved(call.reference("CfgData").type), call["CfgData"]
+    type_, value = resolved_type(call.reference("CfgData").type), call["CfgData"]
     text = f"{value:.15g}" if is_numeric(type_) else str(value).upper() if type_ == BOOL else str(value)
     with _attribute(call) as (configuration, path, attribute):
         configuration.write(path, attribute, text)

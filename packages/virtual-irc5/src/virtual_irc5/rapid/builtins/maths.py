@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, Reference, resolved
+from virtual_irc5.rapid.types import ArrayType, RapidRuntimeError, Reference, resolved_type
 
 _Array = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def _as_num(call: Call) -> float:
 
 @MATHS.function("Dim", "anytype ArrPar, num DimNo", "num")
 def _dimension(call: Call) -> float:
-    type_ = resolved(call.reference("ArrPar").type)
+    type_ = resolved_type(call.reference("ArrPar").type)
     if not isinstance(type_, ArrayType):
         raise RapidRuntimeError("ERR_NOTARR", "Dim takes an array.")
     if call["DimNo"] not in range(1, len(type_.sizes) + 1):

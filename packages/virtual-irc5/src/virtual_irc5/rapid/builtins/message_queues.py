@@ -13,7 +13,7 @@ from virtual_irc5.rapid.devices import MessageQueues, RapidMessage
 from virtual_irc5.rapid.interrupts import ChangeOrder
 from virtual_irc5.rapid.literals import format_value, parse_value
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.types import RapidRuntimeError, RapidValueError, raised_as, resolved
+from virtual_irc5.rapid.types import RapidRuntimeError, RapidValueError, raised_as, resolved_type
 
 QUEUES = Library(DATA)
 
@@ -65,7 +65,7 @@ def _slot_name(call: Call) -> str:
 
 def _message_to_send(call: Call) -> RapidMessage:
     type_ = call.reference("SendData").type
-    sizes = getattr(resolved(type_), "sizes", ())
+    sizes = getattr(resolved_type(type_), "sizes", ())
     text = format_value(type_, call["SendData"])
     return RapidMessage(type_.name, sizes, text, _own_queue(call), call.get("UserDef", 0.0))
 
@@ -134,7 +134,7 @@ def _message_data(call: Call) -> None:
     if message.type_name.lower() != type_.name.lower():
         sentence = f"The message is a {message.type_name}, not a {type_.name}."
         raise RapidRuntimeError("ERR_RMQ_VALUE", sentence)
-    sizes = getattr(resolved(type_), "sizes", ())
+    sizes = getattr(resolved_type(type_), "sizes", ())
     if len(sizes) != len(message.sizes):
         raise RapidRuntimeError("ERR_RMQ_DIM", f"The message has {len(message.sizes)} dimensions, not {len(sizes)}.")
     with raised_as("ERR_RMQ_VALUE", RapidValueError):

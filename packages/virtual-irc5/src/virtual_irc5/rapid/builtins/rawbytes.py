@@ -12,13 +12,13 @@ from typing import Any
 from virtual_irc5.rapid.builtins.data import DATA
 from virtual_irc5.rapid.call import Call, whole_argument
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.types import DNUM, LONGEST_STRING, STRING, RapidRuntimeError, Type, is_numeric, resolved
+from virtual_irc5.rapid.types import DNUM, LONGEST_STRING, STRING, RapidRuntimeError, Type, is_numeric, resolved_type
 
 # Bytes --------------------------------------------------------------------------------------------------------------
 
 RAWBYTES = Library(DATA)
 MOST_BYTES = 1024
-ENCODING = "latin-1"
+BYTES_ENCODING = "latin-1"
 _BITS_OF_DNUM = 52
 LARGEST_BYTE = 255
 
@@ -87,7 +87,9 @@ def _pack_raw_bytes(call: Call) -> None:
     start = whole_argument(call, "StartIndex", 1, len(raw.data) + 1) - 1
     value, type_ = call["Value"], call.reference("Value").type
     if call.present("ASCII"):
-        content = value.encode(ENCODING, "replace") if resolved(type_) == STRING else bytes([_byte(call, value)])
+        content = (
+            value.encode(BYTES_ENCODING, "replace") if resolved_type(type_) == STRING else bytes([_byte(call, value)])
+        )
         if len(content) > LONGEST_STRING:
             raise RapidRuntimeError("ERR_STRTOOLNG", f"PackRawBytes takes {LONGEST_STRING} characters.")
     elif call.present("Hex1"):
@@ -116,8 +118,8 @@ def _unpack_raw_bytes(call: Call) -> None:
     if call.present("ASCII"):
         count = whole_argument(call, "ASCII", 0, LONGEST_STRING)
         content = raw.get(start, count)
-        if resolved(type_) == STRING:
-            call["Value"] = content.decode(ENCODING)
+        if resolved_type(type_) == STRING:
+            call["Value"] = content.decode(BYTES_ENCODING)
         elif is_numeric(type_) and count == 1:
             call["Value"] = content[0]
         else:
@@ -125,7 +127,7 @@ def _unpack_raw_bytes(call: Call) -> None:
         return
     if call.present("Hex1"):
         number = raw.get(start, 1)[0]
-        if not is_numeric(type_) and resolved(type_) != STRING:
+        if not is_numeric(type_) and resolved_type(type_) != STRING:
             raise _wrong_type(call, type_)
         call["Value"] = number if is_numeric(type_) else f"{number:02X}"
         return
@@ -265,7 +267,7 @@ _add_bits("Dnum", "dnum", _BITS_OF_DNUM)
 @RAWBYTES.instruction("BitSet", "INOUT anynum BitData, num BitPos")
 @RAWBYTES.instruction("BitClear", "INOUT anynum BitData, num BitPos")
 def _change_bit(call: Call) -> None:
-    bits = _BITS_OF_DNUM if resolved(call.reference("BitData").type) == DNUM else 8
+    bits = _BITS_OF_DNUM if resolved_type(call.reference("BitData").type) == DNUM else 8
     value = _integer(call, call["BitData"], (1 << bits) - 1)
     bit = 1 << (whole_argument(call, "BitPos", 1, bits) - 1)
     call["BitData"] = float(value | bit if call.name == "BitSet" else value & ~bit)

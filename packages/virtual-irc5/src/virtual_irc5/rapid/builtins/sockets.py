@@ -16,7 +16,7 @@ from enum import IntEnum
 from functools import partial
 from typing import Any, TypeVar
 
-from virtual_irc5.rapid.builtins.rawbytes import ENCODING, LARGEST_BYTE, MOST_BYTES, RAWBYTES, RawBytes
+from virtual_irc5.rapid.builtins.rawbytes import BYTES_ENCODING, LARGEST_BYTE, MOST_BYTES, RAWBYTES, RawBytes
 from virtual_irc5.rapid.call import Call, Wait, whole_argument
 from virtual_irc5.rapid.devices import Socket
 from virtual_irc5.rapid.rapid_library import Library
@@ -216,7 +216,7 @@ _RECEIVED = r"\INOUT string Str | \VAR rawbytes RawData | \INOUT byte Data{*}"
 def _bytes_to_send(call: Call) -> bytes:
     """The bytes to send; raises ERR_ARGVALERR where there are none, or NoOfBytes is more than there is."""
     if call.present("Str"):
-        content: bytes = call["Str"].encode(ENCODING, "replace")
+        content: bytes = call["Str"].encode(BYTES_ENCODING, "replace")
     elif call.present("RawData"):
         content = bytes(call["RawData"].data)
     elif call.present("Data"):
@@ -246,7 +246,7 @@ def _room(call: Call) -> int:
 
 def _write_received(call: Call, content: bytes) -> None:
     if call.present("Str"):
-        call["Str"] = content.decode(ENCODING)
+        call["Str"] = content.decode(BYTES_ENCODING)
     elif call.present("RawData"):
         raw: RawBytes = call["RawData"]
         raw.data[:] = content

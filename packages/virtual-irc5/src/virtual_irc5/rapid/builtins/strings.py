@@ -10,7 +10,14 @@ from virtual_irc5.rapid.builtins.maths import decimals
 from virtual_irc5.rapid.call import Call
 from virtual_irc5.rapid.literals import format_value, parse_value
 from virtual_irc5.rapid.rapid_library import Library
-from virtual_irc5.rapid.types import LONGEST_STRING, STRING, RapidRuntimeError, RapidValueError, resolved, value_count
+from virtual_irc5.rapid.types import (
+    LONGEST_STRING,
+    STRING,
+    RapidRuntimeError,
+    RapidValueError,
+    resolved_type,
+    value_count,
+)
 
 STRINGS = Library(DATA)
 _ARGUMENT_PLACE = re.compile(r"\{([1-5])\}")  # of StrFormat
@@ -40,13 +47,13 @@ def _value_to_string(call: Call) -> str:
     if value_count(type_) > LONGEST_STRING:
         sentence = f"{value_count(type_)} values do not fit into the {LONGEST_STRING} characters of a string."
         raise RapidRuntimeError("ERR_STRTOOLNG", sentence)
-    return str(value) if resolved(type_) == STRING else format_value(type_, value)
+    return str(value) if resolved_type(type_) == STRING else format_value(type_, value)
 
 
 @STRINGS.function("StrToVal", "string Str, INOUT anytype Val", "bool")
 def _string_to_value(call: Call) -> bool:
     type_ = call.reference("Val").type
-    if resolved(type_) == STRING:
+    if resolved_type(type_) == STRING:
         call["Val"] = call["Str"]
         return True
     try:

@@ -23,7 +23,7 @@ from rclpy.executors import SingleThreadedExecutor
 from abb_protocols.catalogue import message
 from abb_protocols.errors import RobotNotReady
 from abb_protocols.robot.joints import Pose, Side
-from abb_protocols.robot.kinematics import IDENTITY
+from abb_protocols.robot.kinematics import IDENTITY_QUATERNION
 from abb_runtime.clock import SystemClock
 from yumi.driver.robot_state import RobotState
 from yumi.driver.speed_setting import SpeedSetting
@@ -61,7 +61,7 @@ class AbsentRobot:
 
     def tcp(self, side: Side) -> Pose:
         """Without a tool."""
-        return Pose((0.0, 0.0, 0.0), IDENTITY)
+        return Pose((0.0, 0.0, 0.0), IDENTITY_QUATERNION)
 
     def when_ready(self, prepare: Callable[[], None]) -> None:
         """It never is."""

@@ -14,8 +14,8 @@ from abb_protocols.robot.joints import JOINT_COUNT, YUMI_LIMITS, ArmCommand, Arm
 from abb_runtime.parameters import Parameter, Values, number
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.tool_stream import QUIET_TOOL_STREAM, SHARE_OF_SPEED, ToolStream
-from yumi.control.goals import Buffer, GoalKind, Inbox
-from yumi.control.motion.robot_response import DELAY
+from yumi.control.goals import Buffer, GoalKind, MessageInbox
+from yumi.control.motion.robot_response import RESPONSE_DELAY
 from yumi.control.place import Place
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.speed_scale import SpeedScale
@@ -30,7 +30,9 @@ _PARAMETERS = (
     Parameter("tool.acceleration", 4.0, 0.1, 20.0, "m/s²", "Of the tool, at most."),
     Parameter("tool.jerk", 80.0, 1.0, 1000.0, "m/s³", "Of the tool, at most."),
     Parameter("twist.timeout", 0.1, 0.01, 2.0, "s", "Without a new velocity for so long, the tool stops."),
-    Parameter("tracking.delay", DELAY, 0.0, 0.2, "s", "From a command to the motion it makes; how far to predict."),
+    Parameter(
+        "tracking.delay", RESPONSE_DELAY, 0.0, 0.2, "s", "From a command to the motion it makes; how far to predict."
+    ),
     Parameter("tracking.memory", 0.030, 0.005, 0.5, "s", "How long a pose counts; more against noise."),
     Parameter("tracking.stiffness", 30.0, 5.0, 100.0, "1/s", "How closely it is followed; less against noise."),
     Parameter("tracking.silence", 0.030, 0.010, 0.5, "s", "Without a pose for so long, the stream has ended."),
@@ -68,7 +70,7 @@ class CartesianController(JointTrajectoryController):
         self._within = within
         self._held_by, self._held_at = "", -inf
         self._caps = (inf, inf)  # of the stream's speeds, as its messages have them
-        self._inbox = Inbox(goals)
+        self._inbox = MessageInbox(goals)
         self._is_ended = False  # its stream, until it is activated anew
         self._values: Values = {each.name: each.default for each in _PARAMETERS}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from abb_protocols.catalogue import Message, message
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmState, JointLimits, Side
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, ArmState, JointLimits, Side
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController
 from yumi.control.controllers.trajectory_goal import TrajectoryGoal, TrajectoryPhase
 from yumi.control.goals import Buffer
@@ -54,7 +54,7 @@ class DualArmTrajectoryController(JointTrajectoryController):
         One that moves goes on from its own newest command.
         """
         other = self._other_half
-        if other is None or other._state is None or self._source.setpoint(self._time).velocity is not ZERO:
+        if other is None or other._state is None or self._source.setpoint(self._time).velocity is not ZERO_JOINTS:
             return 0.0
         return min(0.0, state.time - other._state.time)
 

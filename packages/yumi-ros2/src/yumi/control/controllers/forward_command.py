@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from math import inf
 
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, ArmCommand, ArmState, JointLimits, Joints
 from abb_runtime.parameters import Parameter, Values, number, text
-from yumi.control.controller import IDLE, Controller, check_controller_joints
+from yumi.control.controller import CONTROLLER_IDLE_TIME, Controller, check_controller_joints
 from yumi.control.goals import GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.speed_motion import SpeedMotion
 from yumi.control.place import Place
@@ -102,7 +102,7 @@ class ForwardCommandController(Controller):
         if self._wanted is None:
             return None
         is_silent = 0.0 < self._timeout < state.time - self._given_at
-        return self._motion.follow(state, ZERO if is_silent else self._wanted, self._speed.value, self.sent)
+        return self._motion.follow(state, ZERO_JOINTS if is_silent else self._wanted, self._speed.value, self.sent)
 
     @property
     def sampled(self) -> Sampled | None:
@@ -113,7 +113,7 @@ class ForwardCommandController(Controller):
         self._motion.give_up(position)
 
     def is_idle(self, now: float) -> bool:
-        return now - self._given_at > IDLE
+        return now - self._given_at > CONTROLLER_IDLE_TIME
 
     @property
     def reference(self) -> Joints | None:

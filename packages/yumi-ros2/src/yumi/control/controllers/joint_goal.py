@@ -18,7 +18,7 @@ from abb_protocols.robot.joints import (
     CYCLE,
     JOINT_COUNT,
     YUMI_LIMITS,
-    ZERO,
+    ZERO_JOINTS,
     ArmCommand,
     ArmState,
     JointLimits,
@@ -132,7 +132,7 @@ class JointGoalController(Controller):
         self._reports: list[GoalEnded] = []
         self._command: JointGoal | StopMotion | None = None
         self._standstill: StandstillDetector | None = None
-        self._rest_at(ZERO)
+        self._rest_at(ZERO_JOINTS)
 
     @classmethod
     def make(cls, place: Place) -> JointGoalController:

@@ -24,7 +24,7 @@ from abb_protocols.robot.joints import (
     CYCLE,
     JOINT_COUNT,
     YUMI_LIMITS,
-    ZERO,
+    ZERO_JOINTS,
     ArmCommand,
     ArmState,
     JointLimits,
@@ -32,12 +32,12 @@ from abb_protocols.robot.joints import (
     joints,
 )
 from abb_runtime.parameters import Parameter, Values, flag_setting, number
-from yumi.control.controller import IDLE, Controller
+from yumi.control.controller import CONTROLLER_IDLE_TIME, Controller
 from yumi.control.goals import CONFIGURED_DELAY, LONGEST_DELAY, GoalBuffer, GoalInbox, GoalKind, SessionGoal
-from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.robot_response import RESPONSE_DELAY
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.speed_motion import speeds_without_noise
-from yumi.control.motion.target_predictor import CONNECTED, TargetPredictor
+from yumi.control.motion.target_predictor import LONGEST_STREAM_INTERVAL, TargetPredictor
 from yumi.control.motion.tracking_filter import TrackingFilter
 from yumi.control.place import Place
 from yumi.control.sampled import Sampled
@@ -63,7 +63,9 @@ _TRACKING = (
         default=False,
         description="Follow a stream of goals with prediction and speed references instead of the PID controller.",
     ),
-    Parameter("tracking.delay", DELAY, 0.0, 0.2, "s", "From a command to the motion it makes; how far to predict."),
+    Parameter(
+        "tracking.delay", RESPONSE_DELAY, 0.0, 0.2, "s", "From a command to the motion it makes; how far to predict."
+    ),
     Parameter("tracking.memory", 0.030, 0.005, 0.5, "s", "How long a goal counts; more against noise."),
     Parameter("tracking.stiffness", 40.0, 5.0, 100.0, "1/s", "How closely it is followed; less against noise."),
     Parameter("tracking.silence", 0.030, 0.010, 0.5, "s", "Without a goal for so long, the stream has ended."),
@@ -96,13 +98,13 @@ class JointPositionController(Controller):
         self._joint_names: tuple[str, ...] = ()
         self._goal: Joints | None = None
         self._given_at = -inf
-        self._p = self._i = self._d = ZERO
+        self._p = self._i = self._d = ZERO_JOINTS
         self._i_clamp = (0.0, 0.0)
         self._is_proportional = True
         self._integrals = [0.0] * JOINT_COUNT
         self._predictor, self._filter = TargetPredictor(limits), TrackingFilter(limits)
         self._monitor, self._pending = StreamMonitor(limits), deque[SessionGoal]()
-        self._delay = DELAY
+        self._delay = RESPONSE_DELAY
         self._stream_delay = self._asked_delay = CONFIGURED_DELAY
         self._period = self._late = 0.0  # of the stream, and how late it is followed now
         self._feeds_forward = self._is_tracking = self._is_stream = self._is_lost = self._is_held = False
@@ -172,7 +174,7 @@ class JointPositionController(Controller):
         return self._inbox.sampled(self._goal, self._p) if is_simple and self._goal is not None else None
 
     def is_idle(self, now: float) -> bool:
-        return now - self._given_at > IDLE
+        return now - self._given_at > CONTROLLER_IDLE_TIME
 
     @property
     def reference(self) -> Joints | None:
@@ -234,7 +236,7 @@ class JointPositionController(Controller):
         if is_next:
             # Who asks for less delay than a period has asked for a prediction beyond the newest point.
             is_enough = self._late >= self._delay + self._period
-            is_connected = monitor.newest - before < CONNECTED
+            is_connected = monitor.newest - before < LONGEST_STREAM_INTERVAL
             monitor.note_delay(self._late, place - before if is_enough and is_connected else 0.0, now)
         soon = place + max(self._period, _SHORTEST_PERIOD)
         while self._pending and self._pending[0].time <= soon:
@@ -273,4 +275,4 @@ class JointPositionController(Controller):
 
 def _sent(motion: Setpoint) -> ArmCommand:
     position, velocity, _ = motion
-    return ArmCommand(position, velocity if max(map(abs, velocity)) > _NO_SPEED else ZERO)
+    return ArmCommand(position, velocity if max(map(abs, velocity)) > _NO_SPEED else ZERO_JOINTS)

@@ -18,7 +18,7 @@ from abb_protocols.catalogue import Message, message
 from abb_protocols.errors import CommandRefused, TrajectoryRefused
 from abb_protocols.robot.joints import (
     YUMI_LIMITS,
-    ZERO,
+    ZERO_JOINTS,
     ArmCommand,
     ArmState,
     JointLimits,
@@ -117,10 +117,10 @@ class JointTrajectoryController(Controller):
         self._is_judged = True
         self._judged_pace, self._paced_at = 1.0, -inf
         self._judged_segment: Segment | None = None
-        self._source: _Source = _resting(ZERO)
+        self._source: _Source = _resting(ZERO_JOINTS)
         self._time = 0.0
         self._times: deque[tuple[float, float]] = deque(maxlen=_TIMES)  # of the last cycles, and on the trajectory [s]
-        self._position = self._velocity = ZERO
+        self._position = self._velocity = ZERO_JOINTS
 
     @classmethod
     def make(cls, place: Place) -> JointTrajectoryController:
@@ -206,8 +206,10 @@ class JointTrajectoryController(Controller):
         self._position, velocity = self._source.motion(self._time)
         self._is_judged = False
         if share == 0.0:
-            velocity = ZERO
-        self._velocity = velocity if velocity is ZERO or share == 1.0 else tuple([share * each for each in velocity])
+            velocity = ZERO_JOINTS
+        self._velocity = (
+            velocity if velocity is ZERO_JOINTS or share == 1.0 else tuple([share * each for each in velocity])
+        )
         return ArmCommand(self._position, self._velocity)
 
     def note_withheld(self, position: Joints) -> None:
@@ -474,7 +476,7 @@ class JointTrajectoryController(Controller):
 
     def _rest_at(self, position: Joints) -> None:
         self._source = _resting(position)
-        self._time, self._position, self._velocity = 0.0, position, ZERO
+        self._time, self._position, self._velocity = 0.0, position, ZERO_JOINTS
         self._times.clear()
 
     def _give_feedback(self, state: ArmState) -> None:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from math import inf
 
-from abb_protocols.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
+from abb_protocols.robot.joints import YUMI_LIMITS, ZERO_JOINTS, ArmCommand, ArmState, JointLimits, Joints
 from abb_runtime.parameters import Parameter, Values, number
-from yumi.control.controller import IDLE, Controller
+from yumi.control.controller import CONTROLLER_IDLE_TIME, Controller
 from yumi.control.goals import GoalBuffer, GoalInbox, GoalKind
 from yumi.control.motion.speed_motion import SpeedMotion
 from yumi.control.place import Place
@@ -32,7 +32,7 @@ class JointVelocityController(Controller):
         self._speed = speed or SpeedScale()
         self._inbox = GoalInbox(speeds)
         self._motion = SpeedMotion(limits)
-        self._wanted: Joints = ZERO
+        self._wanted: Joints = ZERO_JOINTS
         self._given_at = -inf
         self._timeout = inf
         self._is_active = self._is_ended = False
@@ -52,7 +52,7 @@ class JointVelocityController(Controller):
 
     def activate(self, state: ArmState) -> None:
         self._inbox.forget()
-        self._wanted, self._given_at = ZERO, -inf
+        self._wanted, self._given_at = ZERO_JOINTS, -inf
         self._motion.begin(state)
         self._is_active, self._is_ended = True, False
 
@@ -64,7 +64,7 @@ class JointVelocityController(Controller):
         if goal is not None:
             self._wanted, self._given_at = goal.velocity, goal.time
         is_silent = self._is_ended or state.time - self._given_at > self._timeout
-        return self._motion.follow(state, ZERO if is_silent else self._wanted, self._speed.value, self.sent)
+        return self._motion.follow(state, ZERO_JOINTS if is_silent else self._wanted, self._speed.value, self.sent)
 
     def end_stream(self, state: ArmState) -> bool:
         self._is_ended = True
@@ -74,7 +74,7 @@ class JointVelocityController(Controller):
         self._motion.give_up(position)
 
     def is_idle(self, now: float) -> bool:
-        return now - self._given_at > IDLE
+        return now - self._given_at > CONTROLLER_IDLE_TIME
 
     @property
     def reference(self) -> Joints | None:

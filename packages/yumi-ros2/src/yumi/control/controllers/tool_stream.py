@@ -13,7 +13,7 @@ from math import dist, hypot, inf, isnan, pi, tau
 from abb_protocols.robot.differential_kinematics import DifferentialSolver, target_error, wrist_of, wrist_target
 from abb_protocols.robot.joints import (
     JOINT_COUNT,
-    ZERO,
+    ZERO_JOINTS,
     ArmCommand,
     ArmState,
     JointLimits,
@@ -26,15 +26,15 @@ from abb_protocols.robot.joints import (
     rotate,
 )
 from abb_protocols.robot.kinematics import (
-    compose,
-    inverse,
-    multiply,
+    compose_poses,
+    inverse_pose,
     quaternion_of,
+    quaternion_product,
     rotation_vector,
     tool0_to_body,
     turn_between,
 )
-from yumi.control.goals import UNKNOWN
+from yumi.control.goals import UNKNOWN_JOINTS
 from yumi.control.motion.joint_steps import ramp_speed, speed_to_stop
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.speed_motion import SpeedMotion
@@ -70,7 +70,7 @@ def _nearer(turn: Sequence[float], last: Sequence[float]) -> Sequence[float]:
 def _turned(back: Quaternion, numbers: Joints, last: Joints) -> Joints:
     """A target's numbers whose orientation is turned by ``back``, as the turn that is nearer to ``last``."""
     x, y, z, u, v, w, angle = numbers
-    turn = rotation_vector(multiply(back, quaternion_of((u, v, w))))
+    turn = rotation_vector(quaternion_product(back, quaternion_of((u, v, w))))
     return joints([x, y, z, *_nearer(turn, last[3:6]), angle])
 
 
@@ -96,7 +96,7 @@ class ToolStream:
         self.wall = ""  # that holds the tool now
         self.is_stopping = False  # since no velocity leads it any further, or its poses have fallen silent
         self.tool = tool
-        self._tool, self._to_tool0 = pose_of(tool), inverse(pose_of(tool))
+        self._tool, self._to_tool0 = pose_of(tool), inverse_pose(pose_of(tool))
         self._limits = limits
         self._tool_limits = tool_limits
         self.predictor, self._filter = TargetPredictor(tool_limits), TrackingFilter(tool_limits)
@@ -119,7 +119,7 @@ class ToolStream:
         self._changes = [0.0] * JOINT_COUNT
         self._filter.begin(self._target, self._rates)
         self.predictor.rest_at(self._target)
-        self._twist: Joints = ZERO
+        self._twist: Joints = ZERO_JOINTS
         self._is_twist = self._is_at_rest = False
         self._given_at = self._came_at = -inf
         self.silence = 0.0
@@ -135,7 +135,7 @@ class ToolStream:
                 self._is_twist = True
                 x, y, z, *_, bend = self._rates
                 turn = [a + _SMALL * rate for a, rate in zip(self._target[3:6], self._rates[3:6], strict=True)]
-                later = multiply(self._anchor, quaternion_of((turn[0], turn[1], turn[2])))
+                later = quaternion_product(self._anchor, quaternion_of((turn[0], turn[1], turn[2])))
                 spin = [value / _SMALL for value in turn_between(self._pose.orientation, later)]
                 self._twist, self._changes = joints([x, y, z, *spin, bend]), [0.0] * JOINT_COUNT
             self._goal, self._given_at = goal, time
@@ -144,7 +144,9 @@ class ToolStream:
             self._is_twist = False
             x, y, z, roll, pitch, yaw, bend = self._twist
             here = self._pose
-            turned = Pose(here.position, multiply(quaternion_of((roll, pitch, yaw), _SMALL), here.orientation))
+            turned = Pose(
+                here.position, quaternion_product(quaternion_of((roll, pitch, yaw), _SMALL), here.orientation)
+            )
             target = self._numbers(turned, self._target[6])
             rates = [(b - a) / _SMALL for a, b in zip(self._target[3:6], target[3:6], strict=True)]
             self._rates = joints([x, y, z, *rates, bend])
@@ -152,13 +154,13 @@ class ToolStream:
             self.predictor.rest_at(self._target)
         self.predictor.timeout = self.silence
         angle = self.predictor.goal[6] if isnan(goal.angle) else goal.angle
-        self.predictor.add(self._numbers(pose_of(goal.pose), angle), UNKNOWN, time)
+        self.predictor.add(self._numbers(pose_of(goal.pose), angle), UNKNOWN_JOINTS, time)
         self._given_at, self._came_at = time, now
 
     def _numbers(self, pose: Pose, angle: float) -> Joints:
         """A pose and an arm angle as the target has them, without jumps at half a turn."""
         w, x, y, z = self._anchor
-        turn = _nearer(rotation_vector(multiply((w, -x, -y, -z), pose.orientation)), self._target[3:6])
+        turn = _nearer(rotation_vector(quaternion_product((w, -x, -y, -z), pose.orientation)), self._target[3:6])
         bend = (angle - self._target[6] + pi) % tau - pi
         return joints([*pose.position, *turn, self._target[6] + bend])
 
@@ -173,7 +175,7 @@ class ToolStream:
         self._target = (x, y, z, 0.0, 0.0, 0.0, angle)
 
         def seen_from_here(motion: Setpoint) -> Setpoint:
-            here = _turned(back, motion.position, ZERO)
+            here = _turned(back, motion.position, ZERO_JOINTS)
             small = 1e-4
             rows = list(zip(*motion, strict=True))
             after, before = (
@@ -205,7 +207,7 @@ class ToolStream:
                 self._target, self._rates, _ = self._filter.step(target, dt, scale)
                 self._target = self._behind_walls(self._target, before[0].position, dt)
             is_at_rest = self._is_twist and self._is_at_rest
-            velocity = ZERO if is_at_rest else self._within_limits(self._follow(before, dt, scale), dt, scale)
+            velocity = ZERO_JOINTS if is_at_rest else self._within_limits(self._follow(before, dt, scale), dt, scale)
         else:
             velocity = self._velocity
         command = self._joints.step(state, velocity, 1.0)
@@ -220,7 +222,7 @@ class ToolStream:
     @property
     def _pose(self) -> Pose:
         x, y, z, u, v, w, _ = self._target
-        return Pose((x, y, z), multiply(self._anchor, quaternion_of((u, v, w))))
+        return Pose((x, y, z), quaternion_product(self._anchor, quaternion_of((u, v, w))))
 
     def _behind_walls(self, target: Joints, before: Sequence[float], dt: float) -> Joints:
         """A target ``dt`` [s] after ``before`` that can stop before each wall, and is no further beyond one."""
@@ -255,14 +257,14 @@ class ToolStream:
         for wall in within.walls:
             if wall.distance(end) < min(0.5 * _ROOM, wall.distance(here) - _CREEPING):
                 self.wall = wall.name
-                return ZERO
+                return ZERO_JOINTS
         return speeds
 
     def _move_target(self, dt: float, timeout: float, now: float, scale: float) -> None:
         """A velocity moves the target, as far as the tool keeps up with it."""
         goal, limits = self._goal, self._tool_limits
-        wanted = ZERO if now - self._given_at > timeout else goal.twist
-        self.is_stopping = wanted == ZERO
+        wanted = ZERO_JOINTS if now - self._given_at > timeout else goal.twist
+        self.is_stopping = wanted == ZERO_JOINTS
         vx, vy, vz, wx, wy, wz, bend = wanted
         linear, angular = (vx, vy, vz), (wx, wy, wz)
         if goal.is_in_tool:
@@ -289,14 +291,14 @@ class ToolStream:
         self._twist = joints(rates)
         vx, vy, vz, wx, wy, wz, bend = self._twist
         x, y, z, *_, angle = self._target
-        turned = multiply(quaternion_of((wx, wy, wz), dt), self._pose.orientation)
+        turned = quaternion_product(quaternion_of((wx, wy, wz), dt), self._pose.orientation)
         target = self._numbers(Pose((x + dt * vx, y + dt * vy, z + dt * vz), turned), angle + dt * bend)
         target = self._behind_walls(target, self._target, dt)
         here = self._numbers(tool0_to_body(self._side, self._joints.position, self._tool), self._now.angle)
         leads = zip(target, here, _LEAD, strict=True)
         self._target = joints([max(at - most, min(at + most, to)) for to, at, most in leads])
         # What is left to make up when the target stands is given up: near a singularity the joints would go on for it.
-        self._is_at_rest = self._twist == ZERO == wanted
+        self._is_at_rest = self._twist == ZERO_JOINTS == wanted
         if self._is_at_rest:
             self._target = here
         self._rates = self._twist
@@ -304,8 +306,8 @@ class ToolStream:
     def _follow(self, before: tuple[Pose, float], dt: float, scale: float) -> Joints:
         """The speeds of the joints that bring the tool after its target, which was at ``before`` [rad/s]."""
         side, position, now = self._side, self._joints.position, self._now
-        old = wrist_target(side, compose(before[0], self._to_tool0), before[1])
-        new = wrist_target(side, compose(self._pose, self._to_tool0), self._target[6])
+        old = wrist_target(side, compose_poses(before[0], self._to_tool0), before[1])
+        new = wrist_target(side, compose_poses(self._pose, self._to_tool0), self._target[6])
         behind, ahead = target_error(now, old), target_error(now, new)
         onward = joints([b - a for a, b in zip(behind, ahead, strict=True)])
         limits = self._limits

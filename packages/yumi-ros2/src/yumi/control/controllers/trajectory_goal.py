@@ -7,7 +7,7 @@ from enum import Enum, auto
 from math import inf
 
 from abb_protocols.catalogue import Message, message
-from abb_protocols.robot.joints import ZERO, ArmState
+from abb_protocols.robot.joints import ZERO_JOINTS, ArmState
 from yumi.control.motion.spline import Spline, SplineSampler
 from yumi.control.trajectory_commands import ResultCode, Tolerances
 
@@ -73,7 +73,7 @@ class TrajectoryGoal:
             return None
         late, goal = time - self.end, self._sampler.position(self.end)
         off = _first_beyond(goal, state.position, self._goal_bounds)
-        if off is None and _first_beyond(ZERO, state.velocity, self._bounds.goal_velocity) is None:
+        if off is None and _first_beyond(ZERO_JOINTS, state.velocity, self._bounds.goal_velocity) is None:
             self.phase = TrajectoryPhase.REACHED
         elif late > self._bounds.goal_time:
             if off is None:

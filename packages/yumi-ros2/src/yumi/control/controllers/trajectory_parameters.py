@@ -11,7 +11,7 @@ from abb_protocols.errors import CommandRefused
 from abb_protocols.robot.joints import Joints, joints
 from abb_runtime.parameters import Parameter, Value, Values, flag_setting, number, texts
 from yumi.control.controller import check_controller_joints
-from yumi.control.motion.robot_response import DELAY
+from yumi.control.motion.robot_response import RESPONSE_DELAY
 from yumi.control.trajectory_commands import Tolerances
 
 _RAD, _RATE = "rad", "rad/s"
@@ -51,7 +51,7 @@ def trajectory_parameters(joint_names: tuple[str, ...]) -> tuple[Parameter, ...]
         Parameter("feedforward", 1.0, 0.0, 1.0, "", "Share of the planned speed that is sent beside the position."),
         Parameter(
             "lookahead",
-            DELAY,
+            RESPONSE_DELAY,
             0.0,
             0.2,
             "s",

@@ -17,7 +17,7 @@ from operator import or_
 
 from abb_protocols.catalogue import Message, message, said_by
 from abb_protocols.errors import CommandRefused, SwitchFailed
-from abb_protocols.robot.joints import ZERO, ArmCommand, ArmState, Joints
+from abb_protocols.robot.joints import ZERO_JOINTS, ArmCommand, ArmState, Joints
 from abb_runtime.parameters import Values
 from yumi.control.controller import Controller, State
 from yumi.control.controller_info import ControllerInfo, HardwareInfo, ParameterInfo
@@ -28,7 +28,7 @@ from yumi.control.manager.loaded_controller import LoadedController
 from yumi.control.manager.merged_command import MergedCommand
 from yumi.control.motion.standstill import SentPositions
 from yumi.control.sampled import Sampled
-from yumi.control.stage_times import DECODE, UPDATE
+from yumi.control.stage_times import DECODE_STAGE, UPDATE_STAGE
 
 _Kinds = Mapping[str, Callable[[str], Controller]]
 """How a controller of each type is made, given its name."""
@@ -333,7 +333,7 @@ class ControllerManager:
             for loaded, duration in zip(self._commanding, self._merged.times, strict=True):
                 loaded.execution_time.add(duration)
         elif self._commanding:
-            self._commanding[0].execution_time.add(marks[UPDATE] - marks[DECODE])
+            self._commanding[0].execution_time.add(marks[UPDATE_STAGE] - marks[DECODE_STAGE])
 
     def take_reports(self) -> Sequence[tuple[str, object]]:
         """The reports of the controllers since the last call, each with the name."""
@@ -440,7 +440,7 @@ class ControllerManager:
             self._ask = self._commanding[0].controller.update if self._commanding else _hold
 
 
-_NOWHERE = ArmState(0.0, 0.0, 0, ZERO, ZERO, ZERO, is_running=False)
+_NOWHERE = ArmState(0.0, 0.0, 0, ZERO_JOINTS, ZERO_JOINTS, ZERO_JOINTS, is_running=False)
 """Given to controllers that only watch, when no state has come yet."""
 
 

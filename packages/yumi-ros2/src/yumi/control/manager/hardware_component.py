@@ -9,7 +9,7 @@ from abb_protocols.catalogue import message
 from abb_protocols.errors import CommandRefused
 from yumi.control.controller import State
 from yumi.control.controller_info import HardwareInfo, InterfaceInfo, Statistics
-from yumi.control.stage_times import BEGIN, DECODE, LIMIT, SEND, RunningStatistics
+from yumi.control.stage_times import CYCLE_BEGIN, DECODE_STAGE, LIMIT_STAGE, SEND_STAGE, RunningStatistics
 
 _INTERFACE_KINDS = ("position", "velocity")
 """What each joint offers, both as command and as state."""
@@ -93,8 +93,8 @@ class HardwareComponent:
             self._begin = now
             for times in self._times:
                 times.reset()
-        self._read_time.add(marks[DECODE] - marks[BEGIN])
-        self._write_time.add(max(0.0, marks[SEND] - marks[LIMIT]))
+        self._read_time.add(marks[DECODE_STAGE] - marks[CYCLE_BEGIN])
+        self._write_time.add(max(0.0, marks[SEND_STAGE] - marks[LIMIT_STAGE]))
         if self._last is not None and self._last[0] == session:
             self._period.add(now - self._last[1])
         self._last = (session, now)

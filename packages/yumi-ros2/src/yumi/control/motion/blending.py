@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from abb_protocols.catalogue import message
 from abb_protocols.errors import TrajectoryRefused
-from abb_protocols.robot.joints import ZERO, JointLimits, Joints, joint_names
+from abb_protocols.robot.joints import ZERO_JOINTS, JointLimits, Joints, joint_names
 from yumi.control.motion.setpoint import Setpoint, largest_difference
 from yumi.control.motion.spline import Spline, SplineSampler, TrajectoryPoint, segment_between
 from yumi.control.motion.spline_limits import check_lead, check_motion
@@ -42,7 +42,7 @@ def blend(
     spline, names = plan.spline, joint_names(plan.side)
     if now > spline.end:
         raise trajectory_refused(message("trajectory_is_over", late=now - spline.end), ResultCode.OLD_HEADER_TIMESTAMP)
-    is_at_rest = setpoint.velocity is ZERO
+    is_at_rest = setpoint.velocity is ZERO_JOINTS
     sampler = SplineSampler(spline)
     begin = max(now, 0.0) if is_at_rest else now
     if begin < plan.first.time > 0.0:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from abb_protocols.robot.joints import JointLimits
 from yumi.control.motion.setpoint import Setpoint
-from yumi.core.library import LIMITS, SETPOINT, load
+from yumi.core.library import LIMITS_STRUCT, SETPOINT_STRUCT, load
 
 
 def step_towards(
@@ -33,20 +33,26 @@ def step_towards(
         enabled: which joints move; the others' values in the result mean nothing.
     """
     reached = (c_double * 21)()
-    arguments = _packed_limits(limits), SETPOINT.pack(*chain(*now)), SETPOINT.pack(*chain(*goal)), dt, bytes(enabled)
+    arguments = (
+        _packed_limits(limits),
+        SETPOINT_STRUCT.pack(*chain(*now)),
+        SETPOINT_STRUCT.pack(*chain(*goal)),
+        dt,
+        bytes(enabled),
+    )
     return _setpoint(list(reached)) if load().motion_step_towards(*arguments, reached) else None
 
 
 def step_to_rest(now: Setpoint, limits: JointLimits, dt: float, enabled: Sequence[bool]) -> Setpoint:
     """Where the ``enabled`` joints are after ``dt`` [s] of braking as hard as they may."""
     after = (c_double * 21)()
-    load().motion_step_to_rest(_packed_limits(limits), SETPOINT.pack(*chain(*now)), dt, bytes(enabled), after)
+    load().motion_step_to_rest(_packed_limits(limits), SETPOINT_STRUCT.pack(*chain(*now)), dt, bytes(enabled), after)
     return _setpoint(list(after))
 
 
 @lru_cache(64)
 def _packed_limits(limits: JointLimits) -> bytes:
-    return LIMITS.pack(*limits.lower, *limits.upper, *limits.velocity, *limits.acceleration, *limits.jerk)
+    return LIMITS_STRUCT.pack(*limits.lower, *limits.upper, *limits.velocity, *limits.acceleration, *limits.jerk)
 
 
 def _setpoint(values: Sequence[float]) -> Setpoint:

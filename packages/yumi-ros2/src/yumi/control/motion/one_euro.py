@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from math import hypot, tau
 
 from abb_protocols.robot.joints import Pose, Vector
-from abb_protocols.robot.kinematics import multiply, quaternion_of, turn_between, unit
+from abb_protocols.robot.kinematics import quaternion_of, quaternion_product, turn_between, unit_quaternion
 
 _SPEED_CUTOFF = 1.0  # [Hz] of the speed that sets the cutoff; the paper's
 
@@ -74,5 +74,5 @@ class PoseFilter:
             self._spin, self._raw = (a, b, c), pose.orientation
             weight = _weight(self._cutoff + self._beta * hypot(*self._spin), dt) if self._cutoff else 1.0
             turn = turn_between(self._orientation, pose.orientation)
-            self._orientation = unit(multiply(quaternion_of(turn, weight), self._orientation))
+            self._orientation = unit_quaternion(quaternion_product(quaternion_of(turn, weight), self._orientation))
         return Pose((x, y, z), self._orientation)

@@ -20,7 +20,7 @@ def plan_gain(gain: float) -> float:
     return gain / (1.0 - gain * SERVO_CYCLES * CYCLE)
 
 
-DELAY = 0.0262
+RESPONSE_DELAY = 0.0262
 """From a command to the motion that the virtual robot reports, at full-speed settings [s]: a cycle until the reply is
 taken, a cycle in the robot, half of the cycle for which it counts, and the servo's cycles; ``yumi_evaluation.metrics``
 finds it in recorded cycles."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from operator import sub
 from typing import NamedTuple
 
-from abb_protocols.robot.joints import ZERO, Joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints
 
 
 class Setpoint(NamedTuple):
@@ -13,17 +13,17 @@ class Setpoint(NamedTuple):
 
     Attributes:
         position: chain order [rad], (7,).
-        velocity: [rad/s], (7,); the tuple ``ZERO`` itself at rest.
+        velocity: [rad/s], (7,); the tuple ``ZERO_JOINTS`` itself at rest.
         acceleration: [rad/s²], (7,).
     """
 
     position: Joints
-    velocity: Joints = ZERO
-    acceleration: Joints = ZERO
+    velocity: Joints = ZERO_JOINTS
+    acceleration: Joints = ZERO_JOINTS
 
     def scaled(self, factor: float) -> Setpoint:
         """The same point of a motion for which time goes by ``factor`` times as fast."""
-        if factor == 1.0 or self.velocity is ZERO:
+        if factor == 1.0 or self.velocity is ZERO_JOINTS:
             return self
         return Setpoint(
             self.position,
@@ -36,7 +36,7 @@ class Setpoint(NamedTuple):
 
         An acceleration would be far beyond a joint's limits there; it is left out, and the limiter takes it back.
         """
-        if factor == 1.0 or self.velocity is ZERO:
+        if factor == 1.0 or self.velocity is ZERO_JOINTS:
             return self
         return Setpoint(self.position, tuple([each / factor for each in self.velocity]))
 

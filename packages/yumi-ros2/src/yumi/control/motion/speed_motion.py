@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abb_protocols.robot.joints import JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
+from abb_protocols.robot.joints import JOINT_COUNT, ZERO_JOINTS, ArmCommand, ArmState, JointLimits, Joints, joints
 from yumi.control.motion.joint_steps import braking_path, ramp_speed, speed_to_stop
 from yumi.control.motion.standstill import SentPositions, StandstillDetector
 
@@ -31,8 +31,8 @@ class SpeedMotion:
 
     def __init__(self, limits: JointLimits) -> None:
         self._limits = limits
-        self.position: Joints = ZERO
-        self._velocity: Joints = ZERO
+        self.position: Joints = ZERO_JOINTS
+        self._velocity: Joints = ZERO_JOINTS
         self._rates = [0.0] * JOINT_COUNT
         self._first = 0  # cycles that are left of those
         self._standstill: StandstillDetector | None = None
@@ -71,7 +71,7 @@ class SpeedMotion:
         if self._standstill is not None:
             if not self._standstill.is_over(state):
                 return None
-            self._standstill, self._velocity, self._rates = None, ZERO, [0.0] * JOINT_COUNT
+            self._standstill, self._velocity, self._rates = None, ZERO_JOINTS, [0.0] * JOINT_COUNT
             self.position = sent.position or state.position
         return self.step(state, goal, scale)
 
@@ -96,7 +96,7 @@ class SpeedMotion:
             rows = zip(base, self._velocity, velocity, strict=True)
             self.position = joints([now + 0.5 * (last + speed) * dt for now, last, speed in rows])
             self._velocity = joints(velocity)
-        return ArmCommand(self.position, self._velocity if any(self._velocity) else ZERO)
+        return ArmCommand(self.position, self._velocity if any(self._velocity) else ZERO_JOINTS)
 
     def give_up(self, position: Joints) -> None:
         """Go on from ``position`` [rad], (7,), where the limiter holds the arm, once no speed leads it further."""

@@ -1,4 +1,4 @@
-"""Splines of an arm's joints over time, and the sampler that reads them.
+"""Splines of an arm's joints over time: points, segments and coefficients, and the sampler that reads them.
 
 The order of a segment is that of what both of its ends give: positions make it linear, velocities cubic, accelerations
 quintic, as in ros2_control's joint trajectory controller (reference/ros2_control.md §3.2).
@@ -14,7 +14,7 @@ from math import inf
 from pickle import PickleBuffer
 from typing import Any, NamedTuple, SupportsIndex, cast, overload
 
-from abb_protocols.robot.joints import ZERO, Joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints
 from yumi.control.motion.setpoint import Setpoint
 
 Coefficients = tuple[float, float, float, float, float, float]
@@ -206,7 +206,7 @@ class SplineSampler:
         """Positions [rad] and velocities [rad/s]; at rest before the begin and from the end on."""
         position = self.position(time)
         if not self._begin <= time < self._end:
-            return position, ZERO
+            return position, ZERO_JOINTS
         t, rows = time - self.segment.begin, self.segment.rows
         velocity = [b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f))) for _, b, c, d, e, f in rows]
         return position, tuple(velocity)
@@ -223,7 +223,7 @@ class SplineSampler:
     def setpoint(self, time: float) -> Setpoint:
         """Positions, velocities and accelerations."""
         position, velocity = self.motion(time)
-        if velocity is ZERO:
+        if velocity is ZERO_JOINTS:
             return Setpoint(position)
         t, rows = time - self.segment.begin, self.segment.rows
         acceleration = [2.0 * c + t * (6.0 * d + t * (12.0 * e + t * 20.0 * f)) for _, _, c, d, e, f in rows]

@@ -1,4 +1,4 @@
-"""The limits of a spline: whether the joints keep them, by the extremes of its polynomials between the points.
+"""The limits of a spline: whether the joints keep them, by values, derivatives and extremes of its polynomials.
 
 A polynomial is the sequence of its coefficients, the constant one first. Without numpy: its linear algebra starts
 threads, not wanted in the control process, where blends are checked.

@@ -15,7 +15,7 @@ _SENT_STANDS = 2e-5  # [rad] what is sent to an arm that stands moves no further
 _LATELY = SERVO_CYCLES + 2  # cycles: positions that are commanded with a speed are sent so much later, at most
 _ELSEWHERE = 0.05  # [rad]
 _DELAYED = 0.25  # [s] by so much of its speed an arm is behind what it is commanded
-AT_GOAL = 1e-3
+STANDSTILL_TOLERANCE = 1e-3
 """An arm that stands no further than this from where it is commanded to be is there [rad]."""
 
 
@@ -52,7 +52,10 @@ class SentPositions:
         """
         if self.position is not None and self._commanded:
             rows = zip(self.position, *self._commanded, strict=True)
-            if any(not min(lately) - AT_GOAL <= sent <= max(lately) + AT_GOAL for sent, *lately in rows):
+            if any(
+                not min(lately) - STANDSTILL_TOLERANCE <= sent <= max(lately) + STANDSTILL_TOLERANCE
+                for sent, *lately in rows
+            ):
                 return True
         behind = zip(commanded, velocity, planned, strict=True)
         return any(not abs(to - now) <= _ELSEWHERE + _DELAYED * abs(speed) for to, speed, now in behind)

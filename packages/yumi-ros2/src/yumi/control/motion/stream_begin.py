@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from abb_protocols.robot.joints import ZERO, Joints, joints
+from abb_protocols.robot.joints import ZERO_JOINTS, Joints, joints
 
-NEAR = 0.1
+FARTHEST_STREAM_BEGIN = 0.1
 """A stream may begin so far from where the arm is sent [rad]: the arm is there in a moment, within its limits."""
 
 
@@ -21,7 +21,7 @@ class StreamBegin:
         self._offset: Joints = joints([a - b for a, b in zip(sent, first, strict=True)])
         self._seconds = seconds
 
-    def at(self, goal: Joints, time: float, velocity: Joints = ZERO) -> tuple[Joints, Joints]:
+    def at(self, goal: Joints, time: float, velocity: Joints = ZERO_JOINTS) -> tuple[Joints, Joints]:
         """A goal of the stream, ``time`` [s] after its begin, as the arm is sent there.
 
         Args:

@@ -13,10 +13,10 @@ from collections.abc import Callable
 from math import exp, inf, isnan
 from typing import NamedTuple
 
-from abb_protocols.robot.joints import ZERO, JointLimits, Joints, joints
+from abb_protocols.robot.joints import ZERO_JOINTS, JointLimits, Joints, joints
 from yumi.control.motion.setpoint import Setpoint
 
-CONNECTED = 0.25
+LONGEST_STREAM_INTERVAL = 0.25
 """Goals that are further apart than this are goals of their own, no stream [s]."""
 
 _RESOLUTION = 2e-4
@@ -125,7 +125,7 @@ class TargetPredictor:
     def __init__(self, limits: JointLimits) -> None:
         self.memory = 0.020
         self.timeout = 0.030
-        self.goal: Joints = ZERO
+        self.goal: Joints = ZERO_JOINTS
         self._tracks = tuple(_Track(*each) for each in zip(limits.velocity, limits.acceleration, strict=True))
         self._time = -inf
         self._period = 0.0
@@ -161,9 +161,9 @@ class TargetPredictor:
             time: when it was sent or, if nothing better is known, when it arrived [s].
         """
         interval = time - self._time
-        if interval < CONNECTED:  # a slow stream is one, too
+        if interval < LONGEST_STREAM_INTERVAL:  # a slow stream is one, too
             self._period += (interval - self._period) * (_LEARNING if self._period else 1.0)
-        if interval < max(CONNECTED, self.patience):
+        if interval < max(LONGEST_STREAM_INTERVAL, self.patience):
             gains = _fading_gains(max(interval, _SHORTEST), self.memory)
         else:  # another stream: only what this goal itself says counts
             self.rest_at(goal)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import exp
 
-from abb_protocols.robot.joints import JOINT_COUNT, ZERO, JointLimits, Joints, joints
+from abb_protocols.robot.joints import JOINT_COUNT, ZERO_JOINTS, JointLimits, Joints, joints
 from yumi.control.motion.joint_steps import step_to_rest, step_towards
 from yumi.control.motion.setpoint import Setpoint
 from yumi.control.motion.speed_motion import SHARE_OF_LIMITS
@@ -33,9 +33,9 @@ class TrackingFilter:
     def __init__(self, limits: JointLimits) -> None:
         self.stiffness = 40.0
         self._limits = limits.slower(SHARE_OF_LIMITS, SHARE_OF_LIMITS)
-        self.begin(ZERO)
+        self.begin(ZERO_JOINTS)
 
-    def begin(self, position: Joints, velocity: Joints = ZERO) -> None:
+    def begin(self, position: Joints, velocity: Joints = ZERO_JOINTS) -> None:
         """Begin again, at ``position`` [rad] with ``velocity`` [rad/s], (7,)."""
         self._now = Setpoint(position, velocity)
         self._is_chasing = [False] * JOINT_COUNT

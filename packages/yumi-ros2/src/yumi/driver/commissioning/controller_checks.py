@@ -13,7 +13,13 @@ from abb_protocols.rws.operations.system import SystemInfo
 from abb_protocols.rws.values import CollisionState, ControllerState, ExecutionState, Grant, OperatingMode
 from abb_runtime.rws.client import RwsClient
 from yumi.driver.commissioning.contents import essence
-from yumi.driver.commissioning.delivery import ADD_INS, GRIPPER_MODULE, OWN_MODULE, delivered, delivered_modules
+from yumi.driver.commissioning.delivery import (
+    GRIPPER_MODULE,
+    OWN_MODULE,
+    STATE_MACHINE_ADD_INS,
+    delivered,
+    delivered_modules,
+)
 from yumi.driver.commissioning.findings import Finding, Verdict, problem
 from yumi.driver.commissioning.installation import MASTERSHIPS, NEWEST_ROBOTWARE, foreign_mains, missing_grants
 from yumi.driver.gripper_signals import full_signal_name
@@ -27,7 +33,7 @@ from yumi.driver.launch_checks import (
 )
 from yumi.driver.readiness import NO_STOP, unmet
 from yumi.driver.robot_state import RobotState
-from yumi.driver.state_machine import WATCHDOG
+from yumi.driver.state_machine import WATCHDOG_MODULE
 
 _CLOCK_TOLERANCE = 60.0
 """By so much the clocks may differ before it is worth a note [s]: events are found by their times."""
@@ -39,7 +45,7 @@ NEEDED_GRANTS = {
 }
 """What the user of the driver needs, and for what; `yumi install` needs more."""
 
-_DISPENSABLE = (GRIPPER_MODULE, WATCHDOG)
+_DISPENSABLE = (GRIPPER_MODULE, WATCHDOG_MODULE)
 _MOST_SESSIONS, _MANY_SESSIONS = 70, 50
 
 
@@ -78,7 +84,9 @@ def examine_controller(
         yield from _guarded(partial(look, client))
     for side in Side:
         yield from _guarded(partial(_foreign_program, client, side))
-        yield from _guarded(partial(_modules, client, side, has_add_in=any(name in system.options for name in ADD_INS)))
+        yield from _guarded(
+            partial(_modules, client, side, has_add_in=any(name in system.options for name in STATE_MACHINE_ADD_INS))
+        )
     yield from _guarded(partial(_signals, client))
     yield from _guarded(partial(_motion_data, client))
     for side, address in addresses.items():
@@ -117,7 +125,7 @@ def _system(system: SystemInfo) -> Iterator[Finding]:
             yield Finding("option", Verdict.OK, message("as_found", value=option))
         else:
             yield Finding("option", Verdict.PROBLEM, message("option_not_installed", option=option, loss=loss))
-    for name in ADD_INS:
+    for name in STATE_MACHINE_ADD_INS:
         if name in system.options:
             yield Finding("add-in", Verdict.OK, message("add_in_found", add_in=name))
     if GRIPPER_PRODUCT in system.options:

@@ -1,4 +1,4 @@
-"""The delivery to a controller: what this package needs there, and what of it is the user's."""
+"""The delivery to a controller: the modules and settings that this package needs there, and what is the user's own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from abb_protocols.catalogue import Message, message
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.cfg_files import FLAG, CfgFile, read_cfg, stated
+from abb_protocols.rws.cfg_files import CFG_FLAG, CfgFile, read_cfg, stated_attributes
 from yumi.driver.commissioning.contents import CfgKey, Contents, ModuleKey, is_same_module
 from yumi.driver.launch_checks import EgmAddress
 
@@ -22,11 +22,11 @@ OWN_MODULE = "TRobSystem"
 _FOLDER = "HOME:/yumi/"
 """Where the modules are on the controller."""
 
-ADD_INS = ("StateMachine Core", "StateMachine", "StateMachine Add-In")
+STATE_MACHINE_ADD_INS = ("StateMachine Core", "StateMachine", "StateMachine Add-In")
 """Names of ABB's StateMachine Add-In among the options: it has the same interface and modules of the same names."""
 _MAIN = re.compile(r"(?im)^\s*proc\s+main\s*\(")
 
-KEYS = {"CAB_TASK_MODULES": "File", "SYSSIG_OUT": "Signal"}
+INSTANCE_KEYS = {"CAB_TASK_MODULES": "File", "SYSSIG_OUT": "Signal"}
 """What distinguishes instances of a type without names."""
 
 _OUR_FILES = {f"{_FOLDER}{each.name}" for each in files("abb_protocols.controller_files").iterdir()}
@@ -121,10 +121,10 @@ def _delivered_cfg() -> Iterator[CfgFile]:
 
 
 def delivered_name_of(type_name: str, attributes: Mapping[str, str]) -> str:
-    key = KEYS.get(type_name)
+    key = INSTANCE_KEYS.get(type_name)
     name = attributes.get(key, "") if key else attributes.get("Name") or attributes.get("name") or ""
     if type_name != "CAB_TASK_MODULES" or name in _OUR_FILES:
         return name
-    given = stated(attributes)
-    into = (each if given[each] == FLAG else given[each] for each in _INTO if each in given)
+    given = stated_attributes(attributes)
+    into = (each if given[each] == CFG_FLAG else given[each] for each in _INTO if each in given)
     return f"{name} in {', '.join(into) or 'no task'}"

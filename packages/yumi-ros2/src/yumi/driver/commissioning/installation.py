@@ -23,7 +23,7 @@ from abb_protocols.errors import (
     SettingsError,
 )
 from abb_protocols.robot.joints import Side
-from abb_protocols.rws.cfg_files import stated, write_cfg
+from abb_protocols.rws.cfg_files import stated_attributes, write_cfg
 from abb_protocols.rws.operations.service import OnProgress
 from abb_protocols.rws.operations.system import SystemInfo
 from abb_protocols.rws.values import ExecutionState, Grant, OperatingMode, RwsCode
@@ -38,10 +38,10 @@ from yumi.driver.commissioning.contents import (
     is_same_module,
 )
 from yumi.driver.commissioning.delivery import (
-    ADD_INS,
     GRIPPER_MODULE,
-    KEYS,
+    INSTANCE_KEYS,
     OWN_MODULE,
+    STATE_MACHINE_ADD_INS,
     delivered,
     delivered_modules,
     delivered_name_of,
@@ -102,7 +102,7 @@ def foreign_mains(client: RwsClient, side: Side) -> Iterator[tuple[str, str]]:
 
 
 def _add_in_of(system: SystemInfo) -> str | None:
-    return next((name for name in ADD_INS if name in system.options), None)
+    return next((name for name in STATE_MACHINE_ADD_INS if name in system.options), None)
 
 
 def _folder(path: str) -> str:
@@ -396,7 +396,7 @@ class Installation:
         """
         present, recorded = self.read(wanted), self._record.before
         removed = {
-            key: stated(now)  # as a file is what brings it back
+            key: stated_attributes(now)  # as a file is what brings it back
             for key, now in present.cfg.items()
             if now is not None and wanted.cfg[key] is None
         }
@@ -521,7 +521,7 @@ class Installation:
 
     def _title(self, key: CfgKey) -> str:
         """What the controller calls an instance now; in a type without names that may change with each removal."""
-        return self._instances(key.domain, key.type)[key.name][0] if key.type in KEYS else key.name
+        return self._instances(key.domain, key.type)[key.name][0] if key.type in INSTANCE_KEYS else key.name
 
     def _note_restart(self) -> None:
         if not self._record.is_restart_due:

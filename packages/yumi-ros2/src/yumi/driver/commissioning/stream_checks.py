@@ -17,7 +17,7 @@ from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.installation import foreign_mains
 from yumi.driver.controller_panel import ControllerPanel
 from yumi.driver.launch_checks import EgmAddress
-from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
+from yumi.driver.state_machine import MAIN_MODULE, MachineState, read_machine_state
 from yumi.driver.stops import StopLog
 from yumi.egm.egm_session import Arrivals, SensorSession, SessionCounters
 from yumi.egm.joint_codec import JointCodec
@@ -171,7 +171,7 @@ def _others_off(client: RwsClient, on_progress: OnProgress) -> Iterator[None]:
 def _refuse_other_program(client: RwsClient, side: Side) -> None:
     """Refuse a task where a start at main would run something else than the state machine."""
     try:
-        client.symbol(side.task, MAIN, "current_state")
+        client.symbol(side.task, MAIN_MODULE, "current_state")
     except ControllerRefused as error:
         raise RobotNotReady(message("no_state_machine_to_start", task=side.task)) from error
     for name, _ in foreign_mains(client, side):
