@@ -97,3 +97,13 @@ def test_thread_and_those_it_starts_have_short_turns_with_the_niceness_of_before
     before, nice = turn(), os.getpriority(os.PRIO_PROCESS, 0)
     assert in_thread(shorten) < before
     assert (turn(), os.getpriority(os.PRIO_PROCESS, 0)) == (before, nice)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has other ways to schedule a thread")
+def test_thread_that_is_scheduled_otherwise_stays_so() -> None:
+    def shorten() -> int:
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+        shorten_turns()
+        return policy()
+
+    assert in_thread(shorten) == os.SCHED_BATCH
