@@ -33,6 +33,7 @@ from system.virtual_time_bench import DriverArm, System
 from virtual_irc5.mechanics.virtual_gripper import CupObject, Workpiece
 from yumi.api.connection import Connection
 from yumi.api.motion_executor import MotionExecutor
+from yumi.control.hand_over import Commander, requested_by
 from yumi.driver.gripper import RwsGripper
 from yumi.driver.gripper_setup import GripperSetup, close_as_test
 from yumi.driver.robot_state import RobotMode
@@ -206,6 +207,17 @@ def test_calibration_by_a_script_pauses_egm(system: System, script: Connection) 
     script.calibrate(Side.LEFT)
     assert are_calibrated(system) == [False, True]
     assert system.manager.egm_arms == tuple(Side)
+    assert system.manager.check_ready() == "ready, EGM runs"
+
+
+def test_calibration_by_a_script_leaves_the_other_arm_to_the_person_who_commands_it(
+    system: System, script: Connection
+) -> None:
+    with requested_by(Commander.HEADSET, "person"):
+        system.control.hand_over.take(Side.RIGHT, Commander.HEADSET)
+    with refused(CommandRefused, "gripper_reserved_for_person", gripper="right"):
+        script.calibrate(Side.LEFT)
+    assert are_calibrated(system) == [False, False]
     assert system.manager.check_ready() == "ready, EGM runs"
 
 

@@ -464,7 +464,7 @@ def test_grippers_of_programs_are_refused_as_the_arm_itself_is_and_a_person_may_
     clients.jog(0.3)
     for _ in ("the person commands", "the arm is reserved"):
         for command in (close, calibrate):
-            with refused(CommandRefused, "gripper_left_to_person", gripper="right"):
+            with refused(CommandRefused, "gripper_reserved_for_person", gripper="right"):
                 clients.done(command, SCRIPT)
         driver.wait(1.0)
     assert driver.grippers[RIGHT].goal is None

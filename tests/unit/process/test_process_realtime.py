@@ -2,16 +2,13 @@ from __future__ import annotations
 
 import gc
 import os
-import re
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from threading import get_native_id
 
 import pytest
 
-from abb_runtime.process.realtime import paused_collector, prefer_thread, short_switch_interval, shorten_turns
+from abb_runtime.process.realtime import paused_collector, prefer_thread, short_switch_interval
 
 
 def test_collector_pauses_while_something_is_measured_and_goes_on_after_it() -> None:
@@ -66,44 +63,6 @@ def test_thread_goes_on_where_real_time_is_not_permitted(monkeypatch: pytest.Mon
     def refuse(*_: object) -> None:
         raise PermissionError
 
-    def prefer() -> int:
-        prefer_thread()
-        return policy()
-
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    assert in_thread(prefer) == os.SCHED_OTHER
-
-
-def turn() -> int:
-    """How long the calling thread may go on [ns]; 0 where Linux does not tell."""
-    told = Path(f"/proc/self/task/{get_native_id()}/sched")
-    found = (
-        re.search(r"^se\.slice\s*:\s*(\d+)", told.read_text(encoding="ascii"), re.MULTILINE) if told.exists() else None
-    )
-    return int(found[1]) if found else 0
-
-
-def is_linux_since(*version: int) -> bool:
-    return sys.platform == "linux" and tuple(map(int, re.findall(r"\d+", os.uname().release)[:2])) >= version
-
-
-@pytest.mark.skipif(not (is_linux_since(6, 12) and turn()), reason="this Linux has no turns of a length, or tells none")
-def test_thread_and_those_it_starts_have_short_turns_with_the_niceness_of_before() -> None:
-    def shorten() -> int:
-        shorten_turns()
-        assert turn() < before
-        return in_thread(turn)
-
-    before, nice = turn(), os.getpriority(os.PRIO_PROCESS, 0)
-    assert in_thread(shorten) < before
-    assert (turn(), os.getpriority(os.PRIO_PROCESS, 0)) == (before, nice)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has other ways to schedule a thread")
-def test_thread_that_is_scheduled_otherwise_stays_so() -> None:
-    def shorten() -> int:
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-        shorten_turns()
-        return policy()
-
-    assert in_thread(shorten) == os.SCHED_BATCH
+    prefer_thread()
+    assert policy() == os.SCHED_OTHER

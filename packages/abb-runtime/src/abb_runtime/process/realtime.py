@@ -5,8 +5,6 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
-import platform
-import struct
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -15,8 +13,6 @@ _PRIORITY = 50
 _ROBOT_PRIORITY = 40  # of a virtual robot: its driver answers first
 _NICE = -20
 _MCL_CURRENT_AND_FUTURE = 3
-_TURN = 100_000  # [ns] the shortest turn that Linux gives
-_SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # the number of the system call, which Python does not offer
 _SWITCH_INTERVAL = 0.0002  # [s] Python's own is 5 ms, longer than a cycle
 _DMA_LATENCY = "/dev/cpu_dma_latency"
 
@@ -69,7 +65,6 @@ def prepare_process() -> str:
             priority = f"real-time priority {_PRIORITY}"
         except PermissionError:
             priority = _raise_nice()
-            shorten_turns()
     try:
         is_locked = ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE) == 0
     except (OSError, AttributeError):  # not a POSIX libc
@@ -94,28 +89,10 @@ def prefer_thread() -> None:
 
     Nice values do not do: Linux shares the processors between sessions first (sched_autogroup), so a program of another
     terminal takes half of a processor whatever the niceness. Threads that are started later are ordinary ones: what
-    clients and RAPID modules make them compute must not keep the machine from anything else. Where that is not
-    permitted, the turns of this thread become short.
+    clients and RAPID modules make them compute must not keep the machine from anything else.
     """
-    with suppress(AttributeError):  # elsewhere than on Linux
-        try:
-            os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(_ROBOT_PRIORITY))
-        except PermissionError:
-            shorten_turns()
-
-
-def shorten_turns() -> None:
-    """Let the calling thread, and those that it starts, run soon beside programs that compute.
-
-    This needs no permission. Since Linux 6.12 a thread that asks for short turns takes the processor, as soon as it
-    wakes up, from one whose turns are longer. Its share does not grow. On an older Linux, elsewhere, and for a thread
-    that is no ordinary one, this does nothing.
-    """
-    number = _SCHED_SETATTR.get(platform.machine())
-    if sys.platform == "linux" and number is not None and os.sched_getscheduler(0) == os.SCHED_OTHER:
-        nice = os.getpriority(os.PRIO_PROCESS, 0)
-        wanted = struct.pack("=IIQiIQQQ", 48, os.SCHED_OTHER, 0, nice, 0, _TURN, 0, 0)
-        ctypes.CDLL(None).syscall(number, 0, wanted, 0)
+    with suppress(AttributeError, PermissionError):  # neither elsewhere than on Linux nor without permission
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(_ROBOT_PRIORITY))
 
 
 def settle_memory() -> None:

@@ -290,7 +290,7 @@ class Connection:
         check()
         is_in_egm = side in self.manager.egm_arms
         if is_in_egm:
-            for each in self.manager.egm_arms:  # they come to rest
+            for each in self.manager.egm_arms:  # all of them come to rest, also one that a person commands
                 self.manager.check_gripper(each)
             self._end_motion()
         self.manager.calibrate(self.grippers[side], check=check)

@@ -317,7 +317,6 @@ class RwsGripper:
         Raises:
             RobotNotReady: the gripper does not obey.
         """
-        check()
         self.stop()
         self._is_stopped, self._is_jogging = False, True
         self.goal = None

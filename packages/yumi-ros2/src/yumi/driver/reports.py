@@ -140,7 +140,7 @@ class CommandingReport(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def is_of_person(self) -> bool:
         """Whether a person commands the arm, or has let it go and not given it back."""
-        return self.is_reserved or Commander(self.who).is_person
+        return Commanding(Commander(self.who), is_reserved=self.is_reserved).is_of_person
 
     @property
     def said(self) -> tuple[Message, ...]:

@@ -222,7 +222,7 @@ class RobotManager:
         self.check_not_stopped()
         command = self._control.hand_over.of(side)
         if command.is_of_person and not command.is_own and not is_person_requesting():
-            raise CommandRefused(message("gripper_left_to_person", gripper=side.word))
+            raise CommandRefused(message("gripper_reserved_for_person", gripper=side.word))
 
     def describe(self) -> str:
         """The robot's state in one line."""

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from abb_protocols.catalogue.text import Text
 
 GRIPPERS: Mapping[str, Text] = {
-    "gripper_left_to_person": Text(
-        "the {gripper} gripper is left to the person who commands its arm, or has not given it back",
+    "gripper_reserved_for_person": Text(
+        "the {gripper} gripper is reserved for the person who commands its arm, or has not given it back",
         "{give_back} for programs",
     ),
     "gripper_busy": Text("the {gripper} gripper carries out another command", "wait for its end"),
