@@ -45,7 +45,7 @@ from yumi.driver.commands import carry_out
 from yumi.driver.controller_names import CARTESIAN_CONTROLLER, GOAL_CONTROLLER
 from yumi.driver.device_frame import DeviceFrame, DeviceHand, DeviceSettings, TeleoperatedArmReport, TeleoperationReport
 from yumi.driver.motion_commands import Teleoperate
-from yumi.driver.teleoperated_arm import BLENDING, DEVICE_LINK_LOST
+from yumi.driver.teleoperated_arm import BLENDING, DEVICE_LINK_LOST, TeleoperationFollower
 from yumi.driver.teleoperation import OPERATOR_HOLDS
 
 
@@ -348,14 +348,22 @@ def test_program_takes_no_arm_from_a_person_but_may_stop_one(driver: Driver, ope
     assert driver.mover.commanding(RIGHT) == (GOAL_CONTROLLER,)
 
 
-def test_clutch_is_inert_whose_arm_was_lost_before_it_followed(driver: Driver, operator: Operator) -> None:
-    operator.release(1.0 / RATE)
-    operator.send(at())
-    while operator.is_taking_over:
-        driver.wait(CYCLE)
-    assert operator.clutch == "engaging"
-    driver.mover.stop([RIGHT])
-    operator.send(at())
+def test_clutch_is_inert_whose_arm_was_lost_before_it_followed(
+    driver: Driver, operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin_following = driver.mover.begin_following
+
+    def begin_and_stop(side: Side, follower: TeleoperationFollower) -> None:
+        begin_following(side, follower)
+        driver.mover.stop([side])
+
+    operator.release(0.1)
+    with monkeypatch.context() as patch:
+        patch.setattr(driver.mover, "begin_following", begin_and_stop)
+        for _ in range(1000):
+            operator.hold(1.0 / RATE, lambda time: at())
+            if operator.clutch != "engaging":
+                break
     assert (operator.clutch, operator.why) == ("inert", "teleoperation_interrupted")
     operator.engage(at())
 
